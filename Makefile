@@ -1,0 +1,47 @@
+# Each target sets up what it needs by itself: .venv/, the dependencies, and a way to render.
+# PYTHON chooses the interpreter that makes .venv (3.11 or newer).
+
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+PIP := $(PY) -m pip --disable-pip-version-check --quiet
+INSTALLED := $(VENV)/.installed
+RENDERS := $(VENV)/.renders
+PACKAGES := kengoro_env jmm_agent experiments benchmarks
+
+.PHONY: demo test test-all check clean
+
+demo: $(INSTALLED) $(RENDERS)
+	$(PY) -m experiments can-grasping --seeds 100-100 --out out/can-grasping
+
+test: $(INSTALLED) $(RENDERS)
+	$(PY) -m pytest -m "not slow"
+
+test-all: $(INSTALLED) $(RENDERS)
+	$(PY) -m pytest
+
+check: $(INSTALLED)
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m mypy $(PACKAGES)
+	$(VENV)/bin/lint-imports
+
+clean:
+	rm -rf $(VENV) out dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# torch first: it is the largest, and a failed download of it should not waste the others'.
+$(INSTALLED): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; }
+	@test -x $(PY) && $(PY) -m pip --version >/dev/null 2>&1 \
+	  || $(PYTHON) -m venv --clear $(VENV) \
+	  || { echo "Python's venv module is missing: apt-get install python3-venv"; exit 1; }
+	@echo "Installing the dependencies into $(VENV) (minutes the first time) ..."
+	@$(PIP) install 'torch~=2.13.0'
+	@$(PIP) install --editable '.[dev]'
+	@touch $@
+
+$(RENDERS): tools/ensure_rendering.py | $(INSTALLED)
+	@$(PY) tools/ensure_rendering.py
+	@touch $@

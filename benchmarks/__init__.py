@@ -1,0 +1,1 @@
+"""Benchmarks: one module a measurement, each with a `main()` that prints it."""

@@ -1,0 +1,54 @@
+"""The pinhole camera that the agent believes in."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jmm_agent.errors import AgentError
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole camera without distortion: square pixels, axes x right, y down, z forward (OpenCV).
+
+    Attributes:
+        width, height: size of the frame [px].
+        focal_px: focal length [px], the same along x and y.
+
+    Raises:
+        AgentError: a size below 1 px, or a focal length that is not positive and finite.
+    """
+
+    width: int
+    height: int
+    focal_px: float
+
+    def __post_init__(self) -> None:
+        if self.width < 1 or self.height < 1:
+            raise AgentError(
+                f"A camera of {self.width} x {self.height} px has no pixels; both sizes must be at least 1."
+            )
+        if not (np.isfinite(self.focal_px) and self.focal_px > 0):
+            raise AgentError(
+                f"The camera's focal length is {self.focal_px} px; it must be positive and finite."
+            )
+
+    @classmethod
+    def from_fovy(cls, width: int, height: int, fovy_rad: float) -> "Camera":
+        """The camera whose frame spans `fovy_rad` [rad] from its upper to its lower border."""
+        if not 0 < fovy_rad < np.pi:
+            raise AgentError(
+                f"The camera's vertical field of view is {fovy_rad} rad; it must lie between 0 and pi."
+            )
+        return cls(width, height, float(height / 2 / np.tan(fovy_rad / 2)))
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Intrinsic matrix (3, 3) [px]. Integers are the pixels' centres: the axis is at ((W-1)/2, (H-1)/2)."""
+        return np.array(
+            [
+                [self.focal_px, 0.0, (self.width - 1) / 2],
+                [0.0, self.focal_px, (self.height - 1) / 2],
+                [0.0, 0.0, 1.0],
+            ]
+        )

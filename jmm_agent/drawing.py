@@ -1,0 +1,162 @@
+"""The drawing: what is known of the robot before it moves (Kawaharazuka et al. 2018, sec. II-A)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jmm_agent.errors import AgentError
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+ZERO_TOLERANCE = 1e-6  # [m] lengths at q = 0
+CROSS_TOLERANCE = 1e-9  # [m] change of a length under a joint that the wire does not cross
+
+
+class DrawingError(AgentError):
+    """The drawing of the robot contradicts itself."""
+
+
+class GroupTopology(NamedTuple):
+    """One group: its name, the joints that its muscles cross, and its muscles, as indices."""
+
+    name: str
+    joint_index: Indices
+    muscle_index: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Joints, wires and the lengths they have in the drawing.
+
+    Attributes:
+        joints: names of the n joints.
+        lower, upper: joint limits [rad], shape (n,).
+        muscles: names of the m muscles.
+        crosses: whether muscle i crosses joint j, shape (m, n).
+        lengths: maps postures (B, n) [rad] to muscle lengths (B, m) [m] relative to q = 0.
+        groups: the joints that each group owns, groups in proximal-to-distal order; every joint
+            is owned once.
+
+    Raises:
+        DrawingError: names or shapes do not match, or `lengths` contradicts `crosses`.
+    """
+
+    joints: tuple[str, ...]
+    lower: Floats
+    upper: Floats
+    muscles: tuple[str, ...]
+    crosses: NDArray[np.bool_]
+    lengths: Callable[[Floats], Floats]
+    groups: dict[str, tuple[str, ...]]
+
+    def __post_init__(self) -> None:
+        for field in ("joints", "muscles"):
+            names = tuple(getattr(self, field))
+            object.__setattr__(self, field, names)
+            _check_names(field, names)
+        n, m = len(self.joints), len(self.muscles)
+        for field, kind, shape in (
+            ("lower", np.float64, (n,)),
+            ("upper", np.float64, (n,)),
+            ("crosses", np.bool_, (m, n)),
+        ):
+            array = np.array(getattr(self, field), dtype=kind)
+            if array.shape != shape:
+                raise DrawingError(f"Drawing: {field} has shape {array.shape}, but {shape} fits.")
+            array.setflags(write=False)
+            object.__setattr__(self, field, array)
+        groups = {name: tuple(owned) for name, owned in self.groups.items()}
+        object.__setattr__(self, "groups", groups)
+        self._check_limits()
+        self._check_groups()
+        self._check_lengths()
+
+    def topology(self) -> tuple[GroupTopology, ...]:
+        """Groups with all joints their muscles cross (sec. II-A), proximal to distal.
+
+        A muscle belongs to the most distal group of which it crosses an own joint; a group's
+        joints are all joints that its muscles cross, so the shoulder's include the scapula's.
+        """
+        owner = {joint: rank for rank, owned in enumerate(self.groups.values()) for joint in owned}
+        rank_of_joint = np.array([owner[joint] for joint in self.joints])
+        rank_of_muscle = np.where(self.crosses, rank_of_joint, -1).max(axis=1)
+        result = []
+        for rank, name in enumerate(self.groups):
+            muscles = np.flatnonzero(rank_of_muscle == rank)
+            joints = np.flatnonzero(self.crosses[muscles].any(axis=0))
+            result.append(GroupTopology(name, joints, muscles))
+        return tuple(result)
+
+    def _check_limits(self) -> None:
+        good = np.isfinite(self.lower) & np.isfinite(self.upper) & (self.lower < self.upper)
+        if not good.all():
+            j = int(np.flatnonzero(~good)[0])
+            raise DrawingError(
+                f"Drawing: joint {self.joints[j]!r} has limits [{self.lower[j]}, {self.upper[j]}], "
+                "but they must be finite, lower below upper."
+            )
+
+    def _check_groups(self) -> None:
+        owned = [joint for joints in self.groups.values() for joint in joints]
+        for joint in owned:
+            if joint not in self.joints:
+                raise DrawingError(
+                    f"Drawing: a group owns the unknown joint {joint!r}; joints are "
+                    f"{list(self.joints)}."
+                )
+        for joint in self.joints:
+            if owned.count(joint) != 1:
+                raise DrawingError(
+                    f"Drawing: joint {joint!r} is owned by {owned.count(joint)} groups, but each "
+                    "joint must be owned by exactly one."
+                )
+        for name, crossed in zip(self.muscles, self.crosses.sum(axis=1), strict=True):
+            if crossed == 0:
+                raise DrawingError(f"Drawing: muscle {name!r} crosses no joint.")
+        for name, crossed in zip(self.joints, self.crosses.sum(axis=0), strict=True):
+            if crossed == 0:
+                raise DrawingError(f"Drawing: joint {name!r} is crossed by no muscle.")
+        for group in self.topology():
+            if group.muscle_index.size == 0:
+                raise DrawingError(
+                    f"Drawing: group {group.name!r} has no muscle; merge it with its neighbour."
+                )
+
+    def _check_lengths(self) -> None:
+        n, m = len(self.joints), len(self.muscles)
+        base = self.lower + 0.4 * (self.upper - self.lower)
+        moved = base + 0.2 * np.diag(self.upper - self.lower)
+        postures = np.vstack([np.zeros(n), base, moved])
+        lengths = np.asarray(self.lengths(postures))
+        if lengths.shape != (n + 2, m):
+            raise DrawingError(
+                f"Drawing: lengths of {n + 2} postures have shape {lengths.shape}, but "
+                f"{(n + 2, m)} is needed."
+            )
+        if not np.isfinite(lengths).all():
+            raise DrawingError("Drawing: lengths are not finite inside the joint limits.")
+        worst = int(np.abs(lengths[0]).argmax())
+        if abs(lengths[0, worst]) > ZERO_TOLERANCE:
+            raise DrawingError(
+                f"Drawing: muscle {self.muscles[worst]!r} has length {lengths[0, worst]} m at "
+                "q = 0, but lengths must be relative to q = 0."
+            )
+        change = np.abs(lengths[2:] - lengths[1]).T
+        wrong = np.argwhere((change > CROSS_TOLERANCE) & ~self.crosses)
+        if wrong.size:
+            i, j = wrong[0]
+            raise DrawingError(
+                f"Drawing: muscle {self.muscles[i]!r} changes with joint {self.joints[j]!r}, but "
+                "`crosses` says that it does not cross it."
+            )
+
+
+def _check_names(field: str, names: tuple[str, ...]) -> None:
+    if not names or len(set(names)) != len(names):
+        raise DrawingError(f"Drawing: {field} must be at least one and all different: {names}.")

@@ -1,0 +1,37 @@
+"""Robots that experiments name: the drawing, and actual robots by their seed."""
+
+from __future__ import annotations
+
+from math import radians
+
+from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
+from kengoro_env.departures.senses import (
+    CameraError,
+    EncoderError,
+    FrameDelay,
+    TensionSensorError,
+    ZeroPosture,
+)
+from kengoro_env.departures.wires import DryFriction, MotorInertia, WireStretch
+from kengoro_env.draft import Departure
+
+
+def drawing() -> tuple[Departure, ...]:
+    """The robot as drawn: no departure."""
+    return ()
+
+
+def actual(seed: int) -> tuple[Departure, ...]:
+    """One actual robot: every kind of departure, its draws given by ``seed``."""
+    return (
+        AttachmentDisplacement(sigma=0.004, seed=seed),
+        BoneWrapping(scale=1.0),
+        WireStretch(compliance=1 / 100_000, hardening=4e6),
+        MotorInertia(inertia=1.0),
+        DryFriction(constant=1.0, ratio=0.02),
+        EncoderError(offset=0.001, noise=0.0001, quantum=0.00005, seed=seed),
+        TensionSensorError(noise=1.0, offset=1.0, seed=seed),
+        ZeroPosture(sigma=radians(12.0), scapula_sigma=radians(6.0), seed=seed),
+        CameraError(focal=0.003, position=0.002, rotation=radians(0.3), seed=seed),
+        FrameDelay(delay=0.1),
+    )

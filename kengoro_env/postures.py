@@ -1,0 +1,206 @@
+"""The posture set: postures in front of the body that the drawn arm can hold and the eye can see.
+
+Postures decide what can be learned: over the whole box of joint ranges joints hang at their stops
+and wires saturate. As the paper did, each posture was checked for feasibility (sec. IV). A posture
+belongs to the set when, on the drawing,
+
+* every joint is `STOP_MARGIN` or more away from its stops,
+* a tension set of 5 to `TENSION_LIMIT` N holds it against gravity (linear programme),
+* each joint has in both directions some wire with a moment arm of `MOMENT_ARM` or more,
+* under stiffness control it sags by no more than `SAG` (root mean square over the joints),
+* the hand is in front of the body, its fingertips above the table, and its marker is in the
+  camera's frame, turned from it by at most `MARKER_TILT`.
+
+``python -m kengoro_env.postures`` draws the set anew and writes it to the assets.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from math import radians
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from kengoro_env.assets import asset_path
+from kengoro_env.drawing import ArmDrawing
+from kengoro_env.names import JOINTS
+from kengoro_env.robot import Robot
+
+Array = NDArray[np.float64]
+
+STOP_MARGIN = radians(3.0)
+TENSION_LIMIT = 150.0
+MOMENT_ARM = 0.012
+SAG = radians(3.0)
+MARKER_TILT = radians(55.0)
+FRAME_MARGIN = 50.0
+TABLE_CLEARANCE = 0.05
+TABLE_HEIGHT = -0.38
+
+RANGES_DEG: dict[str, tuple[float, float]] = {
+    "neck_yaw": (-45, 20),
+    "neck_pitch": (-18, 33),
+    "neck_roll": (-12, 12),
+    "sc_roll": (-22, 0),
+    "sc_yaw": (-10, 10),
+    "ac_roll": (-14, 5),
+    "ac_pitch": (-9, 9),
+    "sh_pitch": (-116, 26),
+    "sh_roll": (-72, 2),
+    "sh_yaw": (-45, 52),
+    "elbow": (12, 114),
+    "radioulnar": (-48, 48),
+    "wrist_flex": (-38, 38),
+    "wrist_dev": (-14, 19),
+}
+"""Box from which postures are drawn [deg], uniformly but for the shoulder's pitch; the neck is turned to the hand."""
+
+
+def least_tension(arms: Array, gravity: Array, least: float = 5.0, most: float = 400.0) -> float:
+    """Smallest largest tension [N] in ``least..most`` that holds a posture; inf if there is none.
+
+    Args:
+        arms: dl/dq (m, n) [m/rad].
+        gravity: torques (n,) [N m] with which gravity bends the joints.
+    """
+    wires, joints = arms.shape
+    answer = linprog(
+        np.append(np.zeros(wires), 1.0),
+        A_ub=np.hstack([np.eye(wires), -np.ones((wires, 1))]),
+        b_ub=np.zeros(wires),
+        A_eq=np.hstack([arms.T, np.zeros((joints, 1))]),
+        b_eq=gravity,
+        bounds=[(least, most)] * wires + [(0.0, None)],
+        method="highs",
+    )
+    return float(answer.x[-1]) if answer.status == 0 else float("inf")
+
+
+class PostureChecker:
+    """Says whether postures (14,) [rad] belong to the set; draws candidates for it."""
+
+    def __init__(self) -> None:
+        scene = asset_path("mjcf/kengoro_arm/arm.xml")
+        self.drawing = ArmDrawing(scene)
+        self.robot = Robot(scene)
+        self._low, self._high = np.radians([RANGES_DEG[joint] for joint in JOINTS]).T
+        model = self.robot.model
+        camera = model.camera("eye")
+        self._size = model.cam_resolution[camera.id].astype(float)
+        self._focal = self._size[1] / 2 / np.tan(radians(float(camera.fovy[0])) / 2)
+        self._tips = [model.geom(name).id for name in ("index_distal", "ring_distal")]
+
+    def candidate(self, rng: np.random.Generator) -> Array:
+        """A posture from the box, its neck turned to where the hand is, roughly."""
+        share = rng.uniform(size=len(JOINTS))
+        pitch = JOINTS.index("sh_pitch")  # its extremes are accepted rarely: draw them more often
+        share[pitch] = rng.beta(0.6, 0.6)
+        posture = self._low + share * (self._high - self._low)
+        self._place(posture)
+        hand = self.robot.data.site("marker_hand").xpos - self.robot.model.body("neck_yaw_link").pos
+        posture[0] = np.arctan2(hand[1], hand[0]) + rng.normal(0.0, radians(6.0))
+        down = np.arctan2(0.188 - hand[2], np.hypot(hand[0], hand[1]) - 0.095)
+        posture[1] = down - radians(30.0) + rng.normal(0.0, radians(5.0))
+        return posture
+
+    def _place(self, posture: Array) -> None:
+        self.robot.data.qpos[:] = 0.0
+        for joint, angle in zip(JOINTS, posture, strict=True):
+            self.robot.data.joint(joint).qpos[0] = angle
+        mujoco.mj_kinematics(self.robot.model, self.robot.data)
+        mujoco.mj_camlight(self.robot.model, self.robot.data)
+
+    def seen(self, posture: Array) -> bool:
+        """Whether the hand is in front, above the table, and its marker faces the camera."""
+        self._place(posture)
+        data = self.robot.data
+        marker, eye = data.site("marker_hand"), data.camera("eye")
+        view = marker.xpos - eye.xpos
+        x, y, z = view @ eye.xmat.reshape(3, 3)
+        u, v = self._focal * x / -z, self._focal * y / -z
+        half = self._size / 2 - FRAME_MARGIN
+        facing = -(view / np.linalg.norm(view)) @ marker.xmat.reshape(3, 3)[:, 2]
+        grip = data.site("grip").xpos
+        lowest = min(data.geom_xpos[tip][2] for tip in self._tips)
+        return bool(
+            z < 0.0
+            and abs(u) < half[0]
+            and abs(v) < half[1]
+            and facing > np.cos(MARKER_TILT)
+            and 0.25 < np.linalg.norm(view) < 0.75
+            and grip[0] > 0.15
+            and grip[1] < 0.15
+            and lowest > TABLE_HEIGHT + TABLE_CLEARANCE
+        )
+
+    def inside(self, posture: Array) -> bool:
+        """Whether every joint is away from its stops."""
+        low, high = self.drawing.lower + STOP_MARGIN, self.drawing.upper - STOP_MARGIN
+        return bool(np.all(posture > low) and np.all(posture < high))
+
+    def strong(self, posture: Array) -> bool:
+        """Whether each joint has a wire with a good moment arm in both directions."""
+        arms = self.drawing.moment_arms(posture)
+        return bool(np.all(np.minimum(arms.max(axis=0), -arms.min(axis=0)) >= MOMENT_ARM))
+
+    def holds(self, posture: Array) -> bool:
+        """Whether a tension set of 5 to `TENSION_LIMIT` N holds the posture."""
+        arms, gravity = self.drawing.moment_arms(posture), self.drawing.gravity(posture)
+        return least_tension(arms, gravity, most=TENSION_LIMIT) <= TENSION_LIMIT
+
+    def sag(self, posture: Array) -> float:
+        """How far the drawing hangs below the posture under stiffness control [rad], RMS."""
+        target = self.drawing.lengths(posture)[0]
+        self.robot.reset(posture, np.random.default_rng(0))
+        for _ in range(75):
+            self.robot.step(target)
+        return float(np.sqrt(np.mean((self.robot.joint_angles - posture) ** 2)))
+
+    def accepts(self, posture: Array) -> bool:
+        """Whether the posture belongs to the set; cheap conditions first."""
+        return (
+            self.inside(posture)
+            and self.seen(posture)
+            and self.strong(posture)
+            and self.holds(posture)
+            and self.sag(posture) < SAG
+        )
+
+
+@cache
+def posture_set() -> Array:
+    """The shipped posture set (N, 14) [rad], read-only; columns are `JOINTS`."""
+    table = np.loadtxt(asset_path("postures/kengoro_arm.csv"), delimiter=",", skiprows=1)
+    postures = np.radians(table)
+    postures.setflags(write=False)
+    return postures
+
+
+def main(count: int = 1000, seed: int = 0) -> None:
+    """Draw the posture set anew and write it, in degrees with two decimals."""
+    checker, rng = PostureChecker(), np.random.default_rng(seed)
+    rows: list[Array] = []
+    tried = 0
+    while len(rows) < count:
+        tried += 1
+        posture = np.radians(np.round(np.degrees(checker.candidate(rng)), 2))
+        if checker.accepts(posture):
+            rows.append(np.degrees(posture))
+    folder = asset_path("mjcf/kengoro_arm/arm.xml").parents[2] / "postures"
+    folder.mkdir(exist_ok=True)
+    beside = folder / "kengoro_arm.csv.tmp"
+    np.savetxt(beside, rows, fmt="%.2f", delimiter=",", header=",".join(JOINTS), comments="")
+    os.replace(beside, folder / "kengoro_arm.csv")
+    print(f"{count} postures accepted of {tried} drawn")
+    for joint, (low, high) in zip(
+        JOINTS, np.percentile(rows, [5, 95], axis=0).T, strict=True
+    ):
+        print(f"{joint:12s} {low:7.1f} .. {high:6.1f} deg, span {high - low:5.1f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+"""A robot: a compiled model with its departures, stepped at the control rate.
+
+It knows MuJoCo and no task. Lengths that it takes and gives are what the robot's own encoders
+call them: relative to the posture at which somebody zeroed them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from kengoro_env.draft import Departure, Draft
+from kengoro_env.errors import KengoroError
+from kengoro_env.motors import Gains, Motors
+from kengoro_env.names import JOINTS
+from kengoro_env.wires import wind
+
+Array = NDArray[np.float64]
+
+
+class DivergedError(KengoroError):
+    """The simulation left the realm of finite numbers."""
+
+
+class Robot:
+    """The arm with its wires, motors and sensors.
+
+    Args:
+        scene: MJCF file of the world that the robot stands in.
+        departures: what makes it differ from its drawing; `drawing()` or `actual(seed)`.
+        gains: muscle stiffness control at the start.
+        control_period: time between commands [s], a multiple of the model's time step.
+
+    Attributes:
+        muscles: names, in the order of every (m,) array.
+        joints: names of arm and head joints that the scene has, in the order of every (n,) array.
+        lower, upper: joint limits (n,) [rad].
+    """
+
+    def __init__(
+        self,
+        scene: Path,
+        departures: Sequence[Departure] = (),
+        gains: Gains = Gains(),
+        control_period: float = 0.02,
+    ) -> None:
+        draft = Draft.of(load_spec(scene))
+        for departure in departures:
+            departure.edit(draft)
+        wind(draft)
+        self.model = draft.spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.control_period = control_period
+        self._substeps = round(control_period / self.model.opt.timestep)
+        if not np.isclose(self._substeps * self.model.opt.timestep, control_period):
+            raise KengoroError(
+                f"control_period {control_period} s is not a multiple of the physics time step "
+                f"{self.model.opt.timestep} s"
+            )
+        self._gains, self._draft = gains, draft
+        names = [self.model.joint(i).name for i in range(self.model.njnt)]
+        self.joints = tuple(joint for joint in JOINTS if joint in names)
+        addresses = [self.model.joint(joint) for joint in self.joints]
+        self._position = np.array([joint.qposadr[0] for joint in addresses])
+        self._velocity = np.array([joint.dofadr[0] for joint in addresses])
+        self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
+        mujoco.mj_forward(self.model, self.data)
+        self.motors = Motors(self.model, self.data, draft, gains)
+        self.muscles = self.motors.muscles
+        self._zero = self._length_at_zero_posture()
+        offset = draft.senses.length_offset
+        self._offset = np.array([offset.get(muscle, 0.0) for muscle in self.muscles])
+        tension_offset = draft.senses.tension_offset
+        self._tension_offset = np.array([tension_offset.get(m, 0.0) for m in self.muscles])
+        self._mounted = self.motors.elongation
+        self._rng = np.random.default_rng(0)
+        self.reset(np.zeros(len(self.joints)), self._rng)
+
+    def _length_at_zero_posture(self) -> Array:
+        """What each wire has paid out when it hangs at T_bias in the posture called zero."""
+        posture = self._draft.senses.zero_posture
+        self.data.qpos[self._position] = [posture.get(joint, 0.0) for joint in self.joints]
+        mujoco.mj_forward(self.model, self.data)
+        stretch = self.motors.stretch_at(self.motors.bias)
+        return self.motors.paths() - stretch - self.motors.elongation
+
+    @property
+    def frame_delay(self) -> float:
+        """Age of a frame when the agent gets it [s]."""
+        return self._draft.senses.frame_delay
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the last reset [s]."""
+        return float(self.data.time)
+
+    @property
+    def joint_angles(self) -> Array:
+        """True joint angles (n,) [rad]."""
+        return self.data.qpos[self._position].copy()
+
+    @property
+    def lengths(self) -> Array:
+        """What encoders without offset, noise and quantum would read (m,) [m]."""
+        return self.motors.paid_out() - self._zero
+
+    @property
+    def tensions(self) -> Array:
+        """True tensions (m,) [N]."""
+        return self.motors.tensions()
+
+    def slack(self, target: Array) -> tuple[Array, Array]:
+        """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
+        paid_out = self.motors.paid_out() + self.motors.elongation
+        return (
+            np.maximum(0.0, paid_out - self.motors.paths()),
+            np.maximum(0.0, target - self.lengths),
+        )
+
+    def reset(self, posture: Array, rng: np.random.Generator) -> None:
+        """Put the arm at ``posture`` (n,) [rad], at rest, every wire pulling with T_bias."""
+        self._rng = rng
+        mujoco.mj_resetData(self.model, self.data)
+        self.motors.elongate(self._mounted)
+        self._events = sorted(self._draft.events, key=lambda event: event.time)
+        self.motors.set_stiffness(self._gains.stiffness, self._gains.bias)
+        self.data.qpos[self._position] = np.clip(posture, self.lower, self.upper)
+        mujoco.mj_forward(self.model, self.data)
+        self.motors.wind_up()
+        mujoco.mj_forward(self.model, self.data)
+        self.motors.command(self.motors.paid_out())
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, target: Array) -> None:
+        """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
+
+        Raises:
+            DivergedError: the simulation is no longer finite.
+        """
+        while self._events and self._events[0].time <= self.time:
+            event = self._events.pop(0)
+            self.elongate(event.muscle, event.elongation)
+        # The controller works on what encoders read, so their offsets move the wires.
+        self.motors.command(target + self._zero - self._offset)
+        if self.motors.friction_grows:
+            for _ in range(self._substeps):
+                self.motors.update_friction()
+                mujoco.mj_step(self.model, self.data)
+        else:
+            mujoco.mj_step(self.model, self.data, self._substeps)
+        if self.data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number or not np.all(
+            np.isfinite(self.data.qpos)
+        ):
+            raise DivergedError(f"the simulation diverged at {self.time:.2f} s")
+
+    def elongate(self, muscle: str, length: float) -> None:
+        """Let a wire give for good by ``length`` [m], now; until the next reset."""
+        self._draft.wire(muscle)
+        elongation = self.motors.elongation
+        elongation[self.muscles.index(muscle)] += length
+        self.motors.elongate(elongation)
+
+    def sense_lengths(self) -> Array:
+        """What the encoders read (m,) [m]: with offset, noise and quantum."""
+        senses = self._draft.senses
+        lengths = self.lengths + self._offset
+        if senses.length_noise:
+            lengths += senses.length_noise * self._rng.standard_normal(len(lengths))
+        if senses.length_quantum:
+            lengths = np.round(lengths / senses.length_quantum) * senses.length_quantum
+        return lengths
+
+    def sense_tensions(self) -> Array:
+        """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
+        tensions = self.tensions + self._tension_offset
+        if self._draft.senses.tension_noise:
+            noise = self._rng.standard_normal(len(tensions))
+            tensions += self._draft.senses.tension_noise * noise
+        return np.maximum(tensions, 0.0)
+
+
+def load_spec(path: Path) -> mujoco.MjSpec:
+    """The model in ``path``; `KengoroError` in one sentence if it is missing or broken."""
+    if not path.is_file():
+        raise KengoroError(f"no model file at {path}")
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        reason = str(error).splitlines()[0]
+        raise KengoroError(f"the model file {path} is not valid MJCF: {reason}") from error

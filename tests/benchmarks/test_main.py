@@ -1,0 +1,40 @@
+"""`python -m benchmarks` lists, runs, and says what there is when a name is unknown."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import __main__ as benchmarks
+
+
+@pytest.fixture
+def two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with two benchmarks and a helper module in place of the real ones."""
+    for name in ("toy_one", "toy_two", "_helper"):
+        (tmp_path / f"{name}.py").write_text(
+            f'"""What {name} measures.\n\nMore."""\n\ndef main():\n    print("{name} ran")\n'
+        )
+    monkeypatch.setattr(benchmarks, "FOLDER", tmp_path)
+    monkeypatch.setattr("benchmarks.__path__", [str(tmp_path)])
+
+
+@pytest.mark.usefixtures("two")
+def test_lists(capsys: pytest.CaptureFixture[str]) -> None:
+    assert benchmarks.main([]) == 0
+    lines = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
+    assert lines == [["toy_one", "What toy_one measures."], ["toy_two", "What toy_two measures."]]
+
+
+@pytest.mark.usefixtures("two")
+def test_runs_in_the_order_given(capsys: pytest.CaptureFixture[str]) -> None:
+    assert benchmarks.main(["toy_two", "toy_one"]) == 0
+    assert capsys.readouterr().out == "toy_two ran\ntoy_one ran\n"
+
+
+@pytest.mark.usefixtures("two")
+@pytest.mark.parametrize("name", ["toy_three", "_helper", "__main__", "os"])
+def test_unknown_name(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert benchmarks.main(["toy_one", name]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == f"There is no benchmark {name!r}; there are: toy_one, toy_two.\n"

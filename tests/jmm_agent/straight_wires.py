@@ -1,0 +1,66 @@
+"""A small drawing in plain numpy: a serial chain of six hinges and eight straight wires."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from jmm_agent.drawing import Drawing
+
+JOINTS = ("base_yaw", "base_pitch", "mid_roll", "mid_pitch", "tip_pitch", "tip_yaw")
+AXES = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+OFFSETS = 0.1 * np.array([[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 0], [0, 0, 1], [0, 0, 0]])
+GROUPS = {"base": JOINTS[:2], "mid": JOINTS[2:4], "tip": JOINTS[4:]}
+# Wire: points on links; link k follows joint k - 1, link 0 is the ground.
+WIRES = {
+    "base_front": ((0, (0.06, 0.01, -0.02)), (2, (0.04, 0.02, 0.06))),
+    "base_left": ((0, (-0.03, 0.06, -0.02)), (2, (0.01, 0.05, 0.05))),
+    "base_right": ((0, (-0.03, -0.06, -0.02)), (2, (-0.02, -0.04, 0.05))),
+    "mid_front": ((2, (0.05, 0.00, 0.02)), (4, (0.04, 0.02, 0.04))),
+    "mid_back": ((1, (-0.05, 0.02, -0.03)), (2, (-0.05, 0.01, 0.05)), (4, (-0.04, 0.0, 0.03))),
+    "mid_long": ((0, (0.02, -0.07, -0.02)), (4, (0.02, -0.05, 0.03))),
+    "tip_front": ((4, (0.05, 0.01, 0.02)), (6, (0.03, 0.02, 0.05))),
+    "tip_back": ((4, (-0.05, -0.02, 0.02)), (6, (-0.03, 0.01, 0.05))),
+}
+
+
+def crosses() -> np.ndarray:
+    """Joint k lies between the links k and k + 1."""
+    ends = [sorted(link for link, _ in wire) for wire in WIRES.values()]
+    return np.array([[e[0] <= k < e[-1] for k in range(len(JOINTS))] for e in ends])
+
+
+def raw_lengths(q: np.ndarray) -> np.ndarray:
+    """Lengths (B, 8) [m] of the wires at postures (B, 6) [rad]."""
+    rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+    origin = np.zeros((len(q), 3))
+    links = [(rotation, origin)]
+    for k, (axis, offset) in enumerate(zip(AXES, OFFSETS, strict=True)):
+        origin = origin + rotation @ offset
+        cross = np.cross(np.eye(3), axis)
+        sine, cosine = np.sin(q[:, k])[:, None, None], np.cos(q[:, k])[:, None, None]
+        rotation = rotation @ (np.eye(3) - sine * cross + (1 - cosine) * cross @ cross)
+        links.append((rotation, origin))
+    lengths = []
+    for wire in WIRES.values():
+        points = [links[k][0] @ np.array(point) + links[k][1] for k, point in wire]
+        lengths.append(sum(np.linalg.norm(b - a, axis=1) for a, b in pairwise(points)))
+    return np.stack(lengths, axis=1)
+
+
+def relative_lengths(q: np.ndarray) -> np.ndarray:
+    """Lengths (B, 8) [m] relative to q = 0."""
+    return raw_lengths(q) - raw_lengths(np.zeros((1, len(JOINTS))))
+
+
+def drawing(**changes: object) -> Drawing:
+    """The chain's drawing, with fields replaced for tests of its checks."""
+    fields: dict = {
+        "joints": JOINTS,
+        "lower": np.deg2rad([-40, -30, -20, -60, -50, -30]),
+        "upper": np.deg2rad([40, 40, 30, 50, 50, 20]),
+        "muscles": tuple(WIRES),
+        "crosses": crosses(),
+        "lengths": relative_lengths,
+        "groups": GROUPS,
+    }
+    return Drawing(**(fields | changes))

@@ -1,0 +1,116 @@
+"""Who may import whom: the contracts in pyproject.toml are kept, and are red when broken."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+CONFIG = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+LINTER = CONFIG["tool"]["importlinter"]
+NOT_SHIPPED = {"tests", "tools"}
+
+
+def lint(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run import-linter on the packages in `folder`, by the contracts in its pyproject.toml."""
+    return subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys; sys.path.insert(0, '.');"
+            "from importlinter.cli import lint_imports; sys.exit(lint_imports(cache_dir=None))",
+        ],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+    )
+
+
+def loaded_by(package: str) -> set[str]:
+    """Top-level names that a fresh interpreter holds after `import package`."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import {package}, sys; print(*sys.modules)"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return {name.partition(".")[0] for name in done.stdout.split()}
+
+
+@pytest.fixture
+def toy(tmp_path: Path) -> Path:
+    """A folder with the project's contracts and packages that import nothing."""
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    for package in LINTER["root_packages"]:
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "__init__.py").touch()
+    return tmp_path
+
+
+def test_contracts_are_kept() -> None:
+    done = lint(ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_every_package_has_a_contract() -> None:
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - NOT_SHIPPED
+    assert packages == set(LINTER["root_packages"])
+    sources = {name for contract in LINTER["contracts"] for name in contract["source_modules"]}
+    assert packages - {"benchmarks"} == sources
+
+
+def test_toy_packages_pass(toy: Path) -> None:
+    done = lint(toy)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("importer", "imported"),
+    [
+        ("kengoro_env", "jmm_agent"),
+        ("kengoro_env", "reality_gap"),
+        ("kengoro_env", "hidden_plants"),
+        ("kengoro_env", "experiments"),
+        ("kengoro_env", "torch"),
+        ("kengoro_env", "pinocchio"),
+        ("kengoro_env", "cv2"),
+        ("kengoro_env", "filterpy.kalman"),
+        ("jmm_agent", "kengoro_env"),
+        ("jmm_agent", "reality_gap"),
+        ("jmm_agent", "hidden_plants"),
+        ("jmm_agent", "experiments"),
+        ("jmm_agent", "mujoco"),
+        ("jmm_agent", "gymnasium.spaces"),
+        ("experiments", "benchmarks"),
+    ],
+)
+def test_a_forbidden_import_is_found(toy: Path, importer: str, imported: str) -> None:
+    # Inside a function, and one module away: a contract must see both.
+    (toy / importer / "deep.py").write_text(f"def work():\n    import {imported}\n")
+    (toy / importer / "__init__.py").write_text(f"from {importer} import deep\n")
+    done = lint(toy)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert f"{importer}.deep -> {imported.partition('.')[0]}" in done.stdout
+
+
+@pytest.mark.parametrize("imported", ["kengoro_env", "jmm_agent"])
+def test_experiments_may_import_both_sides(toy: Path, imported: str) -> None:
+    (toy / "experiments" / "run.py").write_text(f"import {imported}\n")
+    done = lint(toy)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("package", ["kengoro_env", "jmm_agent", "experiments"])
+def test_importing_a_package_stays_quick(package: str) -> None:
+    # What takes about a second to load is loaded by the module that needs it, when it is needed.
+    assert not loaded_by(package) & {"torch", "matplotlib"}
+
+
+def test_the_environment_runs_without_the_agents_libraries() -> None:
+    assert not loaded_by("kengoro_env") & {"torch", "pinocchio", "cv2", "filterpy", "jmm_agent"}
