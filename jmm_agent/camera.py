@@ -26,7 +26,7 @@ class Camera:
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
             raise AgentError(
-                f"A camera of {self.width} x {self.height} px has no pixels; both sizes must be at least 1."
+                f"A camera of {self.width} x {self.height} px has no pixels; sizes start at 1."
             )
         if not (np.isfinite(self.focal_px) and self.focal_px > 0):
             raise AgentError(
@@ -38,13 +38,13 @@ class Camera:
         """The camera whose frame spans `fovy_rad` [rad] from its upper to its lower border."""
         if not 0 < fovy_rad < np.pi:
             raise AgentError(
-                f"The camera's vertical field of view is {fovy_rad} rad; it must lie between 0 and pi."
+                f"The camera's vertical view is {fovy_rad} rad; it must lie between 0 and pi."
             )
         return cls(width, height, float(height / 2 / np.tan(fovy_rad / 2)))
 
     @property
     def matrix(self) -> np.ndarray:
-        """Intrinsic matrix (3, 3) [px]. Integers are the pixels' centres: the axis is at ((W-1)/2, (H-1)/2)."""
+        """Intrinsic matrix (3, 3) [px]; pixels have their centres at integers."""
         return np.array(
             [
                 [self.focal_px, 0.0, (self.width - 1) / 2],

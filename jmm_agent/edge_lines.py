@@ -1,8 +1,7 @@
-"""Sub-pixel corners of a dark square on a light ground: straight lines along its edges, and where they meet."""
+"""Sub-pixel corners of a dark square on a light ground, where lines along its edges meet."""
 
 import numpy as np
 
-PASSES = 2  # the second one takes its profiles along the lines of the first
 ALONG = np.linspace(
     0.1, 0.9, 48
 )  # profiles, as parts of an edge; near its ends the neighbouring edge blurs them
@@ -10,7 +9,12 @@ ACROSS = np.linspace(
     -1.0, 1.0, 15
 )  # samples of a profile, in reaches, from the dark side to the light one
 MIDDLES = (ACROSS[1:] + ACROSS[:-1]) / 2
-REACH_CELLS, REACH_PX = 0.35, 3.0  # reach of a profile to either side: the smaller of both
+REACH_CELLS = 0.35  # reach of a profile to either side, at most ...
+REACHES_PX = (
+    np.inf,
+    3.0,
+    3.0,
+)  # ... this, pass by pass; each pass follows the lines of the one before
 CONTRAST = 0.4  # a profile counts if its step is at least this part of the edge's upper quartile
 CUTS_PX = (3.0, 1.0, 0.4, 0.4)  # where Tukey's biweight reaches zero, fit by fit
 MIN_PROFILES = 12  # per edge
@@ -22,29 +26,29 @@ NEXT, OPPOSITE, BEFORE = (
 
 
 def refine_corners(gray: np.ndarray, corners: np.ndarray, cells: int) -> np.ndarray | None:
-    """Corners of a dark square, `cells` cells wide, whose outer cells are dark and whose surround is light.
+    """Corners of a dark square, `cells` cells wide, with dark outer cells and a light surround.
 
-    Across each edge a row of profiles is taken; the middle of a profile's step (the mean of its positions, weighted
-    with its gradient) does not depend on a symmetric blur. A robust line through the steps of each edge, and the
-    intersections of the lines, give the corners.
+    Across each edge a row of profiles is taken; the middle of a profile's step (the mean of its
+    positions, weighted with its gradient) does not depend on a symmetric blur. Robust lines go
+    through the steps of each edge, and the corners are where the lines meet.
 
     Args:
         gray: (H, W) uint8.
-        corners: (4, 2) rough corners [px], clockwise in the image, each within a third of a cell of the true one.
+        corners: (4, 2) rough corners [px], clockwise in the image, each within a third of a cell.
         cells: width of the square in cells; a light margin of half a cell is needed.
 
     Returns:
-        (4, 2) corners [px], or None where an edge has too few clean profiles (hidden, or out of the frame) or its
-        line leads away from the rough corners.
+        (4, 2) corners [px], or None where an edge has too few clean profiles (hidden, or out of
+        the frame) or its line leads away from the rough corners.
     """
     quad = np.asarray(corners, dtype=float)
-    for _ in range(PASSES):
+    for reach_px in REACHES_PX:
         edge = quad[NEXT] - quad
         length = np.hypot(edge[:, 0], edge[:, 1])
         along = edge / length[:, None]
         outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
         depth = ((2 * quad - quad[OPPOSITE] - quad[BEFORE]) * outward).sum(axis=1) / 2
-        reach = np.minimum(REACH_CELLS * depth / cells, REACH_PX)
+        reach = np.minimum(REACH_CELLS * depth / cells, reach_px)
 
         foot = quad[:, None] + ALONG[:, None] * edge[:, None]
         shift, clean = _steps(gray, foot, outward, reach)
@@ -65,7 +69,7 @@ def refine_corners(gray: np.ndarray, corners: np.ndarray, cells: int) -> np.ndar
 def _steps(
     gray: np.ndarray, foot: np.ndarray, outward: np.ndarray, reach: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far outward of the points `foot` (4, n, 2) the steps lie (4, n) [px], and which of them are clean (4, n)."""
+    """How far outward of `foot` (4, n, 2) the steps lie (4, n) [px]; which are clean (4, n)."""
     offset = reach[:, None] * ACROSS
     x = foot[:, :, None, 0] + (offset * outward[:, :1])[:, None]
     y = foot[:, :, None, 1] + (offset * outward[:, 1:])[:, None]
@@ -78,7 +82,7 @@ def _steps(
 
 
 def _bilinear(gray: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Grey values (4, n, k) at pixels x, y (4, n, k), and where all k of a profile lie inside the frame (4, n)."""
+    """Grey values (4, n, k) at x, y (4, n, k) [px]; which profiles are in the frame (4, n)."""
     height, width = gray.shape
     left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     inside = ((left >= 0) & (top >= 0) & (left < width - 1) & (top < height - 1)).all(axis=-1)
@@ -94,7 +98,7 @@ def _bilinear(gray: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarra
 def _fit(
     position: np.ndarray, shift: np.ndarray, clean: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Robust lines shift = level + slope * position, one a row of (4, n); also how many points each one keeps."""
+    """Robust lines shift = level + slope * position of rows (4, n), and how many each keeps."""
     weight = clean.astype(float)
     for cut in CUTS_PX:
         total = weight.sum(axis=1)
@@ -110,7 +114,7 @@ def _fit(
 
 
 def _meet(point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Corners (4, 2), each where its edge meets the edge before it; a point and a normal (4, 2) of each edge."""
+    """Where each edge meets the edge before it (4, 2), from a point and a normal (4, 2) of each."""
     level = (point * normal).sum(axis=1)
     before, level_before = normal[BEFORE], level[BEFORE]
     area = before[:, 0] * normal[:, 1] - before[:, 1] * normal[:, 0]

@@ -14,6 +14,16 @@ from jmm_agent.errors import AgentError
 CELLS = 6  # a DICT_4X4 marker: 4 cells of code between two of black border
 ALIKE = 2.0  # two solutions fit alike if their errors differ by less than this factor ...
 NOISE_PX = 0.03  # ... or if both errors are below this
+SQUARE_PX = 0.4  # corners farther than this from those of any square have a line on something else
+
+# OpenCV's rotation vectors fail at half a turn, which an upright marker that faces the camera has.
+# So its poses are found in a frame that is turned in steps of 90 deg until it is nearly level with
+# the camera (x right, y down, z forward): pose_level_in_marker (4, 4), by the corner that comes
+# first in the image.
+LEVEL_IN_MARKER = [
+    np.array([[c, -s, 0, 0], [-s, -c, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1.0]])
+    for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))
+]
 
 
 class Skip(Enum):
@@ -23,20 +33,20 @@ class Skip(Enum):
     NOT_SEEN = "the marker is not in the frame"
     TWICE = "the marker is in the frame more than once"
     UNCLEAR = "the marker's edges are partly hidden, cut off or too blurred for straight lines"
-    NO_POSE = "no pose in front of the camera fits the marker's corners"
+    NO_POSE = "the marker's corners fit no square in front of the camera"
 
 
 @dataclass(frozen=True)
 class MarkerPose:
-    """One marker in one frame. Marker frame: centre, x right and y up as printed, z out of the face.
+    """One marker in one frame. Marker axes: x right and y up as printed, z out of the face.
 
     Attributes:
         id: number of the marker in its dictionary.
         pose_marker_in_camera: (4, 4), metres; camera x right, y down, z forward.
         corners_px: (4, 2), from the printed upper left one, clockwise as printed.
         reprojection_px: root mean square distance of the four corners from the pose's.
-        flipped_in_camera: (4, 4), the other pose that the plane allows: its normal about mirrored at the line of sight,
-            as IPPE gives it. Equal to the pose if there is only one.
+        flipped_in_camera: (4, 4), the other pose that the plane allows, as IPPE gives it: its
+            normal is about mirrored at the line of sight. Without one, the only solution.
         flipped_reprojection_px: what that one leaves.
     """
 
@@ -69,7 +79,7 @@ class Detections:
 
 
 class MarkerDetector:
-    """Finds ArUco markers (DICT_4X4_50), and their poses from straight lines along the edges of the black square.
+    """Finds ArUco markers (DICT_4X4_50), and their poses from lines along the black square's edges.
 
     Args:
         camera: the camera that the frames are taken to come from.
@@ -96,7 +106,8 @@ class MarkerDetector:
         self._camera = camera
         self._square_by_id = {marker_id: _square(side) for marker_id, side in side_by_id.items()}
         parameters = cv2.aruco.DetectorParameters()
-        parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 23  # one pass
+        # One pass; a smaller window would take a near marker's border for an empty ring.
+        parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 43
         parameters.minMarkerDistanceRate = (
             0.02  # so that a chequered ground does not swallow the marker
         )
@@ -110,8 +121,8 @@ class MarkerDetector:
 
         Args:
             frame_rgb: (H, W, 3) uint8 of the camera's size.
-            expected: predicted `pose_marker_in_camera` (4, 4) of some ids; it decides between the two solutions
-                of a plane where the corners do not.
+            expected: predicted `pose_marker_in_camera` (4, 4) of some ids; it decides between
+                the two solutions of a plane where the corners do not.
 
         Raises:
             AgentError: the frame or a predicted pose has a wrong shape, type or value.
@@ -122,7 +133,7 @@ class MarkerDetector:
         if not gray.any():
             return Detections({}, dict.fromkeys(self._square_by_id, Skip.DARK), ())
         quads, found, _ = self._aruco.detectMarkers(gray)
-        ids = [] if found is None else found.ravel().tolist()
+        ids = [] if found is None else [int(i) for i in found.ravel()]
         outcome = {
             marker_id: self._locate(
                 marker_id,
@@ -151,32 +162,38 @@ class MarkerDetector:
         if corners is None:
             return Skip.UNCLEAR
         square = self._square_by_id[marker_id]
-        solutions = self._solve(square, corners)
-        if not solutions:
+        first = int(np.argmax(np.roll(corners, -1, axis=0)[:, 0] - corners[:, 0]))
+        level = LEVEL_IN_MARKER[first]
+        image = np.roll(corners, -first, axis=0)[::-1].copy()
+        _, turns, shifts, _ = cv2.solvePnPGeneric(
+            square, image, self._camera.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        )
+        poses = [_pose(turn, shift) @ level.T for turn, shift in zip(turns, shifts, strict=True)]
+        poses.sort(key=lambda pose: self._error(pose, square, corners))
+        if not poses:
             return Skip.NO_POSE
-        (chosen, chosen_error), (flipped, flipped_error) = solutions[0], solutions[-1]
+        chosen, flipped = poses[0], poses[-1]
+        errors = [self._error(pose, square, corners) for pose in (chosen, flipped)]
         predicted = expected.get(marker_id)
-        if predicted is not None and _alike(chosen_error, flipped_error):
-            chosen, flipped = sorted((chosen, flipped), key=lambda pose: _angle(pose, predicted))
-            flipped_error = self._error(flipped, square, corners)
-        turn, shift = cv2.Rodrigues(chosen[:3, :3])[0], chosen[:3, 3:]
-        pose = _pose(*cv2.solvePnPRefineLM(square, corners, self._camera.matrix, None, turn, shift))
+        if (
+            predicted is not None
+            and _alike(*errors)
+            and _angle(flipped, predicted) < _angle(chosen, predicted)
+        ):
+            chosen, flipped = flipped, chosen
+        start = chosen @ level
+        turn, shift = cv2.solvePnPRefineLM(
+            square, image, self._camera.matrix, None, cv2.Rodrigues(start[:3, :3])[0], start[:3, 3:]
+        )
+        pose = _pose(turn, shift) @ level.T
         error = self._error(pose, square, corners)
-        if not np.isfinite(error):
+        if not error < SQUARE_PX:
             return Skip.NO_POSE
+        flipped_error = self._error(flipped, square, corners)
         return MarkerPose(marker_id, pose, corners, error, flipped, flipped_error)
 
-    def _solve(self, square: np.ndarray, corners: np.ndarray) -> list[tuple[np.ndarray, float]]:
-        """The one or two poses (4, 4) of the plane in front of the camera with their errors [px], best first."""
-        _, turns, shifts, _ = cv2.solvePnPGeneric(
-            square, corners, self._camera.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
-        )
-        poses = [_pose(turn, shift) for turn, shift in zip(turns, shifts, strict=True)]
-        solutions = [(pose, self._error(pose, square, corners)) for pose in poses]
-        return sorted((s for s in solutions if np.isfinite(s[1])), key=lambda solution: solution[1])
-
     def _error(self, pose: np.ndarray, square: np.ndarray, corners: np.ndarray) -> float:
-        """Root mean square distance [px] of the corners from the square at `pose`; infinite if not before the camera."""
+        """RMS distance [px] of the corners from the square at `pose`; inf if behind the camera."""
         image = self._camera.matrix @ (pose[:3, :3] @ square.T + pose[:3, 3:])
         if not (np.isfinite(image).all() and (image[2] > 0).all()):
             return float("inf")
@@ -196,11 +213,12 @@ class MarkerDetector:
         for marker_id, pose in expected.items():
             if marker_id not in self._square_by_id:
                 raise AgentError(
-                    f"A pose is predicted for marker {marker_id}; known are {sorted(self._square_by_id)}."
+                    f"A pose is predicted for marker {marker_id}, but expected are only "
+                    f"{sorted(self._square_by_id)}."
                 )
             if np.shape(pose) != (4, 4) or not np.isfinite(pose).all():
                 raise AgentError(
-                    f"The predicted pose of marker {marker_id} must be a finite array of shape (4, 4)."
+                    f"The predicted pose of marker {marker_id} must be finite and of shape (4, 4)."
                 )
 
 

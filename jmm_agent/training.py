@@ -41,7 +41,8 @@ class GroupReport:
     """How the training of one group went.
 
     Attributes:
-        training_rmse, validation_rmse: [m], the latter on fresh postures inside the limits.
+        training_rmse: [m] on postures of the training; for a map from the cache as below.
+        validation_rmse: [m] on fresh postures inside the limits.
         history: RMSE [m] over each 250 Adam steps; empty for a map from the cache.
         seconds: time taken; 0 for a map from the cache.
     """
@@ -89,8 +90,8 @@ def train(
     jmm = JointMuscleMap(drawing.joints, drawing.muscles, tuple(groups))
     fitted = _rmse(jmm, centre + scale * x[:VALIDATION], lengths[:VALIDATION])
     reports = {
-        group.name: GroupReport(fit, error, history, taken)
-        for group, fit, error, history, taken in zip(
+        group.name: GroupReport(training, validation, history, taken)
+        for group, training, validation, history, taken in zip(
             groups, fitted, _validate(jmm, drawing, seed), histories, seconds, strict=True
         )
     }

@@ -29,8 +29,8 @@ class Gains:
         limit: T_max, the largest tension of a motor [N].
     """
 
-    stiffness: float = 20_000.0
-    bias: float = 20.0
+    stiffness: float = 30_000.0
+    bias: float = 30.0
     limit: float = 500.0
 
 

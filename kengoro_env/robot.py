@@ -13,13 +13,24 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.draft import Departure, Draft
+from kengoro_env.draft import Departure, Draft, UnknownNameError
 from kengoro_env.errors import KengoroError
+from kengoro_env.fingers import FINGERS, add_fingers
 from kengoro_env.motors import Gains, Motors
 from kengoro_env.names import JOINTS
 from kengoro_env.wires import wind
 
 Array = NDArray[np.float64]
+
+_DIVERGENCE = tuple(
+    int(kind)
+    for kind in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+        mujoco.mjtWarning.mjWARN_BADCTRL,
+    )
+)
 
 
 class DivergedError(KengoroError):
@@ -39,6 +50,7 @@ class Robot:
         muscles: names, in the order of every (m,) array.
         joints: names of arm and head joints that the scene has, in the order of every (n,) array.
         lower, upper: joint limits (n,) [rad].
+        target: lengths that the motors hold (m,) [m], as the encoders call them.
     """
 
     def __init__(
@@ -52,6 +64,7 @@ class Robot:
         for departure in departures:
             departure.edit(draft)
         wind(draft)
+        add_fingers(draft.spec)
         self.model = draft.spec.compile()
         self.data = mujoco.MjData(self.model)
         self.control_period = control_period
@@ -61,7 +74,7 @@ class Robot:
                 f"control_period {control_period} s is not a multiple of the physics time step "
                 f"{self.model.opt.timestep} s"
             )
-        self._gains, self._draft = gains, draft
+        self._gains, self._senses, self._planned = gains, draft.senses, tuple(draft.events)
         names = [self.model.joint(i).name for i in range(self.model.njnt)]
         self.joints = tuple(joint for joint in JOINTS if joint in names)
         addresses = [self.model.joint(joint) for joint in self.joints]
@@ -72,17 +85,19 @@ class Robot:
         self.motors = Motors(self.model, self.data, draft, gains)
         self.muscles = self.motors.muscles
         self._zero = self._length_at_zero_posture()
-        offset = draft.senses.length_offset
+        offset = self._senses.length_offset
         self._offset = np.array([offset.get(muscle, 0.0) for muscle in self.muscles])
-        tension_offset = draft.senses.tension_offset
+        tension_offset = self._senses.tension_offset
         self._tension_offset = np.array([tension_offset.get(m, 0.0) for m in self.muscles])
         self._mounted = self.motors.elongation
+        fingers = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, FINGERS)
+        self._fingers = fingers if fingers >= 0 else None
         self._rng = np.random.default_rng(0)
         self.reset(np.zeros(len(self.joints)), self._rng)
 
     def _length_at_zero_posture(self) -> Array:
         """What each wire has paid out when it hangs at T_bias in the posture called zero."""
-        posture = self._draft.senses.zero_posture
+        posture = self._senses.zero_posture
         self.data.qpos[self._position] = [posture.get(joint, 0.0) for joint in self.joints]
         mujoco.mj_forward(self.model, self.data)
         stretch = self.motors.stretch_at(self.motors.bias)
@@ -91,7 +106,7 @@ class Robot:
     @property
     def frame_delay(self) -> float:
         """Age of a frame when the agent gets it [s]."""
-        return self._draft.senses.frame_delay
+        return self._senses.frame_delay
 
     @property
     def time(self) -> float:
@@ -118,22 +133,35 @@ class Robot:
         paid_out = self.motors.paid_out() + self.motors.elongation
         return (
             np.maximum(0.0, paid_out - self.motors.paths()),
-            np.maximum(0.0, target - self.lengths),
+            np.maximum(0.0, target - self.lengths - self._offset),
         )
 
+    def site_pose(self, name: str) -> Array:
+        """Pose of a site in the world (4, 4), true."""
+        site = self.data.site(name)
+        return _pose(site.xpos, site.xmat)
+
+    def body_pose(self, name: str) -> Array:
+        """Pose of a body in the world (4, 4), true."""
+        body = self.data.body(name)
+        return _pose(body.xpos, body.xmat)
+
     def reset(self, posture: Array, rng: np.random.Generator) -> None:
-        """Put the arm at ``posture`` (n,) [rad], at rest, every wire pulling with T_bias."""
+        """Put the arm at ``posture`` (n,) [rad], at rest, fingers open, wires at T_bias."""
         self._rng = rng
         mujoco.mj_resetData(self.model, self.data)
         self.motors.elongate(self._mounted)
-        self._events = sorted(self._draft.events, key=lambda event: event.time)
+        self.motors.update_friction()
+        self._events = sorted(self._planned, key=lambda event: event.time)
         self.motors.set_stiffness(self._gains.stiffness, self._gains.bias)
         self.data.qpos[self._position] = np.clip(posture, self.lower, self.upper)
         mujoco.mj_forward(self.model, self.data)
         self.motors.wind_up()
         mujoco.mj_forward(self.model, self.data)
         self.motors.command(self.motors.paid_out())
+        self.close_fingers(-1.0)
         mujoco.mj_forward(self.model, self.data)
+        self.target = self.lengths + self._offset
 
     def step(self, target: Array) -> None:
         """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
@@ -144,6 +172,7 @@ class Robot:
         while self._events and self._events[0].time <= self.time:
             event = self._events.pop(0)
             self.elongate(event.muscle, event.elongation)
+        self.target = target.copy()
         # The controller works on what encoders read, so their offsets move the wires.
         self.motors.command(target + self._zero - self._offset)
         if self.motors.friction_grows:
@@ -152,21 +181,30 @@ class Robot:
                 mujoco.mj_step(self.model, self.data)
         else:
             mujoco.mj_step(self.model, self.data, self._substeps)
-        if self.data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number or not np.all(
-            np.isfinite(self.data.qpos)
-        ):
-            raise DivergedError(f"the simulation diverged at {self.time:.2f} s")
+        self._check_finite()
+
+    def _check_finite(self) -> None:
+        """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
+        warned = any(self.data.warning[kind].number for kind in _DIVERGENCE)
+        if warned or not (np.all(np.isfinite(self.data.qpos)) and np.all(np.isfinite(self.data.qvel))):
+            raise DivergedError("the simulation diverged: its state is no longer finite")
+
+    def close_fingers(self, command: float) -> None:
+        """Command the fingers, from -1 (open) to +1 (closed); nothing where there are none."""
+        if self._fingers is not None:
+            self.data.ctrl[self._fingers] = command
 
     def elongate(self, muscle: str, length: float) -> None:
         """Let a wire give for good by ``length`` [m], now; until the next reset."""
-        self._draft.wire(muscle)
+        if muscle not in self.muscles:
+            raise UnknownNameError("muscle", muscle, self.muscles)
         elongation = self.motors.elongation
         elongation[self.muscles.index(muscle)] += length
         self.motors.elongate(elongation)
 
     def sense_lengths(self) -> Array:
         """What the encoders read (m,) [m]: with offset, noise and quantum."""
-        senses = self._draft.senses
+        senses = self._senses
         lengths = self.lengths + self._offset
         if senses.length_noise:
             lengths += senses.length_noise * self._rng.standard_normal(len(lengths))
@@ -177,9 +215,9 @@ class Robot:
     def sense_tensions(self) -> Array:
         """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
         tensions = self.tensions + self._tension_offset
-        if self._draft.senses.tension_noise:
+        if self._senses.tension_noise:
             noise = self._rng.standard_normal(len(tensions))
-            tensions += self._draft.senses.tension_noise * noise
+            tensions += self._senses.tension_noise * noise
         return np.maximum(tensions, 0.0)
 
 
@@ -192,3 +230,9 @@ def load_spec(path: Path) -> mujoco.MjSpec:
     except ValueError as error:
         reason = str(error).splitlines()[0]
         raise KengoroError(f"the model file {path} is not valid MJCF: {reason}") from error
+
+
+def _pose(position: Array, rotation: Array) -> Array:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), position
+    return pose

@@ -99,6 +99,9 @@ class BoneWrapping:
             return
         for name, bone in BONES.items():
             body = draft.spec.body(bone.body)
+            wires = [wire for wire in bone.wires if wire[0] in draft.wires]
+            if not wires:  # a scene with a part of the arm only
+                continue
             radius = self.scale * bone.radius
             geom = body.add_geom(
                 name=f"wrap_{name}",
@@ -114,7 +117,7 @@ class BoneWrapping:
             )
             if bone.axis is not None:
                 geom.alt.zaxis = np.array(bone.axis)
-            for muscle, segment, side in bone.wires:
+            for muscle, segment, side in wires:
                 direction = np.array(side) / np.linalg.norm(side)
                 site = body.add_site(
                     name=f"side_{name}_{muscle}",

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from kengoro_env.draft import Draft
-from kengoro_env.names import JOINTS
+from kengoro_env.names import GROUP_JOINTS
 
 EYE = "eye"
 
@@ -84,8 +84,10 @@ class CameraError:
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
-        """Move the camera and change its lens."""
+        """Move the camera and change its lens, where the scene has one."""
         if self.focal == 0.0 and self.position == 0.0 and self.rotation == 0.0:
+            return
+        if EYE not in [camera.name for camera in draft.spec.cameras]:
             return
         rng = np.random.default_rng([self.seed, 104])
         camera = draft.spec.camera(EYE)
@@ -131,28 +133,32 @@ class FrameDelay:
 class ZeroPosture:
     """Lengths were zeroed by hand, at a posture that was not zero.
 
+    Who resets the lengths of a hanging arm leaves its elbow a little bent and the arm a little
+    off the body: elbow and shoulder roll err to that side only, the other joints to either. Each
+    angle lies between half and one and a half of the one given.
+
     Attributes:
-        sigma: standard deviation of each joint's angle at that posture [rad].
-        scapula_sigma: the same for the four joints of the scapula [rad].
+        shoulder: how far shoulder and elbow joints were from zero [rad].
+        scapula: the same for the four joints of the scapula [rad].
+        other: the same for neck and forearm [rad].
         seed: which posture.
     """
 
-    sigma: float = 0.0
-    scapula_sigma: float = 0.0
+    shoulder: float = 0.0
+    scapula: float = 0.0
+    other: float = 0.0
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
         """Draw the posture and note it."""
-        if self.sigma == 0.0 and self.scapula_sigma == 0.0:
+        angle = {"shoulder": self.shoulder, "scapula": self.scapula}
+        if not any((self.shoulder, self.scapula, self.other)):
             return
         rng = np.random.default_rng([self.seed, 105])
         known = {joint.name for joint in draft.spec.joints}
-        for joint in JOINTS:
-            draw = float(np.clip(rng.standard_normal(), -2.0, 2.0))
-            if joint in known:
-                scapula = joint.startswith(("sc_", "ac_"))
-                draft.senses.zero_posture[joint] = draw * (
-                    self.scapula_sigma if scapula else self.sigma
-                )
-
-
+        for group, joints in GROUP_JOINTS.items():
+            for joint in joints:
+                side = {"elbow": 1, "sh_roll": -1}.get(joint, int(rng.choice([-1, 1])))
+                share = side * float(rng.uniform(0.5, 1.5))
+                if joint in known:
+                    draft.senses.zero_posture[joint] = share * angle.get(group, self.other)

@@ -1,0 +1,173 @@
+"""Many looks at the hand and what the wires measured, fitted together.
+
+One look has six numbers and the arm fourteen joints, so inverse kinematics from one look leaves
+joints wrong that the look cannot tell apart. But the wires' error is no accident of each posture:
+lengths zeroed at a wrong posture or a point that lies elsewhere make a smooth function of the
+joint angles, the same in all looks. Write the measured lengths of look k as
+
+    l_k = f(theta_k) + delta(theta_k) + e_k
+
+with the drawing's map f, and let delta be a Gaussian process whose kernel is that of the output
+layer's prior (`MapPrior`). Then all joint angles theta_1..theta_K are found at once, with delta
+integrated out:
+
+    min  sum_k |log(P_vision,k^-1 P(theta_k))|^2_V  +  sum_m r_m' (Phi Phi' + s^2 I)^-1 r_m,
+    r_m = (l_km - f_m(theta_k))_k,
+
+by Gauss-Newton steps inside the joint limits. The paper (sec. III-C) solves each look alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from jmm_agent.drawing import Floats
+from jmm_agent.prior import MapPrior
+
+Sight = Callable[[Floats, Floats], tuple[Floats, Floats]]
+"""(q (n,), pose_marker_in_camera (4, 4)) -> error (6,) [m, rad] and its Jacobian (6, n)."""
+
+
+class Look(NamedTuple):
+    """One settled posture in which the marker was seen.
+
+    Attributes:
+        pose: pose_marker_in_camera (4, 4), measured.
+        lengths: measured lengths (m,) [m].
+        guess: joint angles (n,) [rad] to start from, the estimate of the time.
+    """
+
+    pose: Floats
+    lengths: Floats
+    guess: Floats
+
+
+@dataclass(frozen=True)
+class LooksOptions:
+    """How sure the fit is of what.
+
+    Attributes:
+        position_noise: of the marker's position in the camera frame [m].
+        rotation_noise: of the marker's orientation [rad].
+        steps: Gauss-Newton steps at most.
+        tolerance: a step smaller than this ends the fit [rad].
+        limit_margin: how far outside its limits a joint may be found [rad].
+        memory: number of looks that are kept, the newest.
+    """
+
+    position_noise: float = 0.003
+    rotation_noise: float = 0.01
+    steps: int = 12
+    tolerance: float = 1e-4
+    limit_margin: float = 0.02
+    memory: int = 60
+
+
+class LooksFit(NamedTuple):
+    """Joint angles of all looks (K, n) [rad], whether the fit came to rest, and what vision says.
+
+    `sight_error` holds for each look the norms of position [m] and rotation [rad] left over.
+    """
+
+    angles: Floats
+    converged: bool
+    sight_error: Floats
+
+
+def fit_looks(
+    looks: Sequence[Look],
+    prior: MapPrior,
+    sight: Sight,
+    limits: Floats,
+    options: LooksOptions,
+    start: Floats | None = None,
+) -> LooksFit:
+    """Joint angles of all looks at once (module docstring).
+
+    Args:
+        looks: K looks.
+        prior: what is known of the map's error.
+        sight: error of the marker's pose at a posture.
+        limits: (n, 2) lowest and highest angles [rad].
+        start: angles (K, n) to start from; the looks' guesses if left out.
+    """
+    low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
+    guesses = np.array([look.guess for look in looks]) if start is None else start
+    angles = np.clip(guesses, low, high)
+    lengths = np.array([look.lengths for look in looks])
+    weight = np.repeat([options.position_noise**-2, options.rotation_noise**-2], 3)
+    cost, errors = _cost(looks, prior, sight, angles, lengths, weight)
+    damping, converged = 1e-3, False
+    for _ in range(options.steps):
+        matrix, gradient = _normal_equations(looks, prior, sight, angles, lengths, weight)
+        scale = np.diag(matrix)
+        while damping < 1e6:
+            matrix_damped = matrix + np.diag(damping * scale)
+            step = -cho_solve(cho_factor(matrix_damped), gradient).reshape(angles.shape)
+            trial = np.clip(angles + np.clip(step, -0.3, 0.3), low, high)
+            trial_cost, trial_errors = _cost(looks, prior, sight, trial, lengths, weight)
+            if trial_cost <= cost:
+                break
+            damping *= 10.0
+        else:
+            converged = True
+            break
+        moved = float(np.abs(trial - angles).max())
+        angles, cost, errors = trial, trial_cost, trial_errors
+        damping = max(damping / 10.0, 1e-6)
+        if moved < options.tolerance:
+            converged = True
+            break
+    norms = np.column_stack(
+        [np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)]
+    )
+    return LooksFit(angles, converged, norms)
+
+
+def _cost(
+    looks: Sequence[Look],
+    prior: MapPrior,
+    sight: Sight,
+    angles: Floats,
+    lengths: Floats,
+    weight: Floats,
+) -> tuple[float, Floats]:
+    errors = np.array([sight(q, look.pose)[0] for q, look in zip(angles, looks, strict=True)])
+    residual = lengths - prior.map.lengths(angles)
+    cost = float(np.sum(weight * errors**2))
+    for group in prior.groups(angles):
+        mine = residual[:, group.muscles]
+        cost += float(np.sum(mine * group.whiten(mine)))
+    return cost, errors
+
+
+def _normal_equations(
+    looks: Sequence[Look],
+    prior: MapPrior,
+    sight: Sight,
+    angles: Floats,
+    lengths: Floats,
+    weight: Floats,
+) -> tuple[Floats, Floats]:
+    count, joints = angles.shape
+    expected, jacobian = prior.map.lengths_and_jacobian(angles)
+    residual = lengths - expected
+    matrix = np.zeros((count, joints, count, joints))
+    gradient = np.zeros((count, joints))
+    for k, (q, look) in enumerate(zip(angles, looks, strict=True)):
+        error, slope = sight(q, look.pose)
+        matrix[k, :, k, :] += slope.T @ (weight[:, None] * slope)
+        gradient[k] += slope.T @ (weight * error)
+    for group in prior.groups(angles):
+        arms = jacobian[:, group.muscles]  # (K, k, n)
+        information = group.whiten(np.eye(count))
+        products = np.einsum("kmi,lmj->kilj", arms, arms, optimize=True)
+        matrix += information[:, None, :, None] * products
+        gradient -= np.einsum("kmi,km->ki", arms, group.whiten(residual[:, group.muscles]))
+    size = count * joints
+    return matrix.reshape(size, size), gradient.ravel()

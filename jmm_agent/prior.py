@@ -1,0 +1,102 @@
+"""What is known of a map's error before anything was learned: a Gaussian prior on output layers.
+
+The map is corrected in its output layers only: delta(theta) = D phi(theta) with the features
+phi = (1, centred hidden activities), scaled such that the offset of a wire has a standard
+deviation of `offset` and its deviation in shape one of `shape` over typical postures. All wires
+of a group share the kernel phi(theta)' phi(theta').
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from jmm_agent.drawing import Floats, Indices
+from jmm_agent.mapping import METRES, GroupMap, JointMuscleMap
+
+
+@dataclass(frozen=True)
+class PriorOptions:
+    """Standard deviations of the drawing's errors.
+
+    Attributes:
+        offset: of a wire's length over all postures, from zeroing lengths by hand [m].
+        shape: of how its length changes with posture, from points that lie elsewhere [m].
+        noise: of what the map cannot follow: friction, stretch, play [m].
+    """
+
+    offset: float = 0.025
+    shape: float = 0.008
+    noise: float = 0.001
+
+
+class GroupKernel:
+    """Kernel of one group at given postures, plus noise, factorised."""
+
+    def __init__(self, muscles: Indices, features: Floats, noise: Floats) -> None:
+        self.muscles = muscles
+        self.features = features
+        self._factor = cho_factor(features @ features.T + np.diag(noise**2))
+
+    def whiten(self, residual: Floats) -> Floats:
+        """(Phi Phi' + noise^2)^-1 residual, for residuals (K, ...) [m]."""
+        return cho_solve(self._factor, residual)
+
+
+class MapPrior:
+    """Prior of the error of a map that was trained on the drawing.
+
+    Args:
+        drawn: the map before learning; every correction is counted from it.
+        postures: typical postures (N, n) [rad], which set the scale of `shape`.
+    """
+
+    def __init__(self, drawn: JointMuscleMap, postures: Floats, options: PriorOptions) -> None:
+        self.map, self.options = drawn, options
+        self._centres = []
+        self._scales = []
+        for group in drawn.groups:
+            hidden = group.hidden(postures)
+            centre = hidden.mean(axis=0)
+            spread = np.sqrt(np.mean(np.sum((hidden - centre) ** 2, axis=1)))
+            self._centres.append(centre)
+            self._scales.append(options.shape / float(spread))
+
+    def _features(self, rank: int, postures: Floats) -> Floats:
+        hidden = self.map.groups[rank].hidden(postures)
+        shape = self._scales[rank] * (hidden - self._centres[rank])
+        return np.hstack([np.full((len(postures), 1), self.options.offset), shape])
+
+    def groups(self, postures: Floats, noise: Floats | None = None) -> Sequence[GroupKernel]:
+        """Kernels of all groups at postures (K, n) [rad], with noise (K,) [m] or the prior's."""
+        spread = np.full(len(postures), self.options.noise) if noise is None else noise
+        return [
+            GroupKernel(group.muscle_index, self._features(rank, postures), spread)
+            for rank, group in enumerate(self.map.groups)
+        ]
+
+    def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:
+        """The map with the smallest change of output layers that explains pairs.
+
+        Args:
+            postures: (K, n) [rad].
+            lengths: (K, m) [m].
+            noise: (K,) how far each pair may be missed [m].
+        """
+        residual = lengths - self.map.lengths(postures)
+        layers: dict[str, tuple[Floats, Floats]] = {}
+        for rank, (group, kernel) in enumerate(
+            zip(self.map.groups, self.groups(postures, noise), strict=True)
+        ):
+            change = kernel.features.T @ kernel.whiten(residual[:, kernel.muscles]) / METRES
+            layers[group.name] = self._layer(rank, group, change)
+        return self.map.with_output_layers(layers)
+
+    def _layer(self, rank: int, group: GroupMap, change: Floats) -> tuple[Floats, Floats]:
+        """Output layer of a group for a change (1 + H, k) [mm] of the features' weights."""
+        weights = self._scales[rank] * change[1:].T
+        offset = self.options.offset * change[0] - weights @ self._centres[rank]
+        return group.W2 + weights, group.b2 + offset

@@ -1,0 +1,196 @@
+"""The two updaters: which pair is learned, and when (paper, sec. II-C, III-B, III-C).
+
+* `AntagonismUpdater` learns (theta_est, l): wires that fought each other or hung slack.
+* `VisionUpdater` learns (theta_ik, l_target): where the hand was really seen.
+
+Both fire when the lengths have settled and the posture is far enough from their last update.
+Under stiffness control a wire with l < l_target does not pull, and obeys any command that is long
+enough: its l_target says nothing. The tightest command that gives the measured tensions is
+min(l, l_target), muscle by muscle; it is the Vision Updater's default, the paper's stays an option.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from jmm_agent.drawing import Floats
+from jmm_agent.learner import Learner, Pairs
+from jmm_agent.looks import Look, LooksOptions, Sight, fit_looks
+from jmm_agent.prior import MapPrior
+
+PairLengths = Literal["min", "l_target", "l"]
+
+
+@dataclass(frozen=True)
+class AntagonismOptions:
+    """When and how strongly (theta_est, l) is learned.
+
+    Attributes:
+        distance: least distance from the last update's posture, L2 norm [rad].
+        noise: how far a pair may be missed [m].
+        memory: number of pairs that are remembered.
+    """
+
+    distance: float = 0.15
+    noise: float = 0.02
+    memory: int = 10
+
+
+@dataclass(frozen=True)
+class VisionOptions:
+    """When, what and how strongly the Vision Updater learns.
+
+    Attributes:
+        distance: least distance from the last update's posture, L2 norm [rad].
+        threshold: C, the largest ||theta_ik - theta_est||_2 that is believed [rad].
+        lengths: what the pair holds: l_target as in the paper, l, or min(l, l_target).
+        noise: how far a pair may be missed [m].
+        saturation: a pair with a tension above this is not learned [N].
+        stop_margin: nor one with a joint this close to its stop [rad].
+        sight_position, sight_rotation: a look that the fit misses by more is dropped [m, rad].
+        looks: how looks are combined.
+    """
+
+    distance: float = 0.15
+    threshold: float = 2.0
+    lengths: PairLengths = "min"
+    noise: float = 0.001
+    saturation: float = 450.0
+    stop_margin: float = 0.005
+    sight_position: float = 0.02
+    sight_rotation: float = 0.06
+    looks: LooksOptions = field(default_factory=LooksOptions)
+
+
+class AntagonismUpdater:
+    """Learns (theta_est, l) when the wires have settled (sec. III-B)."""
+
+    def __init__(self, learner: Learner, options: AntagonismOptions) -> None:
+        self._learner, self._options = learner, options
+        self._last: Floats | None = None
+        joints, muscles = len(learner.map.joints), len(learner.map.muscles)
+        self.pairs = Pairs.none(joints, muscles)
+        self.fired = 0
+
+    def settled(self, estimate: Floats, lengths: Floats, remembered: Pairs) -> bool:
+        """Learn the pair if it is far enough from the last; True if the map was moved."""
+        options = self._options
+        if self._last is not None and np.linalg.norm(estimate - self._last) < options.distance:
+            return False
+        self._last = estimate.copy()
+        new = Pairs(estimate[None], lengths[None], np.array([options.noise]))
+        self._learner.learn(new, remembered.joined(self.pairs))
+        self.pairs = self.pairs.joined(new).last(options.memory)
+        self.fired += 1
+        return True
+
+
+class Seen(NamedTuple):
+    """What one look brought.
+
+    Attributes:
+        angles: joint angles by vision (n,) [rad], theta_ik.
+        error: theta_est - theta_ik (n,) [rad], what the paper calls its joint error.
+        learned: whether the map was moved.
+        reason: why not, if it was not.
+    """
+
+    angles: Floats
+    error: Floats
+    learned: bool
+    reason: str
+
+
+class VisionUpdater:
+    """Learns (theta_ik, l_target) when the settled hand was seen (sec. III-C)."""
+
+    def __init__(
+        self,
+        learner: Learner,
+        prior: MapPrior,
+        sight: Sight,
+        limits: Floats,
+        options: VisionOptions,
+    ) -> None:
+        self._learner, self._prior, self._sight = learner, prior, sight
+        self._limits, self._options = limits, options
+        self._looks: list[Look] = []
+        self._commands: list[Floats] = []
+        self._sound: list[bool] = []
+        self._angles = np.empty((0, len(limits)))
+        joints, muscles = len(learner.map.joints), len(learner.map.muscles)
+        self.pairs = Pairs.none(joints, muscles)
+        self.fired = 0
+        self.dropped: dict[str, int] = {}
+
+    def seen(
+        self,
+        pose: Floats,
+        estimate: Floats,
+        lengths: Floats,
+        target: Floats,
+        tensions: Floats,
+        antagonism: Pairs,
+    ) -> Seen:
+        """Learn from one look at the settled hand.
+
+        Args:
+            pose: pose_marker_in_camera (4, 4), measured.
+            estimate: theta_est (n,) [rad].
+            lengths, target: l and l_target (m,) [m].
+            tensions: (m,) [N].
+            antagonism: pairs that the other updater remembers.
+        """
+        options = self._options
+        look = Look(pose, lengths, estimate)
+        looks = [*self._looks, look][-options.looks.memory :]
+        start = np.vstack([self._angles, estimate])[-options.looks.memory :]
+        fit = fit_looks(looks, self._prior, self._sight, self._limits, options.looks, start)
+        angles = fit.angles[-1]
+        reason = self._doubt(angles, estimate, fit.sight_error[-1])
+        if reason:
+            self.dropped[reason] = self.dropped.get(reason, 0) + 1
+            return Seen(angles, estimate - angles, False, reason)
+        keep = len(looks)
+        self._looks, self._angles = looks, fit.angles
+        command = _pair_lengths(options.lengths, lengths, target)
+        self._commands = [*self._commands, command][-keep:]
+        self._sound = [*self._sound, bool(tensions.max() < options.saturation)][-keep:]
+        self._learn(antagonism)
+        return Seen(angles, estimate - angles, True, "")
+
+    def _doubt(self, angles: Floats, estimate: Floats, sight_error: Floats) -> str:
+        """Why a look is not believed; empty if it is."""
+        options = self._options
+        if sight_error[0] > options.sight_position or sight_error[1] > options.sight_rotation:
+            return "inverse kinematics did not converge"
+        if np.linalg.norm(angles - estimate) >= options.threshold:
+            return "too far from the estimate"
+        if len(self._angles) and (
+            np.linalg.norm(angles - self._angles[-1]) < options.distance
+        ):
+            return "too close to the last update"
+        return ""
+
+    def _learn(self, antagonism: Pairs) -> None:
+        """Learn all pairs anew: a new look may have changed what the earlier ones mean."""
+        options = self._options
+        low = self._limits[:, 0] + options.stop_margin
+        high = self._limits[:, 1] - options.stop_margin
+        free = np.all((self._angles > low) & (self._angles < high), axis=1)
+        use = free & np.array(self._sound)
+        noise = np.full(len(use), options.noise)
+        self.pairs = Pairs(self._angles[use], np.array(self._commands)[use], noise[use])
+        new = self.pairs.last(1)
+        earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in self.pairs))
+        self._learner.learn(new, earlier.joined(antagonism))
+        self.fired += 1
+
+
+def _pair_lengths(kind: PairLengths, lengths: Floats, target: Floats) -> Floats:
+    if kind == "l_target":
+        return target
+    return lengths if kind == "l" else np.minimum(lengths, target)

@@ -1,0 +1,213 @@
+"""The environments: a robot and a task in Gymnasium's words.
+
+The environment only sequences. The robot knows the simulator, the task knows the goal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from kengoro_env import departures as known_departures
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import actual
+from kengoro_env.draft import Departure, UnknownNameError
+from kengoro_env.errors import KengoroError
+from kengoro_env.head_camera import HeadCamera
+from kengoro_env.motors import Gains
+from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_window
+from kengoro_env.robot import DivergedError, Robot
+from kengoro_env.spaces import LATEST, TENSION_RANGE, box, checked_action, length_bounds
+from kengoro_env.tasks.can_grasp import CanGrasp
+from kengoro_env.tasks.elbow import elbow_task
+from kengoro_env.tasks.posture import posture_task
+from kengoro_env.tasks.task import Task
+
+Array = NDArray[np.float64]
+Observation = dict[str, Any]
+
+TASKS: dict[str, Callable[[], Task]] = {
+    "can_grasp": CanGrasp,
+    "posture": posture_task,
+    "elbow": elbow_task,
+}
+
+CONTROL_PERIOD = 0.02
+"""Time that a step takes [s]."""
+
+OUTSIDE = "outside"
+"""The camera of `KengoroEnv.render`."""
+
+
+class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
+    """Kengoro's arm with a task; made by `gymnasium.make`.
+
+    Action, `Box` in [-1, 1], float32: one entry a muscle, affine to its target length
+    (`lengths_to_action`, `kengoro_env.spaces`), then in CanGrasp one for the fingers, from -1
+    (open) to +1 (closed). Muscle stiffness control holds the target lengths at the physics rate.
+
+    Observation, `Dict`; sensors saturate at the bounds of their spaces:
+
+    ============  ==================  =======  =================================================
+    entry         shape               unit     what
+    ============  ==================  =======  =================================================
+    lengths       (m,) float64        m        what the encoders read, 0 where they were zeroed
+    tensions      (m,) float64        N        what the tension sensors read
+    frame         (480, 640, 3)       RGB      newest frame of the camera in the head, uint8
+    frame_time    (1,) float64        s        when it was taken
+    target        (n,) float64        rad      joint angles to reach (Posture, Elbow)
+    ============  ==================  =======  =================================================
+
+    ``info`` holds the truth, which no agent may use: ``joint_angles`` (n,) [rad], ``hand_pose``
+    (4, 4) of the grip point in the world, ``can_pose`` (4, 4), ``success``, ``time`` [s],
+    ``slack_paid_out`` and ``slack_target`` (m,) [m], and ``reason`` in the last step of an
+    episode that ended. A simulation that diverges ends the episode with the last finite
+    observation and the reward 0.
+
+    Args:
+        task: a key of `TASKS`.
+        robot_seed: the actual robot of this seed; None for the drawing.
+        departures: what else makes the robot depart from its drawing; not with ``robot_seed``.
+        camera: whether ``frame`` and ``frame_time`` are observed; None: where there is a camera.
+        render_mode: None, "rgb_array" or "human".
+        gains: muscle stiffness control after each reset.
+
+    Attributes:
+        robot: the simulated robot.
+        muscles, joints: names, in the order of (m,) and (n,) arrays.
+
+    Raises:
+        KengoroError: in one sentence, what was wrong and what would be valid.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)}
+
+    def __init__(
+        self,
+        task: str,
+        robot_seed: int | None = None,
+        departures: Sequence[Departure] | None = None,
+        camera: bool | None = None,
+        render_mode: str | None = None,
+        gains: Gains = Gains(),
+    ) -> None:
+        if task not in TASKS:
+            raise UnknownNameError("task", task, TASKS)
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise UnknownNameError("render_mode", render_mode, self.metadata["render_modes"])
+        self._task = TASKS[task]()
+        scene = asset_path(self._task.scene)
+        self.robot = robot = Robot(
+            scene, _chosen(robot_seed, departures), gains, CONTROL_PERIOD
+        )
+        self.muscles, self.joints = robot.muscles, robot.joints
+        self.render_mode = render_mode
+        self._painter = Painter(robot.model)
+        self._window: Any = None
+        self._camera = None
+        if camera and not self._task.has_camera:
+            raise KengoroError(f"the task {task!r} has no camera: leave camera out or False")
+        if self._task.has_camera and camera is not False:
+            self._camera = HeadCamera(self._painter, robot.frame_delay)
+        self._bounds = length_bounds(scene)
+        self._entries = (*robot.muscles, "fingers") if self._task.fingers else robot.muscles
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self._entries),), dtype=np.float32)
+        self.observation_space = self._make_observation_space()
+        self._observation: Observation | None = None
+        self._ended: str | None = "reset"
+
+    def _make_observation_space(self) -> spaces.Dict:
+        muscles = (len(self.muscles),)
+        entries: dict[str, spaces.Space[Any]] = {
+            "lengths": box(self._bounds.low, self._bounds.high, muscles),
+            "tensions": box(0.0, TENSION_RANGE, muscles),
+        }
+        if self._camera is not None:
+            entries["frame"] = spaces.Box(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+            entries["frame_time"] = box(0.0, LATEST, (1,))
+        if self._task.shows_target:
+            entries["target"] = box(self.robot.lower, self.robot.upper, (len(self.joints),))
+        return spaces.Dict(entries)
+
+    def lengths_to_action(self, lengths: object, fingers: float = -1.0) -> NDArray[np.float32]:
+        """The action that commands ``lengths`` (m,) [m]; those out of bounds are cut.
+
+        Args:
+            lengths: target lengths, as the encoders call them [m].
+            fingers: from -1 (open) to +1 (closed); only where there are fingers.
+        """
+        array = _finite("lengths", lengths, len(self.muscles))
+        action = self._bounds.to_action(array)
+        if self._task.fingers:
+            action = np.append(action, np.float32(fingers))
+        return checked_action(action, self._entries).astype(np.float32)
+
+    def action_to_lengths(self, action: object) -> Array:
+        """The target lengths (m,) [m] that an action commands."""
+        return self._bounds.to_lengths(checked_action(action, self._entries)[: len(self.muscles)])
+
+    def set_stiffness(self, stiffness: object, bias: object) -> None:
+        """Set K_stiff [N/m] and T_bias [N], each a number or (m,); until the next reset."""
+        self.robot.motors.set_stiffness(stiffness, bias)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: same seed, same bits.
+            options: ``posture`` (n,) to start at [rad]; ``target`` (n,) to reach [rad] (Posture,
+                Elbow); ``can`` (x, y) of its axis on the table [m] (CanGrasp).
+        """
+        super().reset(seed=seed)
+        checked = self._checked_options(options or {})
+        rng, noise = self.np_random.spawn(2)
+        self._task.start(self.robot, checked, rng, noise)
+        self._ended = None
+        if self._camera is not None:
+            self._camera.reset(self.robot.data)
+        self._observation = self._observe()
+        if self.render_mode == "human":
+            self.render()
+        return self._observation, self._info(success=False)
+
+    def _checked_options(self, options: Mapping[str, Any]) -> dict[str, Array]:
+        sizes = {"posture": None, **self._task.options}
+        checked = {}
+        for name, value in options.items():
+            if name not in sizes:
+                raise UnknownNameError("option", name, sizes)
+            size = sizes[name]
+            checked[name] = array = _finite(f"the option {name!r}", value, size or len(self.joints))
+            if size is not None:
+                continue
+            beyond = np.flatnonzero((array < self.robot.lower) | (array > self.robot.upper))
+            if len(beyond):
+                i = beyond[0]
+                raise KengoroError(
+                    f"the option {name!r} puts {self.joints[i]} at {array[i]:.3f} rad: it must be "
+                    f"within {self.robot.lower[i]:.3f} and {self.robot.upper[i]:.3f}"
+                )
+        return checked
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Hold the commanded lengths for `CONTROL_PERIOD`."""
+        checked = checked_action(action, self._entries)
+        if self._observation is None:
+            raise KengoroError("call reset before the first step")
+        robot = self.robot
+        if self._task.fingers:
+            robot.close_fingers(float(checked[-1]))
+        try:
+            robot.step(self._bounds.to_lengths(checked[: len(self.muscles)]))
+        except DivergedError as error:
+            info = 
+        return ...

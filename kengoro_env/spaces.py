@@ -1,0 +1,106 @@
+"""Bounded spaces of the environments, and the affine map between actions and lengths.
+
+An entry of an action in [-1, 1] maps to a wire's target length by
+
+    length = low + (action + 1) / 2 * (high - low)
+
+where low and high are the least and the largest length that the drawing's wire takes over the box
+of joint ranges, and `MARGIN` more: a real robot's lengths were zeroed elsewhere. Actions are
+float32, as learning libraries send them: one step of it is at most 0.04 micrometres of wire.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from kengoro_env.drawing import ArmDrawing
+from kengoro_env.errors import KengoroError
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.06
+"""How far beyond the drawing's range a length may be [m]."""
+
+TENSION_RANGE = 1000.0
+"""What a tension sensor reads at most [N]: twice what a motor pulls with."""
+
+LATEST = 86_400.0
+"""What a frame's clock shows at most [s]."""
+
+SAMPLES = 2000
+
+
+class InvalidActionError(KengoroError):
+    """An action of the wrong shape, not finite, or out of [-1, 1]."""
+
+
+@dataclass(frozen=True)
+class LengthBounds:
+    """Bounds of the wires' lengths (m,) [m], and the map from and to actions (m,) in [-1, 1]."""
+
+    low: Array
+    high: Array
+
+    def to_action(self, lengths: Array) -> NDArray[np.float32]:
+        """The action that commands ``lengths`` (m,) [m]; lengths out of bounds are cut."""
+        share = (lengths - self.low) / (self.high - self.low)
+        return np.clip(2.0 * share - 1.0, -1.0, 1.0).astype(np.float32)
+
+    def to_lengths(self, action: NDArray[Any]) -> Array:
+        """The lengths (m,) [m] that an action (m,) commands."""
+        return self.low + (action.astype(float) + 1.0) / 2.0 * (self.high - self.low)
+
+
+@cache
+def length_bounds(scene: Path) -> LengthBounds:
+    """Bounds for the arm in an MJCF file, from postures all over and at the corners of the box."""
+    drawing = ArmDrawing(scene)
+    rng = np.random.default_rng(0)
+    share = rng.uniform(size=(SAMPLES, len(drawing.joints)))
+    share[::2] = np.round(share[::2])
+    lengths = drawing.lengths(drawing.lower + share * (drawing.upper - drawing.lower))
+    low, high = lengths.min(axis=0) - MARGIN, lengths.max(axis=0) + MARGIN
+    for bound in (low, high):
+        bound.setflags(write=False)
+    return LengthBounds(low, high)
+
+
+def box(low: object, high: object, shape: tuple[int, ...]) -> spaces.Box:
+    """A float64 box."""
+    low, high = (np.broadcast_to(np.asarray(bound, dtype=float), shape) for bound in (low, high))
+    return spaces.Box(low.copy(), high.copy(), dtype=np.float64)
+
+
+def checked_action(action: object, entries: Sequence[str]) -> NDArray[Any]:
+    """The action as an array with an entry for each of ``entries``.
+
+    Raises:
+        InvalidActionError: wrong shape, or an entry that is not a number in [-1, 1].
+    """
+    try:
+        array = np.asarray(action, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidActionError(
+            f"an action must be {len(entries)} numbers within [-1, 1], got {action!r}"
+        ) from None
+    if array.shape != (len(entries),):
+        raise InvalidActionError(
+            f"an action must have the shape ({len(entries)},), one entry a muscle"
+            f"{' and one for the fingers' if entries[-1] == 'fingers' else ''}, got {array.shape}"
+        )
+    wrong = np.flatnonzero(~(np.abs(array) <= 1.0))
+    if len(wrong):
+        first = wrong[0]
+        raise InvalidActionError(
+            f"entry {first} of the action ({entries[first]}) is {array[first]:g}: every entry must "
+            "be a finite number within [-1, 1]"
+        )
+    return array

@@ -1,0 +1,103 @@
+"""Can grasping: take a can from the table and lift it (paper, sec. IV).
+
+The reward of a step lies in [0, 1]: a third for the grip point's distance to the can,
+exp(-distance / REACH_SCALE), a third for holding the can between fingers and thumb or palm, and a
+third for how far it rises while it is held, up to `LIFT_HEIGHT`. Success is what `LiftMonitor`
+sees: lifted 30 mm for 1 s by nothing but the hand's contact. Success does not end the episode, so
+that a learner gains by holding on; a can that falls off the table does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from kengoro_env.errors import KengoroError
+from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor
+from kengoro_env.postures import posture_set
+from kengoro_env.robot import Robot
+from kengoro_env.tasks.task import Outcome
+
+Array = NDArray[np.float64]
+
+CAN_AREA = np.array([[0.36, 0.44], [-0.20, -0.10]])
+"""Where the can is put, x and y of its axis [m], uniformly."""
+
+START_DISTANCE = 0.25
+"""The arm starts with its grip point at least this far from the can's centre [m]."""
+
+REACH_SCALE = 0.15
+FALLEN = 0.10
+"""A can this far below where it stood has left the table [m]."""
+
+
+class CanGrasp:
+    """The task of ``Kengoro/CanGrasp-v0``."""
+
+    scene = "mjcf/kengoro_arm/can_grasp.xml"
+    has_camera = True
+    fingers = True
+    options: Mapping[str, int | None] = {"can": 2}
+    shows_target = False
+
+    def start(
+        self,
+        robot: Robot,
+        options: Mapping[str, Array],
+        rng: np.random.Generator,
+        noise: np.random.Generator,
+    ) -> None:
+        """Put the can on the table and the arm away from it, at a posture of the posture set."""
+        drawn = rng.uniform(*CAN_AREA.T)
+        place = options.get("can", drawn)
+        self._check_place(robot, place)
+        postures = posture_set()
+        while True:
+            posture = options.get("posture", postures[rng.integers(len(postures))])
+            robot.reset(posture, noise)
+            can = robot.data.joint("can")
+            can.qpos[:2] = place
+            mujoco.mj_forward(robot.model, robot.data)
+            if "posture" in options or self._distance(robot) > START_DISTANCE:
+                break
+        self._monitor = LiftMonitor(robot.model, robot.data)
+
+    def _check_place(self, robot: Robot, place: Array) -> None:
+        table, can = robot.model.geom("table_top"), robot.model.geom("can")
+        centre = robot.model.body("table").pos[:2]
+        if np.any(np.abs(place - centre) > table.size[:2] - can.size[0]):
+            low, high = centre - table.size[:2], centre + table.size[:2]
+            raise KengoroError(
+                f"the can cannot stand at ({place[0]:g}, {place[1]:g}) m: the table reaches from "
+                f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) m"
+            )
+
+    def _distance(self, robot: Robot) -> float:
+        grip, can = robot.site_pose("grip"), robot.body_pose("can")
+        return float(np.linalg.norm(grip[:3, 3] - can[:3, 3]))
+
+    def target(self) -> Array:
+        """There is none: the agent looks for the can itself."""
+        raise KengoroError("CanGrasp has no target posture: the agent looks for the can itself")
+
+    def judge(self, robot: Robot) -> Outcome:
+        """Reward and success now, and whether the can has left the table."""
+        monitor = self._monitor
+        monitor.update(robot.data)
+        reach = np.exp(-self._distance(robot) / REACH_SCALE)
+        lift = np.clip(monitor.rise / LIFT_HEIGHT, 0.0, 1.0) if monitor.grasped else 0.0
+        reward = (reach + float(monitor.grasped) + lift) / 3.0
+        ended = "the can fell off the table" if monitor.rise < -FALLEN else None
+        return Outcome(float(reward), monitor.lifted, ended)
+
+    def truth(self, robot: Robot) -> dict[str, Any]:
+        """Pose of the can (4, 4), whether the hand holds it, and how far it has risen [m]."""
+        return {
+            "can_pose": robot.body_pose("can"),
+            "grasped": self._monitor.grasped,
+            "rise": self._monitor.rise,
+        }
