@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 Floats = NDArray[np.float64]
 Residual = Callable[[Floats], tuple[Floats, Floats]]
 
 START_DAMPING = 1e-4  # relative to the quadratic term, or without one to the curvature
-LEAST_DAMPING = 1e-10
+LEAST_DAMPING = 1e-7
 MOST_DAMPING = 1e8
+FLOOR = 1e-6  # of the metric, relative to the curvature
 SMALLEST_GAIN = 1e-6  # relative fall of the cost that still counts
 PATIENCE = 3  # steps in a row that may gain less
 
@@ -25,6 +27,15 @@ class Minimum(NamedTuple):
     cost: float
     iterations: int
     stationary: bool
+
+
+class _Point(NamedTuple):
+    """A point, its cost, and half the cost's gradient and Gauss-Newton curvature."""
+
+    x: Floats
+    cost: float
+    gradient: Floats
+    curvature: Floats
 
 
 def minimise(
@@ -41,68 +52,70 @@ def minimise(
     """Minimise |r(x)|^2 + (x - centre)' precision (x - centre) with low <= x <= high.
 
     Variables at a bound that the gradient pushes outwards are held; the damped Gauss-Newton step
-    of the others is projected into the box and taken when the cost falls.
+    of the others stays in the box, and is taken when the cost falls. Where the step alone does not
+    lower it, the step after it may: this follows the curved valley of a precise r and a weak
+    quadratic term (a second-order correction).
 
     Args:
         residual: x (n,) -> r (k,), dr/dx (k, n).
         start: first point, inside the box, (n,).
         low, high: the box, (n,); low = high holds a variable.
-        precision: (n, n), zeros for none.
-        max_iterations: most evaluations of `residual` after the first.
+        precision: (n, n), positive semidefinite; zeros for none.
+        max_iterations: most steps.
         enough: stop when the cost is below.
         smallest_step: stop when every variable moves less.
         centre: of the quadratic term, (n,); None: `start`.
     """
-    x, damping = start, START_DAMPING
     middle = start if centre is None else centre
-    error, slope = residual(x)
-    pull = precision @ (x - middle)
-    cost = float(error @ error + (x - middle) @ pull)
-    gradient, curvature = slope.T @ error + pull, slope.T @ slope + precision
-    metric = precision + LEAST_DAMPING * np.trace(curvature) * np.eye(x.size)
-    if not precision.any():
-        metric = np.trace(curvature) * np.eye(x.size)
-    idle = 0
+
+    def at(x: Floats) -> _Point:
+        error, slope = residual(x)
+        pull = precision @ (x - middle)
+        cost = float(error @ error + (x - middle) @ pull)
+        return _Point(x, cost, slope.T @ error + pull, slope.T @ slope + precision)
+
+    here, damping, idle = at(start), START_DAMPING, 0
+    metric = np.trace(here.curvature) * np.eye(start.size)
+    if precision.any():
+        metric = precision + FLOOR * metric
     for iteration in range(max_iterations):
-        if cost <= enough:
-            return Minimum(x, cost, iteration, True)
-        damped = curvature + damping * metric
-        held = ((x <= low) & (gradient >= 0)) | ((x >= high) & (gradient <= 0))
-        there = _step(damped, gradient, x, low, high, held)
-        if np.abs(there - x).max() < smallest_step:
-            return Minimum(x, cost, iteration, True)
-        new_error, new_slope = residual(there)
-        pull = precision @ (there - middle)
-        new_cost = float(new_error @ new_error + (there - middle) @ pull)
-        if new_cost < cost:
-            idle = idle + 1 if cost - new_cost < SMALLEST_GAIN * cost else 0
-            x, cost, damping = there, new_cost, max(0.1 * damping, LEAST_DAMPING)
-            gradient = new_slope.T @ new_error + pull
-            curvature = new_slope.T @ new_slope + precision
+        if here.cost <= enough:
+            return Minimum(here.x, here.cost, iteration, True)
+        x = _step(here, damping * metric, low, high)
+        if np.abs(x - here.x).max() < smallest_step:
+            return Minimum(here.x, here.cost, iteration, True)
+        there, corrected = at(x), False
+        if there.cost >= here.cost:
+            there, corrected = at(_step(there, damping * metric, low, high)), True
+        if there.cost < here.cost:
+            idle = idle + 1 if here.cost - there.cost < SMALLEST_GAIN * here.cost else 0
+            here = there
+            damping = damping if corrected else max(0.1 * damping, LEAST_DAMPING)
             if idle == PATIENCE:
-                return Minimum(x, cost, iteration + 1, True)
+                return Minimum(here.x, here.cost, iteration + 1, True)
         else:
             damping *= 10.0
             if damping > MOST_DAMPING:
-                return Minimum(x, cost, iteration, True)
-    return Minimum(x, cost, max_iterations, cost <= enough)
+                return Minimum(here.x, here.cost, iteration + 1, True)
+    return Minimum(here.x, here.cost, max_iterations, here.cost <= enough)
 
 
-def _step(
-    damped: Floats, gradient: Floats, x: Floats, low: Floats, high: Floats, held: NDArray[np.bool_]
-) -> Floats:
-    """Newton's point from `x`, `held` variables left out; whichever meets the box stays there."""
+def _step(point: _Point, damping: Floats, low: Floats, high: Floats) -> Floats:
+    """Where the damped Newton step leads; a variable that meets its bound stays there."""
+    x, gradient = point.x, point.gradient
+    damped = point.curvature + damping
+    held = ((x <= low) & (gradient >= 0)) | ((x >= high) & (gradient <= 0))
     step = np.zeros(x.size)
     for _ in range(x.size):
         free = np.flatnonzero(~held)
         if free.size == 0:
             break
         pull = gradient + damped @ np.where(held, step, 0.0)
-        step[free] = np.linalg.solve(damped[np.ix_(free, free)], -pull[free])
+        step[free] = dposv(damped[free][:, free], -pull[free])[1]
         there = x + step
         outside = ~held & ((there < low) | (there > high))
         if not outside.any():
             break
-        step[outside] = np.clip(there, low, high)[outside] - x[outside]
+        step[outside] = (np.minimum(np.maximum(there, low), high) - x)[outside]
         held = held | outside
     return np.minimum(np.maximum(x + step, low), high)

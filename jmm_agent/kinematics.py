@@ -111,15 +111,15 @@ class ArmKinematics:
         free: ArrayLike | None = None,
         position_tolerance: float = 1e-3,
         rotation_tolerance: float = 1e-2,
-        max_iterations: int = 100,
+        max_iterations: int = 200,
         restarts: int = 0,
     ) -> IkResult:
         """Joints that bring `frame` to `pose_target` in `relative_to`, joint limits kept.
 
         Minimises e' W e + (q - q_start)' L (q - q_start), e = (offset of the origin [m], rotation
-        vector [rad]) from the target, in the target's axes. The two are kept apart, not joined to
-        a twist, so that a weight on one does not act on the other. With W = 1 / variance of the seen pose and L = inverse
-        covariance of the estimate this is the likeliest posture (covariance-weighted IK).
+        vector [rad]) from the target, in the target's axes; not joined to a twist, so that a
+        weight on one does not act on the other. With W = 1 / variance of the seen pose and L =
+        inverse covariance of the estimate this is the likeliest posture (covariance-weighted IK).
 
         Args:
             frame: the moving frame.
@@ -279,14 +279,15 @@ class ArmKinematics:
     ) -> str:
         if good and found.stationary:
             return "Reached."
+        miss = f"{1e3 * metres:.1f} mm and {np.rad2deg(angle):.1f} deg"
         if not found.stationary:
-            return f"Not settled after {found.iterations} iterations: try more, or another start."
+            return f"Not settled after {found.iterations} iterations, {miss} from the target."
         at_limit = (found.x <= low + LIMIT_TOLERANCE) | (found.x >= high - LIMIT_TOLERANCE)
         pairs = zip(self.joints, at_limit & (low < high), strict=True)
         names = ", ".join(joint for joint, held in pairs if held)
         return (
-            f"Out of reach from this start: the closest posture misses by {1e3 * metres:.1f} mm "
-            f"and {np.rad2deg(angle):.1f} deg; joints at their limits: {names or 'none'}."
+            f"Out of reach from this start: the closest posture misses by {miss}; "
+            f"joints at their limits: {names or 'none'}."
         )
 
 

@@ -2,7 +2,8 @@
 
 Pinocchio 4.1 reads MJCF, but silently drops the pose and the sites of a root body without joints,
 every root body but the first, and cameras; it merges several joints of one body into one, and
-ignores `<frame>`, a joint's `ref` and the default pose of sites. So the kinematic part of the file is rewritten first:
+ignores `<frame>`, a joint's `ref` and the default pose of sites. So the kinematic part of the
+file is rewritten first:
 
 * everything hangs below two bodies without joints, whose poses are zero and may be dropped;
 * a body with several joints becomes a chain of bodies with one each;

@@ -29,7 +29,7 @@ class PriorOptions:
     """
 
     offset: float = 0.025
-    shape: float = 0.008
+    shape: float = 0.005
     noise: float = 0.001
 
 

@@ -133,7 +133,8 @@ class VisionUpdater:
         lengths: Floats,
         target: Floats,
         tensions: Floats,
-        antagonism: Pairs,
+        antagonism: Pairs | None = None,
+        learn: bool = True,
     ) -> Seen:
         """Learn from one look at the settled hand.
 
@@ -143,6 +144,7 @@ class VisionUpdater:
             lengths, target: l and l_target (m,) [m].
             tensions: (m,) [N].
             antagonism: pairs that the other updater remembers.
+            learn: False only looks: nothing is remembered and the map stays.
         """
         options = self._options
         look = Look(pose, lengths, estimate)
@@ -151,16 +153,22 @@ class VisionUpdater:
         fit = fit_looks(looks, self._prior, self._sight, self._limits, options.looks, start)
         angles = fit.angles[-1]
         reason = self._doubt(angles, estimate, fit.sight_error[-1])
+        if not learn:
+            return Seen(angles, estimate - angles, False, reason)
         if reason:
-            self.dropped[reason] = self.dropped.get(reason, 0) + 1
+            self.drop(reason)
             return Seen(angles, estimate - angles, False, reason)
         keep = len(looks)
         self._looks, self._angles = looks, fit.angles
         command = _pair_lengths(options.lengths, lengths, target)
         self._commands = [*self._commands, command][-keep:]
         self._sound = [*self._sound, bool(tensions.max() < options.saturation)][-keep:]
-        self._learn(antagonism)
+        self._learn(self.pairs.last(0) if antagonism is None else antagonism)
         return Seen(angles, estimate - angles, True, "")
+
+    def drop(self, reason: str) -> None:
+        """Count a look that brought nothing, and why."""
+        self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def _doubt(self, angles: Floats, estimate: Floats, sight_error: Floats) -> str:
         """Why a look is not believed; empty if it is."""

@@ -6,6 +6,7 @@ The environment only sequences. The robot knows the simulator, the task knows th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
@@ -118,8 +119,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._entries = (*robot.muscles, "fingers") if self._task.fingers else robot.muscles
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._entries),), dtype=np.float32)
         self.observation_space = self._make_observation_space()
-        self._observation: Observation | None = None
-        self._ended: str | None = "reset"
+        self._ended: str | None = "none has begun"
 
     def _make_observation_space(self) -> spaces.Dict:
         muscles = (len(self.muscles),)
@@ -172,10 +172,10 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._ended = None
         if self._camera is not None:
             self._camera.reset(self.robot.data)
-        self._observation = self._observe()
+        self._last = self._observe(), self._info(success=False)
         if self.render_mode == "human":
             self.render()
-        return self._observation, self._info(success=False)
+        return self._last
 
     def _checked_options(self, options: Mapping[str, Any]) -> dict[str, Array]:
         sizes = {"posture": None, **self._task.options}
@@ -201,13 +201,108 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold the commanded lengths for `CONTROL_PERIOD`."""
         checked = checked_action(action, self._entries)
-        if self._observation is None:
-            raise KengoroError("call reset before the first step")
-        robot = self.robot
-        if self._task.fingers:
-            robot.close_fingers(float(checked[-1]))
+        if self._ended is not None:
+            raise KengoroError(f"there is no episode to step ({self._ended}): call reset")
         try:
-            robot.step(self._bounds.to_lengths(checked[: len(self.muscles)]))
+            self.robot.close_fingers(float(checked[-1]) if self._task.fingers else -1.0)
+            self.robot.step(self._bounds.to_lengths(checked[: len(self.muscles)]))
         except DivergedError as error:
-            info = 
-        return ...
+            self._ended = str(error)
+            observation, info = deepcopy(self._last)
+            return observation, 0.0, True, False, {**info, "success": False, "reason": str(error)}
+        outcome = self._task.judge(self.robot)
+        if self._camera is not None:
+            self._camera.update(self.robot.data)
+        self._ended = outcome.ended
+        observation, info = self._last = self._observe(), self._info(outcome.success)
+        if outcome.ended is not None:
+            info["reason"] = outcome.ended
+        if self.render_mode == "human":
+            self.render()
+        return observation, outcome.reward, outcome.ended is not None, False, info
+
+    def _observe(self) -> Observation:
+        space, robot = self._bounds, self.robot
+        observation: Observation = {
+            "lengths": np.clip(robot.sense_lengths(), space.low, space.high),
+            "tensions": np.minimum(robot.sense_tensions(), TENSION_RANGE),
+        }
+        if self._camera is not None:
+            time, frame = self._camera.newest()
+            observation["frame"] = frame
+            observation["frame_time"] = np.array([min(time, LATEST)])
+        if self._task.shows_target:
+            observation["target"] = self._task.target()
+        return observation
+
+    def _info(self, success: bool) -> dict[str, Any]:
+        robot = self.robot
+        paid_out, target = robot.slack(robot.target)
+        return {
+            "joint_angles": robot.joint_angles,
+            "hand_pose": robot.site_pose("grip"),
+            "success": success,
+            "time": robot.time,
+            "slack_paid_out": paid_out,
+            "slack_target": target,
+            **self._task.truth(robot),
+        }
+
+    def render(self) -> Image | None:
+        """The outside view (480, 640, 3) uint8, or None where a window shows it.
+
+        Without a display "human" warns once and becomes "rgb_array".
+        """
+        if self.render_mode is None:
+            return None
+        robot = self.robot
+        if self.render_mode == "human" and self._window is None:
+            self._window = open_window(robot.model, robot.data)
+            if self._window is None:
+                self.render_mode = "rgb_array"
+        if self.render_mode == "human":
+            self._window.sync()
+            return None
+        return self._painter.draw(robot.data, OUTSIDE)
+
+    def close(self) -> None:
+        """Close the window and free the GL context; may be called again."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+        self._painter.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copied or unpickled environment goes on where this one stands, without its window."""
+        return {**self.__dict__, "_window": None}
+
+
+def _chosen(robot_seed: int | None, departures: Sequence[Departure] | None) -> tuple[Departure, ...]:
+    """What makes the robot depart from its drawing."""
+    if robot_seed is not None and departures is not None:
+        raise KengoroError("give either robot_seed or departures, not both")
+    if robot_seed is not None:
+        if isinstance(robot_seed, bool) or not isinstance(robot_seed, int | np.integer):
+            raise KengoroError(f"robot_seed must be a whole number or None, got {robot_seed!r}")
+        if robot_seed < 0:
+            raise KengoroError(f"robot_seed must not be negative, got {robot_seed}")
+        return actual(int(robot_seed))
+    chosen = () if departures is None else departures
+    if not isinstance(chosen, Sequence):
+        raise KengoroError(f"departures must be a tuple of departures, got {chosen!r}")
+    for departure in chosen:
+        if isinstance(departure, type) or not hasattr(departure, "edit"):
+            kinds = [name for name in known_departures.__all__ if name[0].isupper()]
+            raise UnknownNameError("departure", departure, kinds)
+    return tuple(chosen)
+
+
+def _finite(name: str, value: object, size: int) -> Array:
+    """``value`` as ``size`` finite numbers."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (size,) or not np.all(np.isfinite(array)):
+        raise KengoroError(f"{name} must be {size} finite numbers, got {value!r}")
+    return array

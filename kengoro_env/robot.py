@@ -96,12 +96,12 @@ class Robot:
         self.reset(np.zeros(len(self.joints)), self._rng)
 
     def _length_at_zero_posture(self) -> Array:
-        """What each wire has paid out when it hangs at T_bias in the posture called zero."""
+        """What each wire, not yet given, has paid out at T_bias in the posture called zero."""
         posture = self._senses.zero_posture
         self.data.qpos[self._position] = [posture.get(joint, 0.0) for joint in self.joints]
         mujoco.mj_forward(self.model, self.data)
         stretch = self.motors.stretch_at(self.motors.bias)
-        return self.motors.paths() - stretch - self.motors.elongation
+        return self.motors.paths() - stretch
 
     @property
     def frame_delay(self) -> float:

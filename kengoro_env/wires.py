@@ -19,8 +19,8 @@ SPOOL_TRAVEL = 0.6
 """Length of a spool's travel [m]; the wire's end starts in its middle, away from the guide."""
 
 SPOOL_MASS = 0.001
-SPOOL_DAMPING = 150.0
-"""Viscous friction of a motor on a spool [N s/m]; it acts only while the motor turns."""
+MOTOR_DAMPING = 150.0
+"""Viscous friction of a motor, seen at the wire [N s/m]; it acts only while the motor turns."""
 
 
 def spool_joint(muscle: str) -> str:
@@ -42,6 +42,7 @@ def wind(draft: Draft) -> None:
         else:
             tendon.armature = wire.motor_inertia
             tendon.frictionloss = wire.friction
+            tendon.damping = np.array([MOTOR_DAMPING, 0.0, 0.0])
             _add_motor(draft.spec, muscle, mujoco.mjtTrn.mjTRN_TENDON, muscle)
 
 
@@ -72,7 +73,7 @@ def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str, following: str) -> 
         name=spool_joint(muscle),
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=np.array([0.0, 0.0, 1.0]),
-        damping=np.array([SPOOL_DAMPING, 0.0, 0.0]),
+        damping=np.array([MOTOR_DAMPING, 0.0, 0.0]),
     )
     end = body.add_site(name=f"{muscle}_spool")
     return end.name

@@ -10,12 +10,14 @@ that a learner gains by holding on; a can that falls off the table does.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import radians
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.departures.senses import EYE
 from kengoro_env.errors import KengoroError
 from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor
 from kengoro_env.postures import posture_set
@@ -29,6 +31,9 @@ CAN_AREA = np.array([[0.36, 0.44], [-0.20, -0.10]])
 
 START_DISTANCE = 0.25
 """The arm starts with its grip point at least this far from the can's centre [m]."""
+
+CLEAR_VIEW = radians(20.0)
+"""... and its marker at least this far from the eye's line to the can [rad]."""
 
 REACH_SCALE = 0.15
 FALLEN = 0.10
@@ -62,7 +67,7 @@ class CanGrasp:
             can = robot.data.joint("can")
             can.qpos[:2] = place
             mujoco.mj_forward(robot.model, robot.data)
-            if "posture" in options or self._distance(robot) > START_DISTANCE:
+            if "posture" in options or self._is_clear(robot):
                 break
         self._monitor = LiftMonitor(robot.model, robot.data)
 
@@ -75,6 +80,13 @@ class CanGrasp:
                 f"the can cannot stand at ({place[0]:g}, {place[1]:g}) m: the table reaches from "
                 f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) m"
             )
+
+    def _is_clear(self, robot: Robot) -> bool:
+        """Whether the hand is away from the can, and from the eye's view of it."""
+        eye = robot.data.camera(EYE).xpos
+        views = [robot.data.site(name).xpos - eye for name in ("marker_hand", "marker_can")]
+        hand, can = (view / np.linalg.norm(view) for view in views)
+        return self._distance(robot) > START_DISTANCE and bool(hand @ can < np.cos(CLEAR_VIEW))
 
     def _distance(self, robot: Robot) -> float:
         grip, can = robot.site_pose("grip"), robot.body_pose("can")

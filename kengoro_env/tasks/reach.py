@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import radians
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +79,6 @@ class Reach:
             self._targets += 1
         return Outcome(reward, error < TOLERANCE)
 
-    def truth(self, robot: Robot) -> dict[str, Array]:
+    def truth(self, robot: Robot) -> dict[str, Any]:
         """Nothing beside what every task has."""
         return {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,5 +62,5 @@ class Task(Protocol):
     def judge(self, robot: Robot) -> Outcome:
         """Judge the present state; called once after each control step."""
 
-    def truth(self, robot: Robot) -> dict[str, Array]:
+    def truth(self, robot: Robot) -> dict[str, Any]:
         """Entries for ``info`` beside those that every task has."""

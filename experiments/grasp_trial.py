@@ -1,0 +1,206 @@
+"""The can-grasping experiment on one robot (paper, sec. IV, last subsection).
+
+Kengoro looks at a can, reaches for it and misses; moves its hand before its eyes and learns;
+approaches again; looks once more at its arm; grasps the can and lifts it. After a miss a person
+puts the can back where it stood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.session import CLOSED, OPEN, Session
+from jmm_agent.grasping import GraspPlan, GraspPlanner
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TrialOptions:
+    """How the experiment runs.
+
+    Attributes:
+        approaches: number of approaches at most.
+        postures: number of postures before the eyes, between the first two approaches.
+        near: number of postures near the can, before each later approach.
+        move: duration of a movement from posture to posture [s].
+        patience: longest wait for rest and for a look [s].
+        reach: duration of the way from the stand-off to the can [s].
+        table_point: where the head is turned to find the can (3,) [m].
+        scan: how far the head is turned when it is not there, (yaw, pitch) [rad].
+    """
+
+    approaches: int = 4
+    postures: int = 27
+    near: int = 8
+    move: float = 2.0
+    patience: float = 2.0
+    reach: float = 1.5
+    table_point: tuple[float, float, float] = (0.40, -0.15, -0.28)
+    scan: tuple[float, float] = (0.28, 0.22)
+
+
+@dataclass
+class Approach:
+    """One approach: distance of the grip point to its target before closing [m], and success."""
+
+    start: float
+    distance: float
+    can_distance: float
+    grasped: bool
+    reachable: bool
+    target: Floats
+    max_tension: float
+
+
+@dataclass
+class Trial:
+    """What the experiment brought."""
+
+    approaches: list[Approach] = field(default_factory=list)
+    postures: int = 0
+    notes: list[str] = field(default_factory=list)
+
+
+class GraspTrial:
+    """Runs the experiment in a session.
+
+    Args:
+        session: CanGrasp with an agent.
+        planner: of the agent's own kinematics.
+        library: postures (N, n) [rad] to move the hand before the eyes.
+        can_place: where the person puts the can back, (2,) [m].
+        rng: chooses postures.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        planner: GraspPlanner,
+        library: Floats,
+        rng: np.random.Generator,
+        options: TrialOptions | None = None,
+    ) -> None:
+        self._session, self._planner, self._library = session, planner, library
+        self._rng, self._options = rng, options or TrialOptions()
+        self.trial = Trial()
+        self.stage = ""
+
+    def run(self) -> Trial:
+        """The whole experiment; it ends when the can is lifted or the approaches are used up."""
+        options = self._options
+        for number in range(options.approaches):
+            if number == 1:
+                self.stage = "moves its hand before its eyes"
+                self._explore(self._random_postures(options.postures))
+            elif number > 1:
+                self.stage = "looks once more at its arm"
+                self._explore(self._near_postures())
+            self.stage = f"approach {number + 1}"
+            if self._approach():
+                break
+        return self.trial
+
+    def _explore(self, postures: Sequence[Floats]) -> None:
+        for posture in postures:
+            self._session.move(posture, self._options.move, self._options.patience)
+            self.trial.postures += 1
+
+    def _random_postures(self, count: int) -> list[Floats]:
+        """Postures of the library, each as far as possible from those before, of a few drawn."""
+        chosen: list[Floats] = []
+        while len(chosen) < count:
+            drawn = self._library[self._rng.integers(len(self._library), size=5)]
+            away = [min([np.linalg.norm(q - c) for c in chosen], default=0.0) for q in drawn]
+            chosen.append(drawn[int(np.argmax(away))])
+        return chosen
+
+    def _near_postures(self) -> list[Floats]:
+        """Postures above and beside the can, away from it."""
+        if self._can is None:
+            return self._random_postures(self._options.near)
+        postures = []
+        for _ in range(self._options.near):
+            offset = np.array([-0.05, -0.05, 0.16]) + self._rng.uniform(-0.06, 0.06, 3)
+            postures.append(self._planner.hover(self._can, offset, self._session.agent.target))
+        return postures
+
+    def _look_for_can(self) -> Floats | None:
+        """Turn the head until the can is seen; pose of its marker in the world (4, 4)."""
+        agent, options = self._session.agent, self._options
+        yaw, pitch = options.scan
+        offsets = [(0.0, 0.0), (yaw, 0.0), (-yaw, 0.0), (0.0, -pitch), (0.0, pitch)]
+        offsets += [(yaw, -pitch), (-yaw, -pitch), (yaw, pitch), (-yaw, pitch)]
+        towards = self._planner.look_at(np.array(options.table_point), agent.target)
+        for offset in offsets:
+            turned = towards.copy()
+            turned[:2] += offset
+            self._session.move(turned, 1.0, options.patience)
+            pose = self._can_in_view()
+            if pose is not None:
+                self._session.move(self._planner.look_at(pose[:3, 3], agent.target), 0.8, options.patience)
+                again = self._can_in_view()
+                return pose if again is None else again
+        return None
+
+    def _can_in_view(self) -> Floats | None:
+        session = self._session
+        still_since = session.time
+        session.wait(0.6)  # until a frame has come that was taken at rest
+        if session.senses.frame_time < still_since:
+            return None
+        agent = session.agent
+        marker = agent.look(session.senses).get(agent.options.can_marker)
+        if marker is None:
+            return None
+        return self._planner.marker_in_world(marker.pose_marker_in_camera, agent.joint_angles)
+
+    _can: Floats | None = None
+
+    def _approach(self) -> bool:
+        session, options = self._session, self._options
+        self._can = pose = self._look_for_can()
+        if pose is None:
+            self.trial.notes.append(f"{self.stage}: the can was not found")
+            return False
+        plan = self._planner.plan(pose, session.agent.target)
+        if not plan.reachable:
+            self.trial.notes.append(
+                f"{self.stage}: the can is out of reach, by {1e3 * plan.worst:.0f} mm"
+            )
+        start = session.time
+        session.move(plan.approach[0], options.move, options.patience)
+        session.move(plan.approach[1:], options.reach)
+        session.wait(0.6)
+        self.trial.approaches.append(self._measure(plan, start))
+        session.fingers = CLOSED
+        session.wait(1.2)
+        session.move(plan.lift[1:], 1.5)
+        session.wait(1.6)
+        grasped = bool(session.truth["success"])
+        self.trial.approaches[-1].grasped = grasped
+        if not grasped:
+            session.fingers = OPEN
+            session.wait(0.5)
+            session.move(plan.lift[-1], 1.0)
+            session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
+        return grasped
+
+    def _measure(self, plan: GraspPlan, start: float) -> Approach:
+        """What a bystander measures before the fingers close; the agent never sees it."""
+        truth, log = self._session.truth, self._session.log
+        hand = truth["hand_pose"][:3, 3]
+        first = int(np.searchsorted(log.time, start))
+        return Approach(
+            start=start,
+            distance=float(np.linalg.norm(hand - plan.grip)),
+            can_distance=float(np.linalg.norm(hand - truth["can_pose"][:3, 3])),
+            grasped=False,
+            reachable=plan.reachable,
+            target=plan.grip,
+            max_tension=float(np.max(log.tensions[first:])),
+        )
