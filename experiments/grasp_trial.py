@@ -29,6 +29,7 @@ class TrialOptions:
         near: number of postures near the can, before each later approach.
         move: duration of a movement from posture to posture [s].
         patience: longest wait for rest and for a look [s].
+        turn: duration of a turn of the head [s].
         reach: duration of the way from the stand-off to the can [s].
         table_point: where the head is turned to find the can (3,) [m].
         scan: how far the head is turned when it is not there, (yaw, pitch) [rad].
@@ -39,6 +40,7 @@ class TrialOptions:
     near: int = 8
     move: float = 2.0
     patience: float = 2.0
+    turn: float = 0.8
     reach: float = 1.5
     table_point: tuple[float, float, float] = (0.40, -0.15, -0.28)
     scan: tuple[float, float] = (0.28, 0.22)
@@ -108,7 +110,24 @@ class GraspTrial:
     def _explore(self, postures: Sequence[Floats]) -> None:
         for posture in postures:
             self._session.move(posture, self._options.move, self._options.patience)
+            self._find_hand(posture)
+            self._session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
             self.trial.postures += 1
+
+    def _find_hand(self, posture: Floats) -> None:
+        """Turn the head until the hand's marker is in view, if it is not."""
+        agent = self._session.agent
+        for offset in self._scan_offsets():
+            if agent.options.hand_marker in agent.markers:
+                return
+            turned = posture.copy()
+            turned[:2] += offset
+            self._session.move(turned, self._options.turn, self._options.patience)
+
+    def _scan_offsets(self) -> list[tuple[float, float]]:
+        yaw, pitch = self._options.scan
+        sides = [(0.0, pitch), (0.0, -pitch), (yaw, 0.0), (-yaw, 0.0)]
+        return sides + [(yaw, pitch), (-yaw, pitch), (yaw, -pitch), (-yaw, -pitch)]
 
     def _random_postures(self, count: int) -> list[Floats]:
         """Postures of the library, each as far as possible from those before, of a few drawn."""
@@ -132,17 +151,15 @@ class GraspTrial:
     def _look_for_can(self) -> Floats | None:
         """Turn the head until the can is seen; pose of its marker in the world (4, 4)."""
         agent, options = self._session.agent, self._options
-        yaw, pitch = options.scan
-        offsets = [(0.0, 0.0), (yaw, 0.0), (-yaw, 0.0), (0.0, -pitch), (0.0, pitch)]
-        offsets += [(yaw, -pitch), (-yaw, -pitch), (yaw, pitch), (-yaw, pitch)]
         towards = self._planner.look_at(np.array(options.table_point), agent.target)
-        for offset in offsets:
+        for offset in [(0.0, 0.0), *self._scan_offsets()]:
             turned = towards.copy()
             turned[:2] += offset
-            self._session.move(turned, 1.0, options.patience)
+            self._session.move(turned, options.turn, options.patience)
             pose = self._can_in_view()
             if pose is not None:
-                self._session.move(self._planner.look_at(pose[:3, 3], agent.target), 0.8, options.patience)
+                centred = self._planner.look_at(pose[:3, 3], agent.target)
+                self._session.move(centred, options.turn, options.patience)
                 again = self._can_in_view()
                 return pose if again is None else again
         return None
@@ -173,7 +190,7 @@ class GraspTrial:
                 f"{self.stage}: the can is out of reach, by {1e3 * plan.worst:.0f} mm"
             )
         start = session.time
-        session.move(plan.approach[0], options.move, options.patience)
+        session.move(plan.approach[0], options.move)
         session.move(plan.approach[1:], options.reach)
         session.wait(0.6)
         self.trial.approaches.append(self._measure(plan, start))
@@ -185,7 +202,6 @@ class GraspTrial:
         self.trial.approaches[-1].grasped = grasped
         if not grasped:
             session.fingers = OPEN
-            session.wait(0.5)
             session.move(plan.lift[-1], 1.0)
             session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
         return grasped

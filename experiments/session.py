@@ -99,6 +99,7 @@ class Session:
         Raises:
             EpisodeEndedError: the environment says that the episode is over.
         """
+        self.agent.hand_is_free = self.fingers == OPEN
         lengths = self.agent.step(self.senses)
         action = self.env.unwrapped.lengths_to_action(lengths, self.fingers)  # type: ignore[attr-defined]
         self.observation, _, ended, cut, self.truth = self.env.step(action)

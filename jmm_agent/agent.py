@@ -142,6 +142,9 @@ class Agent:
         self._target_lengths = drawn.lengths(start)
         self._look_due = False
         self._frame_time = -np.inf
+        self.hand_is_free = True
+        """False while the hand holds or touches something: the map is then left alone, since the
+        paper deals only with "the condition in which no forces, except for gravity, are applied"."""
         self.seen: Seen | None = None
         """What the newest look brought; None before the first."""
         self.markers: dict[int, MarkerPose] = {}
@@ -194,7 +197,9 @@ class Agent:
         else:
             self._wake(senses)
         self._time = senses.time
-        if self._settling.update(senses.time, senses.lengths):
+        if not self.hand_is_free:
+            self._settling.reset()
+        elif self._settling.update(senses.time, senses.lengths):
             self._look_due = self._detector is not None
             self._learn_antagonism(senses)
         if not np.isfinite(self._settling.since):

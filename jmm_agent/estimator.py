@@ -9,7 +9,8 @@ Both use the same measured l_k, hence the same noise e_k, and l_k-1 brings e_k-1
 takes them for independent counts one measurement twice. Augment the state by the last noise:
 (theta_k-1, e_k-1). Given l_k-1 = f(theta_k-1) + e_k-1 the noise is known as soon as theta is:
 its estimate is the residual r_k-1 = l_k-1 - f(theta_k-1|k-1) and its error is -G eps_k-1, where
-eps = theta - estimate. So the augmented filter needs no larger state. With v_k the motion:
+eps = theta - estimate. So the augmented filter needs no larger state. With v_k the motion
+and w_k what a straight step misses of a curved map:
 
     theta_k|k-1 = theta_k-1|k-1 + B (l_k - l_k-1 + r_k-1)
                 = theta_k-1|k-1 + B (l_k - f(theta_k-1|k-1))
@@ -78,7 +79,7 @@ class EstimatorOptions:
     Attributes:
         encoder_noise: standard deviation of a measured length, R [m].
         motion_noise: how far joints move, V [rad/sqrt(s)]; smaller averages more and lags more.
-        process_noise: error of the state equation, Q [rad/sqrt(s)].
+        process_noise: error of the state equation, mostly curvature, Q [rad/sqrt(s)].
         initial_std: of each joint at the start [rad].
         invalidation_std: added to each joint when the map has changed [rad].
         limit_margin: how far outside its limits an estimate may be [rad].

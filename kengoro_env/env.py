@@ -155,6 +155,10 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Set K_stiff [N/m] and T_bias [N], each a number or (m,); until the next reset."""
         self.robot.motors.set_stiffness(stiffness, bias)
 
+    def put_can_back(self) -> None:
+        """Put the can back where it stood at the reset, as a person would (CanGrasp only)."""
+        self._task.tidy_up(self.robot)
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:

@@ -1,7 +1,7 @@
 """The fingers: one motor that closes fingers and thumb around whatever is between them.
 
 A fixed tendon couples the four finger joints, so that a joint that meets resistance stops while
-the others go on; springs in the joints open the hand. The motor pulls only, with a limited force.
+the others go on. Springs in the joints help to open the hand. Forces are limited to a human's.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ FINGERS = "fingers"
 """Name of the fingers' actuator: its control is the command, -1 for open and +1 for closed."""
 
 _PULLEYS = (1.0, 0.7, 0.8, 0.5)  # of `FINGER_JOINTS`: torque of each joint per torque of the motor
-_TORQUE = 1.2  # limit of the motor [N m]; presses the can with 20 to 30 N
+_TORQUE = (-0.6, 1.2)  # limits of the motor, opening and closing [N m]; grips with 20 to 30 N
 _STIFFNESS = 2.0  # of the motor's position control [N m]
 _CLOSED = 4.0  # target of the coupling when closed: beyond a fist, so that a grip keeps its force
 
@@ -27,15 +27,13 @@ def add_fingers(spec: mujoco.MjSpec) -> None:
     coupling = spec.add_tendon(name=FINGERS)
     for joint, pulley in zip(FINGER_JOINTS, _PULLEYS, strict=True):
         coupling.wrap_joint(joint, pulley)
-    motor = spec.add_actuator(
-        name=FINGERS, target=FINGERS, trntype=mujoco.mjtTrn.mjTRN_TENDON
-    )
+    motor = spec.add_actuator(name=FINGERS, target=FINGERS, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     motor.gaintype = mujoco.mjtGain.mjGAIN_FIXED
     motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     # Torque = stiffness (target - coupling), with the target 0 at -1 and _CLOSED at +1.
     motor.gainprm[0] = _STIFFNESS * _CLOSED / 2
     motor.biasprm[:2] = (_STIFFNESS * _CLOSED / 2, -_STIFFNESS)
     motor.forcelimited = True
-    motor.forcerange = np.array([0.0, _TORQUE])
+    motor.forcerange = np.array(_TORQUE)
     motor.ctrllimited = True
     motor.ctrlrange = np.array([-1.0, 1.0])

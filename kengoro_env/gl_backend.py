@@ -10,6 +10,8 @@ import ctypes
 import os
 import sys
 
+from kengoro_env.errors import KengoroError
+
 LIBRARIES: dict[str, tuple[str, ...]] = {
     "egl": ("libEGL.so.1", "libEGL.so"),
     "osmesa": ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),
@@ -42,9 +44,18 @@ def choose() -> None:
 
     Does nothing where the user chose, where there is a display, where mujoco was imported before
     (`rendering` then finds a backend of its own) and where no library is found.
+
+    Raises:
+        KengoroError: the user chose a backend without whose library mujoco cannot be imported.
     """
-    if "mujoco" in sys.modules or os.environ.get("MUJOCO_GL") or os.environ.get("DISPLAY"):
+    chosen = os.environ.get("MUJOCO_GL", "")
+    if "mujoco" in sys.modules or os.environ.get("DISPLAY") and not chosen:
         return
     found = candidates()
+    if chosen and found[0] in LIBRARIES and sys.platform == "linux" and not is_there(found[0]):
+        raise KengoroError(
+            f"MUJOCO_GL={chosen} is set, but {LIBRARIES[found[0]][0]} is not there: unset it, or "
+            "install the libraries of that backend"
+        )
     if found and found[0]:
         os.environ["MUJOCO_GL"] = found[0]

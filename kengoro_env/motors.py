@@ -76,16 +76,19 @@ class Motors:
         shape = (len(self.muscles),)
         values = []
         for name, value in (("stiffness", stiffness), ("bias", bias)):
-            array = np.asarray(value, dtype=float)
+            try:
+                array = np.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                array = np.array(np.nan)
             if array.shape not in ((), shape) or not np.all(np.isfinite(array) & (array >= 0)):
                 raise KengoroError(
                     f"set_stiffness: {name} must be finite, not negative and of shape () or "
                     f"{shape}, got {value!r}"
                 )
             values.append(np.broadcast_to(array, shape).copy())
-        self.stiffness, self.bias = values
-        if np.any(self.bias > self._limit):
+        if np.any(values[1] > self._limit):
             raise KengoroError(f"set_stiffness: bias must be at most T_max = {self._limit} N")
+        self.stiffness, self.bias = values
         # A tendon pulls by a negative force on its length, a spool by a positive one on its travel.
         sign = np.where(self._spooled, 1.0, -1.0)
         low, high = np.sort([sign * self.bias, sign * self._limit], axis=0)

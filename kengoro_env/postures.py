@@ -23,7 +23,6 @@ from math import radians
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from kengoro_env.assets import asset_path
 from kengoro_env.drawing import ArmDrawing
@@ -67,6 +66,8 @@ def least_tension(arms: Array, gravity: Array, least: float = 5.0, most: float =
         arms: dl/dq (m, n) [m/rad].
         gravity: torques (n,) [N m] with which gravity bends the joints.
     """
+    from scipy.optimize import linprog  # takes 0.3 s, and only drawing the set anew needs it
+
     wires, joints = arms.shape
     answer = linprog(
         np.append(np.zeros(wires), 1.0),

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from kengoro_env.draft import Draft, Wire
+from kengoro_env.errors import KengoroError
 
 SPOOL_TRAVEL = 0.6
 """Length of a spool's travel [m]; the wire's end starts in its middle, away from the guide."""
@@ -32,6 +33,11 @@ def wind(draft: Draft) -> None:
     """Write the draft's wires and their motors into its spec; `Motors` sets the gains."""
     for tendon in list(draft.spec.tendons):
         muscle, wire = tendon.name, draft.wires[tendon.name]
+        if wire.wraps and wire.motor_inertia and not wire.stiffness:
+            raise KengoroError(
+                f"the wire of {muscle} wraps over a bone, and its motor has inertia: MuJoCo can do "
+                "both only for a wire that stretches; add WireStretch"
+            )
         if wire.wraps or wire.stiffness:
             tendon = _lay(draft.spec, tendon, wire)
         if wire.stiffness:

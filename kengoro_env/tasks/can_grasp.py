@@ -39,6 +39,12 @@ REACH_SCALE = 0.15
 FALLEN = 0.10
 """A can this far below where it stood has left the table [m]."""
 
+HAND_SIZE = 0.16
+"""Nobody puts the can back with the grip point closer than this [m]."""
+
+FALLEN_TIME = 10.0
+"""So long it may lie there before the episode ends, unless somebody puts it back [s]."""
+
 
 class CanGrasp:
     """The task of ``Kengoro/CanGrasp-v0``."""
@@ -69,7 +75,18 @@ class CanGrasp:
             mujoco.mj_forward(robot.model, robot.data)
             if "posture" in options or self._is_clear(robot):
                 break
+        self._stood = can.qpos.copy()
+        self._on_table = robot.time
         self._monitor = LiftMonitor(robot.model, robot.data)
+
+    def tidy_up(self, robot: Robot) -> None:
+        """Put the can back where it stood, unless the hand is there."""
+        if np.linalg.norm(robot.site_pose("grip")[:3, 3] - self._stood[:3]) < HAND_SIZE:
+            return
+        can = robot.data.joint("can")
+        can.qpos[:], can.qvel[:] = self._stood, 0.0
+        mujoco.mj_forward(robot.model, robot.data)
+        self._monitor.reset(robot.data)
 
     def _check_place(self, robot: Robot, place: Array) -> None:
         table, can = robot.model.geom("table_top"), robot.model.geom("can")
@@ -103,7 +120,10 @@ class CanGrasp:
         reach = np.exp(-self._distance(robot) / REACH_SCALE)
         lift = np.clip(monitor.rise / LIFT_HEIGHT, 0.0, 1.0) if monitor.grasped else 0.0
         reward = (reach + float(monitor.grasped) + lift) / 3.0
-        ended = "the can fell off the table" if monitor.rise < -FALLEN else None
+        if monitor.rise > -FALLEN:
+            self._on_table = robot.time
+        fallen = robot.time - self._on_table > FALLEN_TIME
+        ended = "the can fell off the table" if fallen else None
         return Outcome(float(reward), monitor.lifted, ended)
 
     def truth(self, robot: Robot) -> dict[str, Any]:

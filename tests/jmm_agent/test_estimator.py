@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
+from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from jmm_agent.estimator import (
@@ -154,6 +155,29 @@ def test_covariance_is_as_large_as_the_errors(arm: Wires) -> None:
     assert 0.8 < np.mean(ratio) < 1.25
 
 
+def test_on_a_linear_map_it_is_the_exact_posterior() -> None:
+    """Prediction and correction with their shared noise together are one use of the lengths."""
+    rng = np.random.default_rng(4)
+    arms = rng.normal(0, 5e-3, (6, 3))
+    arms[:, 2] *= 1e-2  # a joint that the wires hardly see
+
+    class Linear:
+        def lengths_and_jacobian(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return arms @ q, arms
+
+    options = EstimatorOptions(encoder_noise=1e-3, motion_noise=0.3, process_noise=1e-9)
+    estimator = JointEstimator(Linear(), np.tile([-100.0, 100.0], (3, 1)), options)
+    q, covariance = np.zeros(3), 0.5**2 * np.eye(3)
+    for _ in range(30):
+        measured = arms @ rng.normal(size=3) + 1e-3 * rng.normal(size=6)
+        estimate = estimator.update(measured, 0.1)
+        prior = covariance + 0.3**2 * 0.1 * np.eye(3)
+        gain = prior @ arms.T @ np.linalg.inv(arms @ prior @ arms.T + 1e-6 * np.eye(6))
+        q, covariance = q + gain @ (measured - arms @ q), prior - gain @ arms @ prior
+        assert np.abs(estimate.q - q).max() < 1e-9
+        assert np.abs(estimate.covariance - covariance).max() < 1e-9
+
+
 def test_counting_one_measurement_twice_is_seen_to_be_inconsistent(arm: Wires) -> None:
     """The paper's two equations with the noises taken for independent."""
     rng = np.random.default_rng(0)
@@ -270,6 +294,12 @@ def test_limits_are_kept_and_the_filter_comes_back(arm: Wires) -> None:
         assert np.all(estimate.q >= arm.limits[:, 0] - 0.05 - 1e-12)
         assert np.all(estimate.q <= arm.limits[:, 1] + 0.05 + 1e-12)
     assert estimate.q[10] == pytest.approx(-0.05)
+    best = least_squares(
+        lambda q: 1e3 * (arm.lengths(q) - arm.lengths(beyond)),
+        np.zeros(14),
+        bounds=(arm.limits[:, 0] - 0.05, arm.limits[:, 1] + 0.05),
+    )
+    assert np.abs(estimate.q - best.x).max() < np.deg2rad(1)
     back = np.zeros(14)
     back[10] = 0.5
     for _ in range(5):

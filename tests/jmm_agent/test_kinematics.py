@@ -116,21 +116,46 @@ def test_an_unreachable_pose_is_said_to_be_so(arm: ArmKinematics) -> None:
     assert "Not settled after 1" in hurried.reason
 
 
-def test_a_result_at_the_limits_is_the_best_one_in_the_box(arm: ArmKinematics) -> None:
-    """Beyond the limits: no allowed movement of a single joint comes closer."""
-    beyond = arm.limits[:, 1] + 0.3
-    target = arm.pose(MARKER, beyond, EYE)
-    result = arm.solve(MARKER, target, arm.limits[:, 1] - 0.1, EYE)
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (1.5, -1.0, 1.2)])
+def test_a_result_at_the_limits_is_the_best_one_in_the_box(
+    arm: ArmKinematics, turn: tuple[float, float, float]
+) -> None:
+    """Beyond the limits, near or half a turn away: no joint alone comes closer."""
+    target = arm.pose(MARKER, arm.limits[:, 1] + 0.3, EYE)
+    target[:3, :3] = target[:3, :3] @ pin.exp3(np.array(turn))
+    weights = np.array([1, 2, 1, 1, 5, 0.1])
+    start = arm.limits[:, 1] - 0.1
+    result = arm.solve(MARKER, target, start, EYE, weights, max_iterations=2000)
     assert not result.converged
+    assert "Out of reach" in result.reason
     assert kept(arm, result.q)
 
     def cost(q: np.ndarray) -> float:
         offset = np.linalg.inv(target) @ arm.pose(MARKER, q, EYE)
-        return float(np.sum(offset[:3, 3] ** 2) + np.sum(pin.log3(offset[:3, :3]) ** 2))
+        return float(weights @ np.r_[offset[:3, 3], pin.log3(offset[:3, :3])] ** 2)
 
-    for axis in 1e-4 * np.vstack([np.eye(14), -np.eye(14)]):
+    for axis in 1e-2 * np.vstack([np.eye(14), -np.eye(14)]):
         nearby = np.clip(result.q + axis, *arm.limits.T)
-        assert cost(nearby) >= cost(result.q) - 1e-9
+        assert cost(nearby) >= cost(result.q) * (1 - 1e-5)
+
+
+def test_a_rotation_that_cannot_be_reached_is_left_at_the_least_weighted_error(
+    arm: ArmKinematics,
+) -> None:
+    """Two joints, a target far from what they can do, and weights that are not alike."""
+    weights = np.array([0, 0, 0, 1, 4, 0.2])
+    start = postures(arm, 1, seed=10, inside=0.2)[0]
+    target = arm.pose(MARKER, start)
+    target[:3, :3] = target[:3, :3] @ pin.exp3(np.array([0.5, 0.4, -0.7]))
+    free = np.isin(JOINTS, ("sh_yaw", "elbow"))
+    result = arm.solve(MARKER, target, start, weights=weights, free=free, max_iterations=2000)
+    assert not result.converged
+
+    def cost(q: np.ndarray) -> float:
+        return float(weights[3:] @ pin.log3(target[:3, :3].T @ arm.pose(MARKER, q)[:3, :3]) ** 2)
+
+    for axis in 5e-3 * np.vstack([np.eye(14)[free], -np.eye(14)[free]]):
+        assert cost(np.clip(result.q + axis, *arm.limits.T)) >= cost(result.q)
 
 
 def test_a_weight_of_zero_leaves_an_axis_to_itself(arm: ArmKinematics) -> None:

@@ -1,0 +1,261 @@
+"""What all experiments share: seeds, result files, the agent's drawing and map, parallel tasks."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import multiprocessing
+import os
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from experiments.errors import ExperimentError
+from jmm_agent.drawing import Drawing
+from jmm_agent.mapping import JointMuscleMap
+from kengoro_env.assets import asset_path, assets_root
+from kengoro_env.drawing import ArmDrawing
+from kengoro_env.names import GROUP_JOINTS
+
+ARM = "mjcf/kengoro_arm/arm.xml"
+FIRST_REPORTED_SEED = 100
+MAP_SEED = 0
+ROOT = Path(__file__).resolve().parents[1]
+
+Summary = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Args:
+    """What every experiment takes.
+
+    Attributes:
+        seeds: robots, as A-B or A; seeds below 100 are for tuning.
+        out: folder of the results.
+        jobs: processes that work at the same time; the result does not depend on it.
+        cache: folder of trained maps; the user's cache folder if left out.
+    """
+
+    seeds: str
+    out: Path
+    jobs: int = 2
+    cache: Path | None = None
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Seeds of a range "A-B", both included, or of one number "A".
+
+    Raises:
+        ExperimentError: it is neither, or B is below A.
+    """
+    match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
+    if match is None:
+        raise ExperimentError(f"Seeds are {text!r}; give one such as 3 or a range such as 0-9.")
+    first, last = int(match[1]), int(match[2] or match[1])
+    if last < first:
+        raise ExperimentError(f"Seeds are {text!r}, but a range ends with its higher number.")
+    return list(range(first, last + 1))
+
+
+def check_jobs(jobs: int) -> None:
+    """`ExperimentError` unless there is at least one process."""
+    if jobs < 1:
+        raise ExperimentError(f"Jobs are {jobs}, but at least 1 is needed.")
+
+
+def write_json(path: Path, content: object) -> None:
+    """Write JSON, whole or not at all; numbers that are not finite are refused."""
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all; makes its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def command_line() -> str:
+    """The command that started this program, as a user would type it."""
+    first, *rest = sys.argv
+    name = Path(first)
+    typed = f"-m {name.parent.name}" if name.name == "__main__.py" else name.name
+    return shlex.join(["python", *typed.split(), *rest])
+
+
+def make_summary(
+    name: str, per_seed: Mapping[int, object], wall_s: float, **more: object
+) -> Summary:
+    """What every ``summary.json`` has at least, and more."""
+    return {
+        "name": name,
+        "seeds": list(per_seed),
+        "command": command_line(),
+        "wall_s": round(wall_s, 1),
+        **more,
+        "per_seed": {str(seed): result for seed, result in per_seed.items()},
+    }
+
+
+def median_and_worst(values: Iterable[float]) -> dict[str, float]:
+    """Median and largest of some errors, rounded to 1e-3."""
+    numbers = np.array(list(values))
+    return {"median": round(float(np.median(numbers)), 3), "worst": round(float(numbers.max()), 3)}
+
+
+def drawing_for_agent(scene: Path | None = None) -> Drawing:
+    """What the agent is told of the robot in ``scene`` (the arm if left out)."""
+    arm = ArmDrawing(asset_path(ARM) if scene is None else scene)
+    groups = {
+        name: tuple(joint for joint in joints if joint in arm.joints)
+        for name, joints in GROUP_JOINTS.items()
+    }
+    owned = {name: joints for name, joints in groups.items() if joints}
+    return Drawing(arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, owned)
+
+
+def default_cache() -> Path:
+    """Folder of trained maps in the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "kengoro"
+
+
+def trained_map(
+    cache_dir: Path | None = None, progress: Callable[[str, float], None] | None = None
+) -> JointMuscleMap:
+    """The map of the arm's drawing, read from ``cache_dir`` or trained and kept there."""
+    from jmm_agent.training import load_or_train  # torch takes seconds to load
+
+    folder = default_cache() if cache_dir is None else cache_dir
+    return load_or_train(drawing_for_agent(), MAP_SEED, folder, progress=progress)[0]
+
+
+def source_digest(*modules: str) -> str:
+    """Digest of robot, agent, assets and the named files of this package: what results rest on."""
+    digest = hashlib.sha256()
+    paths = [ROOT / "experiments" / module for module in modules]
+    for folder in (ROOT / "jmm_agent", ROOT / "kengoro_env"):
+        paths += sorted(folder.rglob("*.py"))
+    paths += sorted(path for path in assets_root().rglob("*") if path.suffix in (".xml", ".csv"))
+    for path in paths:
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:24]
+
+
+def log_reported(seeds: Sequence[int], root: Path = ROOT) -> None:
+    """Append every seed from 100 on to ``experiments/REPORTED.csv`` when run in a checkout.
+
+    Those seeds are for numbers that are reported, so each look at them is on record.
+    """
+    reported = [seed for seed in seeds if seed >= FIRST_REPORTED_SEED]
+    if not reported or not (root / ".git").exists():
+        return
+    git = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=root, capture_output=True, text=True
+    )
+    commit = git.stdout.strip() or "none"
+    date = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    path = root / "experiments" / "REPORTED.csv"
+    new = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if new:
+            writer.writerow(["date", "commit", "command", "seed"])
+        writer.writerows([date, commit, command_line(), seed] for seed in reported)
+
+
+@contextmanager
+def progress_bar(title: str, total: int) -> Iterator[Callable[[str], None]]:
+    """A bar of ``total`` steps; call what it gives with a line on what was just done."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[done]}"),
+    )
+    with Progress(*columns) as bar:
+        task = bar.add_task(title, total=total, done="")
+        yield lambda done: bar.update(task, advance=1, done=done)
+
+
+def run_tasks(
+    work: Callable[..., Any],
+    tasks: Mapping[str, tuple[Any, ...]],
+    jobs: int,
+    folder: Path,
+    key: str,
+) -> dict[str, Any]:
+    """Results of ``work(*arguments)`` by the tasks' names, each kept in a file as soon as it ends.
+
+    Args:
+        work: a function of a module; gives what JSON can hold.
+        tasks: arguments by name; names are file names.
+        jobs: processes at the same time.
+        folder: where results are kept; one that is there with the same ``key`` is not run again.
+        key: stands for all that results depend on beside the arguments.
+    """
+    check_jobs(jobs)
+    results: dict[str, Any] = {}
+    with progress_bar(folder.name, len(tasks)) as tell:
+
+        def keep(name: str, result: Any, seconds: float) -> None:
+            results[name] = result
+            if seconds:
+                kept = {"key": key, "seconds": round(seconds, 1), "result": result}
+                write_json(folder / f"{name}.json", kept)
+            tell(name)
+
+        for name in tasks:
+            kept = _kept(folder / f"{name}.json", key)
+            if kept is not None:
+                keep(name, kept["result"], 0.0)
+        missing = {name: arguments for name, arguments in tasks.items() if name not in results}
+        if jobs == 1 or len(missing) < 2:
+            for name, arguments in missing.items():
+                keep(name, *_timed(work, arguments))
+        else:
+            context = multiprocessing.get_context("spawn")
+            with ProcessPoolExecutor(min(jobs, len(missing)), mp_context=context) as pool:
+                futures = {pool.submit(_timed, work, missing[name]): name for name in missing}
+                for future in as_completed(futures):
+                    keep(futures[future], *future.result())
+    return {name: results[name] for name in tasks}
+
+
+def _timed(work: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, float]:
+    begin = time.perf_counter()
+    return json.loads(json.dumps(work(*arguments))), time.perf_counter() - begin
+
+
+def _kept(path: Path, key: str) -> dict[str, Any] | None:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) and content.get("key") == key else None

@@ -1,0 +1,105 @@
+"""How a robot at rest is seen: true angles, each look by itself, or all looks together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from experiments.learnability_robot import EYE, MARKER, Rest, World
+from jmm_agent.drawing import Floats
+from jmm_agent.learner import Learner, Pairs
+from jmm_agent.updaters import PairLengths, VisionOptions, VisionUpdater
+
+ANGLE_NOISE = np.radians(0.5)
+LEAST_MOVEMENT = 1e-6  # prior precision of inverse kinematics that prefers the smallest movement
+
+Vision = Literal["true angles", "looks together", "one look"]
+RuleName = Literal["ridge", "minibatch", "minibatch, output layer"]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """How a robot is seen, what a pair holds, and by which rule the map is moved."""
+
+    vision: Vision = "looks together"
+    pair: PairLengths = "min"
+    rule: RuleName = "ridge"
+    learns: bool = True
+
+
+class Watcher(Protocol):
+    """Learns from a robot at rest by looking at it."""
+
+    @property
+    def pairs(self) -> Pairs:
+        """Pairs that are remembered."""
+
+    def look(self, rest: Rest, antagonism: Pairs) -> Floats:
+        """Joint angles by vision (n,) [rad]; learns the pair unless it is in doubt."""
+
+
+class SingleWatcher:
+    """Each look by itself, as in the paper: true angles with noise, or inverse kinematics."""
+
+    def __init__(
+        self, world: World, learner: Learner, variant: Variant, rng: np.random.Generator
+    ) -> None:
+        self._world, self._learner, self._variant, self._rng = world, learner, variant, rng
+        self._options = VisionOptions(lengths=variant.pair)
+        self._pairs = Pairs.none(len(world.limits), len(world.map.muscles))
+
+    @property
+    def pairs(self) -> Pairs:
+        """Pairs that are remembered."""
+        return self._pairs
+
+    def look(self, rest: Rest, antagonism: Pairs) -> Floats:
+        """See `Watcher`."""
+        options = self._options
+        angles, sure = self._angles(rest)
+        far = np.linalg.norm(angles - rest.estimate) >= options.threshold
+        if sure and not far and rest.tensions.max() < options.saturation:
+            lengths = {
+                "min": np.minimum(rest.lengths, rest.command),
+                "l_target": rest.command,
+                "l": rest.lengths,
+            }[options.lengths]
+            new = Pairs(angles[None], lengths[None], np.array([options.noise]))
+            self._learner.learn(new, self._pairs.joined(antagonism))
+            self._pairs = self._pairs.joined(new)
+        return angles
+
+    def _angles(self, rest: Rest) -> tuple[Floats, bool]:
+        if self._variant.vision == "true angles":
+            return rest.true + ANGLE_NOISE * self._rng.standard_normal(len(rest.true)), True
+        found = self._world.kinematics.solve(
+            MARKER,
+            self._world.marker(rest.true),
+            rest.estimate,
+            relative_to=EYE,
+            prior_precision=np.full(len(rest.true), LEAST_MOVEMENT),
+        )
+        return found.q, found.converged
+
+
+class TogetherWatcher:
+    """All looks and what the wires measured in one fit (`jmm_agent.looks`)."""
+
+    def __init__(self, world: World, learner: Learner, variant: Variant) -> None:
+        self._world = world
+        options = VisionOptions(lengths=variant.pair)
+        self._updater = VisionUpdater(learner, world.prior, world.sight, world.limits, options)
+
+    @property
+    def pairs(self) -> Pairs:
+        """Pairs that are remembered."""
+        return self._updater.pairs
+
+    def look(self, rest: Rest, antagonism: Pairs) -> Floats:
+        """See `Watcher`."""
+        pose = self._world.marker(rest.true)
+        return self._updater.seen(
+            pose, rest.estimate, rest.lengths, rest.command, rest.tensions, antagonism
+        ).angles

@@ -1,0 +1,441 @@
+"""The environments keep Gymnasium's contract, and say in one sentence what is wrong."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from kengoro_env.departures import Elongation, WireStretch, actual
+from kengoro_env.env import KengoroEnv
+from kengoro_env.errors import KengoroError
+from kengoro_env.motors import Gains
+from kengoro_env.rendering import Painter
+from kengoro_env.spaces import InvalidActionError
+
+IDS = ("Kengoro/CanGrasp-v0", "Kengoro/Posture-v0", "Kengoro/Elbow-v0")
+COMMON = {
+    "joint_angles",
+    "hand_pose",
+    "success",
+    "time",
+    "slack_paid_out",
+    "slack_target",
+}
+
+
+def make(env_id: str, **arguments: Any) -> KengoroEnv:
+    env = gym.make(env_id, **arguments).unwrapped
+    assert isinstance(env, KengoroEnv)
+    return env
+
+
+@pytest.mark.parametrize("robot_seed", [None, 5])
+@pytest.mark.parametrize("env_id", IDS)
+def test_gymnasiums_checker_finds_nothing(
+    env_id: str, robot_seed: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    env = make(env_id, robot_seed=robot_seed)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(env)
+    env.close()
+    # One render mode is "human", and without a display that is worth a warning.
+    assert [w for w in caught if "opens no window" not in str(w.message)] == []
+    assert len(caught) == 1
+
+
+@pytest.mark.parametrize(
+    ("env_id", "entries"),
+    [
+        ("Kengoro/CanGrasp-v0", {"lengths", "tensions", "frame", "frame_time"}),
+        ("Kengoro/Posture-v0", {"lengths", "tensions", "frame", "frame_time", "target"}),
+        ("Kengoro/Elbow-v0", {"lengths", "tensions", "target"}),
+    ],
+)
+def test_no_observation_is_constant(env_id: str, entries: set[str]) -> None:
+    env = gym.make(env_id, robot_seed=1)
+    assert isinstance(env.observation_space, gym.spaces.Dict)
+    assert set(env.observation_space.spaces) == entries
+    first, _ = env.reset(seed=0)
+    env.action_space.seed(0)
+    changed = {name: np.zeros(value.shape, bool) for name, value in first.items()}
+    for _ in range(220):
+        observation, reward, terminated, _, _ = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation)
+        assert np.isfinite(reward)
+        assert -1.0 <= reward <= 1.0
+        for name, value in observation.items():
+            changed[name] |= value != first[name]
+        if terminated:  # the can may be knocked off the table
+            break
+    env.close()
+    for name, value in changed.items():
+        assert value.any() if name == "frame" else value.all(), name
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_info_and_shapes(env_id: str) -> None:
+    env = make(env_id, camera=False)
+    observation, info = env.reset(seed=0)
+    assert set(observation) == set(env.observation_space.spaces)
+    assert "frame" not in observation
+    extra = {"can_pose", "grasped", "rise"} if "Can" in env_id else set()
+    assert set(info) == COMMON | extra
+    joints = env.robot.data.qpos[[env.robot.model.joint(j).qposadr[0] for j in env.joints]]
+    assert np.array_equal(info["joint_angles"], joints)
+    grip = env.robot.data.site("grip")
+    assert np.array_equal(info["hand_pose"][:3, 3], grip.xpos)
+    assert np.array_equal(info["hand_pose"][:3, :3].ravel(), grip.xmat)
+    assert np.array_equal(info["hand_pose"][3], [0, 0, 0, 1])
+    *_, info = env.step(env.lengths_to_action(observation["lengths"]))
+    assert info["time"] == pytest.approx(0.02)
+    env.close()
+
+
+def test_numbers_of_entries() -> None:
+    can, posture, elbow = (make(env_id, camera=False) for env_id in IDS)
+    assert (len(posture.muscles), len(posture.joints)) == (36, 14)
+    assert posture.action_space.shape == (36,)
+    assert can.action_space.shape == (37,)
+    assert (elbow.muscles, elbow.joints) == (("biceps", "brachialis", "triceps"), ("elbow",))
+
+
+def test_time_limits() -> None:
+    for env_id, most in zip(IDS, (20_000, 1000, 1000), strict=True):
+        spec = gym.spec(env_id)
+        assert spec.max_episode_steps == most
+    env = gym.make("Kengoro/Elbow-v0")
+    observation, _ = env.reset(seed=0)
+    action = env.unwrapped.lengths_to_action(observation["lengths"])
+    steps, truncated = 0, False
+    while not truncated:
+        _, _, terminated, truncated, _ = env.step(action)
+        steps += 1
+        assert not terminated
+    assert steps == 1000
+
+
+@pytest.mark.parametrize(
+    ("action", "sentence"),
+    [
+        (np.zeros(2), r"shape \(3,\).*got \(2,\)"),
+        (np.zeros((3, 1)), r"shape \(3,\).*got \(3, 1\)"),
+        (0.0, r"shape \(3,\)"),
+        ([0, np.nan, 0], r"entry 1 of the action \(brachialis\) is nan"),
+        ([0, 0, np.inf], r"entry 2 of the action \(triceps\) is inf"),
+        ([-1.01, 0, 0], r"entry 0 of the action \(biceps\) is -1.01"),
+        ("pull", r"3 numbers within \[-1, 1\]"),
+        (None, "action"),
+        ([0, "x", 0], "3 numbers"),
+    ],
+)
+def test_a_bad_action_is_named(action: Any, sentence: str) -> None:
+    env = make("Kengoro/Elbow-v0")
+    env.reset(seed=0)
+    with pytest.raises(InvalidActionError, match=sentence):
+        env.step(action)
+    before = env.robot.time
+    env.step(np.zeros(3))
+    assert env.robot.time > before
+
+
+def test_a_bad_entry_for_the_fingers_is_named() -> None:
+    env = make("Kengoro/CanGrasp-v0", camera=False)
+    env.reset(seed=0)
+    with pytest.raises(InvalidActionError, match=r"entry 36 of the action \(fingers\) is 2"):
+        env.step(np.append(np.zeros(36), 2.0))
+    with pytest.raises(InvalidActionError, match="one for the fingers"):
+        env.step(np.zeros(36))
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"postur": [0.0]}, "unknown option 'postur'; known: posture, target"),
+        ({"can": [0.4, 0.0]}, "unknown option 'can'"),
+        ({"posture": [0.0, 0.0]}, "'posture' must be 1 finite numbers"),
+        ({"posture": [np.nan]}, "'posture' must be 1 finite numbers"),
+        ({"target": "up"}, "'target' must be 1 finite numbers"),
+        ({"target": [3.0]}, r"'target' puts elbow at 3.000 rad: it must be within 0.000 and 2.09"),
+    ],
+)
+def test_a_bad_option_is_named(options: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(KengoroError, match=sentence):
+        make("Kengoro/Elbow-v0").reset(options=options)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"robot_seed": 1, "departures": ()}, "either robot_seed or departures"),
+        ({"robot_seed": "x"}, "robot_seed must be a whole number or None, got 'x'"),
+        ({"robot_seed": -1}, "robot_seed must not be negative"),
+        ({"departures": ("stretch",)}, "unknown departure 'stretch'; known: Attachment"),
+        ({"departures": WireStretch(1e-5)}, "tuple of departures"),
+        ({"departures": (WireStretch,)}, "unknown departure <class"),
+        ({"departures": (Elongation("bisceps", 0.1),)}, "unknown muscle 'bisceps'; known: bic"),
+        ({"camera": True}, "'elbow' has no camera"),
+        ({"render_mode": "ascii"}, "unknown render_mode 'ascii'; known: human"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*render_mode")
+def test_a_bad_argument_is_named(arguments: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(KengoroError, match=sentence):
+        gym.make("Kengoro/Elbow-v0", **arguments)
+
+
+def test_unknown_names() -> None:
+    with pytest.raises(KengoroError, match="unknown task 'walk'; known: can_grasp, posture"):
+        KengoroEnv("walk")
+    with pytest.raises(TypeError, match="gainz"):
+        gym.make("Kengoro/Elbow-v0", gainz=Gains())
+
+
+def test_robot_seed_is_the_actual_robot_of_that_seed() -> None:
+    seeded = make("Kengoro/Elbow-v0", robot_seed=7)
+    listed = make("Kengoro/Elbow-v0", departures=actual(7))
+    drawn = make("Kengoro/Elbow-v0")
+    results = []
+    for env in (seeded, listed, drawn):
+        env.reset(seed=0, options={"posture": [0.5]})
+        for _ in range(20):
+            observation, *_ = env.step(np.array([0.2, 0.1, 0.0]))
+        results.append(observation["lengths"])
+    assert np.array_equal(results[0], results[1])
+    assert not np.allclose(results[0], results[2], atol=1e-4)
+
+
+def test_stepping_without_an_episode() -> None:
+    env = make("Kengoro/Elbow-v0")
+    with pytest.raises(KengoroError, match=r"no episode to step \(none has begun\): call reset"):
+        env.step(np.zeros(3))
+
+
+def test_what_a_user_does_to_observations_and_info_does_not_reach_the_simulation() -> None:
+    def run(spoil: bool) -> list[np.ndarray]:
+        env = make("Kengoro/Posture-v0", robot_seed=2)
+        observation, info = env.reset(seed=0)
+        seen = []
+        action = env.action_space.sample() * 0
+        for _ in range(15):
+            if spoil:
+                for value in [*observation.values(), *info.values()]:
+                    if isinstance(value, np.ndarray):
+                        value[...] = 0
+            observation, _, _, _, info = env.step(action)
+            seen += [v.copy() for v in [*observation.values(), info["joint_angles"]]]
+        env.close()
+        return seen
+
+    for kept, spoilt in zip(run(False), run(True), strict=True):
+        assert np.array_equal(kept, spoilt)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e12])
+def test_divergence_ends_the_episode(value: float) -> None:
+    env = make("Kengoro/Elbow-v0", robot_seed=1)
+    env.reset(seed=0)
+    before, _, _, _, info_before = env.step(np.zeros(3))
+    env.robot.data.qvel[:] = value
+    observation, reward, terminated, truncated, info = env.step(np.zeros(3))
+    assert (terminated, truncated) == (True, False)
+    assert "diverged" in info["reason"]
+    assert info["success"] is False
+    assert np.isfinite(reward)
+    for name, entry in observation.items():
+        assert np.array_equal(entry, before[name])
+    assert np.array_equal(info["joint_angles"], info_before["joint_angles"])
+    assert env.observation_space.contains(observation)
+    with pytest.raises(KengoroError, match=r"diverged.*call reset"):
+        env.step(np.zeros(3))
+    again, _ = env.reset(seed=3)
+    fresh, _ = make("Kengoro/Elbow-v0", robot_seed=1).reset(seed=3)
+    assert all(np.array_equal(again[name], fresh[name]) for name in fresh)
+
+
+def test_sensors_saturate_at_their_bounds() -> None:
+    env = make("Kengoro/Elbow-v0", departures=(Elongation("biceps", 0.5, time=0.02),))
+    env.reset(seed=0)
+    for _ in range(3):
+        observation, *_ = env.step(np.zeros(3))
+    space = env.observation_space["lengths"]
+    assert observation["lengths"][0] in (space.low[0], space.high[0])
+    assert space.contains(observation["lengths"])
+
+
+def test_success_and_reward_follow_the_target() -> None:
+    env = make("Kengoro/Elbow-v0")
+    rewards = {}
+    for start in (0.3, 0.8, 1.3):
+        observation, _ = env.reset(seed=0, options={"posture": [start], "target": [1.3]})
+        hold = env.lengths_to_action(observation["lengths"])
+        env.set_stiffness(50_000.0, 30.0)
+        for _ in range(50):
+            _, rewards[start], _, _, info = env.step(hold)
+        assert info["success"] is (start == 1.3)
+    assert rewards[0.3] < rewards[0.8] < rewards[1.3]
+
+
+def test_targets_change_unless_given() -> None:
+    env = make("Kengoro/Elbow-v0")
+    for options, changes in ({}, 2), ({"target": [1.0]}, 0):
+        observation, _ = env.reset(seed=0, options=options)
+        targets = [observation["target"][0]]
+        for _ in range(450):
+            observation, *_ = env.step(np.zeros(3))
+            targets.append(observation["target"][0])
+        assert np.count_nonzero(np.diff(targets)) == changes
+    assert set(targets) == {1.0}
+
+
+def test_stiffness_at_run_time() -> None:
+    env = make("Kengoro/Elbow-v0")
+    sag = []
+    for stiffness in (5_000.0, 50_000.0):
+        observation, _ = env.reset(seed=0, options={"posture": [1.2]})
+        env.set_stiffness(np.full(3, stiffness), 20.0)
+        action = env.lengths_to_action(observation["lengths"])
+        for _ in range(100):
+            *_, info = env.step(action)
+        sag.append(abs(info["joint_angles"][0] - 1.2))
+    assert sag[1] < 0.5 * sag[0]
+    for bad in (-1.0, np.nan, np.ones(2), "stiff"):
+        with pytest.raises(KengoroError, match="set_stiffness: stiffness must be finite"):
+            env.set_stiffness(bad, 20.0)
+    with pytest.raises(KengoroError, match="bias must be at most T_max"):
+        env.set_stiffness(1e4, 1e4)
+
+
+def test_gains_are_those_after_each_reset() -> None:
+    env = make("Kengoro/Elbow-v0", gains=Gains(stiffness=3_000.0, bias=11.0))
+    env.reset(seed=0)
+    env.set_stiffness(9_000.0, 12.0)
+    env.reset(seed=0)
+    assert np.all(env.robot.motors.stiffness == 3_000.0)
+    assert np.all(env.robot.motors.bias == 11.0)
+
+
+def test_fingers_close() -> None:
+    env = make("Kengoro/CanGrasp-v0", camera=False)
+    observation, _ = env.reset(seed=0)
+    angle = {}
+    for command in (-1.0, 1.0):
+        action = env.lengths_to_action(observation["lengths"], fingers=command)
+        assert action[-1] == command
+        for _ in range(50):
+            env.step(action)
+        angle[command] = float(env.robot.data.joint("finger_proximal").qpos[0])
+    assert angle[1.0] - angle[-1.0] > np.radians(30)
+
+
+def test_the_can_stands_where_it_is_told() -> None:
+    env = make("Kengoro/CanGrasp-v0", camera=False)
+    observation, info = env.reset(seed=0, options={"can": (0.5, -0.2)})
+    assert np.allclose(info["can_pose"][:2, 3], (0.5, -0.2))
+    for _ in range(25):
+        *_, info = env.step(env.lengths_to_action(observation["lengths"]))
+    assert np.allclose(info["can_pose"][:2, 3], (0.5, -0.2), atol=1e-3)
+    assert abs(info["rise"]) < 1e-3
+    with pytest.raises(KengoroError, match=r"the can cannot stand at \(1, 0\) m: the table rea"):
+        env.reset(options={"can": (1.0, 0.0)})
+
+
+def test_a_can_off_the_table_ends_the_episode() -> None:
+    env = make("Kengoro/CanGrasp-v0", camera=False)
+    observation, _ = env.reset(seed=0)
+    env.robot.data.joint("can").qpos[:2] = (1.2, 0.5)
+    action, terminated, steps = env.lengths_to_action(observation["lengths"]), False, 0
+    while not terminated and steps < 50:
+        *_, terminated, _, info = env.step(action)
+        steps += 1
+    assert terminated
+    assert info["reason"] == "the can fell off the table"
+    assert info["success"] is False
+
+
+def test_lifting_is_rewarded() -> None:
+    env = make("Kengoro/CanGrasp-v0", camera=False)
+    observation, _ = env.reset(seed=0)
+    action = env.lengths_to_action(observation["lengths"])
+    rewards = []
+    for near in (False, True):
+        if near:
+            place = env.robot.data.site("grip").xpos
+            env.robot.data.joint("can").qpos[:3] = place - [0.0, 0.0, 0.05]
+            env.robot.data.joint("can").qvel[:] = 0.0
+            mujoco.mj_forward(env.robot.model, env.robot.data)
+        rewards.append(env.step(action)[1])
+    assert 0.0 <= rewards[0] < rewards[1] <= 1.0
+
+
+def test_render_modes(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert make("Kengoro/Elbow-v0").render() is None
+    env = make("Kengoro/Elbow-v0", render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = env.render()
+    assert picture is not None
+    assert (picture.shape, picture.dtype) == ((480, 640, 3), np.uint8)
+    assert picture.std() > 5.0
+    env.close()
+    env.close()
+
+
+def test_human_without_a_display_warns_once_and_draws_offscreen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    env = make("Kengoro/Elbow-v0", render_mode="human")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        env.reset(seed=0)
+        env.step(np.zeros(3))
+        picture = env.render()
+    assert ["opens no window" in str(w.message) for w in caught] == [True]
+    assert picture is not None
+    env.close()
+
+
+def test_human_with_a_display_shows_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Window:
+        shown = closed = 0
+
+        def sync(self) -> None:
+            self.shown += 1
+
+        def close(self) -> None:
+            self.closed += 1
+
+    window = Window()
+    monkeypatch.setattr("kengoro_env.env.open_window", lambda model, data: window)
+    env = make("Kengoro/Elbow-v0", render_mode="human")
+    env.reset(seed=0)
+    env.step(np.zeros(3))
+    assert env.render() is None
+    env.close()
+    assert (window.shown, window.closed) == (3, 1)
+
+
+def test_vectorised() -> None:
+    envs = gym.make_vec("Kengoro/Elbow-v0", num_envs=2, robot_seed=4)
+    observations, _ = envs.reset(seed=1)
+    assert observations["lengths"].shape == (2, 3)
+    observations, rewards, *_ = envs.step(np.zeros((2, 3), np.float32))
+    assert rewards.shape == (2,)
+    envs.close()
+
+
+def test_a_closed_painter_draws_again() -> None:
+    env = make("Kengoro/Elbow-v0")
+    env.reset(seed=0)
+    painter = Painter(env.robot.model)
+    first = painter.draw(env.robot.data, "outside")
+    painter.close()
+    assert np.array_equal(first, painter.draw(env.robot.data, "outside"))
+    painter.close()

@@ -1,0 +1,132 @@
+"""Pictures are drawn without a display and without a variable set; if not, a sentence says why."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from kengoro_env import gl_backend, rendering
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import WireStretch
+from kengoro_env.postures import posture_set
+from kengoro_env.rendering import Painter, RenderingError
+from kengoro_env.robot import Robot
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENE = asset_path("mjcf/kengoro_arm/posture.xml")
+
+DRAW = """
+import gymnasium, kengoro_env
+env = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
+env.reset(seed=0)
+print(env.render().std() > 5.0)
+env.close()
+"""
+
+
+def python(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in a fresh interpreter, headless, with no GL variable but those given."""
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("DISPLAY", "MUJOCO_GL", "PYOPENGL_PLATFORM")
+    }
+    return subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env={**environment, **variables},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("before", ["", "import mujoco\n"], ids=["first", "after mujoco"])
+def test_draws_headless_without_any_variable(before: str) -> None:
+    done = python(before + DRAW)
+    assert done.stdout.strip() == "True", done.stderr
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("chosen", ["osmesa", "glfw", "disable"])
+def test_a_backend_that_does_not_work_here_is_a_sentence(chosen: str) -> None:
+    if chosen == "osmesa" and gl_backend.is_there("osmesa"):
+        pytest.skip("OSMesa works here")
+    program = "try:\n  " + DRAW.replace("\n", "\n  ") + "\nexcept Exception as e: print(e)"
+    done = python(program, MUJOCO_GL=chosen)
+    assert done.returncode == 0, done.stderr
+    assert f"MUJOCO_GL={chosen}" in done.stdout
+    assert "unset it, or install the libraries of that backend" in done.stdout
+    assert done.stdout.count("\n") == 1
+
+
+def test_no_library_at_all_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl_backend, "candidates", lambda: ())
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    rendering.working_backend.cache_clear()
+    with pytest.raises(RenderingError, match=r"no GL library found.*apt-get install libegl1"):
+        rendering.working_backend()
+    rendering.working_backend.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("variables", "libraries", "expected"),
+    [
+        ({}, {"egl", "osmesa"}, ("egl", "osmesa")),
+        ({}, {"osmesa"}, ("osmesa",)),
+        ({}, set(), ()),
+        ({"DISPLAY": ":0"}, {"egl"}, ("glfw", "egl")),
+        ({"MUJOCO_GL": "EGL"}, {"osmesa"}, ("egl",)),
+    ],
+)
+def test_order_of_backends(
+    variables: dict[str, str],
+    libraries: set[str],
+    expected: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(gl_backend, "is_there", lambda backend: backend in libraries)
+    for name in ("DISPLAY", "MUJOCO_GL"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert gl_backend.candidates() == expected
+
+
+def test_what_a_user_chose_stays() -> None:
+    program = "import os, kengoro_env; print(os.environ.get('MUJOCO_GL'))"
+    assert python(program, MUJOCO_GL="glfw").stdout.strip() == "glfw"
+    assert python(program, DISPLAY=":7").stdout.strip() == "None"
+
+
+def test_wound_up_wire_is_not_drawn() -> None:
+    pictures = []
+    for departures in ((), (WireStretch(1e-5),)):
+        robot = Robot(SCENE, departures)
+        robot.reset(posture_set()[0], np.random.default_rng(0))
+        painter = Painter(robot.model)
+        pictures.append(painter.draw(robot.data, "outside").astype(int))
+        painter.close()
+    differ = np.abs(pictures[0] - pictures[1]).max(axis=2) > 40
+    assert differ.mean() < 2e-4  # with the spools' ends drawn, 1.4 % differ
+
+
+def test_shadows_are_left_out() -> None:
+    spec = mujoco.MjSpec.from_file(str(SCENE))
+    spec.worldbody.add_light(pos=[1, 1, 3], dir=[-1, -1, -3], castshadow=True)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    painter = Painter(model)
+    painter.draw(data, "outside")
+    assert painter._renderer is not None
+    flags = painter._renderer.scene.flags
+    assert not flags[mujoco.mjtRndFlag.mjRND_SHADOW]
+    assert not flags[mujoco.mjtRndFlag.mjRND_REFLECTION]
+    painter.close()

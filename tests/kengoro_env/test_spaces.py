@@ -1,0 +1,79 @@
+"""Actions map affinely to lengths and back, and the bounds hold the drawing's lengths."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kengoro_env.assets import asset_path
+from kengoro_env.drawing import ArmDrawing
+from kengoro_env.env import KengoroEnv
+from kengoro_env.errors import KengoroError
+from kengoro_env.postures import posture_set
+from kengoro_env.spaces import MARGIN, InvalidActionError, LengthBounds, length_bounds
+
+ARM = asset_path("mjcf/kengoro_arm/arm.xml")
+BOUNDS = LengthBounds(np.array([-0.1, 0.0]), np.array([0.1, 0.4]))
+
+
+def test_the_map_is_affine() -> None:
+    assert np.allclose(BOUNDS.to_lengths(np.array([-1.0, -1.0])), [-0.1, 0.0])
+    assert np.allclose(BOUNDS.to_lengths(np.array([1.0, 1.0])), [0.1, 0.4])
+    assert np.allclose(BOUNDS.to_lengths(np.array([0.0, 0.5])), [0.0, 0.3])
+    assert np.allclose(BOUNDS.to_action(np.array([0.05, 0.1])), [0.5, -0.5])
+
+
+@given(st.lists(st.floats(-0.1, 0.1), min_size=2, max_size=2))
+def test_back_and_forth_within_a_micrometre(values: list[float]) -> None:
+    lengths = np.array(values) + [0.0, 0.2]
+    action = BOUNDS.to_action(lengths)
+    assert action.dtype == np.float32
+    assert np.allclose(BOUNDS.to_lengths(action), lengths, rtol=0.0, atol=1e-7)
+
+
+def test_lengths_out_of_bounds_are_cut() -> None:
+    assert np.array_equal(BOUNDS.to_action(np.array([-1.0, 1.0])), [-1.0, 1.0])
+
+
+def test_bounds_hold_the_drawings_lengths_with_room_to_spare() -> None:
+    drawing, bounds = ArmDrawing(ARM), length_bounds(ARM)
+    rng = np.random.default_rng(99)
+    postures = rng.uniform(drawing.lower, drawing.upper, (1000, len(drawing.joints)))
+    lengths = drawing.lengths(np.vstack([postures, posture_set()]))
+    assert np.all(lengths > bounds.low + 0.9 * MARGIN)
+    assert np.all(lengths < bounds.high - 0.9 * MARGIN)
+
+
+def test_bounds_are_not_wider_than_the_lengths_need() -> None:
+    drawing, bounds = ArmDrawing(ARM), length_bounds(ARM)
+    rng = np.random.default_rng(98)
+    share = rng.random((2000, len(drawing.joints)))
+    share[1000:] = np.round(share[1000:])
+    lengths = drawing.lengths(drawing.lower + share * (drawing.upper - drawing.lower))
+    assert np.all(lengths.min(axis=0) < bounds.low + MARGIN + 0.02)
+    assert np.all(lengths.max(axis=0) > bounds.high - MARGIN - 0.02)
+
+
+def test_an_environments_actions_command_what_they_say() -> None:
+    env = gym.make("Kengoro/CanGrasp-v0", camera=False).unwrapped
+    assert isinstance(env, KengoroEnv)
+    env.reset(seed=0)
+    lengths = ArmDrawing(ARM).lengths(posture_set()[3])[0]
+    action = env.lengths_to_action(lengths, fingers=0.25)
+    assert env.action_space.contains(action)
+    assert np.allclose(env.action_to_lengths(action), lengths, rtol=0.0, atol=1e-7)
+    env.step(action)
+    assert np.allclose(env.robot.target, lengths, rtol=0.0, atol=1e-7)
+
+
+def test_bad_lengths_are_named() -> None:
+    env = gym.make("Kengoro/Elbow-v0").unwrapped
+    assert isinstance(env, KengoroEnv)
+    for bad in ([0.0], [0.0, np.nan, 0.0], "long"):
+        with pytest.raises(KengoroError, match="lengths must be 3 finite numbers"):
+            env.lengths_to_action(bad)
+    with pytest.raises(InvalidActionError, match="entry 1"):
+        env.action_to_lengths([0.0, 2.0, 0.0])
