@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,10 @@ from experiments.session import CLOSED, OPEN, Session
 from jmm_agent.grasping import GraspPlan, GraspPlanner
 
 Floats = NDArray[np.float64]
+
+
+READY = tuple(radians(angle) for angle in (-15, 10, 0, -8, 0, -3, 0, 5, -32, -50, 95, 0, 0, 0))
+"""The arm beside the body, the hand out of view; the head towards the table [rad]."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +36,7 @@ class TrialOptions:
         patience: longest wait for rest and for a look [s].
         turn: duration of a turn of the head [s].
         reach: duration of the way from the stand-off to the can [s].
+        ready: joint angles of an arm that is out of the camera's way [rad].
         table_point: where the head is turned to find the can (3,) [m].
         scan: how far the head is turned when it is not there, (yaw, pitch) [rad].
     """
@@ -42,6 +48,7 @@ class TrialOptions:
     patience: float = 2.0
     turn: float = 0.8
     reach: float = 1.5
+    ready: tuple[float, ...] = READY
     table_point: tuple[float, float, float] = (0.40, -0.15, -0.28)
     scan: tuple[float, float] = (0.28, 0.22)
 
@@ -151,7 +158,8 @@ class GraspTrial:
     def _look_for_can(self) -> Floats | None:
         """Turn the head until the can is seen; pose of its marker in the world (4, 4)."""
         agent, options = self._session.agent, self._options
-        towards = self._planner.look_at(np.array(options.table_point), agent.target)
+        towards = self._planner.look_at(np.array(options.table_point), np.array(options.ready))
+        self._session.move(towards, options.move)
         for offset in [(0.0, 0.0), *self._scan_offsets()]:
             turned = towards.copy()
             turned[:2] += offset

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -77,9 +78,15 @@ class Args(CommonArgs):
     sizes: Sizes = field(default_factory=Sizes)
 
 
-def run_trial(trial: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
+@cache
+def known_world(maps: Path | None) -> World:
+    """The world of this process, with the map kept in ``maps``."""
+    return World(maps)
+
+
+def run_trial(trial: str, seed: int, sizes: Sizes, maps: Path | None) -> dict[str, Any]:
     """One trial on one robot: angles [rad] of the postures learned from and tested on, as lists."""
-    world = World(cache)
+    world = known_world(maps)
     body = Body(world, drawing() if trial == DRAWING else actual(seed), sizes)
     learned_from, tested_on = world.split(seed, sizes)
     if trial == FLOOR:
@@ -90,7 +97,7 @@ def run_trial(trial: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[s
     if trial != DRAWING:
         lesson = learn(body, learned_from, VARIANTS[trial], seed)
         jmm, result["learned"] = lesson.map, _rests(lesson.rests)
-        result["learned"] |= _listed(seen=lesson.seen)
+        result["learned"] |= _listed(seen=lesson.seen) | {"pairs": lesson.pairs}
     return result | {"tested": _rests(examine(body, tested_on, jmm, seed))}
 
 
@@ -158,6 +165,7 @@ def trial_summary(world: World, result: dict[str, Any]) -> dict[str, Any]:
                 joints_deg(learned, "seen", "true", half), 3
             ).tolist()
             summary["seen_true_deg"] = round(float(np.median(online["seen_true_deg"][half:])), 3)
+        summary["pairs"] = learned["pairs"]
         summary["online"] = {key: np.round(value, 3).tolist() for key, value in online.items()}
     return summary
 
@@ -178,7 +186,7 @@ def over_seeds(per_seed: dict[int, Any]) -> dict[str, Any]:
                 table[trial][f"{key}_hand_mm"] = median_and_worst(
                     row[f"{key}_hand_mm"] for row in rows
                 )
-        for key in ("seen_true_deg", "max_tension_N"):
+        for key in ("seen_true_deg", "max_tension_N", "pairs"):
             if key in rows[0]:
                 table[trial][key] = median_and_worst(row[key] for row in rows)
     return table
@@ -206,7 +214,7 @@ def conclude(args: Args, seeds: list[int], results: dict[str, Any], begin: float
     from experiments.learnability_report import report  # matplotlib takes a second to load
     from experiments.unseen import unseen
 
-    world = World(args.cache)
+    world = known_world(args.cache)
     per_seed = {
         seed: {trial: trial_summary(world, results[f"{seed:03d}-{trial}"]) for trial in TRIALS}
         for seed in seeds

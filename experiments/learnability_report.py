@@ -94,6 +94,7 @@ def stage_table(summary: Summary) -> Table:
                 _both(row["target_true_hand_mm"], 0),
                 _both(seen) if seen else "",
                 _both(tension, 0) if tension else "",
+                f"{row['pairs']['median']:.0f}" if "pairs" in row else "",
             )
         )
     head = (
@@ -103,6 +104,7 @@ def stage_table(summary: Summary) -> Table:
         "hand mm",
         "|vision - true| deg",
         "largest tension N",
+        "looks believed",
     )
     return Table(
         "Postures that were not learned from: median over robots (worst robot)",
@@ -180,7 +182,7 @@ def learning_figure(summary: Summary) -> Figure:
         axes.margins(x=0)
         axes.legend(fontsize=8, framealpha=0.9, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     panels[0].set_ylabel("|target - true| [deg]")
-    panels[0].set_ylim(0, None)
+    panels[0].set_ylim(-0.5, None)  # the floor may be at zero
     return figure
 
 
@@ -220,7 +222,7 @@ def unseen_figure(summary: Summary) -> Figure:
     right.barh(names, [direction["mm_per_deg"] for direction in directions], color=COLOURS[1])
     right.invert_yaxis()
     right.tick_params(axis="y", labelsize=8)
-    right.set_xlabel("marker's movement in the camera for 1 deg [mm RMS over postures]")
+    right.set_xlabel("marker's movement for 1 deg [mm]")
     for axes in (left, right):
         axes.grid(axis="x", alpha=0.3)
     return figure

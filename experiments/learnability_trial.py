@@ -16,11 +16,19 @@ from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
 
 
 class Lesson(NamedTuple):
-    """What was learned: the map, each rest on the way, and what vision said of it (n,) [rad]."""
+    """What was learned.
+
+    Attributes:
+        map: after the last posture.
+        rests: the robot at each posture on the way.
+        seen: what vision said of each, joint angles (n,) [rad]; empty without learning.
+        pairs: number of looks that were believed and are remembered.
+    """
 
     map: JointMuscleMap
     rests: list[Rest]
     seen: list[Floats]
+    pairs: int
 
 
 def learn(body: Body, postures: Floats, variant: Variant, seed: int) -> Lesson:
@@ -42,7 +50,7 @@ def learn(body: Body, postures: Floats, variant: Variant, seed: int) -> Lesson:
         if variant.learns:
             antagonism.settled(rests[-1].estimate, rests[-1].lengths, watcher.pairs)
             seen.append(watcher.look(rests[-1], antagonism.pairs))
-    return Lesson(learner.map, rests, seen)
+    return Lesson(learner.map, rests, seen, len(watcher.pairs.noise))
 
 
 def examine(body: Body, postures: Floats, jmm: JointMuscleMap, seed: int) -> list[Rest]:

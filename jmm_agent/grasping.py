@@ -34,9 +34,9 @@ class GraspOptions:
     """
 
     grip_site: str = "grip"
-    grip_depth: float = 0.055
-    approach: tuple[float, float, float] = (0.0, 0.5, -0.85)
-    standoff: float = 0.10
+    grip_depth: float = 0.047
+    approach: tuple[float, float, float] = (0.0, 0.94, -0.33)
+    standoff: float = 0.11
     lift: float = 0.10
     points: int = 6
     tilt_weight: float = 0.2

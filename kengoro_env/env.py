@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from kengoro_env import departures as known_departures
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import actual
+from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.head_camera import HeadCamera
-from kengoro_env.motors import Gains
+from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_window
 from kengoro_env.robot import DivergedError, Robot
 from kengoro_env.spaces import LATEST, TENSION_RANGE, box, checked_action, length_bounds
@@ -86,7 +85,10 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         KengoroError: in one sentence, what was wrong and what would be valid.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": round(1 / CONTROL_PERIOD)}
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": ["human", "rgb_array"],
+        "render_fps": round(1 / CONTROL_PERIOD),
+    }
 
     def __init__(
         self,
@@ -95,7 +97,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         departures: Sequence[Departure] | None = None,
         camera: bool | None = None,
         render_mode: str | None = None,
-        gains: Gains = Gains(),
+        gains: Gains = DEFAULT_GAINS,
     ) -> None:
         if task not in TASKS:
             raise UnknownNameError("task", task, TASKS)
@@ -104,7 +106,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._task = TASKS[task]()
         scene = asset_path(self._task.scene)
         self.robot = robot = Robot(
-            scene, _chosen(robot_seed, departures), gains, CONTROL_PERIOD
+            scene, chosen_departures(robot_seed, departures), gains, CONTROL_PERIOD
         )
         self.muscles, self.joints = robot.muscles, robot.joints
         self.render_mode = render_mode
@@ -157,6 +159,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def put_can_back(self) -> None:
         """Put the can back where it stood at the reset, as a person would (CanGrasp only)."""
+        if not isinstance(self._task, CanGrasp):
+            raise KengoroError("there is no can to put back: only CanGrasp has one")
         self._task.tidy_up(self.robot)
 
     def reset(
@@ -279,26 +283,6 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __getstate__(self) -> dict[str, Any]:
         """A copied or unpickled environment goes on where this one stands, without its window."""
         return {**self.__dict__, "_window": None}
-
-
-def _chosen(robot_seed: int | None, departures: Sequence[Departure] | None) -> tuple[Departure, ...]:
-    """What makes the robot depart from its drawing."""
-    if robot_seed is not None and departures is not None:
-        raise KengoroError("give either robot_seed or departures, not both")
-    if robot_seed is not None:
-        if isinstance(robot_seed, bool) or not isinstance(robot_seed, int | np.integer):
-            raise KengoroError(f"robot_seed must be a whole number or None, got {robot_seed!r}")
-        if robot_seed < 0:
-            raise KengoroError(f"robot_seed must not be negative, got {robot_seed}")
-        return actual(int(robot_seed))
-    chosen = () if departures is None else departures
-    if not isinstance(chosen, Sequence):
-        raise KengoroError(f"departures must be a tuple of departures, got {chosen!r}")
-    for departure in chosen:
-        if isinstance(departure, type) or not hasattr(departure, "edit"):
-            kinds = [name for name in known_departures.__all__ if name[0].isupper()]
-            raise UnknownNameError("departure", departure, kinds)
-    return tuple(chosen)
 
 
 def _finite(name: str, value: object, size: int) -> Array:

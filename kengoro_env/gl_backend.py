@@ -49,7 +49,7 @@ def choose() -> None:
         KengoroError: the user chose a backend without whose library mujoco cannot be imported.
     """
     chosen = os.environ.get("MUJOCO_GL", "")
-    if "mujoco" in sys.modules or os.environ.get("DISPLAY") and not chosen:
+    if "mujoco" in sys.modules or (os.environ.get("DISPLAY") and not chosen):
         return
     found = candidates()
     if chosen and found[0] in LIBRARIES and sys.platform == "linux" and not is_there(found[0]):

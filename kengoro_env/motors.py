@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.draft import Draft
 from kengoro_env.errors import KengoroError
-from kengoro_env.wires import SPOOL_TRAVEL, spool_joint
+from kengoro_env.wires import MOTOR_DAMPING, SPOOL_TRAVEL, spool_joint
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,9 @@ class Gains:
     limit: float = 500.0
 
 
+DEFAULT_GAINS = Gains()
+
+
 class Motors:
     """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles."""
 
@@ -45,6 +48,7 @@ class Motors:
         self._tendon = np.array([model.tendon(name).id for name in self.muscles])
         self._actuator = np.array([model.actuator(name).id for name in self.muscles])
         self._spooled = np.array([wire.stiffness is not None for wire in wires])
+        self._has_spools = bool(self._spooled.any())
         spools = [
             model.joint(spool_joint(name))
             for name, spooled in zip(self.muscles, self._spooled, strict=True)
@@ -102,23 +106,35 @@ class Motors:
 
     def paths(self) -> Array:
         """Lengths of the wires' paths from guide to end [m], true."""
-        lengths = self._data.ten_length[self._tendon].copy()
-        lengths[self._spooled] -= self._data.qpos[self._spool_position]
+        lengths = self._data.ten_length[self._tendon]
+        if self._has_spools:
+            lengths[self._spooled] -= self._data.qpos[self._spool_position]
         return lengths
 
     def paid_out(self) -> Array:
         """What an encoder without error reads [m]: path minus stretch minus elongation."""
         lengths = self._data.ten_length[self._tendon] - self._elongation
-        lengths[self._spooled] = (
-            self._drum[self._spooled] - self._data.qpos[self._spool_position]
-        )
+        if self._has_spools:
+            turned = self._data.qpos[self._spool_position]
+            lengths[self._spooled] = self._drum[self._spooled] - turned
         return lengths
 
     def tensions(self) -> Array:
-        """Tensions of the wires [N], true, never negative."""
-        motor = np.abs(self._data.actuator_force[self._actuator])
-        stretch = self.paths() - self.paid_out() - self._elongation
-        return np.where(self._spooled, self._pull(stretch), motor)
+        """Tensions of the wires [N], true, never negative.
+
+        A wire that stretches pulls with its spring's force, another one with its motor's.
+        """
+        tensions = self._motor_pull()
+        if self._has_spools:
+            stretch = self.paths() - self.paid_out() - self._elongation
+            tensions = np.where(self._spooled, self._pull(stretch), tensions)
+        return tensions
+
+    def _motor_pull(self) -> Array:
+        data = self._data
+        excess = data.ten_length[self._tendon] - data.ctrl[self._actuator]
+        pull = (self.bias + self.stiffness * excess).clip(self.bias, self._limit)
+        return np.maximum(0.0, pull + MOTOR_DAMPING * data.ten_velocity[self._tendon])
 
     def _pull(self, stretch: Array) -> Array:
         x = np.maximum(stretch, 0.0)

@@ -138,4 +138,3 @@ def open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
             reason = str(error).splitlines()[0]
     logger.warn(f'render_mode "human" opens no window: {reason}; drawing offscreen instead')
     return None
-

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from kengoro_env.draft import Departure, Draft, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
-from kengoro_env.motors import Gains, Motors
+from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors
 from kengoro_env.names import JOINTS
 from kengoro_env.wires import wind
 
 Array = NDArray[np.float64]
 
-_DIVERGENCE = tuple(
+_DIVERGENCE = [
     int(kind)
     for kind in (
         mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -30,7 +30,7 @@ _DIVERGENCE = tuple(
         mujoco.mjtWarning.mjWARN_BADQACC,
         mujoco.mjtWarning.mjWARN_BADCTRL,
     )
-)
+]
 
 
 class DivergedError(KengoroError):
@@ -57,7 +57,7 @@ class Robot:
         self,
         scene: Path,
         departures: Sequence[Departure] = (),
-        gains: Gains = Gains(),
+        gains: Gains = DEFAULT_GAINS,
         control_period: float = 0.02,
     ) -> None:
         draft = Draft.of(load_spec(scene))
@@ -182,11 +182,21 @@ class Robot:
         else:
             mujoco.mj_step(self.model, self.data, self._substeps)
         self._check_finite()
+        self._catch_up()
+
+    def _catch_up(self) -> None:
+        """Let paths, poses and cameras follow the joints: MuJoCo leaves them a time step behind."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        mujoco.mj_tendon(self.model, self.data)
 
     def _check_finite(self) -> None:
         """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
-        warned = any(self.data.warning[kind].number for kind in _DIVERGENCE)
-        if warned or not (np.all(np.isfinite(self.data.qpos)) and np.all(np.isfinite(self.data.qvel))):
+        data = self.data
+        warned = data.warning.number[_DIVERGENCE].any()
+        # A sum is finite if and only if, short of overflow, all its parts are.
+        if warned or not np.isfinite(data.qpos.sum() + data.qvel.sum()):
             raise DivergedError("the simulation diverged: its state is no longer finite")
 
     def close_fingers(self, command: float) -> None:

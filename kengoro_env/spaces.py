@@ -96,9 +96,9 @@ def checked_action(action: object, entries: Sequence[str]) -> NDArray[Any]:
             f"an action must have the shape ({len(entries)},), one entry a muscle"
             f"{' and one for the fingers' if entries[-1] == 'fingers' else ''}, got {array.shape}"
         )
-    wrong = np.flatnonzero(~(np.abs(array) <= 1.0))
-    if len(wrong):
-        first = wrong[0]
+    within = np.abs(array) <= 1.0
+    if not within.all():
+        first = np.flatnonzero(~within)[0]
         raise InvalidActionError(
             f"entry {first} of the action ({entries[first]}) is {array[first]:g}: every entry must "
             "be a finite number within [-1, 1]"

@@ -85,9 +85,7 @@ def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str, following: str) -> 
     return end.name
 
 
-def _add_motor(
-    spec: mujoco.MjSpec, muscle: str, transmission: mujoco.mjtTrn, target: str
-) -> None:
+def _add_motor(spec: mujoco.MjSpec, muscle: str, transmission: mujoco.mjtTrn, target: str) -> None:
     actuator = spec.add_actuator(name=muscle, target=target, trntype=transmission)
     actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE

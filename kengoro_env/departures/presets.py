@@ -32,7 +32,11 @@ def actual(seed: int) -> tuple[Departure, ...]:
         EncoderError(offset=0.001, noise=0.0001, quantum=0.00005, seed=seed),
         TensionSensorError(noise=1.0, offset=1.0, seed=seed),
         ZeroPosture(
-            shoulder=radians(17.0), scapula=radians(8.0), other=radians(8.0), seed=seed
+            shoulder=radians(19.0),
+            scapula=radians(9.0),
+            forearm=radians(8.0),
+            neck=radians(3.0),
+            seed=seed,
         ),
         CameraError(focal=0.003, position=0.002, rotation=radians(0.3), seed=seed),
         FrameDelay(delay=0.1),

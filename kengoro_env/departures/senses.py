@@ -140,19 +140,21 @@ class ZeroPosture:
     Attributes:
         shoulder: how far shoulder and elbow joints were from zero [rad].
         scapula: the same for the four joints of the scapula [rad].
-        other: the same for neck and forearm [rad].
+        forearm: the same for radioulnar joint and wrist [rad].
+        neck: the same for the neck, which is easier to set: the face looks straight ahead [rad].
         seed: which posture.
     """
 
     shoulder: float = 0.0
     scapula: float = 0.0
-    other: float = 0.0
+    forearm: float = 0.0
+    neck: float = 0.0
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
         """Draw the posture and note it."""
-        angle = {"shoulder": self.shoulder, "scapula": self.scapula}
-        if not any((self.shoulder, self.scapula, self.other)):
+        angle = {group: float(getattr(self, group)) for group in GROUP_JOINTS}
+        if not any(angle.values()):
             return
         rng = np.random.default_rng([self.seed, 105])
         known = {joint.name for joint in draft.spec.joints}
@@ -161,4 +163,4 @@ class ZeroPosture:
                 side = {"elbow": 1, "sh_roll": -1}.get(joint, int(rng.choice([-1, 1])))
                 share = side * float(rng.uniform(0.5, 1.5))
                 if joint in known:
-                    draft.senses.zero_posture[joint] = share * angle.get(group, self.other)
+                    draft.senses.zero_posture[joint] = share * angle[group]

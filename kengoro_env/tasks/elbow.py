@@ -1,4 +1,4 @@
-"""Elbow: the elbow alone, with brachialis, biceps and triceps, reaches one angle after the other."""
+"""Elbow: the elbow alone, with its three muscles, reaches one angle after the other."""
 
 from __future__ import annotations
 

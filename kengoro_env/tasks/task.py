@@ -64,6 +64,3 @@ class Task(Protocol):
 
     def truth(self, robot: Robot) -> dict[str, Any]:
         """Entries for ``info`` beside those that every task has."""
-
-    def tidy_up(self, robot: Robot) -> None:
-        """Put back what the robot moved."""

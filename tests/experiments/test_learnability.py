@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments import learnability
-from experiments.learnability import Args, conclude, error_deg, run_trial
+from experiments.learnability import Args, conclude, error_deg, known_world, run_trial
 from experiments.learnability_robot import Body, Sizes, World
 from experiments.learnability_trial import examine, floor, learn
 from experiments.learnability_watchers import Variant
@@ -21,9 +21,9 @@ SIZES = Sizes(learned=6, tested=3, move=1.2, hold=0.8, corrections=4)
 
 
 @pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> World:
-    """Trained once for all tests of this file."""
-    return World(tmp_path_factory.mktemp("maps"))
+def world(request: pytest.FixtureRequest) -> World:
+    """With a map that is trained once and kept between test runs."""
+    return known_world(request.config.cache.mkdir("maps"))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def body(world: World) -> Body:
     return Body(world, actual(SEED), SIZES)
 
 
-def tested(body: Body, variant: Variant) -> Floats:
+def errors_after(body: Body, variant: Variant) -> Floats:
     """|target - true| [deg] at the tested postures after learning."""
     learned_from, tested_on = body.world.split(SEED, SIZES)
     lesson = learn(body, learned_from, variant, SEED)
@@ -49,12 +49,12 @@ def before(body: Body) -> Floats:
 
 def test_without_learning_the_error_stays(body: Body, before: Floats) -> None:
     assert np.median(before) > 7.0
-    np.testing.assert_array_equal(tested(body, Variant(learns=False)), before)
+    np.testing.assert_array_equal(errors_after(body, Variant(learns=False)), before)
 
 
 @pytest.mark.parametrize("vision", ["true angles", "looks together"])
 def test_learning_lets_the_error_fall(body: Body, before: Floats, vision: str) -> None:
-    after = tested(body, replace(Variant(), vision=vision))
+    after = errors_after(body, replace(Variant(), vision=vision))
     assert np.median(after) < 0.6 * np.median(before)
 
 

@@ -17,6 +17,7 @@ from kengoro_env.errors import KengoroError
 from kengoro_env.motors import Gains
 from kengoro_env.rendering import Painter
 from kengoro_env.spaces import InvalidActionError
+from kengoro_env.tasks.can_grasp import FALLEN_TIME
 
 IDS = ("Kengoro/CanGrasp-v0", "Kengoro/Posture-v0", "Kengoro/Elbow-v0")
 COMMON = {
@@ -343,6 +344,8 @@ def test_the_can_stands_where_it_is_told() -> None:
         *_, info = env.step(env.lengths_to_action(observation["lengths"]))
     assert np.allclose(info["can_pose"][:2, 3], (0.5, -0.2), atol=1e-3)
     assert abs(info["rise"]) < 1e-3
+    with pytest.raises(KengoroError, match="there is no can to put back"):
+        make("Kengoro/Elbow-v0").put_can_back()
     with pytest.raises(KengoroError, match=r"the can cannot stand at \(1, 0\) m: the table rea"):
         env.reset(options={"can": (1.0, 0.0)})
 
@@ -352,12 +355,27 @@ def test_a_can_off_the_table_ends_the_episode() -> None:
     observation, _ = env.reset(seed=0)
     env.robot.data.joint("can").qpos[:2] = (1.2, 0.5)
     action, terminated, steps = env.lengths_to_action(observation["lengths"]), False, 0
-    while not terminated and steps < 50:
+    while not terminated and steps < 600:
         *_, terminated, _, info = env.step(action)
         steps += 1
     assert terminated
+    assert steps * 0.02 > FALLEN_TIME  # until then somebody may put it back
     assert info["reason"] == "the can fell off the table"
     assert info["success"] is False
+
+
+def test_a_can_that_is_put_back_in_time_ends_nothing() -> None:
+    env = make("Kengoro/CanGrasp-v0", camera=False)
+    observation, start = env.reset(seed=0)
+    action = env.lengths_to_action(observation["lengths"])
+    env.robot.data.joint("can").qpos[:2] = (1.2, 0.5)
+    for step in range(600):
+        *_, terminated, _, info = env.step(action)
+        assert not terminated
+        if step == 100:
+            assert info["rise"] < -0.5
+            env.put_can_back()
+    assert np.allclose(info["can_pose"], start["can_pose"], atol=2e-3)
 
 
 def test_lifting_is_rewarded() -> None:

@@ -10,8 +10,8 @@ import pytest
 
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import EncoderError, TensionSensorError, WireStretch, ZeroPosture
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.draft import Departure, UnknownNameError
+from kengoro_env.drawing import ArmDrawing
 from kengoro_env.errors import KengoroError
 from kengoro_env.motors import Gains
 from kengoro_env.postures import posture_set
@@ -46,10 +46,10 @@ def test_a_stretched_wire_is_path_minus_stretch() -> None:
     path = ArmDrawing(ELBOW)
     settle(robot, robot.lengths - 0.004, 300)
     tension = robot.tensions
-    # Root of T = x / compliance + hardening x^2; the wire was zeroed while it pulled with T_bias.
+    # Root of T = x / compliance + hardening x^2; the wires were zeroed while they pulled T_bias.
     stretch, zeroed = (
         (np.sqrt(1.0 / compliance**2 + 4 * hardening * t) - 1.0 / compliance) / (2 * hardening)
-        for t in (tension, 20.0)
+        for t in (tension, robot.motors.bias)
     )
     assert np.all(tension > 40.0)
     expected = path.lengths(robot.joint_angles)[0] - stretch + zeroed
@@ -58,7 +58,7 @@ def test_a_stretched_wire_is_path_minus_stretch() -> None:
 
 def test_lengths_are_zero_at_the_posture_called_zero() -> None:
     sigma = np.radians(10.0)
-    robot = Robot(ARM, (ZeroPosture(shoulder=sigma, scapula=sigma, other=sigma, seed=4),))
+    robot = Robot(ARM, (ZeroPosture(shoulder=sigma, scapula=sigma, forearm=sigma, neck=sigma, seed=4),))
     drawn = ArmDrawing(ARM)
     robot.reset(posture_set()[0], np.random.default_rng(0))
     offset = drawn.lengths(posture_set()[0])[0] - robot.lengths
@@ -105,7 +105,7 @@ def test_slack_metrics() -> None:
     robot.reset(np.array([1.0]), np.random.default_rng(0))
     target = robot.target
     assert np.all(robot.slack(target)[0] == 0.0)
-    long = target + [0.01, 0.0, 0.0]
+    long = target + np.array([0.01, 0.0, 0.0])
     assert np.allclose(robot.slack(long)[1], [0.01, 0.0, 0.0], atol=1e-12)
     # A wire that gives by 20 mm hangs loose until its motor has wound up what it gave.
     robot.elongate("biceps", 0.02)
@@ -135,8 +135,8 @@ def test_the_elbow_alone_is_the_arms_elbow() -> None:
             assert part.ten_length[i] == pytest.approx(length, abs=1e-12)
         dof = arm.joint("elbow").dofadr[0]
         inertia = np.zeros((arm.nv, arm.nv)), np.zeros((1, 1))
-        mujoco.mj_fullM(arm, inertia[0], whole.qM)
-        mujoco.mj_fullM(elbow, inertia[1], part.qM)
+        mujoco.mj_fullM(arm, whole, inertia[0])
+        mujoco.mj_fullM(elbow, part, inertia[1])
         assert inertia[1][0, 0] == pytest.approx(inertia[0][dof, dof], rel=1e-9)
         assert part.qfrc_bias[0] == pytest.approx(whole.qfrc_bias[dof], rel=1e-9)
     for name in ("ulna", "radius", "wrist_link", "hand", "humerus", "scapula"):
@@ -162,7 +162,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         Robot(tmp_path / "nowhere.xml")
     broken = tmp_path / "broken.xml"
     broken.write_text("<mujoco><worldbody><bod/></worldbody></mujoco>")
-    with pytest.raises(KengoroError, match="broken.xml is not valid MJCF"):
+    with pytest.raises(KengoroError, match=r"broken\.xml is not valid MJCF"):
         Robot(broken)
     with pytest.raises(KengoroError, match=r"control_period 0.003 s is not a multiple"):
         Robot(ELBOW, control_period=0.003)

@@ -28,7 +28,7 @@ def test_the_map_is_affine() -> None:
 
 @given(st.lists(st.floats(-0.1, 0.1), min_size=2, max_size=2))
 def test_back_and_forth_within_a_micrometre(values: list[float]) -> None:
-    lengths = np.array(values) + [0.0, 0.2]
+    lengths = np.array(values) + np.array([0.0, 0.2])
     action = BOUNDS.to_action(lengths)
     assert action.dtype == np.float32
     assert np.allclose(BOUNDS.to_lengths(action), lengths, rtol=0.0, atol=1e-7)

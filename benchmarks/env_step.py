@@ -1,0 +1,74 @@
+"""What an environment's step costs beside MuJoCo's own steps, for drawing and actual robot.
+
+Both do the same physics: raw is `mj_step` with the same number of substeps and the same commands.
+Medians of alternating rounds on one core, without and with the camera.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from time import perf_counter
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
+
+IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
+ROBOTS = (None, 100)
+ROUNDS, STEPS = 15, 40
+
+
+def median_us(env: KengoroEnv) -> tuple[float, float]:
+    """Medians of the time of an `env.step` and of the same physics alone [microseconds]."""
+    model, data = env.robot.model, env.robot.data
+    substeps = round(CONTROL_PERIOD / model.opt.timestep)
+    stepped, raw = [], []
+    for seed in range(ROUNDS):
+        observation, _ = env.reset(seed=seed)
+        action = env.lengths_to_action(observation["lengths"])
+        start = perf_counter()
+        for _ in range(STEPS):
+            env.step(action)
+        stepped.append(perf_counter() - start)
+        env.reset(seed=seed)
+        env.step(action)
+        start = perf_counter()
+        for _ in range(STEPS):
+            mujoco.mj_step(model, data, substeps)
+        raw.append(perf_counter() - start)
+    return 1e6 * float(np.median(stepped)) / STEPS, 1e6 * float(np.median(raw)) / STEPS
+
+
+def main() -> None:
+    """Print the table."""
+    table = Table(title=f"One control step of {1e3 * CONTROL_PERIOD:.0f} ms [us]")
+    for column in ("environment", "robot", "raw", "step", "ratio", "added", "step with camera"):
+        table.add_column(column, justify="left" if column in ("environment", "robot") else "right")
+    for env_id in IDS:
+        for seed in ROBOTS:
+            env = gym.make(env_id, robot_seed=seed, camera=False).unwrapped
+            assert isinstance(env, KengoroEnv)
+            stepped, raw = median_us(env)
+            seeing = "-"
+            if "Elbow" not in env_id:
+                with_camera = gym.make(env_id, robot_seed=seed).unwrapped
+                assert isinstance(with_camera, KengoroEnv)
+                seeing = f"{median_us(with_camera)[0]:.0f}"
+                with_camera.close()
+            table.add_row(
+                env_id,
+                "drawing" if seed is None else f"actual({seed})",
+                f"{raw:.0f}",
+                f"{stepped:.0f}",
+                f"{stepped / raw:.2f}",
+                f"{stepped - raw:.0f}",
+                seeing,
+            )
+    Console().print(table)
