@@ -68,11 +68,12 @@ class Approach:
 
 @dataclass
 class Trial:
-    """What the experiment brought."""
+    """What the experiment brought; ``plan`` is that of the last approach."""
 
     approaches: list[Approach] = field(default_factory=list)
     postures: int = 0
     notes: list[str] = field(default_factory=list)
+    plan: GraspPlan | None = None
 
 
 class GraspTrial:
@@ -187,7 +188,7 @@ class GraspTrial:
     _can: Floats | None = None
 
     def _approach(self) -> bool:
-        session, options = self._session, self._options
+        session = self._session
         self._can = pose = self._look_for_can()
         if pose is None:
             self.trial.notes.append(f"{self.stage}: the can was not found")
@@ -197,22 +198,29 @@ class GraspTrial:
             self.trial.notes.append(
                 f"{self.stage}: the can is out of reach, by {1e3 * plan.worst:.0f} mm"
             )
-        start = session.time
-        session.move(plan.approach[0], options.move)
-        session.move(plan.approach[1:], options.reach)
-        session.wait(0.6)
-        self.trial.approaches.append(self._measure(plan, start))
-        session.fingers = CLOSED
-        session.wait(1.2)
-        session.move(plan.lift[1:], 1.5)
-        session.wait(1.6)
-        grasped = bool(session.truth["success"])
-        self.trial.approaches[-1].grasped = grasped
+        self.trial.plan = plan
+        grasped = self.grasp(plan)
         if not grasped:
             session.fingers = OPEN
             session.move(plan.lift[-1], 1.0)
             session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
         return grasped
+
+    def grasp(self, plan: GraspPlan) -> bool:
+        """Reach for the can, close the fingers and lift; whether the can was lifted for good."""
+        session, options = self._session, self._options
+        start = session.time
+        session.move(plan.approach[0], options.move)
+        session.move(plan.approach[1:], options.reach)
+        session.wait(0.6)
+        approach = self._measure(plan, start)
+        self.trial.approaches.append(approach)
+        session.fingers = CLOSED
+        session.wait(1.0)
+        session.move(plan.lift[1:], 1.5)
+        session.wait(1.6)
+        approach.grasped = bool(session.truth["success"])
+        return approach.grasped
 
     def _measure(self, plan: GraspPlan, start: float) -> Approach:
         """What a bystander measures before the fingers close; the agent never sees it."""

@@ -36,8 +36,9 @@ class Sizes:
     Attributes:
         learned: postures from which is learned.
         tested: other postures, on which the map is tested.
-        move, hold: time for a movement and to come to rest [s].
-        corrections: of the command for the floor.
+        move: time for a movement [s].
+        hold: time to come to rest [s].
+        corrections: how often a command is corrected for the floor.
     """
 
     learned: int = 27

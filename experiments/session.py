@@ -70,6 +70,7 @@ class Session:
         self._seen: object = None
         self.observation, self.truth = env.reset(seed=seed, options=options)
         self._steps = 0
+        agent.begin_episode()
 
     @property
     def senses(self) -> Senses:

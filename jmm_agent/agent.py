@@ -142,6 +142,8 @@ class Agent:
         self._target_lengths = drawn.lengths(start)
         self._look_due = False
         self._frame_time = -np.inf
+        self.learning = True
+        """False while the agent is tested: it looks, but nothing is learned or remembered."""
         self.hand_is_free = True
         """False while the hand holds or touches something: the map is then left alone, since the
         paper deals only with "the condition in which no forces, except for gravity, are applied"."""
@@ -169,6 +171,14 @@ class Agent:
     def at_rest(self) -> bool:
         """Whether the lengths have settled and nothing waits to be learned from them."""
         return np.isfinite(self._settling.since) and not self._look_due
+
+    def begin_episode(self) -> None:
+        """Forget where the arm was, as before a new episode; keep what was learned."""
+        self._time = self._frame_time = -np.inf
+        self._settling.reset()
+        self._look_due = False
+        self.markers = {}
+        self.estimator.reset(self.target)
 
     def go(self, postures: Floats, duration: float) -> None:
         """Move through postures (K, n) or to one (n,) [rad] within ``duration`` [s].
@@ -234,7 +244,7 @@ class Agent:
         return {options.hand_marker: pose}
 
     def _learn_antagonism(self, senses: Senses) -> None:
-        if not self.options.learn_antagonism:
+        if not (self.learning and self.options.learn_antagonism):
             return
         if self.antagonism.settled(self.estimator.q, senses.lengths, self.vision.pairs):
             self.estimator.set_map(self.map)
@@ -252,7 +262,7 @@ class Agent:
             self._target_lengths,
             senses.tensions,
             self.antagonism.pairs if self.options.learn_antagonism else None,
-            learn=self.options.learn_vision,
+            learn=self.learning and self.options.learn_vision,
         )
         if self.seen.learned:
             self.estimator.set_map(self.map)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -39,6 +39,11 @@ TASKS: dict[str, Callable[[], Task]] = {
 
 CONTROL_PERIOD = 0.02
 """Time that a step takes [s]."""
+
+METADATA: dict[str, Any] = {
+    "render_modes": ["human", "rgb_array"],
+    "render_fps": round(1 / CONTROL_PERIOD),
+}
 
 OUTSIDE = "outside"
 """The camera of `KengoroEnv.render`."""
@@ -85,10 +90,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         KengoroError: in one sentence, what was wrong and what would be valid.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
-        "render_modes": ["human", "rgb_array"],
-        "render_fps": round(1 / CONTROL_PERIOD),
-    }
+    metadata = METADATA
 
     def __init__(
         self,

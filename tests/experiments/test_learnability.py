@@ -17,7 +17,7 @@ from jmm_agent.drawing import Floats
 from kengoro_env.departures import actual
 
 SEED = 1
-SIZES = Sizes(learned=6, tested=3, move=1.2, hold=0.8, corrections=4)
+SIZES = Sizes(learned=6, tested=3, move=1.2, hold=0.8, corrections=8)
 
 
 @pytest.fixture(scope="module")

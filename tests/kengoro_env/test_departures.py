@@ -65,7 +65,9 @@ CASES = {
         1e-7,
         mujoco.mjtIntegrator.mjINT_DISCRETE,
     ),
-    "ZeroPosture": Case(lambda p: ZeroPosture(shoulder=p, scapula=p, forearm=p, neck=p, seed=1), 0.3, 1e-5),
+    "ZeroPosture": Case(
+        lambda p: ZeroPosture(shoulder=p, scapula=p, forearm=p, neck=p, seed=1), 0.3, 1e-5
+    ),
 }
 
 
@@ -99,8 +101,8 @@ def movement(*chosen: Departure) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
         arm.step(start + min(1.0, step / RAMP) * (goal - start))
         rows.append((arm.joint_angles, arm.sense_lengths(), arm.sense_tensions()))
     joints, lengths, tensions = (np.array(column) for column in zip(*rows, strict=True))
-    eye = arm.data.camera("eye")
-    camera = np.concatenate([eye.xpos, eye.xmat, arm.model.camera("eye").fovy, [arm.frame_delay]])
+    eye = arm.model.camera("eye")
+    camera = np.concatenate([eye.pos, eye.quat, eye.fovy, [arm.frame_delay]])
     return joints, lengths, tensions, camera
 
 
@@ -147,7 +149,8 @@ def trembling(arm: Robot, seed: int) -> float:
         for step in range(1, 101):
             arm.step(start + min(1.0, step / 50) * (target - start))
             speeds.append([arm.data.joint(joint).qvel[0] for joint in arm.joints])
-        largest = max(largest, float(np.abs(np.diff(speeds[-25:], 2, axis=0)).max()))
+        jumps = np.abs(np.diff(speeds[-25:], 2, axis=0)).max(axis=1)
+        largest = max(largest, float(np.median(jumps)))  # a knock at a stop is no trembling
         assert arm.tensions.max() < 600.0
     return largest
 
@@ -160,7 +163,7 @@ def test_the_preset_is_far_from_where_stiff_wires_become_unstable() -> None:
     (stretch,) = (d for d in actual(0) if isinstance(d, WireStretch))
     stiffer = WireStretch(stretch.compliance / 2.0, stretch.hardening)
     chosen = tuple(stiffer if d is stretch else d for d in actual(0))
-    assert trembling(Robot(ARM, chosen), seed=0) < 0.5
+    assert trembling(Robot(ARM, chosen), seed=0) < 0.1
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -176,7 +179,7 @@ def test_tension_is_never_negative_in_random_motion(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(0, 96, 8))
 def test_actual_robots_are_stable_over_the_posture_set(seed: int) -> None:
-    assert trembling(Robot(ARM, actual(seed)), seed) < 0.5
+    assert trembling(Robot(ARM, actual(seed)), seed) < 0.1
 
 
 @pytest.mark.parametrize("chosen", [(), (WireStretch(1e-5),)], ids=["ideal", "stretch"])

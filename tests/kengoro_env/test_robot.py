@@ -58,7 +58,9 @@ def test_a_stretched_wire_is_path_minus_stretch() -> None:
 
 def test_lengths_are_zero_at_the_posture_called_zero() -> None:
     sigma = np.radians(10.0)
-    robot = Robot(ARM, (ZeroPosture(shoulder=sigma, scapula=sigma, forearm=sigma, neck=sigma, seed=4),))
+    robot = Robot(
+        ARM, (ZeroPosture(shoulder=sigma, scapula=sigma, forearm=sigma, neck=sigma, seed=4),)
+    )
     drawn = ArmDrawing(ARM)
     robot.reset(posture_set()[0], np.random.default_rng(0))
     offset = drawn.lengths(posture_set()[0])[0] - robot.lengths

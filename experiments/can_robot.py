@@ -1,0 +1,149 @@
+"""One robot of the can-grasping experiment: trial, control, and what it could do before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.common import ARM, trained_map
+from experiments.grasp_trial import READY, GraspTrial, Trial
+from experiments.session import EpisodeEndedError, Session
+from jmm_agent.agent import Agent
+from jmm_agent.camera import Camera
+from jmm_agent.grasping import GraspPlanner
+from jmm_agent.kinematics import ArmKinematics
+from jmm_agent.mapping import JointMuscleMap
+from jmm_agent.marker import MarkerDetector
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import actual, drawing
+from kengoro_env.names import GROUP_JOINTS, JOINTS
+from kengoro_env.postures import posture_set
+
+Floats = NDArray[np.float64]
+
+CAMERA = Camera.from_fovy(640, 480, radians(45.0))
+"""The camera as drawn; the robot's own differs a little."""
+
+HAND, CAN = 0, 1
+SIDES = {HAND: 0.050, CAN: 0.036}
+TESTED = 8
+"""Postures on which the map is tested before and after."""
+
+Watch = Callable[[Session, str], None]
+
+
+def make_env(task: str, seed: int | None, **more: Any) -> gym.Env[Any, Any]:
+    """An environment with the actual robot of ``seed``, or the drawing for None."""
+    departures = drawing() if seed is None else actual(seed)
+    return gym.make(f"Kengoro/{task}-v0", departures=departures, **more)
+
+
+def make_agent(start: JointMuscleMap, seed: int, learning: bool = True) -> Agent:
+    """An agent that knows the drawing and nothing of the robot."""
+    agent = Agent(
+        start,
+        ArmKinematics(asset_path(ARM), JOINTS),
+        MarkerDetector(CAMERA, SIDES),
+        posture_set(),
+        np.array(READY),
+        np.random.default_rng([seed, 2]),
+    )
+    agent.learning = learning
+    return agent
+
+
+class CanRobot:
+    """The experiment on one robot.
+
+    Args:
+        seed: of the robot and of all that is drawn; the drawing itself if ``drawn``.
+        cache: folder of trained maps.
+        drawn: whether the robot is the drawing.
+    """
+
+    def __init__(self, seed: int, cache: Path | None, drawn: bool = False) -> None:
+        self.seed, self._robot_seed = seed, None if drawn else seed
+        self.before = trained_map(cache)
+        self.agent = make_agent(self.before, seed)
+        self.trial = Trial()
+        self.session: Session | None = None
+
+    def run_trial(self, watch: Watch | None = None, render_mode: str | None = None) -> None:
+        """Look, reach, miss, learn, grasp."""
+        env = make_env("CanGrasp", self._robot_seed, render_mode=render_mode)
+        postures = posture_set()
+
+        def tell(session: Session) -> None:
+            if watch is not None:
+                watch(session, trial.stage)
+
+        self.session = Session(env, self.agent, self.seed, tell, {"posture": np.array(READY)})
+        planner = GraspPlanner(self.agent.kinematics, "eye", GROUP_JOINTS["neck"])
+        rng = np.random.default_rng([self.seed, 3])
+        trial = GraspTrial(self.session, planner, postures, rng)
+        self.trial = trial.trial
+        try:
+            trial.run()
+        except EpisodeEndedError as end:
+            self.trial.notes.append(f"{trial.stage}: {end}")
+        env.close()
+
+    def run_control(self) -> bool:
+        """Whether the map before learning grasps the can from the last approach's IK target."""
+        plan = self.trial.plan
+        if plan is None:
+            return False
+        agent = make_agent(self.before, self.seed, learning=False)
+        env = make_env("CanGrasp", self._robot_seed)
+        session = Session(env, agent, self.seed, None, {"posture": np.array(READY)})
+        planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
+        control = GraspTrial(session, planner, posture_set(), np.random.default_rng(0))
+        try:
+            return control.grasp(plan)
+        except EpisodeEndedError:
+            return False
+        finally:
+            env.close()
+
+    def test(self, agent: Agent) -> dict[str, float]:
+        """How well an agent moves this robot to postures that were not learned, learning off.
+
+        Medians over the postures: RMSE of target - true, estimate - true, estimate - target and
+        estimate - seen [deg], grip point target - true and estimate - true [mm]; and the largest
+        tension [N].
+        """
+        agent.learning = False
+        order = np.random.default_rng([self.seed, 4]).permutation(len(posture_set()))
+        start, *targets = posture_set()[order[: 1 + TESTED]]
+        env = make_env("Posture", self._robot_seed, max_episode_steps=100_000)
+        session = Session(env, agent, self.seed, None, {"posture": start, "target": targets[0]})
+
+        def grip(q: Floats) -> Floats:
+            return agent.kinematics.pose("grip", q)[:3, 3]
+
+        rows = []
+        for target in targets:
+            session.move(target, 2.0, 2.0)
+            true, estimate = session.truth["joint_angles"], agent.joint_angles
+            angles = [target - true, estimate - true, estimate - target]
+            hands = [grip(target) - grip(true), grip(estimate) - grip(true)]
+            rows.append(
+                [
+                    *(np.degrees(np.sqrt(np.mean(error**2))) for error in angles),
+                    *(1e3 * np.linalg.norm(error) for error in hands),
+                ]
+            )
+        env.close()
+        seen = [np.degrees(np.sqrt(np.mean(error**2))) for error in session.log.look_error]
+        names = ("target_true_deg", "estimate_true_deg", "estimate_target_deg")
+        names += ("hand_target_true_mm", "hand_estimate_true_mm")
+        result = dict(zip(names, np.median(rows, axis=0).tolist(), strict=True))
+        result["seen_deg"] = float(np.median(seen)) if seen else float("nan")
+        result["max_tension_N"] = float(np.max(session.log.tensions))
+        return result

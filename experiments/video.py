@@ -1,0 +1,53 @@
+"""episode.mp4: what the robot sees beside what a bystander sees."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import imageio.v2 as imageio
+import numpy as np
+
+RATE = 25
+"""Frames per second of the video."""
+
+
+class Video:
+    """Writes pairs of views, whole or not at all: the file appears when the video is closed."""
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._path = path
+        self._beside = path.with_name(f"{path.stem}.{os.getpid()}.tmp{path.suffix}")
+        self._writer = imageio.get_writer(
+            self._beside, fps=RATE, codec="libx264", quality=7, macro_block_size=16
+        )
+
+    def add(self, eye: np.ndarray, outside: np.ndarray, title: str, clock: str) -> None:
+        """Append one pair of views (480, 640, 3) uint8, with a title and the time."""
+        picture = np.ascontiguousarray(np.hstack([eye, outside]))
+        width = eye.shape[1]
+        for text, x in ((f"what it sees   {clock}", 12), (title, width + 12)):
+            for colour, thickness in (((255, 255, 255), 4), ((20, 20, 20), 1)):
+                cv2.putText(
+                    picture, text, (x, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, thickness,
+                    cv2.LINE_AA,
+                )  # fmt: skip
+        self._writer.append_data(picture)
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._writer.close()
+        if kind is None:
+            os.replace(self._beside, self._path)
+        else:
+            self._beside.unlink(missing_ok=True)
