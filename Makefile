@@ -30,7 +30,6 @@ clean:
 	rm -rf $(VENV) out dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# torch first: it is the largest, and a failed download of it should not waste the others'.
 $(INSTALLED): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; }
@@ -38,7 +37,6 @@ $(INSTALLED): pyproject.toml
 	  || $(PYTHON) -m venv --clear $(VENV) \
 	  || { echo "Python's venv module is missing: apt-get install python3-venv"; exit 1; }
 	@echo "Installing the dependencies into $(VENV) (minutes the first time) ..."
-	@$(PIP) install 'torch~=2.13.0'
 	@$(PIP) install --editable '.[dev]'
 	@touch $@
 

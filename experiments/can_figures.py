@@ -91,7 +91,7 @@ def _tensions(axes: Axes, curves: Mapping[str, Any]) -> None:
 
 
 def _distances(axes: Axes, results: Mapping[str, Mapping[str, Any]]) -> None:
-    for place, (seed, result) in enumerate(results.items()):
+    for place, result in enumerate(results.values()):
         approaches = result["summary"]["approaches"]
         for number, approach in enumerate(approaches):
             x = place + 0.16 * (number - (len(approaches) - 1) / 2)

@@ -38,6 +38,17 @@ LOG_PERIOD = 0.2
 VIDEO_PERIOD = 0.2
 """Time between two pictures of the video [s]; it runs five times as fast as the robot."""
 
+MEASURED = {
+    "rmse_joint_deg": "RMSE_joint, target against true [deg]",
+    "rmse_joint_seen_deg": "RMSE_joint, estimate against seen [deg]",
+    "estimate_true_deg": "RMSE_joint, estimate against true [deg]",
+    "estimate_target_deg": "RMSE_joint, estimate against target [deg]",
+    "hand_target_true_mm": "hand, target against true [mm]",
+    "hand_estimate_true_mm": "hand, estimate against true [mm]",
+    "max_tension_N": "largest tension [N]",
+}
+"""What is measured on test postures before and after."""
+
 INTRODUCTION = (
     "Kengoro looks at a can, solves inverse kinematics, reaches, and misses, because the robot is "
     "not the drawing. It moves its hand before its eyes and learns, approaches again, looks once "
@@ -70,9 +81,11 @@ def main(args: Args) -> Summary:
     _train(args.cache, console)
     if not args.drawn:
         common.log_reported(seeds)
-    first = f"{seeds[0]}"
-    tasks = {f"{seed}": (seed, args.cache, args.drawn, None) for seed in seeds}
-    tasks[first] = (seeds[0], args.cache, args.drawn, args.out / "episode.mp4")
+    first, video = f"{seeds[0]}", args.out / "episode.mp4"
+    tasks = {
+        f"{seed}": (seed, args.cache, args.drawn, video if seed == seeds[0] else None)
+        for seed in seeds
+    }
     if len(seeds) == 1:
         with stage_bar(console) as tell:
             results = {first: run_robot(*tasks[first], tell)}
@@ -249,20 +262,19 @@ def _curves(robot: CanRobot) -> dict[str, Any]:
 
 
 def _shoulder_lengths(jmm: Any, postures: np.ndarray, muscles: np.ndarray) -> list[list[float]]:
-    return np.round(1e3 * jmm.lengths(postures)[:, muscles], 2).tolist()  # type: ignore[no-any-return]
+    lengths: list[list[float]] = np.round(1e3 * jmm.lengths(postures)[:, muscles], 2).tolist()
+    return lengths
 
 
 def _medians(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
     """Medians and worst over the robots."""
     results = list(per_seed.values())
-    keys = ("rmse_joint_deg", "rmse_joint_seen_deg", "estimate_true_deg", "estimate_target_deg")
-    keys += ("hand_target_true_mm", "hand_estimate_true_mm", "max_tension_N")
     medians: dict[str, Any] = {
         "grasped_before": sum(bool(r["grasped_before"]) for r in results),
         "grasped_after": sum(bool(r["grasped_after"]) for r in results),
         "robots": len(results),
     }
-    for key in keys:
+    for key in MEASURED:
         medians[key] = {
             when: common.median_and_worst(r[key][when] for r in results)
             for when in ("before", "after")
@@ -299,15 +311,7 @@ def _outcome_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
 def _error_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
     medians = _medians(per_seed)
     rows = []
-    for key, name in (
-        ("rmse_joint_deg", "RMSE_joint, target against true [deg]"),
-        ("rmse_joint_seen_deg", "RMSE_joint, estimate against seen [deg]"),
-        ("estimate_true_deg", "RMSE_joint, estimate against true [deg]"),
-        ("estimate_target_deg", "RMSE_joint, estimate against target [deg]"),
-        ("hand_target_true_mm", "hand, target against true [mm]"),
-        ("hand_estimate_true_mm", "hand, estimate against true [mm]"),
-        ("max_tension_N", "largest tension [N]"),
-    ):
+    for key, name in MEASURED.items():
         before, after = medians[key]["before"], medians[key]["after"]
         cells = [f"{x:.1f}" for x in (*before.values(), *after.values())]
         rows.append([name, *cells])

@@ -1,4 +1,4 @@
-"""One robot of the can-grasping experiment: trial, control, and what it could do before and after."""
+"""One robot of the can-grasping experiment: trial, control, and tests before and after."""
 
 from __future__ import annotations
 
@@ -32,6 +32,13 @@ CAMERA = Camera.from_fovy(640, 480, radians(45.0))
 
 HAND, CAN = 0, 1
 SIDES = {HAND: 0.050, CAN: 0.036}
+MEASURES = (
+    "target_true_deg",
+    "estimate_true_deg",
+    "estimate_target_deg",
+    "hand_target_true_mm",
+    "hand_estimate_true_mm",
+)
 TESTED = 8
 """Postures on which the map is tested before and after."""
 
@@ -141,9 +148,7 @@ class CanRobot:
             )
         env.close()
         seen = [np.degrees(np.sqrt(np.mean(error**2))) for error in session.log.look_error]
-        names = ("target_true_deg", "estimate_true_deg", "estimate_target_deg")
-        names += ("hand_target_true_mm", "hand_estimate_true_mm")
-        result = dict(zip(names, np.median(rows, axis=0).tolist(), strict=True))
+        result = dict(zip(MEASURES, np.median(rows, axis=0).tolist(), strict=True))
         result["seen_deg"] = float(np.median(seen)) if seen else float("nan")
         result["max_tension_N"] = float(np.max(session.log.tensions))
         return result

@@ -148,7 +148,7 @@ def trained_map(
     cache_dir: Path | None = None, progress: Callable[[str, float], None] | None = None
 ) -> JointMuscleMap:
     """The map of the arm's drawing, read from ``cache_dir`` or trained and kept there."""
-    from jmm_agent.training import load_or_train  # torch takes seconds to load
+    from jmm_agent.training import load_or_train
 
     folder = default_cache() if cache_dir is None else cache_dir
     return load_or_train(drawing_for_agent(), MAP_SEED, folder, progress=progress)[0]

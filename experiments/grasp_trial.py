@@ -135,14 +135,14 @@ class GraspTrial:
     def _scan_offsets(self) -> list[tuple[float, float]]:
         yaw, pitch = self._options.scan
         sides = [(0.0, pitch), (0.0, -pitch), (yaw, 0.0), (-yaw, 0.0)]
-        return sides + [(yaw, pitch), (-yaw, pitch), (yaw, -pitch), (-yaw, -pitch)]
+        return [*sides, (yaw, pitch), (-yaw, pitch), (yaw, -pitch), (-yaw, -pitch)]
 
     def _random_postures(self, count: int) -> list[Floats]:
         """Postures of the library, each as far as possible from those before, of a few drawn."""
         chosen: list[Floats] = []
         while len(chosen) < count:
             drawn = self._library[self._rng.integers(len(self._library), size=5)]
-            away = [min([np.linalg.norm(q - c) for c in chosen], default=0.0) for q in drawn]
+            away = [min((float(np.linalg.norm(q - c)) for c in chosen), default=0.0) for q in drawn]
             chosen.append(drawn[int(np.argmax(away))])
         return chosen
 

@@ -30,11 +30,8 @@ class Video:
         picture = np.ascontiguousarray(np.hstack([eye, outside]))
         width = eye.shape[1]
         for text, x in ((f"what it sees   {clock}", 12), (title, width + 12)):
-            for colour, thickness in (((255, 255, 255), 4), ((20, 20, 20), 1)):
-                cv2.putText(
-                    picture, text, (x, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, thickness,
-                    cv2.LINE_AA,
-                )  # fmt: skip
+            cv2.rectangle(picture, (x - 12, 0), (x + 330, 40), (255, 255, 255), cv2.FILLED)
+            cv2.putText(picture, text, (x, 27), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (20, 20, 20), 1)
         self._writer.append_data(picture)
 
     def __enter__(self) -> Video:

@@ -1,4 +1,4 @@
-"""The mind: lengths and frames in, target lengths out; it learns while it moves (paper, sec. III-A).
+"""The mind: lengths and frames in, target lengths out; it learns while moving (sec. III-A).
 
 One control step estimates the joints, fires the updaters that are due, and commands the next point
 on the way to the target posture through the joint-muscle mapping.
@@ -28,7 +28,6 @@ from jmm_agent.updaters import (
     VisionOptions,
     VisionUpdater,
 )
-
 
 PERIOD = 0.02
 """Control period [s]."""
@@ -132,9 +131,7 @@ class Agent:
             drawn, kinematics.limits, rule or RidgeRule(prior), options.batch, rng
         )
         self.antagonism = AntagonismUpdater(self.learner, options.antagonism)
-        self.vision = VisionUpdater(
-            self.learner, prior, sight, kinematics.limits, options.vision
-        )
+        self.vision = VisionUpdater(self.learner, prior, sight, kinematics.limits, options.vision)
         self._settling = SettlingDetector(options.settling)
         self.estimator = JointEstimator(drawn, kinematics.limits, options.estimator, start)
         self._way = Way(np.array([start, start]), 0.0, 0.0)
@@ -145,8 +142,8 @@ class Agent:
         self.learning = True
         """False while the agent is tested: it looks, but nothing is learned or remembered."""
         self.hand_is_free = True
-        """False while the hand holds or touches something: the map is then left alone, since the
-        paper deals only with "the condition in which no forces, except for gravity, are applied"."""
+        """False while the hand holds or touches something: the map is then left alone, since it
+        holds only where no forces but gravity act (sec. I)."""
         self.seen: Seen | None = None
         """What the newest look brought; None before the first."""
         self.markers: dict[int, MarkerPose] = {}
@@ -229,11 +226,10 @@ class Agent:
 
     def look(self, senses: Senses) -> dict[int, MarkerPose]:
         """Markers in the newest frame, by id; empty without a frame."""
-        if self._detector is not None and senses.frame is not None:
-            if senses.frame_time != self._frame_time:
-                expected = self._expected_markers()
-                self.markers = self._detector.detect(senses.frame, expected).poses
-                self._frame_time = senses.frame_time
+        new = senses.frame_time != self._frame_time
+        if self._detector is not None and senses.frame is not None and new:
+            self.markers = self._detector.detect(senses.frame, self._expected_markers()).poses
+            self._frame_time = senses.frame_time
         return self.markers
 
     def _expected_markers(self) -> dict[int, Floats]:

@@ -120,8 +120,10 @@ class GraspPlanner:
         rotation = _upright(-turned[:, 2])
         way = rotation @ (np.array(options.approach) / np.linalg.norm(options.approach))
         shares = np.linspace(0.0, 1.0, options.points)
-        back, back_error = self._line(grip - options.standoff * shares[:, None] * way, rotation, at_can)
-        lift, lift_error = self._line(grip + options.lift * shares[:, None] * up, rotation, at_can)
+        coming = grip - options.standoff * shares[:, None] * way
+        back, back_error = self._line(coming, rotation, at_can)
+        rising = grip + options.lift * shares[:, None] * up
+        lift, lift_error = self._line(rising, rotation, at_can)
         worst = max(error, back_error, lift_error)
         approach = np.array([self.look_at(grip, point) for point in back[::-1]])
         lift = np.array([self.look_at(grip, point) for point in lift])

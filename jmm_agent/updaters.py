@@ -177,9 +177,7 @@ class VisionUpdater:
             return "inverse kinematics did not converge"
         if np.linalg.norm(angles - estimate) >= options.threshold:
             return "too far from the estimate"
-        if len(self._angles) and (
-            np.linalg.norm(angles - self._angles[-1]) < options.distance
-        ):
+        if len(self._angles) and (np.linalg.norm(angles - self._angles[-1]) < options.distance):
             return "too close to the last update"
         return ""
 

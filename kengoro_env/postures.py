@@ -56,7 +56,9 @@ RANGES_DEG: dict[str, tuple[float, float]] = {
     "wrist_flex": (-38, 38),
     "wrist_dev": (-14, 19),
 }
-"""Box from which postures are drawn [deg], uniformly but for the shoulder's pitch; the neck is turned to the hand."""
+"""Box from which postures are drawn [deg], uniformly but for the shoulder's pitch.
+
+The neck is turned to the hand."""
 
 
 def least_tension(arms: Array, gravity: Array, least: float = 5.0, most: float = 400.0) -> float:
@@ -197,9 +199,7 @@ def main(count: int = 1000, seed: int = 0) -> None:
     np.savetxt(beside, rows, fmt="%.2f", delimiter=",", header=",".join(JOINTS), comments="")
     os.replace(beside, folder / "kengoro_arm.csv")
     print(f"{count} postures accepted of {tried} drawn")
-    for joint, (low, high) in zip(
-        JOINTS, np.percentile(rows, [5, 95], axis=0).T, strict=True
-    ):
+    for joint, (low, high) in zip(JOINTS, np.percentile(rows, [5, 95], axis=0).T, strict=True):
         print(f"{joint:12s} {low:7.1f} .. {high:6.1f} deg, span {high - low:5.1f}")
 
 
