@@ -194,8 +194,11 @@ def _seed_summary(
     first = bool(trial.approaches) and trial.approaches[0].grasped
     pair = {"before": before, "after": after}
 
-    def both(name: str) -> dict[str, float]:
-        return {when: round(test[name], 3) for when, test in pair.items()}
+    def both(name: str) -> dict[str, float | None]:
+        return {
+            when: round(test[name], 3) if np.isfinite(test[name]) else None
+            for when, test in pair.items()
+        }
 
     return {
         "grasped_before": control or first,
@@ -207,7 +210,6 @@ def _seed_summary(
                 "hand_distance_mm": round(1e3 * approach.distance, 1),
                 "can_distance_mm": round(1e3 * approach.can_distance, 1),
                 "grasped": approach.grasped,
-                "reachable": approach.reachable,
                 "max_tension_N": round(approach.max_tension, 1),
             }
             for approach in trial.approaches
@@ -225,7 +227,20 @@ def _seed_summary(
             "vision": robot.agent.vision.fired,
             "dropped": robot.agent.vision.dropped,
         },
+        "estimator_consistent": _consistency(robot),
         "notes": trial.notes,
+    }
+
+
+def _consistency(robot: CanRobot) -> dict[str, Any] | None:
+    """Whether wires and map agree within the encoders' noise at the end, and by how much not."""
+    found = robot.agent.estimator.consistency
+    if found is None:
+        return None
+    return {
+        "consistent": found.consistent,
+        "nis": round(found.value, 1),
+        "band": [round(found.low, 1), round(found.high, 1)],
     }
 
 
@@ -276,7 +291,7 @@ def _medians(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
     }
     for key in MEASURED:
         medians[key] = {
-            when: common.median_and_worst(r[key][when] for r in results)
+            when: common.median_and_worst(r[key][when] for r in results if r[key][when] is not None)
             for when in ("before", "after")
         }
     reached = [r["approaches"] for r in results if r["approaches"]]

@@ -61,7 +61,6 @@ class Approach:
     distance: float
     can_distance: float
     grasped: bool
-    reachable: bool
     target: Floats
     max_tension: float
 
@@ -196,8 +195,9 @@ class GraspTrial:
         plan = self._planner.plan(pose, session.agent.target)
         if not plan.reachable:
             self.trial.notes.append(
-                f"{self.stage}: the can is out of reach, by {1e3 * plan.worst:.0f} mm"
+                f"{self.stage}: not made, the can is out of reach by {1e3 * plan.worst:.0f} mm"
             )
+            return False
         self.trial.plan = plan
         grasped = self.grasp(plan)
         if not grasped:
@@ -232,7 +232,6 @@ class GraspTrial:
             distance=float(np.linalg.norm(hand - plan.grip)),
             can_distance=float(np.linalg.norm(hand - truth["can_pose"][:3, 3])),
             grasped=False,
-            reachable=plan.reachable,
             target=plan.grip,
             max_tension=float(np.max(log.tensions[first:])),
         )

@@ -27,6 +27,7 @@ class GraspOptions:
         standoff: distance from which it comes [m].
         lift: how high the can is lifted [m].
         points: postures on the straight way, at both ends included.
+        tolerance: largest offset of a planned point from where it should be [m].
         tilt_weight: weight of a radian of tilt against a metre of offset [m/rad].
         rest_weight: weight of a radian away from `rest` against a metre of offset [m/rad].
         stiff: joints that move a third as willingly as the others.
@@ -39,6 +40,7 @@ class GraspOptions:
     standoff: float = 0.11
     lift: float = 0.10
     points: int = 6
+    tolerance: float = 0.015
     tilt_weight: float = 0.2
     rest_weight: float = 0.01
     stiff: tuple[str, ...] = ("sc_roll", "sc_yaw", "ac_roll", "ac_pitch", "wrist_dev")
@@ -58,7 +60,7 @@ class GraspPlan(NamedTuple):
         grip: where the grip point goes in the world (3,) [m].
         approach: postures (K, n) from the stand-off to the can.
         lift: postures (K, n) from the can upwards.
-        reachable: whether inverse kinematics reached every point of both.
+        reachable: whether inverse kinematics came close enough to every point of both.
         worst: largest offset of a point that was planned from where it should be [m].
     """
 
@@ -127,7 +129,7 @@ class GraspPlanner:
         worst = max(error, back_error, lift_error)
         approach = np.array([self.look_at(grip, point) for point in back[::-1]])
         lift = np.array([self.look_at(grip, point) for point in lift])
-        return GraspPlan(grip, approach, lift, worst < 0.005, worst)
+        return GraspPlan(grip, approach, lift, worst <= options.tolerance, worst)
 
     def hover(self, pose_can: Floats, offset: Floats, q: Floats) -> Floats:
         """A posture (n,) [rad] with the grip point ``offset`` (3,) [m] off the can's grip point."""

@@ -1,0 +1,71 @@
+"""The posture set is what its docstring says, and wide enough that easy cannot mean small."""
+
+import numpy as np
+import pytest
+
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import AttachmentDisplacement
+from kengoro_env.departures.presets import actual
+from kengoro_env.draft import Draft
+from kengoro_env.drawing import ArmDrawing
+from kengoro_env.names import JOINTS
+from kengoro_env.postures import PostureChecker, least_tension, posture_set
+from kengoro_env.robot import load_spec
+
+ARM = "mjcf/kengoro_arm/arm.xml"
+
+
+@pytest.mark.parametrize(
+    ("joint", "span"),
+    [("sh_pitch", 70), ("sh_roll", 40), ("sh_yaw", 50), ("elbow", 60), ("neck_yaw", 20)],
+)
+def test_spans(joint: str, span: float) -> None:
+    low, high = np.degrees(np.percentile(posture_set()[:, JOINTS.index(joint)], [5, 95]))
+    assert high - low >= span
+
+
+def test_moment_arms() -> None:
+    arm = ArmDrawing(asset_path(ARM))
+    arms = np.array([arm.moment_arms(posture) for posture in posture_set()])
+    both = np.minimum(arms.max(axis=1), -arms.min(axis=1))
+    assert np.all(np.mean(both >= 0.010, axis=0) >= 0.95)
+
+
+def test_every_twentieth_posture_is_accepted_as_drawn() -> None:
+    checker = PostureChecker()
+    assert all(checker.accepts(posture) for posture in posture_set()[::20])
+
+
+def test_checker_refuses() -> None:
+    checker, posture = PostureChecker(), posture_set()[0].copy()
+    beyond = posture.copy()
+    beyond[JOINTS.index("elbow")] = checker.drawing.upper[JOINTS.index("elbow")]
+    assert not checker.inside(beyond)
+    away = posture.copy()
+    away[JOINTS.index("neck_yaw")] += np.radians(60.0)
+    assert not checker.seen(away)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_displaced_wires_hold_gravity(seed: int, tmp_path) -> None:
+    displacement = next(d for d in actual(seed) if isinstance(d, AttachmentDisplacement))
+    draft = Draft.of(load_spec(asset_path(ARM)))
+    displacement.edit(draft)
+    path = asset_path(ARM).with_name("arm.xml")
+    scene = tmp_path / path.name
+    draft.spec.texturedir = str(path.parent / "textures")
+    draft.spec.compile()
+    scene.write_text(draft.spec.to_xml())
+    arm = ArmDrawing(scene)
+    held = [
+        least_tension(arm.moment_arms(posture), arm.gravity(posture)) <= 400.0
+        for posture in posture_set()[seed::10]
+    ]
+    assert np.mean(held) >= 0.99
+
+
+def test_least_tension_of_a_pulley() -> None:
+    """Two wires on one joint: the agonist carries the torque and what the antagonist pulls."""
+    arms, gravity = np.array([[-0.05], [0.05]]), np.array([-1.0])
+    assert least_tension(arms, gravity) == pytest.approx(25.0)
+    assert least_tension(arms, gravity, most=20.0) == np.inf
