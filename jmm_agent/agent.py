@@ -174,21 +174,31 @@ class Agent:
         self._time = self._frame_time = -np.inf
         self._settling.reset()
         self._look_due = False
-        self.markers = {}
+        self.markers, self.seen = {}, None
+        self._way = Way(np.array([self.target, self.target]), 0.0, 0.0)
         self.estimator.reset(self.target)
 
     def go(self, postures: Floats, duration: float) -> None:
         """Move through postures (K, n) or to one (n,) [rad] within ``duration`` [s].
 
+        Before the first step of an episode the way begins where the arm is found then.
+
         Raises:
-            AgentError: a posture is not finite or of the wrong shape.
+            AgentError: a posture is not finite or of the wrong shape, or there is none, or the
+                duration is negative or not finite.
         """
         points = np.atleast_2d(np.asarray(postures, dtype=float))
-        if points.shape[1:] != self.target.shape or not np.isfinite(points).all():
+        if (
+            points.shape[1:] != self.target.shape
+            or len(points) == 0
+            or not np.isfinite(points).all()
+        ):
             raise AgentError(
                 f"Agent: postures must be finite angles of {len(self.target)} joints, got shape "
                 f"{points.shape}."
             )
+        if not 0.0 <= duration < np.inf:
+            raise AgentError(f"Agent: a duration must be finite and not negative: {duration} s.")
         low, high = self.kinematics.limits.T
         way = np.vstack([self._way.at(self._time), np.clip(points, low, high)])
         self._way = Way(way, self._time, duration)
@@ -199,6 +209,7 @@ class Agent:
         Raises:
             AgentError: senses that are not finite or of the wrong shape; nothing is changed.
         """
+        senses = self._checked(senses)
         if np.isfinite(self._time):
             self.estimator.update(senses.lengths, senses.time - self._time)
         else:
@@ -217,12 +228,28 @@ class Agent:
         self._target_lengths = self.map.lengths(self._way.at(senses.time))
         return self._target_lengths
 
+    def _checked(self, senses: Senses) -> Senses:
+        """The senses with copies of the numbers, which are kept; `AgentError` if unusable."""
+        shape, copies = self._target_lengths.shape, {}
+        for name in ("lengths", "tensions"):
+            copies[name] = array = np.array(getattr(senses, name), dtype=float)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise AgentError(
+                    f"Agent: {name} must be finite and of shape {shape}, got shape {array.shape}."
+                )
+        if not (np.isfinite(senses.time) and senses.time > self._time):
+            raise AgentError(
+                f"Agent: time must be finite and later than {self._time} s, got {senses.time} s."
+            )
+        return senses._replace(**copies)
+
     def _wake(self, senses: Senses) -> None:
-        """Find out where the arm is, and stay there."""
+        """Find out where the arm is, and stay there or begin the way that was asked for."""
         for _ in range(WAKING):
             self.estimator.update(senses.lengths, PERIOD)
         here = self.estimator.q
-        self._way = Way(np.array([here, here]), senses.time, 0.0)
+        asked = self._way.points[1:] if self._way.start == self._time else here[None]
+        self._way = Way(np.vstack([here, asked]), senses.time, self._way.duration)
 
     def look(self, senses: Senses) -> dict[int, MarkerPose]:
         """Markers in the newest frame, by id; empty without a frame."""

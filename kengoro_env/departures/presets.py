@@ -32,7 +32,7 @@ def actual(seed: int) -> tuple[Departure, ...]:
         EncoderError(offset=0.001, noise=0.0001, quantum=0.00005, seed=seed),
         TensionSensorError(noise=1.0, offset=1.0, seed=seed),
         ZeroPosture(
-            shoulder=radians(19.0),
+            shoulder=radians(18.0),
             scapula=radians(9.0),
             forearm=radians(8.0),
             neck=radians(3.0),
