@@ -44,6 +44,7 @@ class SettlingDetector:
     def update(self, time: float, lengths: Floats) -> bool:
         """Take lengths (m,) [m] at ``time`` [s]; True at the moment when they have settled."""
         options = self._options
+        lengths = np.array(lengths, dtype=float)
         self._history.append((time, lengths))
         while time - self._history[0][0] > options.window + 1e-9:
             self._history.popleft()
@@ -51,12 +52,9 @@ class SettlingDetector:
             if np.abs(lengths - self._rest).max() > options.release:
                 self._rest, self.since = None, np.inf
             return False
-        oldest_time, oldest = self._history[0]
-        if time - oldest_time < options.window - 1e-9:
+        if time - self._history[0][0] < options.window - 1e-9:
             return False
-        middle = self._history[len(self._history) // 2][1]
-        still = max(np.abs(lengths - oldest).max(), np.abs(lengths - middle).max())
-        if still > options.change:
+        if any(np.abs(lengths - past).max() > options.change for _, past in self._history):
             return False
         self._rest, self.since = lengths, time - options.window
         return True

@@ -22,7 +22,10 @@ def drawing() -> tuple[Departure, ...]:
 
 
 def actual(seed: int) -> tuple[Departure, ...]:
-    """One actual robot: every kind of departure, its draws given by ``seed``."""
+    """One actual robot: every kind of departure but `Elongation`, which is an event.
+
+    Its draws are given by ``seed``: seeds below 100 are for tuning, others for reporting.
+    """
     return (
         AttachmentDisplacement(sigma=0.004, seed=seed),
         BoneWrapping(scale=1.0),

@@ -1,0 +1,144 @@
+"""What a control step of the agent costs in CanGrasp with camera, and its parts.
+
+The agent moves a tuning robot's hand before its eyes and learns, both updaters on, on one core.
+Target: 2 ms in the median; the control period is 20 ms.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from experiments.can_robot import make_agent, make_env
+from experiments.common import trained_map
+from experiments.grasp_trial import READY
+from experiments.session import Session
+from jmm_agent.agent import Agent, Senses
+from jmm_agent.looks import Look, LooksOptions, fit_looks
+from jmm_agent.prior import MapPrior, PriorOptions
+from jmm_agent.sight import MarkerSight
+from kengoro_env.departures import actual
+from kengoro_env.draft import Departure
+from kengoro_env.postures import posture_set
+from kengoro_env.robot import Robot
+from kengoro_env.assets import asset_path
+
+Floats = NDArray[np.float64]
+
+SEED = 1
+POSTURES = 20
+LOOKS = (5, 27, 60)
+REPEATS = 200
+ARM = "mjcf/kengoro_arm/arm.xml"
+
+
+class Timed:
+    """An agent whose control steps are timed."""
+
+    def __init__(self, agent: Agent) -> None:
+        self._agent = agent
+        self.quiet: list[float] = []
+        self.learned: list[float] = []
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._agent, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        own = name in ("_agent", "quiet", "learned")
+        object.__setattr__(self if own else self._agent, name, value)
+
+    def step(self, senses: Senses) -> Floats:
+        """`Agent.step`; steps that changed the map are kept apart."""
+        before = self._agent.map
+        begin = perf_counter()
+        lengths = self._agent.step(senses)
+        taken = perf_counter() - begin
+        (self.quiet if self._agent.map is before else self.learned).append(taken)
+        return lengths
+
+
+def timed(work: Callable[[], object], repeats: int) -> list[float]:
+    """Times of some calls [s], after one that is not counted."""
+    work()
+    taken = []
+    for _ in range(repeats):
+        begin = perf_counter()
+        work()
+        taken.append(perf_counter() - begin)
+    return taken
+
+
+def episode() -> tuple[Agent, Timed]:
+    """An agent after `POSTURES` postures of CanGrasp, and what its steps took."""
+    agent = make_agent(trained_map(), SEED)
+    timer = Timed(agent)
+    env = make_env("CanGrasp", SEED)
+    session = Session(env, timer, SEED, None, {"posture": np.array(READY)})  # type: ignore[arg-type]
+    order = np.random.default_rng(SEED).permutation(len(posture_set()))
+    for posture in posture_set()[order[:POSTURES]]:
+        session.move(posture, 2.0, 2.0)
+        env.unwrapped.put_can_back()  # type: ignore[attr-defined]
+    env.close()
+    return agent, timer
+
+
+def looks_of(agent: Agent, count: int) -> list[Look]:
+    """Looks with the lengths of the actual robot at rest in its postures and the true poses."""
+    departures: tuple[Departure, ...] = actual(SEED)
+    robot = Robot(asset_path(ARM), departures)
+    rng = np.random.default_rng(SEED)
+    looks = []
+    for posture in posture_set()[rng.permutation(len(posture_set()))[:count]]:
+        robot.reset(posture, rng)
+        pose = agent.kinematics.pose("marker_hand", robot.joint_angles, relative_to="eye")
+        agent.estimator.reset(posture)
+        for _ in range(50):
+            agent.estimator.update(robot.sense_lengths(), 0.02)
+        looks.append(Look(pose, robot.sense_lengths(), agent.joint_angles))
+    return looks
+
+
+def main() -> None:
+    """Print the table."""
+    agent, timer = episode()
+    table = Table(title="The agent on one core [ms]")
+    for column in ("what", "calls", "median", "99th percentile", "largest"):
+        table.add_column(column, justify="left" if column == "what" else "right")
+
+    def row(what: str, seconds: list[float]) -> None:
+        figures = (np.median(seconds), np.percentile(seconds, 99), np.max(seconds))
+        table.add_row(what, f"{len(seconds)}", *(f"{1e3 * figure:.2f}" for figure in figures))
+
+    row("control step", timer.quiet + timer.learned)
+    row("  the map stayed", timer.quiet)
+    row("  the map was moved", timer.learned)
+    q = agent.joint_angles
+    lengths = agent.map.lengths(q)
+    row("EKF update", timed(lambda: agent.estimator.update(lengths, 0.02), REPEATS))
+    row("map, lengths", timed(lambda: agent.map.lengths(q), REPEATS))
+    row("map, with Jacobian", timed(lambda: agent.map.lengths_and_jacobian(q), REPEATS))
+    prior = MapPrior(trained_map(), posture_set(), PriorOptions())
+    sight = MarkerSight(agent.kinematics, "eye", "marker_hand")
+    row("sight of one posture", timed(lambda: sight(q, np.eye(4)), REPEATS))
+    agent = make_agent(trained_map(), SEED)
+    limits, options = agent.kinematics.limits, LooksOptions()
+    looks = looks_of(agent, max(LOOKS))
+    for count in LOOKS:
+        earlier = fit_looks(looks[: count - 1], prior, sight, limits, options).angles
+        start = np.vstack([earlier, looks[count - 1].guess])
+
+        def fit(count: int = count, start: Floats = start) -> object:
+            return fit_looks(looks[:count], prior, sight, limits, options, start)
+
+        row(f"fit of {count} looks, one of them new", timed(fit, 3))
+    Console().print(table)
