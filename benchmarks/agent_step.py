@@ -27,11 +27,11 @@ from jmm_agent.agent import Agent, Senses
 from jmm_agent.looks import Look, LooksOptions, fit_looks
 from jmm_agent.prior import MapPrior, PriorOptions
 from jmm_agent.sight import MarkerSight
+from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.draft import Departure
 from kengoro_env.postures import posture_set
 from kengoro_env.robot import Robot
-from kengoro_env.assets import asset_path
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def main() -> None:
     """Print the table."""
     agent, timer = episode()
     table = Table(title="The agent on one core [ms]")
-    for column in ("what", "calls", "median", "99th percentile", "largest"):
+    for column in ("what", "calls", "median", "99th", "largest"):
         table.add_column(column, justify="left" if column == "what" else "right")
 
     def row(what: str, seconds: list[float]) -> None:
@@ -140,5 +140,5 @@ def main() -> None:
         def fit(count: int = count, start: Floats = start) -> object:
             return fit_looks(looks[:count], prior, sight, limits, options, start)
 
-        row(f"fit of {count} looks, one of them new", timed(fit, 3))
+        row(f"fit, {count} looks", timed(fit, 3))
     Console().print(table)

@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from jmm_agent.camera import Camera
 from jmm_agent.marker import Detections, MarkerDetector
+from kengoro_env.departures import CameraError, actual
 
 TEXTURES = Path(__file__).parents[1] / "assets/mjcf/kengoro_arm/textures"
 OPENCV_IN_MUJOCO = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -167,12 +168,11 @@ def noisy(frame: np.ndarray, rng: np.random.Generator, sigma: float) -> np.ndarr
     return np.clip(np.rint(frame + noise), 0, 255).astype(np.uint8)
 
 
-def wrong_mounting(rng: np.random.Generator, angle: float, distance: float) -> np.ndarray:
-    """A turn by `angle` [rad] and a shift by `distance` [m] (4, 4), in random directions."""
-    axis, shift = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+def wrong_mounting(rng: np.random.Generator, error: CameraError) -> np.ndarray:
+    """Pose (4, 4) of a camera that is mounted as wrongly as an actual robot's."""
     belief = np.eye(4)
-    belief[:3, :3] = Rotation.from_rotvec(angle * axis).as_matrix()
-    belief[:3, 3] = distance * shift
+    belief[:3, :3] = Rotation.from_rotvec(error.rotation * rng.normal(size=3)).as_matrix()
+    belief[:3, 3] = error.position * rng.normal(size=3)
     return belief
 
 
@@ -190,21 +190,23 @@ def main(poses: int = 1000, seed: int = 0) -> None:
     """Print the table of errors and the speed on one core."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
-    wrong_focal = Camera(CAMERA.width, CAMERA.height, 1.01 * CAMERA.focal_px)
+    error = next(part for part in actual(0) if isinstance(part, CameraError))
+    wrong_focal = Camera(CAMERA.width, CAMERA.height, (1 + error.focal) * CAMERA.focal_px)
     exact, focal = MarkerDetector(CAMERA, {0: SIDE}), MarkerDetector(wrong_focal, {0: SIDE})
     names = (
         EXACT := "exact camera",
         SMOOTH := "exact camera, anti-aliasing (4 samples)",
-        NOISE := "imperfect: image noise, 4 of 255",
-        FOCAL := "imperfect: focal length 1 % wrong",
-        MOUNT := "imperfect: mounted 1 deg and 5 mm wrong",
-        ALL := "imperfect: all three",
+        FOCAL := f"actual robot: focal length {100 * error.focal:g} % wrong",
+        MOUNT := f"actual robot: mounted {np.degrees(error.rotation):.1f} deg, "
+        f"{1e3 * error.position:g} mm wrong",
+        BOTH := "actual robot: both",
+        NOISE := "exact camera, image noise, 4 of 255",
     )
     tallies = {name: Tally() for name in names}
     plain, smooth = MarkerScene(), MarkerScene(samples=4)
     frames: list[np.ndarray] = []
     for _ in track(range(poses), "rendering and detecting", console=Console(stderr=True)):
-        pose, belief = random_pose(rng), wrong_mounting(rng, np.deg2rad(1), 0.005)
+        pose, belief = random_pose(rng), wrong_mounting(rng, error)
         frame = plain.render(pose)
         grainy = noisy(frame, rng, 4.0)
         sharp = exact.detect(frame)
@@ -213,7 +215,7 @@ def main(poses: int = 1000, seed: int = 0) -> None:
         tallies[NOISE].add(exact.detect(grainy), pose)
         tallies[FOCAL].add(focal.detect(frame), pose)
         tallies[MOUNT].add(sharp, pose, belief)
-        tallies[ALL].add(focal.detect(grainy), pose, belief)
+        tallies[BOTH].add(focal.detect(frame), pose, belief)
         if len(frames) < SPEED_FRAMES:
             frames.append(frame)
     plain.close()

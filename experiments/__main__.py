@@ -42,12 +42,14 @@ def main(arguments: list[str]) -> int:
     import tyro
 
     from experiments.errors import ExperimentError
+    from jmm_agent.errors import AgentError
+    from kengoro_env.errors import KengoroError
 
     runner = importlib.import_module(RUNNERS[name][0])
     options = tyro.cli(runner.Args, args=rest, prog=f"python -m experiments {name}")
     try:
         runner.main(options)
-    except ExperimentError as error:
+    except (ExperimentError, AgentError, KengoroError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0

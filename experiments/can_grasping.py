@@ -328,16 +328,20 @@ def _error_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
     rows = []
     for key, name in MEASURED.items():
         before, after = medians[key]["before"], medians[key]["after"]
-        cells = [f"{x:.1f}" for x in (*before.values(), *after.values())]
+        cells = [_cell(x) for x in (*before.values(), *after.values())]
         rows.append([name, *cells])
     for name in ("first", "last"):
         spread = medians[f"hand_distance_{name}_approach_mm"]
-        cells = [f"{x:.1f}" for x in spread.values()]
+        cells = [_cell(x) for x in spread.values()]
         row = [*cells, "", ""] if name == "first" else ["", "", *cells]
         rows.append([f"hand off its target, {name} approach [mm]", *row])
     head = ["", "before: median", "worst", "after: median", "worst"]
     note = "On postures that were not learned, learning off; medians over each robot's postures."
     return Table("Errors and tensions, before and after", head, rows, note)
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
 
 
 def _print(console: Console, table: Table) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.common import ARM, trained_map
-from experiments.grasp_trial import READY, GraspTrial, Trial
+from experiments.grasp_trial import READY, GraspTrial, Trial, TrialOptions, find_hand
 from experiments.session import EpisodeEndedError, Session
 from jmm_agent.agent import Agent
 from jmm_agent.camera import Camera
@@ -146,6 +146,7 @@ class CanRobot:
                     *(1e3 * np.linalg.norm(error) for error in hands),
                 ]
             )
+            find_hand(session, target, TrialOptions())
         env.close()
         seen = [np.degrees(np.sqrt(np.mean(error**2))) for error in session.log.look_error]
         result = dict(zip(MEASURES, np.median(rows, axis=0).tolist(), strict=True))

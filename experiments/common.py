@@ -121,9 +121,11 @@ def make_summary(
     }
 
 
-def median_and_worst(values: Iterable[float]) -> dict[str, float]:
-    """Median and largest of some errors, rounded to 1e-3."""
+def median_and_worst(values: Iterable[float]) -> dict[str, float | None]:
+    """Median and largest of some errors, rounded to 1e-3; None where there are none."""
     numbers = np.array(list(values))
+    if not numbers.size:
+        return {"median": None, "worst": None}
     return {"median": round(float(np.median(numbers)), 3), "worst": round(float(numbers.max()), 3)}
 
 

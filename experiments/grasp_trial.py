@@ -45,7 +45,7 @@ class TrialOptions:
     postures: int = 27
     near: int = 8
     move: float = 2.0
-    patience: float = 2.0
+    patience: float = 3.0
     turn: float = 0.8
     reach: float = 1.5
     ready: tuple[float, ...] = READY
@@ -117,24 +117,9 @@ class GraspTrial:
     def _explore(self, postures: Sequence[Floats]) -> None:
         for posture in postures:
             self._session.move(posture, self._options.move, self._options.patience)
-            self._find_hand(posture)
+            find_hand(self._session, posture, self._options)
             self._session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
             self.trial.postures += 1
-
-    def _find_hand(self, posture: Floats) -> None:
-        """Turn the head until the hand's marker is in view, if it is not."""
-        agent = self._session.agent
-        for offset in self._scan_offsets():
-            if agent.options.hand_marker in agent.markers:
-                return
-            turned = posture.copy()
-            turned[:2] += offset
-            self._session.move(turned, self._options.turn, self._options.patience)
-
-    def _scan_offsets(self) -> list[tuple[float, float]]:
-        yaw, pitch = self._options.scan
-        sides = [(0.0, pitch), (0.0, -pitch), (yaw, 0.0), (-yaw, 0.0)]
-        return [*sides, (yaw, pitch), (-yaw, pitch), (yaw, -pitch), (-yaw, -pitch)]
 
     def _random_postures(self, count: int) -> list[Floats]:
         """Postures of the library, each as far as possible from those before, of a few drawn."""
@@ -160,7 +145,7 @@ class GraspTrial:
         agent, options = self._session.agent, self._options
         towards = self._planner.look_at(np.array(options.table_point), np.array(options.ready))
         self._session.move(towards, options.move)
-        for offset in [(0.0, 0.0), *self._scan_offsets()]:
+        for offset in [(0.0, 0.0), *_scan_offsets(options)]:
             turned = towards.copy()
             turned[:2] += offset
             self._session.move(turned, options.turn, options.patience)
@@ -235,3 +220,21 @@ class GraspTrial:
             target=plan.grip,
             max_tension=float(np.max(log.tensions[first:])),
         )
+
+
+def find_hand(session: Session, posture: Floats, options: TrialOptions) -> None:
+    """Turn the head from a posture (n,) [rad] until the hand's marker is in view, if it is not."""
+    agent = session.agent
+    for offset in _scan_offsets(options):
+        if agent.options.hand_marker in agent.markers:
+            return
+        turned = posture.copy()
+        turned[:2] += offset
+        session.move(turned, options.turn, options.patience)
+
+
+def _scan_offsets(options: TrialOptions) -> list[tuple[float, float]]:
+    """Turns of the head to look around, (yaw, pitch) [rad]."""
+    yaw, pitch = options.scan
+    sides = [(0.0, pitch), (0.0, -pitch), (yaw, 0.0), (-yaw, 0.0)]
+    return [*sides, (yaw, pitch), (-yaw, pitch), (yaw, -pitch), (-yaw, -pitch)]

@@ -207,7 +207,8 @@ class Agent:
         """Target muscle lengths (m,) [m] for the next control period.
 
         Raises:
-            AgentError: senses that are not finite or of the wrong shape; nothing is changed.
+            AgentError: senses that are not finite or of the wrong shape, and nothing is changed;
+                or a frame of the wrong shape that was to be looked at, and the map stays.
         """
         senses = self._checked(senses)
         if np.isfinite(self._time):
@@ -230,18 +231,22 @@ class Agent:
 
     def _checked(self, senses: Senses) -> Senses:
         """The senses with copies of the numbers, which are kept; `AgentError` if unusable."""
-        shape, copies = self._target_lengths.shape, {}
-        for name in ("lengths", "tensions"):
-            copies[name] = array = np.array(getattr(senses, name), dtype=float)
-            if array.shape != shape or not np.isfinite(array).all():
-                raise AgentError(
-                    f"Agent: {name} must be finite and of shape {shape}, got shape {array.shape}."
-                )
+        lengths = self._numbers("lengths", senses.lengths)
+        tensions = self._numbers("tensions", senses.tensions)
         if not (np.isfinite(senses.time) and senses.time > self._time):
             raise AgentError(
                 f"Agent: time must be finite and later than {self._time} s, got {senses.time} s."
             )
-        return senses._replace(**copies)
+        return senses._replace(lengths=lengths, tensions=tensions)
+
+    def _numbers(self, name: str, value: Floats) -> Floats:
+        """A copy of one finite number a muscle; `AgentError` if it is something else."""
+        array, shape = np.array(value, dtype=float), self._target_lengths.shape
+        if array.shape != shape or not np.isfinite(array).all():
+            raise AgentError(
+                f"Agent: {name} must be finite and of shape {shape}, got shape {array.shape}."
+            )
+        return array
 
     def _wake(self, senses: Senses) -> None:
         """Find out where the arm is, and stay there or begin the way that was asked for."""
@@ -275,7 +280,8 @@ class Agent:
     def _learn_vision(self, senses: Senses) -> None:
         marker = self.look(senses).get(self.options.hand_marker)
         if marker is None:
-            self.vision.drop("the hand's marker was not seen")
+            if self.learning:
+                self.vision.drop("the hand's marker was not seen")
             return
         estimate = self.estimator.q
         self.seen = self.vision.seen(

@@ -62,7 +62,7 @@ class LooksOptions:
 
     position_noise: float = 0.003
     rotation_noise: float = 0.01
-    steps: int = 12
+    steps: int = 30
     tolerance: float = 1e-4
     limit_margin: float = 0.02
     memory: int = 60

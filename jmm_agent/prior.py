@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from jmm_agent.drawing import Floats, Indices
+from jmm_agent.errors import AgentError
 from jmm_agent.mapping import METRES, GroupMap, JointMuscleMap
 
 
@@ -51,7 +52,10 @@ class MapPrior:
 
     Args:
         drawn: the map before learning; every correction is counted from it.
-        postures: typical postures (N, n) [rad], which set the scale of `shape`.
+        postures: typical postures (N, n) [rad], N > 1, which set the scale of `shape`.
+
+    Raises:
+        AgentError: the postures are all alike.
     """
 
     def __init__(self, drawn: JointMuscleMap, postures: Floats, options: PriorOptions) -> None:
@@ -62,6 +66,8 @@ class MapPrior:
             hidden = group.hidden(postures)
             centre = hidden.mean(axis=0)
             spread = np.sqrt(np.mean(np.sum((hidden - centre) ** 2, axis=1)))
+            if spread == 0.0:
+                raise AgentError("Prior: typical postures must differ in the joints of each group.")
             self._centres.append(centre)
             self._scales.append(options.shape / float(spread))
 

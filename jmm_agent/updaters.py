@@ -18,7 +18,7 @@ import numpy as np
 
 from jmm_agent.drawing import Floats
 from jmm_agent.learner import Learner, Pairs
-from jmm_agent.looks import Look, LooksOptions, Sight, fit_looks
+from jmm_agent.looks import Look, LooksFit, LooksOptions, Sight, fit_looks
 from jmm_agent.prior import MapPrior
 
 PairLengths = Literal["min", "l_target", "l"]
@@ -152,7 +152,7 @@ class VisionUpdater:
         start = np.vstack([self._angles, estimate])[-options.looks.memory :]
         fit = fit_looks(looks, self._prior, self._sight, self._limits, options.looks, start)
         angles = fit.angles[-1]
-        reason = self._doubt(angles, estimate, fit.sight_error[-1])
+        reason = self._doubt(fit, estimate)
         if not learn:
             return Seen(angles, estimate - angles, False, reason)
         if reason:
@@ -170,10 +170,12 @@ class VisionUpdater:
         """Count a look that brought nothing, and why."""
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
-    def _doubt(self, angles: Floats, estimate: Floats, sight_error: Floats) -> str:
-        """Why a look is not believed; empty if it is."""
-        options = self._options
-        if sight_error[0] > options.sight_position or sight_error[1] > options.sight_rotation:
+    def _doubt(self, fit: LooksFit, estimate: Floats) -> str:
+        """Why the newest look is not believed; empty if it is."""
+        options, angles = self._options, fit.angles[-1]
+        position, rotation = fit.sight_error[-1]
+        missed = position > options.sight_position or rotation > options.sight_rotation
+        if missed or not fit.converged:
             return "inverse kinematics did not converge"
         if np.linalg.norm(angles - estimate) >= options.threshold:
             return "too far from the estimate"
@@ -188,9 +190,13 @@ class VisionUpdater:
         high = self._limits[:, 1] - options.stop_margin
         free = np.all((self._angles > low) & (self._angles < high), axis=1)
         use = free & np.array(self._sound)
+        if not self._sound[-1]:
+            self.drop("a wire was saturated: no pair")
+        elif not free[-1]:
+            self.drop("a joint was at its stop: no pair")
         noise = np.full(len(use), options.noise)
         self.pairs = Pairs(self._angles[use], np.array(self._commands)[use], noise[use])
-        new = self.pairs.last(1)
+        new = self.pairs.last(int(use[-1]))
         earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in self.pairs))
         self._learner.learn(new, earlier.joined(antagonism))
         self.fired += 1

@@ -4,7 +4,7 @@ import os
 
 from hypothesis import settings
 
-# One thread: sums keep their order, so the same seed gives the same bits. Numpy and torch read
+# One thread: sums keep their order, so the same seed gives the same bits. Numpy reads
 # these when they are imported, which happens after this file.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"

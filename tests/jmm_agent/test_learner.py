@@ -85,9 +85,7 @@ def test_pairs_join_in_order_and_the_newest_are_last() -> None:
 def test_the_ridge_rule_explains_what_is_remembered_and_what_is_new() -> None:
     start = make_map(0)
     prior = MapPrior(start, postures(50, 9), PriorOptions())
-    subject = Learner(
-        start, LIMITS, RidgeRule(prior), BatchOptions(), np.random.default_rng(0)
-    )
+    subject = Learner(start, LIMITS, RidgeRule(prior), BatchOptions(), np.random.default_rng(0))
     asked = postures(2, 21)
     other = start.lengths(asked) + np.array([[0.02], [0.03]])
     exact = np.full(1, 1e-5)
@@ -112,9 +110,7 @@ def test_the_same_generator_gives_the_same_bits() -> None:
     prior = MapPrior(start, postures(50, 9), PriorOptions())
     layers = []
     for _ in range(2):
-        subject = Learner(
-            start, LIMITS, RidgeRule(prior), BatchOptions(), np.random.default_rng(7)
-        )
+        subject = Learner(start, LIMITS, RidgeRule(prior), BatchOptions(), np.random.default_rng(7))
         subject.learn(pair(3), pair(4))
         layers.append(subject.map.groups[0].W2)
     np.testing.assert_array_equal(*layers)

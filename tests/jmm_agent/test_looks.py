@@ -72,9 +72,7 @@ def looks(true: np.ndarray, drawn: JointMuscleMap, arm: ArmKinematics) -> list[L
 
 
 @pytest.fixture(scope="module")
-def fit(
-    looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
-) -> LooksFit:
+def fit(looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics) -> LooksFit:
     return fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=40))
 
 

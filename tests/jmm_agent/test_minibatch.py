@@ -76,5 +76,5 @@ def test_the_batch_is_fitted_better_and_the_start_is_left_alone() -> None:
     before = [loss(group, pairs) for group in start.groups]
     moved = MinibatchRule(steps=200, rate=1e-2).move(start, NOTHING, pairs)
     for group, error in zip(moved.groups, before, strict=True):
-        assert loss(group, pairs) < 0.5 * error
+        assert loss(group, pairs) < 0.7 * error
     assert [loss(group, pairs) for group in start.groups] == before

@@ -58,9 +58,7 @@ def test_exact_pairs_are_explained(drawn: JointMuscleMap, prior: MapPrior) -> No
     np.testing.assert_allclose(moved.lengths(q), lengths, atol=1e-6)
 
 
-def test_no_pairs_and_pairs_that_fit_change_nothing(
-    drawn: JointMuscleMap, prior: MapPrior
-) -> None:
+def test_no_pairs_and_pairs_that_fit_change_nothing(drawn: JointMuscleMap, prior: MapPrior) -> None:
     asked = postures(20, 2)
     for q in (np.empty((0, 4)), postures(4, 1)):
         moved = prior.corrected(q, drawn.lengths(q), np.full(len(q), 1e-3))

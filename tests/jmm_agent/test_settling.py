@@ -56,18 +56,14 @@ def test_a_reset_forgets_the_rest_and_the_past() -> None:
     assert fired(held([0.0], 40), detector) == [20]
 
 
-@given(
-    speed=st.floats(0.0025, 0.5), wire=st.integers(0, 4), sign=st.sampled_from([-1.0, 1.0])
-)
+@given(speed=st.floats(0.0025, 0.5), wire=st.integers(0, 4), sign=st.sampled_from([-1.0, 1.0]))
 def test_one_wire_that_moves_keeps_all_unsettled(speed: float, wire: int, sign: float) -> None:
     lengths = np.zeros((150, 5))
     lengths[:, wire] = sign * speed * PERIOD * np.arange(150)
     assert fired(lengths) == []
 
 
-@given(
-    period=st.integers(4, 40), phase=st.floats(0.0, 6.28), amplitude=st.floats(0.002, 0.05)
-)
+@given(period=st.integers(4, 40), phase=st.floats(0.0, 6.28), amplitude=st.floats(0.002, 0.05))
 def test_a_swinging_wire_never_settles(period: int, phase: float, amplitude: float) -> None:
     steps = np.arange(200)
     swing = amplitude * np.sin(2 * np.pi * steps / period + phase)

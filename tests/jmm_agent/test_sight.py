@@ -54,5 +54,5 @@ def test_the_error_is_offset_and_turn_in_the_seen_markers_axes(arm: ArmKinematic
 
 def test_unknown_frames_are_named(arm: ArmKinematics) -> None:
     for camera, site in (("eye", "marker_foot"), ("third_eye", "marker_hand")):
-        with pytest.raises(AgentError, match="marker_foot|third_eye"):
+        with pytest.raises(AgentError, match=r"marker_foot|third_eye"):
             MarkerSight(arm, camera, site)
