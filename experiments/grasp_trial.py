@@ -100,7 +100,10 @@ class GraspTrial:
         self.stage = ""
 
     def run(self) -> Trial:
-        """The whole experiment; it ends when the can is lifted or the approaches are used up."""
+        """The whole experiment, to the first success after learning or the last approach.
+
+        A can that was grasped by chance before learning is let go, and the experiment goes on.
+        """
         options = self._options
         for number in range(options.approaches):
             if number == 1:
@@ -110,8 +113,10 @@ class GraspTrial:
                 self.stage = "looks once more at its arm"
                 self._explore(self._near_postures())
             self.stage = f"approach {number + 1}"
-            if self._approach():
+            grasped = self._approach()
+            if grasped and number > 0:
                 break
+            self._let_go()
         return self.trial
 
     def _explore(self, postures: Sequence[Floats]) -> None:
@@ -184,12 +189,15 @@ class GraspTrial:
             )
             return False
         self.trial.plan = plan
-        grasped = self.grasp(plan)
-        if not grasped:
-            session.fingers = OPEN
-            session.move(plan.lift[-1], 1.0)
-            session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
-        return grasped
+        return self.grasp(plan)
+
+    def _let_go(self) -> None:
+        """Open the hand and take it away; a person puts the can back."""
+        session, options = self._session, self._options
+        session.fingers = OPEN
+        session.wait(0.5)
+        session.move(np.array(options.ready), options.move)
+        session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
 
     def grasp(self, plan: GraspPlan) -> bool:
         """Reach for the can, close the fingers and lift; whether the can was lifted for good."""
