@@ -6,11 +6,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from jmm_agent.drawing import Drawing
+from experiments.common import drawing_for_agent
 from jmm_agent.training import train
 from kengoro_env.assets import asset_path
 from kengoro_env.drawing import ArmDrawing
-from kengoro_env.names import GROUP_JOINTS
 
 POSTURES = 1000
 CALLS = 300
@@ -34,15 +33,7 @@ def microseconds(call: Callable[[], object]) -> tuple[float, float]:
 def main() -> None:
     """Train on the arm's drawing and print the figures."""
     source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
-    drawing = Drawing(
-        source.joints,
-        source.lower,
-        source.upper,
-        source.muscles,
-        source.crosses,
-        source.lengths,
-        GROUP_JOINTS,
-    )
+    drawing = drawing_for_agent()
     jmm, report = train(drawing, seed=0)
     postures = np.random.default_rng(1).uniform(
         drawing.lower, drawing.upper, (POSTURES, len(drawing.joints))

@@ -7,7 +7,7 @@ target as the last approach. Beside them stand tests of both maps on postures th
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table as RichTable
 
 from experiments import common
 from experiments.can_figures import figures
 from experiments.can_robot import CanRobot, make_agent
+from experiments.can_tables import error_table, medians_and_worst, outcome_table, print_table
 from experiments.common import Summary
-from experiments.report import Table, write_report
+from experiments.report import write_report
 from experiments.session import Session
 from experiments.video import Video
 from kengoro_env.names import GROUP_JOINTS
@@ -37,17 +37,6 @@ LOG_PERIOD = 0.2
 
 VIDEO_PERIOD = 0.2
 """Time between two pictures of the video [s]; it runs five times as fast as the robot."""
-
-MEASURED = {
-    "rmse_joint_deg": "RMSE_joint, target against true [deg]",
-    "rmse_joint_seen_deg": "RMSE_joint, estimate against seen [deg]",
-    "estimate_true_deg": "RMSE_joint, estimate against true [deg]",
-    "estimate_target_deg": "RMSE_joint, estimate against target [deg]",
-    "hand_target_true_mm": "hand, target against true [mm]",
-    "hand_estimate_true_mm": "hand, estimate against true [mm]",
-    "max_tension_N": "largest tension [N]",
-}
-"""What is measured on test postures before and after."""
 
 INTRODUCTION = (
     "Kengoro looks at a can, solves inverse kinematics, reaches, and misses, because the robot is "
@@ -94,14 +83,14 @@ def main(args: Args) -> Summary:
         results = common.run_tasks(run_robot, tasks, args.jobs, args.out / "robots", key)
     per_seed = {seed: results[f"{seed}"]["summary"] for seed in seeds}
     summary = common.make_summary(
-        "can-grasping", per_seed, time.perf_counter() - begin, medians=_medians(per_seed)
+        "can-grasping", per_seed, time.perf_counter() - begin, medians=medians_and_worst(per_seed)
     )
     pictures = figures(results)
-    tables = [_outcome_table(per_seed), _error_table(per_seed)]
+    tables = [outcome_table(per_seed), error_table(per_seed)]
     write_report(args.out / "report.html", "Can grasping", INTRODUCTION, summary, tables, pictures)
     common.write_json(args.out / "summary.json", summary)
     for table in tables:
-        _print(console, table)
+        print_table(console, table)
     console.print(f"Results: {args.out}/summary.json, report.html, episode.mp4")
     return summary
 
@@ -279,75 +268,3 @@ def _curves(robot: CanRobot) -> dict[str, Any]:
 def _shoulder_lengths(jmm: Any, postures: np.ndarray, muscles: np.ndarray) -> list[list[float]]:
     lengths: list[list[float]] = np.round(1e3 * jmm.lengths(postures)[:, muscles], 2).tolist()
     return lengths
-
-
-def _medians(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
-    """Medians and worst over the robots."""
-    results = list(per_seed.values())
-    medians: dict[str, Any] = {
-        "grasped_before": sum(bool(r["grasped_before"]) for r in results),
-        "grasped_after": sum(bool(r["grasped_after"]) for r in results),
-        "robots": len(results),
-    }
-    for key in MEASURED:
-        medians[key] = {
-            when: common.median_and_worst(r[key][when] for r in results if r[key][when] is not None)
-            for when in ("before", "after")
-        }
-    reached = [r["approaches"] for r in results if r["approaches"]]
-    for name, index in (("first", 0), ("last", -1)):
-        medians[f"hand_distance_{name}_approach_mm"] = common.median_and_worst(
-            approaches[index]["hand_distance_mm"] for approaches in reached
-        )
-    return medians
-
-
-def _outcome_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
-    head = ["robot", "approach: hand off target [mm]", "grasped", "control grasps", "postures"]
-    rows: list[Sequence[object]] = []
-    for seed, result in per_seed.items():
-        distances = ", ".join(
-            f"{a['hand_distance_mm']:.0f}{'*' if a['grasped'] else ''}"
-            for a in result["approaches"]
-        )
-        control = result["grasped_before_from_the_last_target"]
-        after = "yes" if result["grasped_after"] else "no"
-        rows.append([seed, distances, after, "yes" if control else "no", result["postures"]])
-    before = sum(bool(r["grasped_before"]) for r in per_seed.values())
-    after_all = sum(bool(r["grasped_after"]) for r in per_seed.values())
-    note = (
-        f"Grasped before learning: {before} of {len(per_seed)}; after: {after_all} of "
-        f"{len(per_seed)}. * marks an approach that lifted the can. The control is the map before "
-        "learning, sent to the IK target of the last approach."
-    )
-    return Table("Approaches", head, rows, note)
-
-
-def _error_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
-    medians = _medians(per_seed)
-    rows = []
-    for key, name in MEASURED.items():
-        before, after = medians[key]["before"], medians[key]["after"]
-        cells = [_cell(x) for x in (*before.values(), *after.values())]
-        rows.append([name, *cells])
-    for name in ("first", "last"):
-        spread = medians[f"hand_distance_{name}_approach_mm"]
-        cells = [_cell(x) for x in spread.values()]
-        row = [*cells, "", ""] if name == "first" else ["", "", *cells]
-        rows.append([f"hand off its target, {name} approach [mm]", *row])
-    head = ["", "before: median", "worst", "after: median", "worst"]
-    note = "On postures that were not learned, learning off; medians over each robot's postures."
-    return Table("Errors and tensions, before and after", head, rows, note)
-
-
-def _cell(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
-
-
-def _print(console: Console, table: Table) -> None:
-    printed = RichTable(title=table.title, caption=table.note)
-    for name in table.head:
-        printed.add_column(name, justify="right" if name else "left")
-    for row in table.rows:
-        printed.add_row(*map(str, row))
-    console.print(printed)

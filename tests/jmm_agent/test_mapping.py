@@ -7,41 +7,15 @@ from hypothesis import strategies as st
 
 from jmm_agent.mapping import (
     CheckpointError,
-    GroupMap,
     JointMuscleMap,
     MappingError,
 )
-
-JOINTS = ("a", "b", "c", "d")
-MUSCLES = ("m0", "m1", "m2", "m3", "m4")
-
-
-def make_map(seed=0, hidden=7):
-    """Two groups that share joint b; muscles and joints interleaved, so that a mix-up shows."""
-    rng = np.random.default_rng(seed)
-
-    def group(name, joints, muscles):
-        n, k = len(joints), len(muscles)
-        return GroupMap(
-            name,
-            np.array(joints),
-            np.array(muscles),
-            rng.normal(size=n),
-            rng.uniform(0.5, 2.0, n),
-            rng.normal(size=(hidden, n)),
-            rng.normal(size=hidden),
-            10.0 * rng.normal(size=(k, hidden)),
-            rng.normal(size=k),
-        )
-
-    return JointMuscleMap(
-        JOINTS, MUSCLES, (group("near", [1, 0], [3, 0]), group("far", [3, 1, 2], [1, 4, 2]))
-    )
+from tests.jmm_agent.small_map import JOINTS, MUSCLES, make_map
 
 
 @pytest.fixture
 def jmm():
-    return make_map()
+    return make_map(hidden=7)
 
 
 @pytest.fixture
@@ -226,7 +200,7 @@ def damage_truncated(path):
 
 def damage_flipped(path):
     content = bytearray(path.read_bytes())
-    content[content.index(make_map().groups[1].W1.tobytes()) + 20] ^= 0x01
+    content[content.index(make_map(hidden=7).groups[1].W1.tobytes()) + 20] ^= 0x01
     path.write_bytes(bytes(content))
 
 

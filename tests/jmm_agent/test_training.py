@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jmm_agent.drawing import Drawing, DrawingError
+from experiments.common import drawing_for_agent
+from jmm_agent.drawing import DrawingError
 from jmm_agent.fitting import Layers, Network, Recipe, TrainingError, settle
 from jmm_agent.mapping import JointMuscleMap, sigmoid
 from jmm_agent.training import content_hash, load_or_train, train
 from kengoro_env.assets import asset_path
 from kengoro_env.drawing import ArmDrawing
-from kengoro_env.names import GROUP_JOINTS
 from tests.jmm_agent.straight_wires import GROUPS, JOINTS, crosses, drawing, relative_lengths
 
 QUICK = Recipe(hidden=60, samples=2000, steps=20)
@@ -46,7 +46,9 @@ def test_a_group_has_all_joints_that_its_muscles_cross():
 
 
 def test_the_arms_groups_are_the_papers():
-    sizes = {g.name: (g.joint_index.size, g.muscle_index.size) for g in arm().topology()}
+    sizes = {
+        g.name: (g.joint_index.size, g.muscle_index.size) for g in drawing_for_agent().topology()
+    }
     assert sizes == {"neck": (3, 8), "scapula": (4, 10), "shoulder": (8, 10), "forearm": (3, 8)}
 
 
@@ -282,28 +284,15 @@ def test_the_hash_tells_seeds_and_recipes_apart():
 # The arm, against MuJoCo
 
 
-def arm() -> Drawing:
-    source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
-    return Drawing(
-        source.joints,
-        source.lower,
-        source.upper,
-        source.muscles,
-        source.crosses,
-        source.lengths,
-        GROUP_JOINTS,
-    )
-
-
 @pytest.fixture(scope="module")
 def trained_arm(tmp_path_factory):
-    return load_or_train(arm(), 0, tmp_path_factory.mktemp("cache"))
+    return load_or_train(drawing_for_agent(), 0, tmp_path_factory.mktemp("cache"))
 
 
 def test_every_group_of_the_arm_is_learnt_to_a_tenth_of_a_millimetre(trained_arm):
     source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
     jmm, _ = trained_arm
-    q = postures_inside(arm(), 2000)
+    q = postures_inside(drawing_for_agent(), 2000)
     error = jmm.lengths(q) - source.lengths(q)
     for group in jmm.groups:
         assert rms(error[:, group.muscle_index]) < 1e-4, group.name
@@ -313,7 +302,7 @@ def test_every_group_of_the_arm_is_learnt_to_a_tenth_of_a_millimetre(trained_arm
 def test_the_arms_jacobians_are_mujocos(trained_arm, method, bound):
     source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
     jmm, _ = trained_arm
-    q = postures_inside(arm(), 200)
+    q = postures_inside(drawing_for_agent(), 200)
     true = np.array([source.moment_arms(posture) for posture in q])
     assert rms(true) > 0.01
     assert rms(getattr(jmm, method)(q) - true) < bound
