@@ -59,9 +59,9 @@ def _lay(spec: mujoco.MjSpec, old: mujoco.MjsTendon, wire: Wire) -> mujoco.MjsTe
     spec.delete(old)
     tendon = spec.add_tendon(kind, name=name)
     if wire.stiffness:
-        tendon.wrap_site(_add_spool(spec, name, sites[0], sites[1]))
+        tendon.wrap_site(_add_spool(spec, name, sites[0]))
         tendon.stiffness = np.array(wire.stiffness)
-        tendon.springlength = np.array([0.0, SPOOL_TRAVEL])  # set to the true length by `Robot`
+        tendon.springlength = np.array([0.0, SPOOL_TRAVEL])  # set to the true length by `Motors`
     for index, site in enumerate(sites):
         tendon.wrap_site(site)
         if index in wire.wraps:
@@ -69,7 +69,7 @@ def _lay(spec: mujoco.MjSpec, old: mujoco.MjsTendon, wire: Wire) -> mujoco.MjsTe
     return tendon
 
 
-def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str, following: str) -> str:
+def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str) -> str:
     """A slide joint behind the guide site that carries the wire's end; returns the end's site."""
     site = spec.site(guide)
     body = site.parent.add_body(name=spool_joint(muscle), pos=site.pos, gravcomp=1.0)
