@@ -87,7 +87,7 @@ def episode() -> tuple[Agent, Timed]:
     order = np.random.default_rng(SEED).permutation(len(posture_set()))
     for posture in posture_set()[order[:POSTURES]]:
         session.move(posture, 2.0, 2.0)
-        env.unwrapped.put_can_back()  # type: ignore[attr-defined]
+        session.world.put_can_back()
     env.close()
     return agent, timer
 

@@ -7,7 +7,8 @@ target as the last approach. Beside them stand tests of both maps on postures th
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,9 @@ LOG_PERIOD = 0.2
 
 VIDEO_PERIOD = 0.2
 """Time between two pictures of the video [s]; it runs five times as fast as the robot."""
+
+USUAL_TIME = 120.0
+"""Time that a trial takes, roughly, for the bar [s of the robot's time]."""
 
 INTRODUCTION = (
     "Kengoro looks at a can, solves inverse kinematics, reaches, and misses, because the robot is "
@@ -147,28 +151,19 @@ def _watcher(
     return watch
 
 
-def stage_bar(console: Console) -> Any:
+@contextmanager
+def stage_bar(console: Console) -> Iterator[Callable[[str, float], None]]:
     """A bar that tells what the robot does and how much of its time has gone."""
-
-    class Bar:
-        def __enter__(self) -> Callable[[str, float], None]:
-            self._bar = Progress(
-                TextColumn("Kengoro {task.description}"),
-                BarColumn(),
-                TextColumn("{task.completed:.0f} s of its time"),
-                TimeElapsedColumn(),
-                console=console,
-            )
-            self._bar.start()
-            task = self._bar.add_task("wakes up", total=160.0)
-            return lambda stage, at: self._bar.update(
-                task, description=f"{stage:<33}", completed=at or None
-            )
-
-        def __exit__(self, *_: object) -> None:
-            self._bar.stop()
-
-    return Bar()
+    columns = (
+        TextColumn("Kengoro {task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} s of its time"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task("wakes up", total=USUAL_TIME)
+        yield lambda stage, at: bar.update(task, description=f"{stage:<33}", completed=at or None)
+        bar.update(task, description=f"{'is done':<33}", completed=USUAL_TIME)
 
 
 def _train(cache: Path | None, console: Console) -> None:

@@ -123,7 +123,7 @@ class GraspTrial:
         for posture in postures:
             self._session.move(posture, self._options.move, self._options.patience)
             find_hand(self._session, posture, self._options)
-            self._session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
+            self._session.world.put_can_back()
             self.trial.postures += 1
 
     def _random_postures(self, count: int) -> list[Floats]:
@@ -197,7 +197,7 @@ class GraspTrial:
         session.fingers = OPEN
         session.wait(0.5)
         session.move(np.array(options.ready), options.move)
-        session.env.unwrapped.put_can_back()  # type: ignore[attr-defined]
+        session.world.put_can_back()
 
     def grasp(self, plan: GraspPlan) -> bool:
         """Reach for the can, close the fingers and lift; whether the can was lifted for good."""

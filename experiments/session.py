@@ -14,7 +14,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.errors import ExperimentError
 from jmm_agent.agent import Agent, Senses
+from kengoro_env.env import KengoroEnv
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +66,10 @@ class Session:
         watch: Callable[[Session], None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> None:
-        self.env, self.agent, self.log = env, agent, Log()
+        if not isinstance(env.unwrapped, KengoroEnv):
+            raise ExperimentError(f"A session needs a Kengoro environment, not {env.unwrapped}.")
+        self.env, self.world = env, env.unwrapped
+        self.agent, self.log = agent, Log()
         self._watch = watch
         self.fingers = OPEN
         self._seen: object = None
@@ -87,7 +92,7 @@ class Session:
 
     @property
     def _period(self) -> float:
-        return float(self.env.unwrapped.robot.control_period)  # type: ignore[attr-defined]
+        return float(self.world.robot.control_period)
 
     @property
     def time(self) -> float:
@@ -102,7 +107,7 @@ class Session:
         """
         self.agent.hand_is_free = self.fingers == OPEN
         lengths = self.agent.step(self.senses)
-        action = self.env.unwrapped.lengths_to_action(lengths, self.fingers)  # type: ignore[attr-defined]
+        action = self.world.lengths_to_action(lengths, self.fingers)
         self.observation, _, ended, cut, self.truth = self.env.step(action)
         self._steps += 1
         self._write()
@@ -114,7 +119,7 @@ class Session:
     def _write(self) -> None:
         log = self.log
         log.time.append(self.time)
-        log.tensions.append(self.env.unwrapped.robot.tensions)  # type: ignore[attr-defined]
+        log.tensions.append(self.world.robot.tensions)
         log.target.append(self.agent.target)
         log.true.append(self.truth["joint_angles"])
         log.estimate.append(self.agent.joint_angles)
