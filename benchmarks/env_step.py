@@ -21,7 +21,7 @@ from rich.table import Table
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
 
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
-ROBOTS = (None, 100)
+ROBOTS = (None, 0)
 ROUNDS, STEPS = 15, 40
 
 

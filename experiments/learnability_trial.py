@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.learnability_robot import Body, Rest, World
-from experiments.learnability_watchers import SingleWatcher, TogetherWatcher, Variant, Watcher
+from experiments.learnability_watchers import MarkerWatcher, TrueWatcher, Variant, Watcher
 from jmm_agent.drawing import Floats
 from jmm_agent.learner import BatchOptions, Learner, RidgeRule, Rule
 from jmm_agent.mapping import JointMuscleMap
@@ -39,10 +39,10 @@ def learn(body: Body, postures: Floats, variant: Variant, seed: int) -> Lesson:
     )
     antagonism = AntagonismUpdater(learner, AntagonismOptions())
     watcher: Watcher
-    if variant.vision == "looks together":
-        watcher = TogetherWatcher(world, learner, variant)
+    if variant.vision == "true angles":
+        watcher = TrueWatcher(world, learner, variant, np.random.default_rng([seed, 2]))
     else:
-        watcher = SingleWatcher(world, learner, variant, np.random.default_rng([seed, 2]))
+        watcher = MarkerWatcher(world, learner, variant)
     body.reset(postures[0], np.random.default_rng([seed, 3]))
     rests, seen = [], []
     for target in postures[1:]:

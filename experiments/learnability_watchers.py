@@ -1,4 +1,4 @@
-"""How a robot at rest is seen: true angles, each look by itself, or all looks together."""
+"""How a robot at rest is seen: by true angles, or by the pose of its marker."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from experiments.learnability_robot import EYE, MARKER, Rest, World
+from experiments.learnability_robot import Rest, World
 from jmm_agent.drawing import Floats
 from jmm_agent.learner import Learner, Pairs
 from jmm_agent.updaters import PairLengths, VisionOptions, VisionUpdater
 
 ANGLE_NOISE = np.radians(0.5)
-LEAST_MOVEMENT = 1e-6  # prior precision of inverse kinematics that prefers the smallest movement
 
 Vision = Literal["true angles", "looks together", "one look"]
 RuleName = Literal["ridge", "minibatch", "minibatch, output layer"]
@@ -40,13 +39,13 @@ class Watcher(Protocol):
         """Joint angles by vision (n,) [rad]; learns the pair unless it is in doubt."""
 
 
-class SingleWatcher:
-    """Each look by itself, as in the paper: true angles with noise, or inverse kinematics."""
+class TrueWatcher:
+    """True angles with noise, in place of vision."""
 
     def __init__(
         self, world: World, learner: Learner, variant: Variant, rng: np.random.Generator
     ) -> None:
-        self._world, self._learner, self._variant, self._rng = world, learner, variant, rng
+        self._learner, self._rng = learner, rng
         self._options = VisionOptions(lengths=variant.pair)
         self._pairs = Pairs.none(len(world.limits), len(world.map.muscles))
 
@@ -58,9 +57,9 @@ class SingleWatcher:
     def look(self, rest: Rest, antagonism: Pairs) -> Floats:
         """See `Watcher`."""
         options = self._options
-        angles, sure = self._angles(rest)
+        angles = rest.true + ANGLE_NOISE * self._rng.standard_normal(len(rest.true))
         far = np.linalg.norm(angles - rest.estimate) >= options.threshold
-        if sure and not far and rest.tensions.max() < options.saturation:
+        if not far and rest.tensions.max() < options.saturation:
             lengths = {
                 "min": np.minimum(rest.lengths, rest.command),
                 "l_target": rest.command,
@@ -71,25 +70,14 @@ class SingleWatcher:
             self._pairs = self._pairs.joined(new)
         return angles
 
-    def _angles(self, rest: Rest) -> tuple[Floats, bool]:
-        if self._variant.vision == "true angles":
-            return rest.true + ANGLE_NOISE * self._rng.standard_normal(len(rest.true)), True
-        found = self._world.kinematics.solve(
-            MARKER,
-            self._world.marker(rest.true),
-            rest.estimate,
-            relative_to=EYE,
-            prior_precision=np.full(len(rest.true), LEAST_MOVEMENT),
-        )
-        return found.q, found.converged
 
-
-class TogetherWatcher:
-    """All looks and what the wires measured in one fit (`jmm_agent.looks`)."""
+class MarkerWatcher:
+    """The exact pose of the marker: looks fitted together with the wires, or each alone."""
 
     def __init__(self, world: World, learner: Learner, variant: Variant) -> None:
         self._world = world
-        options = VisionOptions(lengths=variant.pair)
+        fit: Literal["together", "alone"] = "alone" if variant.vision == "one look" else "together"
+        options = VisionOptions(lengths=variant.pair, fit=fit)
         self._updater = VisionUpdater(learner, world.prior, world.sight, world.limits, options)
 
     @property

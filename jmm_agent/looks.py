@@ -14,7 +14,8 @@ integrated out:
     min  sum_k |log(P_vision,k^-1 P(theta_k))|^2_V  +  sum_m r_m' (Phi Phi' + s^2 I)^-1 r_m,
     r_m = (l_km - f_m(theta_k))_k,
 
-by Gauss-Newton steps inside the joint limits. The paper (sec. III-C) solves each look alone.
+by Gauss-Newton steps inside the joint limits. The paper (sec. III-C) solves each look alone, with
+the least movement from the estimate; `fit_alone` does.
 """
 
 from __future__ import annotations
@@ -26,11 +27,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from jmm_agent.bounded_least_squares import minimise
 from jmm_agent.drawing import Floats
 from jmm_agent.prior import MapPrior
 
 Sight = Callable[[Floats, Floats], tuple[Floats, Floats]]
 """(q (n,), pose_marker_in_camera (4, 4)) -> error (6,) [m, rad] and its Jacobian (6, n)."""
+
+
+ALONE_STEPS = 100
+"""Gauss-Newton steps at most for one look alone."""
 
 
 class Look(NamedTuple):
@@ -58,6 +64,7 @@ class LooksOptions:
         tolerance: a step smaller than this ends the fit [rad].
         limit_margin: how far outside its limits a joint may be found [rad].
         memory: number of looks that are kept, the newest.
+        least_movement: pull towards the estimate when a look is solved alone [1/rad^2].
     """
 
     position_noise: float = 0.003
@@ -66,6 +73,7 @@ class LooksOptions:
     tolerance: float = 1e-4
     limit_margin: float = 0.02
     memory: int = 60
+    least_movement: float = 0.1
 
 
 class LooksFit(NamedTuple):
@@ -127,6 +135,23 @@ def fit_looks(
         [np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)]
     )
     return LooksFit(angles, converged, norms)
+
+
+def fit_alone(look: Look, sight: Sight, limits: Floats, options: LooksOptions) -> LooksFit:
+    """Joint angles of one look, as near as possible to its guess: the paper's IK (sec. III-C)."""
+    low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
+    root = np.repeat([1.0 / options.position_noise, 1.0 / options.rotation_noise], 3)
+
+    def residual(q: Floats) -> tuple[Floats, Floats]:
+        error, slope = sight(q, look.pose)
+        return root * error, root[:, None] * slope
+
+    start = np.clip(look.guess, low, high)
+    pull = options.least_movement * np.eye(len(start))
+    found = minimise(residual, start, low, high, pull, ALONE_STEPS)
+    error = sight(found.x, look.pose)[0]
+    norms = np.array([[np.linalg.norm(error[:3]), np.linalg.norm(error[3:])]])
+    return LooksFit(found.x[None], found.stationary, norms)
 
 
 def _cost(

@@ -18,7 +18,7 @@ import numpy as np
 
 from jmm_agent.drawing import Floats
 from jmm_agent.learner import Learner, Pairs
-from jmm_agent.looks import Look, LooksFit, LooksOptions, Sight, fit_looks
+from jmm_agent.looks import Look, LooksFit, LooksOptions, Sight, fit_alone, fit_looks
 from jmm_agent.prior import MapPrior
 
 PairLengths = Literal["min", "l_target", "l"]
@@ -51,7 +51,8 @@ class VisionOptions:
         saturation: a pair with a tension above this is not learned [N].
         stop_margin: nor one with a joint this close to its stop [rad].
         sight_position, sight_rotation: a look that the fit misses by more is dropped [m, rad].
-        looks: how looks are combined.
+        fit: whether looks are fitted together with the wires, or each alone as in the paper.
+        looks: how.
     """
 
     distance: float = 0.15
@@ -62,6 +63,7 @@ class VisionOptions:
     stop_margin: float = 0.005
     sight_position: float = 0.02
     sight_rotation: float = 0.06
+    fit: Literal["together", "alone"] = "together"
     looks: LooksOptions = field(default_factory=LooksOptions)
 
 
@@ -149,8 +151,7 @@ class VisionUpdater:
         options = self._options
         look = Look(pose, lengths, estimate)
         looks = [*self._looks, look][-options.looks.memory :]
-        start = np.vstack([self._angles, estimate])[-options.looks.memory :]
-        fit = fit_looks(looks, self._prior, self._sight, self._limits, options.looks, start)
+        fit = self._fit(looks)
         angles = fit.angles[-1]
         reason = self._doubt(fit, estimate)
         if not learn:
@@ -165,6 +166,15 @@ class VisionUpdater:
         self._sound = [*self._sound, bool(tensions.max() < options.saturation)][-keep:]
         self._learn(self.pairs.last(0) if antagonism is None else antagonism)
         return Seen(angles, estimate - angles, True, "")
+
+    def _fit(self, looks: list[Look]) -> LooksFit:
+        """Joint angles of all looks, the newest last."""
+        options, sight, limits = self._options.looks, self._sight, self._limits
+        if self._options.fit == "together":
+            start = np.vstack([self._angles, looks[-1].guess])[-options.memory :]
+            return fit_looks(looks, self._prior, sight, limits, options, start)
+        alone = fit_alone(looks[-1], sight, limits, options)
+        return alone._replace(angles=np.vstack([self._angles, alone.angles])[-options.memory :])
 
     def drop(self, reason: str) -> None:
         """Count a look that brought nothing, and why."""

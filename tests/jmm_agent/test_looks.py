@@ -8,7 +8,7 @@ import pytest
 from experiments.common import trained_map
 from jmm_agent.bounded_least_squares import minimise
 from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.looks import Look, LooksFit, LooksOptions, fit_looks
+from jmm_agent.looks import Look, LooksFit, LooksOptions, fit_alone, fit_looks
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.prior import MapPrior, PriorOptions
 from jmm_agent.sight import MarkerSight
@@ -154,3 +154,16 @@ def test_where_it_starts_does_not_matter_and_the_end_is_kept(
     warm = fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=2), fit.angles)
     assert warm.converged
     np.testing.assert_allclose(warm.angles, fit.angles, atol=2e-3)
+
+
+def test_a_look_alone_is_explained_but_leaves_the_joints_wrong(
+    looks: list[Look], true: np.ndarray, sight: MarkerSight, arm: ArmKinematics
+) -> None:
+    """As the paper's inverse kinematics: it explains the marker by the least movement."""
+    alone = [fit_alone(look, sight, arm.limits, LooksOptions()) for look in looks]
+    angles = np.concatenate([fit.angles for fit in alone])
+    guesses = np.array([look.guess for look in looks])
+    assert all(fit.converged for fit in alone)
+    assert np.max([fit.sight_error for fit in alone]) < 1e-3
+    assert np.all(np.linalg.norm(angles - guesses, axis=1) < np.linalg.norm(true - guesses, axis=1))
+    assert rms_deg(angles - true) > 0.5 * rms_deg(guesses - true)

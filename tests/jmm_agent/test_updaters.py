@@ -293,3 +293,15 @@ def test_defaults_are_whole() -> None:
     options = VisionOptions()
     assert options.lengths == "min"
     assert replace(options, lengths="l_target").lengths == "l_target"
+
+
+def test_looks_alone_are_learned_one_by_one() -> None:
+    """The paper's way: a new look does not change what the earlier ones meant."""
+    bench = Bench(fit="alone")
+    first = bench.look(MIDDLE)
+    kept = bench.vision.pairs.postures[0].copy()
+    second = bench.look(MIDDLE + 0.2)
+    assert first.learned
+    assert second.learned
+    np.testing.assert_array_equal(bench.vision.pairs.postures[0], kept)
+    np.testing.assert_allclose(second.angles, MIDDLE + 0.2, atol=5e-3)
