@@ -1,8 +1,8 @@
 """The can-grasping experiment on one robot (paper, sec. IV, last subsection).
 
 Kengoro looks at a can, reaches for it and misses; moves its hand before its eyes and learns;
-approaches again; looks once more at its arm; grasps the can and lifts it. After a miss a person
-puts the can back where it stood.
+approaches again; looks once more at its arm; grasps the can and lifts it. After every
+approach but the last a person puts the can back where it stood.
 """
 
 from __future__ import annotations
@@ -82,7 +82,6 @@ class GraspTrial:
         session: CanGrasp with an agent.
         planner: of the agent's own kinematics.
         library: postures (N, n) [rad] to move the hand before the eyes.
-        can_place: where the person puts the can back, (2,) [m].
         rng: chooses postures.
     """
 
@@ -96,6 +95,7 @@ class GraspTrial:
     ) -> None:
         self._session, self._planner, self._library = session, planner, library
         self._rng, self._options = rng, options or TrialOptions()
+        self._can: Floats | None = None
         self.trial = Trial()
         self.stage = ""
 
@@ -174,8 +174,6 @@ class GraspTrial:
             return None
         return self._planner.marker_in_world(marker.pose_marker_in_camera, agent.joint_angles)
 
-    _can: Floats | None = None
-
     def _approach(self) -> bool:
         session = self._session
         self._can = pose = self._look_for_can()
@@ -212,7 +210,8 @@ class GraspTrial:
         session.wait(1.0)
         session.move(plan.lift[1:], 1.5)
         session.wait(1.6)
-        approach.grasped = bool(session.truth["success"])
+        truth = session.truth  # lifted for long enough, and held to the end
+        approach.grasped = bool(truth["success"] and truth["grasped"])
         return approach.grasped
 
     def _measure(self, plan: GraspPlan, start: float) -> Approach:

@@ -107,22 +107,21 @@ def fit_looks(
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
     guesses = np.array([look.guess for look in looks]) if start is None else start
     angles = np.clip(guesses, low, high)
-    lengths = np.array([look.lengths for look in looks])
-    weight = np.repeat([options.position_noise**-2, options.rotation_noise**-2], 3)
-    cost, errors = _cost(looks, prior, sight, angles, lengths, weight)
+    problem = _Problem(looks, prior, sight, options)
+    cost, errors = problem.cost(angles)
     damping, converged = 1e-3, False
     for _ in range(options.steps):
-        matrix, gradient = _normal_equations(looks, prior, sight, angles, lengths, weight)
+        matrix, gradient = problem.normal_equations(angles)
         scale = np.diag(matrix)
         while damping < 1e6:
             matrix_damped = matrix + np.diag(damping * scale)
             step = -cho_solve(cho_factor(matrix_damped), gradient).reshape(angles.shape)
             trial = np.clip(angles + np.clip(step, -0.3, 0.3), low, high)
-            trial_cost, trial_errors = _cost(looks, prior, sight, trial, lengths, weight)
+            trial_cost, trial_errors = problem.cost(trial)
             if trial_cost <= cost:
                 break
             damping *= 10.0
-        else:
+        else:  # no step lowers the cost
             converged = True
             break
         moved = float(np.abs(trial - angles).max())
@@ -154,45 +153,43 @@ def fit_alone(look: Look, sight: Sight, limits: Floats, options: LooksOptions) -
     return LooksFit(found.x[None], found.stationary, norms)
 
 
-def _cost(
-    looks: Sequence[Look],
-    prior: MapPrior,
-    sight: Sight,
-    angles: Floats,
-    lengths: Floats,
-    weight: Floats,
-) -> tuple[float, Floats]:
-    errors = np.array([sight(q, look.pose)[0] for q, look in zip(angles, looks, strict=True)])
-    residual = lengths - prior.map.lengths(angles)
-    cost = float(np.sum(weight * errors**2))
-    for group in prior.groups(angles):
-        mine = residual[:, group.muscles]
-        cost += float(np.sum(mine * group.whiten(mine)))
-    return cost, errors
+class _Problem:
+    """What `fit_looks` minimises; joint angles are (K, n) [rad]."""
 
+    def __init__(
+        self, looks: Sequence[Look], prior: MapPrior, sight: Sight, options: LooksOptions
+    ) -> None:
+        self._looks, self._prior, self._sight = looks, prior, sight
+        self._lengths = np.array([look.lengths for look in looks])
+        self._weight = np.repeat([options.position_noise**-2, options.rotation_noise**-2], 3)
 
-def _normal_equations(
-    looks: Sequence[Look],
-    prior: MapPrior,
-    sight: Sight,
-    angles: Floats,
-    lengths: Floats,
-    weight: Floats,
-) -> tuple[Floats, Floats]:
-    count, joints = angles.shape
-    expected, jacobian = prior.map.lengths_and_jacobian(angles)
-    residual = lengths - expected
-    matrix = np.zeros((count, joints, count, joints))
-    gradient = np.zeros((count, joints))
-    for k, (q, look) in enumerate(zip(angles, looks, strict=True)):
-        error, slope = sight(q, look.pose)
-        matrix[k, :, k, :] += slope.T @ (weight[:, None] * slope)
-        gradient[k] += slope.T @ (weight * error)
-    for group in prior.groups(angles):
-        arms = jacobian[:, group.muscles]  # (K, k, n)
-        information = group.whiten(np.eye(count))
-        products = np.einsum("kmi,lmj->kilj", arms, arms, optimize=True)
-        matrix += information[:, None, :, None] * products
-        gradient -= np.einsum("kmi,km->ki", arms, group.whiten(residual[:, group.muscles]))
-    size = count * joints
-    return matrix.reshape(size, size), gradient.ravel()
+    def cost(self, angles: Floats) -> tuple[float, Floats]:
+        """Cost, and the errors of sight (K, 6)."""
+        pairs = zip(angles, self._looks, strict=True)
+        errors = np.array([self._sight(q, look.pose)[0] for q, look in pairs])
+        residual = self._lengths - self._prior.map.lengths(angles)
+        cost = float(np.sum(self._weight * errors**2))
+        for group in self._prior.groups(angles):
+            mine = residual[:, group.muscles]
+            cost += float(np.sum(mine * group.whiten(mine)))
+        return cost, errors
+
+    def normal_equations(self, angles: Floats) -> tuple[Floats, Floats]:
+        """Gauss-Newton matrix (K n, K n) and gradient (K n,), the kernel held fixed."""
+        count, joints = angles.shape
+        expected, jacobian = self._prior.map.lengths_and_jacobian(angles)
+        residual = self._lengths - expected
+        matrix = np.zeros((count, joints, count, joints))
+        gradient = np.zeros((count, joints))
+        for k, (q, look) in enumerate(zip(angles, self._looks, strict=True)):
+            error, slope = self._sight(q, look.pose)
+            matrix[k, :, k, :] += slope.T @ (self._weight[:, None] * slope)
+            gradient[k] += slope.T @ (self._weight * error)
+        for group in self._prior.groups(angles):
+            arms = jacobian[:, group.muscles]  # (K, k, n)
+            information = group.whiten(np.eye(count))
+            products = np.einsum("kmi,lmj->kilj", arms, arms, optimize=True)
+            matrix += information[:, None, :, None] * products
+            gradient -= np.einsum("kmi,km->ki", arms, group.whiten(residual[:, group.muscles]))
+        size = count * joints
+        return matrix.reshape(size, size), gradient.ravel()
