@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from experiments.can_robot import make_agent, make_env
+from experiments.arm import make_agent, make_env
 from experiments.common import trained_map
 from experiments.grasp_trial import READY
 from experiments.session import Session

@@ -7,6 +7,7 @@ import os
 import sys
 
 RUNNERS = {
+    "vision-update": ("experiments.vision_update", "the estimate comes to what is seen (IV-C)"),
     "can-grasping": ("experiments.can_grasping", "a can that was missed is grasped (sec. IV)"),
     "learnability": ("experiments.learnability", "what can be learned, from what, and the floor"),
 }
@@ -16,7 +17,7 @@ USAGE = "\n".join(
     [
         "usage: python -m experiments NAME --seeds A-B --out DIR [--jobs N] [OPTIONS]",
         "",
-        *(f"  {name:<14}{line}" for name, (_, line) in RUNNERS.items()),
+        *(f"  {name:<18}{line}" for name, (_, line) in RUNNERS.items()),
         "",
         "python -m experiments NAME --help lists the options of one.",
     ]

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.report import Picture, png
+from experiments.report import GROUP_COLOURS, Picture, png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CAN_RADIUS_MM = 33.0
-COLOURS = {"neck": "#3f8f3f", "scapula": "#3a6fb5", "shoulder": "#c8452f", "forearm": "#d39a2a"}
 
 
 def figures(results: Mapping[str, Mapping[str, Any]]) -> list[Picture]:
@@ -71,7 +70,7 @@ def _errors(axes: Axes, curves: Mapping[str, Any]) -> None:
     _shade(axes, curves)
     axes.plot(curves["time"], curves["true_error"], color="0.55", lw=1, label="all, against true")
     for name, errors in curves["look_error"].items():
-        colour, size = COLOURS.get(name, "black"), 5 if name == "all" else 3
+        colour, size = GROUP_COLOURS.get(name, "black"), 5 if name == "all" else 3
         label = f"{name}, against seen"
         axes.plot(curves["look_time"], errors, "o", ms=size, color=colour, label=label)
     axes.set_ylabel("RMSE_joint [deg]")

@@ -18,11 +18,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from experiments import common
+from experiments.arm import make_agent
 from experiments.can_figures import figures
-from experiments.can_robot import CanRobot, make_agent
-from experiments.can_tables import error_table, medians_and_worst, outcome_table, print_table
+from experiments.can_robot import CanRobot
+from experiments.can_tables import error_table, medians_and_worst, outcome_table
 from experiments.common import Summary
-from experiments.report import write_report
+from experiments.report import print_table, write_report
 from experiments.session import Session
 from experiments.video import Video
 from kengoro_env.names import GROUP_JOINTS

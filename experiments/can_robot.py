@@ -3,35 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import radians
 from pathlib import Path
-from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.common import ARM, trained_map
+from experiments.arm import make_agent, make_env
+from experiments.common import trained_map
 from experiments.grasp_trial import READY, GraspTrial, Trial, TrialOptions, find_hand
 from experiments.session import EpisodeEndedError, Session
 from jmm_agent.agent import Agent
-from jmm_agent.camera import Camera
 from jmm_agent.grasping import GraspPlanner
-from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.marker import MarkerDetector
-from kengoro_env.assets import asset_path
-from kengoro_env.departures import actual, drawing
-from kengoro_env.names import GROUP_JOINTS, JOINTS
+from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
 
 Floats = NDArray[np.float64]
 
-CAMERA = Camera.from_fovy(640, 480, radians(45.0))
-"""The camera as drawn; the robot's own differs a little."""
-
-HAND, CAN = 0, 1
-SIDES = {HAND: 0.050, CAN: 0.036}
 MEASURES = (
     "target_true_deg",
     "estimate_true_deg",
@@ -43,26 +30,6 @@ TESTED = 8
 """Postures on which the map is tested before and after."""
 
 Watch = Callable[[Session, str], None]
-
-
-def make_env(task: str, seed: int | None, **more: Any) -> gym.Env[Any, Any]:
-    """An environment with the actual robot of ``seed``, or the drawing for None."""
-    departures = drawing() if seed is None else actual(seed)
-    return gym.make(f"Kengoro/{task}-v0", departures=departures, **more)
-
-
-def make_agent(start: JointMuscleMap, seed: int, learning: bool = True) -> Agent:
-    """An agent that knows the drawing and nothing of the robot."""
-    agent = Agent(
-        start,
-        ArmKinematics(asset_path(ARM), JOINTS),
-        MarkerDetector(CAMERA, SIDES),
-        posture_set(),
-        np.array(READY),
-        np.random.default_rng([seed, 2]),
-    )
-    agent.learning = learning
-    return agent
 
 
 class CanRobot:

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table as RichTable
-
 from experiments.common import median_and_worst
 from experiments.report import Table
 
@@ -86,13 +83,3 @@ def error_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
 
 def _cell(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"
-
-
-def print_table(console: Console, table: Table) -> None:
-    """Show a table in the terminal."""
-    printed = RichTable(title=table.title, caption=table.note)
-    for name in table.head:
-        printed.add_column(name, justify="right" if name else "left")
-    for row in table.rows:
-        printed.add_row(*map(str, row))
-    console.print(printed)

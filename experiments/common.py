@@ -54,12 +54,14 @@ class Args:
         out: folder of the results.
         jobs: processes that work at the same time; the result does not depend on it.
         cache: folder of trained maps; the user's cache folder if left out.
+        quick: do little, to see that it works; the numbers mean nothing then.
     """
 
     seeds: str
     out: Path
     jobs: int = 2
     cache: Path | None = None
+    quick: bool = False
 
 
 def parse_seeds(text: str) -> list[int]:

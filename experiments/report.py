@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jinja2
+from rich.console import Console
+from rich.table import Table as RichTable
 
 from experiments.common import Summary, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+GROUP_COLOURS = {
+    "neck": "#3f8f3f",
+    "scapula": "#3a6fb5",
+    "shoulder": "#c8452f",
+    "forearm": "#d39a2a",
+}
+"""Colours of the four groups in all figures."""
 
 
 class Table(NamedTuple):
@@ -65,3 +75,32 @@ def write_report(
         pictures=pictures,
     )
     write_text(path, page)
+
+
+def metric_table(metrics: Mapping[str, Mapping[str, Any]]) -> Table:
+    """The numbers that an experiment is judged by."""
+    head = ("", "paper", "median", "95 % interval", "worst robot", "must", "reached")
+    rows = [
+        (
+            f"{name} [{found['unit']}]" if found["unit"] else name,
+            "" if found["paper"] is None else found["paper"],
+            found["median"],
+            f"{found['low']} to {found['high']}",
+            found["worst"],
+            "" if found["must"] is None else found["must"],
+            {True: "yes", False: "NO", None: ""}[found["reached"]],
+        )
+        for name, found in metrics.items()
+    ]
+    note = "Median over robots with its bootstrap 95 % interval over robots."
+    return Table("What came out", head, rows, note)
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Show a table in the terminal."""
+    printed = RichTable(title=table.title, caption=table.note)
+    for number, name in enumerate(table.head):
+        printed.add_column(name, justify="right" if number else "left", no_wrap=not number)
+    for row in table.rows:
+        printed.add_row(*map(str, row))
+    console.print(printed)

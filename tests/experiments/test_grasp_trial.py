@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments import grasp_trial
-from experiments.can_robot import make_agent, make_env
+from experiments.arm import make_agent, make_env
 from experiments.common import trained_map
 from experiments.grasp_trial import READY, GraspTrial, TrialOptions
 from experiments.session import OPEN, Session

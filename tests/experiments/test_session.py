@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from experiments.can_robot import READY, make_agent, make_env
+from experiments.arm import READY, make_agent, make_env
 from experiments.common import trained_map
 from experiments.grasp_trial import GraspTrial
 from experiments.session import CLOSED, EpisodeEndedError, Session

@@ -1,0 +1,129 @@
+"""What is the same in every experiment: conditions on robots, results kept, summary and report.
+
+A study has conditions, such as "actual" and "drawing". Each condition runs on each robot by itself,
+its result is kept as soon as it ends, and what is concluded from all results is written at the end.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from experiments.common import (
+    Args,
+    Summary,
+    check_jobs,
+    log_reported,
+    make_summary,
+    parse_seeds,
+    run_tasks,
+    source_digest,
+    trained_map,
+    write_json,
+)
+from experiments.report import Picture, Table, metric_table, print_table, write_report
+
+Results = dict[int, dict[str, Any]]
+"""What each condition brought, by seed and condition."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What is concluded from all results.
+
+    Attributes:
+        metrics: by name, from `statistics.metric`.
+        per_seed: numbers of each robot, small enough to read.
+        tables, pictures: for the report; the first picture stands for the whole experiment.
+        more: further entries of the summary.
+    """
+
+    metrics: Mapping[str, Mapping[str, Any]]
+    per_seed: Mapping[int, object]
+    tables: Sequence[Table]
+    pictures: Sequence[Picture]
+    more: Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class Study:
+    """One experiment.
+
+    Attributes:
+        name: as typed.
+        title, introduction: of the report.
+        figure: of the paper that it stands for.
+        modules: files of this package, beside those of `COMMON`, on which results depend.
+        conditions: what runs on each robot.
+        run: (condition, seed, sizes, folder of maps) -> result that JSON can hold.
+        conclude: from the results of all robots to findings; may load matplotlib.
+    """
+
+    name: str
+    title: str
+    introduction: str
+    figure: str
+    modules: Sequence[str]
+    conditions: Sequence[str]
+    run: Callable[[str, int, Any, Path | None], dict[str, Any]]
+    conclude: Callable[[Results, Any], Findings]
+
+
+COMMON = ("common.py", "arm.py", "session.py", "visits.py", "grasp_trial.py")
+"""Files on whose content every result depends."""
+
+
+def run_study(study: Study, args: Args, sizes: Any) -> Summary:
+    """Run all conditions on all robots, or what of it is missing; write summary and report.
+
+    Args:
+        study: what to do.
+        args: seeds, folder of results, processes, folder of maps.
+        sizes: a dataclass: how much is done on each robot.
+    """
+    begin = time.perf_counter()
+    seeds = parse_seeds(args.seeds)
+    check_jobs(args.jobs)
+    log_reported(seeds)
+    trained_map(args.cache)  # once, before many processes would train it
+    tasks = {
+        f"{seed:03d}-{condition}": (condition, seed, sizes, args.cache)
+        for seed in seeds
+        for condition in study.conditions
+    }
+    key = f"{source_digest(*COMMON, *study.modules)} {asdict(sizes)}"
+    kept = run_tasks(study.run, tasks, args.jobs, args.out / "robots", key)
+    results: Results = {
+        seed: {name: kept[f"{seed:03d}-{name}"] for name in study.conditions} for seed in seeds
+    }
+    found = study.conclude(results, sizes)
+    summary = make_summary(
+        study.name,
+        found.per_seed,
+        time.perf_counter() - begin,
+        title=study.title,
+        figure=study.figure,
+        sizes=asdict(sizes),
+        metrics=dict(found.metrics),
+        **found.more,
+    )
+    conclude_run(args.out, study, summary, found)
+    return summary
+
+
+def conclude_run(out: Path, study: Study, summary: Summary, found: Findings) -> None:
+    """Write figures, report and summary to ``out``, and show the metrics."""
+    for number, picture in enumerate(found.pictures, start=1):
+        (out / f"figure_{number}.png").write_bytes(picture.png)
+    tables = [metric_table(summary["metrics"]), *found.tables]
+    report = out / "report.html"
+    write_report(report, study.title, study.introduction, summary, tables, found.pictures)
+    write_json(out / "summary.json", summary)
+    console = Console()
+    print_table(console, tables[0])
+    console.print(f"Results: {out}/summary.json, report.html, figures")
