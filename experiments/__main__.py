@@ -5,10 +5,19 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from pathlib import Path
 
 RUNNERS = {
+    "initial-training": ("experiments.initial_training", "the drawing is learned (sec. IV-A)"),
+    "muscle-jacobian": ("experiments.muscle_jacobian", "wavy or smooth moment arms (sec. IV-A)"),
+    "antagonism-elbow": ("experiments.antagonism_elbow", "wires that fight give way (IV-B)"),
     "vision-update": ("experiments.vision_update", "the estimate comes to what is seen (IV-C)"),
+    "posture-accuracy": ("experiments.posture_accuracy", "both updaters, new postures (IV-D)"),
     "can-grasping": ("experiments.can_grasping", "a can that was missed is grasped (sec. IV)"),
+    "adaptation": ("experiments.adaptation", "wires give, and learning makes up for it"),
+    "ablation": ("experiments.ablation", "what each part is worth, and the paper's claims of it"),
+    "baselines": ("experiments.baselines", "what others would learn from the same measurements"),
+    "all": ("experiments.everything", "every experiment of the paper, and one page of results"),
     "learnability": ("experiments.learnability", "what can be learned, from what, and the floor"),
 }
 """Module and one line for each experiment."""
@@ -42,14 +51,24 @@ def main(arguments: list[str]) -> int:
     pin_threads()
     import tyro
 
+    from experiments.common import Args
     from experiments.errors import ExperimentError
+    from experiments.study import run_study
     from jmm_agent.errors import AgentError
     from kengoro_env.errors import KengoroError
 
     runner = importlib.import_module(RUNNERS[name][0])
-    options = tyro.cli(runner.Args, args=rest, prog=f"python -m experiments {name}")
+    program = f"python -m experiments {name}"
     try:
-        runner.main(options)
+        if hasattr(runner, "main"):
+            runner.main(tyro.cli(runner.Args, args=rest, prog=program))
+        else:
+            usual = Args(seeds="0-9", out=Path("out") / name)
+            told = runner.STUDY.introduction
+            run_study(
+                runner.STUDY,
+                tyro.cli(Args, args=rest, prog=program, default=usual, description=told),
+            )
     except (ExperimentError, AgentError, KengoroError) as error:
         print(error, file=sys.stderr)
         return 2

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.arm import ACTUAL, DRAWING
 from experiments.report import GROUP_COLOURS, Picture, png
+from experiments.study import Results
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 CAN_RADIUS_MM = 33.0
 
 
-def figures(results: Mapping[str, Mapping[str, Any]]) -> list[Picture]:
+def figures(results: Results) -> list[Picture]:
     """Figures of the first robot in full, and hand distances of all."""
     import matplotlib
 
@@ -23,7 +25,7 @@ def figures(results: Mapping[str, Mapping[str, Any]]) -> list[Picture]:
     from matplotlib import pyplot
 
     first = next(iter(results))
-    curves = results[first]["curves"]
+    curves = results[first][ACTUAL]["curves"]
     pictures = []
 
     figure, (errors, tensions) = pyplot.subplots(2, 1, figsize=(9, 6.5), sharex=True)
@@ -46,7 +48,8 @@ def figures(results: Mapping[str, Mapping[str, Any]]) -> list[Picture]:
         Picture(
             "Distance of the grip point to its target before the fingers close",
             png(figure),
-            "Filled: the can was lifted. The dashed line is the can's radius.",
+            "Filled: the can was lifted. Crosses: the same robots without departures. The dashed "
+            "line is the can's radius.",
         )
     )
     figure = _lengths(pyplot, curves)
@@ -54,7 +57,7 @@ def figures(results: Mapping[str, Mapping[str, Any]]) -> list[Picture]:
         Picture(
             f"JMM of the ten shoulder muscles during shoulder flexion, robot {first}",
             png(figure),
-            "Before (dashed) and after (solid); all other joints at zero.",
+            "Before and after; all other joints at zero.",
         )
     )
     pyplot.close("all")
@@ -75,7 +78,7 @@ def _errors(axes: Axes, curves: Mapping[str, Any]) -> None:
         axes.plot(curves["look_time"], errors, "o", ms=size, color=colour, label=label)
     axes.set_ylabel("RMSE_joint [deg]")
     axes.set_ylim(bottom=0.0)
-    axes.legend(ncol=3, fontsize=8, loc="upper right")
+    axes.legend(ncol=3, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
 
 def _tensions(axes: Axes, curves: Mapping[str, Any]) -> None:
@@ -86,12 +89,15 @@ def _tensions(axes: Axes, curves: Mapping[str, Any]) -> None:
     axes.set_ylabel("muscle tension [N]")
     axes.set_xlabel("time [s]")
     axes.set_ylim(bottom=0.0)
-    axes.legend(fontsize=8, loc="upper right")
+    axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0))
 
 
-def _distances(axes: Axes, results: Mapping[str, Mapping[str, Any]]) -> None:
+def _distances(axes: Axes, results: Results) -> None:
     for place, result in enumerate(results.values()):
-        approaches = result["summary"]["approaches"]
+        approaches = result[ACTUAL]["summary"]["approaches"]
+        drawn = [a["hand_distance_mm"] for a in result[DRAWING]["summary"]["approaches"]]
+        places = place + 0.16 * (np.arange(len(drawn)) - (len(approaches) - 1) / 2)
+        axes.plot(places, drawn, "x", color="black", ms=5)
         for number, approach in enumerate(approaches):
             x = place + 0.16 * (number - (len(approaches) - 1) / 2)
             colour = pick(number)
@@ -102,6 +108,7 @@ def _distances(axes: Axes, results: Mapping[str, Mapping[str, Any]]) -> None:
     axes.axhline(CAN_RADIUS_MM, color="0.4", ls="--", lw=1)
     axes.set_xticks(range(len(results)), [f"robot {seed}" for seed in results])
     axes.set_ylabel("hand off its target [mm]")
+    axes.set_xlim(-0.6, len(results) - 0.4)
     axes.margins(y=0.15)
 
 
@@ -114,14 +121,15 @@ def _lengths(pyplot: Any, curves: Mapping[str, Any]) -> Any:
     before, after = np.array(curves["lengths_before"]), np.array(curves["lengths_after"])
     figure, grid = pyplot.subplots(2, 5, figsize=(11, 4.6), sharex=True)
     for i, (axes, muscle) in enumerate(zip(grid.flat, curves["muscles"], strict=True)):
-        axes.plot(curves["pitch"], before[:, i], "--", color="0.4", lw=1.2)
-        axes.plot(curves["pitch"], after[:, i], color="#c8452f", lw=1.4)
+        axes.plot(curves["pitch"], before[:, i], "--", color="0.4", lw=1.2, label="before")
+        axes.plot(curves["pitch"], after[:, i], color="#c8452f", lw=1.4, label="after")
         axes.set_title(muscle, fontsize=9)
         axes.tick_params(labelsize=7)
-        axes.invert_xaxis()
     for axes in grid[1]:
         axes.set_xlabel("shoulder pitch [deg]", fontsize=8)
     for axes in grid[:, 0]:
         axes.set_ylabel("length [mm]", fontsize=8)
-    figure.tight_layout()
+    handles = grid[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="upper center", ncol=2, fontsize=8)
+    figure.tight_layout(rect=(0, 0, 1, 0.95))
     return figure

@@ -4,30 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.arm import make_agent, make_env
+from experiments.arm import ACTUAL, make_agent, make_env, make_session, shuffled_postures
 from experiments.common import trained_map
-from experiments.grasp_trial import READY, GraspTrial, Trial, TrialOptions, find_hand
+from experiments.grasp_trial import READY, GraspTrial, Trial, TrialOptions
 from experiments.session import EpisodeEndedError, Session
+from experiments.visits import errors, group_joints, no_visits, visit
 from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlanner
+from jmm_agent.mapping import JointMuscleMap
 from kengoro_env.names import GROUP_JOINTS
-from kengoro_env.postures import posture_set
 
-Floats = NDArray[np.float64]
+LOG_PERIOD = 0.2
+"""Time between two points of the curves that are kept [s]."""
 
-MEASURES = (
-    "target_true_deg",
-    "estimate_true_deg",
-    "estimate_target_deg",
-    "hand_target_true_mm",
-    "hand_estimate_true_mm",
-)
-TESTED = 8
-"""Postures on which the map is tested before and after."""
+SWEEP_DEG = np.arange(-120.0, 31.0, 2.0)
+"""Shoulder pitch at which the map is compared before and after, all other joints at zero."""
 
 Watch = Callable[[Session, str], None]
 
@@ -35,38 +30,40 @@ Watch = Callable[[Session, str], None]
 class CanRobot:
     """The experiment on one robot.
 
+    The posture set is split: the end of a random order is for tests, the rest to learn from.
+
     Args:
-        seed: of the robot and of all that is drawn; the drawing itself if ``drawn``.
+        condition: `ACTUAL`, or `DRAWING` for the robot without departures.
+        seed: of the robot and of all that is drawn by chance.
+        options: of the trial.
+        tested: postures on which the map is tested before and after.
         cache: folder of trained maps.
-        drawn: whether the robot is the drawing.
     """
 
-    def __init__(self, seed: int, cache: Path | None, drawn: bool = False) -> None:
-        self.seed, self._robot_seed = seed, None if drawn else seed
+    def __init__(
+        self, condition: str, seed: int, options: TrialOptions, tested: int, cache: Path | None
+    ) -> None:
+        self._condition, self.seed, self._options = condition, seed, options
         self.before = trained_map(cache)
         self.agent = make_agent(self.before, seed)
         self.trial = Trial()
         self.session: Session | None = None
+        self._library, self._tested = np.split(shuffled_postures(seed), [-1 - tested])
 
     def run_trial(self, watch: Watch | None = None, render_mode: str | None = None) -> None:
         """Look, reach, miss, learn, grasp."""
-        env = make_env("CanGrasp", self._robot_seed, render_mode=render_mode)
-        postures = posture_set()
 
         def tell(session: Session) -> None:
             if watch is not None:
                 watch(session, trial.stage)
 
-        self.session = Session(env, self.agent, self.seed, tell, {"posture": np.array(READY)})
-        planner = GraspPlanner(self.agent.kinematics, "eye", GROUP_JOINTS["neck"])
-        rng = np.random.default_rng([self.seed, 3])
-        trial = GraspTrial(self.session, planner, postures, rng)
+        self.session, trial = self._begin(self.agent, tell, render_mode)
         self.trial = trial.trial
         try:
             trial.run()
         except EpisodeEndedError as end:
             self.trial.notes.append(f"{trial.stage}: {end}")
-        env.close()
+        self.session.env.close()
 
     def run_control(self) -> bool:
         """Whether the map before learning grasps the can from the last approach's IK target."""
@@ -74,49 +71,74 @@ class CanRobot:
         if plan is None:
             return False
         agent = make_agent(self.before, self.seed, learning=False)
-        env = make_env("CanGrasp", self._robot_seed)
-        session = Session(env, agent, self.seed, None, {"posture": np.array(READY)})
-        planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
-        control = GraspTrial(session, planner, posture_set(), np.random.default_rng(0))
+        session, control = self._begin(agent)
         try:
             return control.grasp(plan)
         except EpisodeEndedError:
             return False
         finally:
-            env.close()
+            session.env.close()
 
-    def test(self, agent: Agent) -> dict[str, float]:
-        """How well an agent moves this robot to postures that were not learned, learning off.
+    def _begin(
+        self,
+        agent: Agent,
+        watch: Callable[[Session], None] | None = None,
+        render_mode: str | None = None,
+    ) -> tuple[Session, GraspTrial]:
+        robot = self.seed if self._condition == ACTUAL else None
+        env = make_env("CanGrasp", robot, render_mode=render_mode)
+        session = Session(env, agent, self.seed, watch, {"posture": np.array(READY)})
+        planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
+        rng = np.random.default_rng([self.seed, 3])
+        return session, GraspTrial(session, planner, self._library, rng, self._options)
 
-        Medians over the postures: RMSE of target - true, estimate - true, estimate - target and
-        estimate - seen [deg], grip point target - true and estimate - true [mm]; and the largest
-        tension [N].
+    def test(self, jmm: JointMuscleMap | None = None) -> dict[str, float]:
+        """`errors` of this robot at postures that were not learned from, learning off.
+
+        Args:
+            jmm: the map of a new agent; the agent of the trial with what it has learned if left
+                out.
         """
+        agent = self.agent if jmm is None else make_agent(jmm, self.seed)
         agent.learning = False
-        order = np.random.default_rng([self.seed, 4]).permutation(len(posture_set()))
-        start, *targets = posture_set()[order[: 1 + TESTED]]
-        env = make_env("Posture", self._robot_seed, max_episode_steps=100_000)
-        session = Session(env, agent, self.seed, None, {"posture": start, "target": targets[0]})
-
-        def grip(q: Floats) -> Floats:
-            return agent.kinematics.pose("grip", q)[:3, 3]
-
-        rows = []
+        start, *targets = self._tested
+        session = make_session(self._condition, self.seed, agent, start)
+        visits = no_visits()
         for target in targets:
-            session.move(target, 2.0, 2.0)
-            true, estimate = session.truth["joint_angles"], agent.joint_angles
-            angles = [target - true, estimate - true, estimate - target]
-            hands = [grip(target) - grip(true), grip(estimate) - grip(true)]
-            rows.append(
-                [
-                    *(np.degrees(np.sqrt(np.mean(error**2))) for error in angles),
-                    *(1e3 * np.linalg.norm(error) for error in hands),
-                ]
-            )
-            find_hand(session, target, TrialOptions())
-        env.close()
-        seen = [np.degrees(np.sqrt(np.mean(error**2))) for error in session.log.look_error]
-        result = dict(zip(MEASURES, np.median(rows, axis=0).tolist(), strict=True))
-        result["seen_deg"] = float(np.median(seen)) if seen else float("nan")
-        result["max_tension_N"] = float(np.max(session.log.tensions))
-        return result
+            visit(session, target, visits)
+        session.env.close()
+        return errors(visits)
+
+    def curves(self) -> dict[str, Any]:
+        """What the figures show, in the units in which people read: s, deg, N, mm."""
+        if self.session is None:
+            raise RuntimeError("the trial has not run")
+        log, agent = self.session.log, self.agent
+        thin = max(1, round(LOG_PERIOD / (log.time[1] - log.time[0])))
+        joints = agent.map.joints
+        looks = np.degrees(log.look_error).reshape(-1, len(joints))
+        true = np.degrees(np.array(log.estimate) - np.array(log.true))[::thin]
+        shoulder = next(group for group in agent.map.groups if group.name == "shoulder")
+        return {
+            "time": np.round(log.time[::thin], 2).tolist(),
+            "tensions": np.round(log.tensions[::thin], 1).tolist(),
+            "true_error": np.round(np.sqrt(np.mean(true**2, axis=1)), 2).tolist(),
+            "look_time": np.round(log.look_time, 2).tolist(),
+            "look_error": {
+                name: np.round(np.sqrt(np.mean(looks[:, own] ** 2, axis=1)), 2).tolist()
+                for name, own in group_joints().items()
+            },
+            "approach_start": [round(approach.start, 2) for approach in self.trial.approaches],
+            "pitch": SWEEP_DEG.tolist(),
+            "muscles": [agent.map.muscles[i] for i in shoulder.muscle_index],
+            "lengths_before": swept_lengths(self.before, shoulder.muscle_index),
+            "lengths_after": swept_lengths(agent.map, shoulder.muscle_index),
+        }
+
+
+def swept_lengths(jmm: JointMuscleMap, muscles: np.ndarray) -> list[list[float]]:
+    """Lengths [mm] of some muscles during shoulder flexion, a row for each of `SWEEP_DEG`."""
+    postures = np.zeros((len(SWEEP_DEG), len(jmm.joints)))
+    postures[:, jmm.joints.index("sh_pitch")] = np.radians(SWEEP_DEG)
+    lengths: list[list[float]] = np.round(1e3 * jmm.lengths(postures)[:, muscles], 2).tolist()
+    return lengths

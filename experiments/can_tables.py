@@ -1,85 +1,123 @@
-"""Tables of the can-grasping experiment."""
+"""Numbers and tables of the can-grasping experiment."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from experiments.common import median_and_worst
+from scipy.stats import binomtest
+
+from experiments.arm import DRAWING
 from experiments.report import Table
+from experiments.statistics import metric
+from experiments.visits import error_rows
 
-MEASURED = {
-    "rmse_joint_deg": "RMSE_joint, target against true [deg]",
-    "rmse_joint_seen_deg": "RMSE_joint, estimate against seen [deg]",
-    "estimate_true_deg": "RMSE_joint, estimate against true [deg]",
-    "estimate_target_deg": "RMSE_joint, estimate against target [deg]",
-    "hand_target_true_mm": "hand, target against true [mm]",
-    "hand_estimate_true_mm": "hand, estimate against true [mm]",
-    "max_tension_N": "largest tension [N]",
+PerSeed = Mapping[Any, Mapping[str, Any]]
+"""The summary of each robot, that of the robot without departures as ``drawing``."""
+
+JUDGED = {
+    "rmse_seen": ("estimate_seen_deg", "deg"),
+    "rmse_true": ("target_true_deg", "deg"),
+    "hand_true": ("target_true_mm", "mm"),
+    "max_tension": ("max_tension_N", "N"),
 }
-"""What is measured on test postures before and after."""
+"""Of `visits.errors`: what is judged before and after, and its unit."""
 
 
-def medians_and_worst(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
-    """Medians and worst over the robots."""
-    results = list(per_seed.values())
-    medians: dict[str, Any] = {
-        "grasped_before": sum(bool(r["grasped_before"]) for r in results),
-        "grasped_after": sum(bool(r["grasped_after"]) for r in results),
-        "robots": len(results),
+def share(yes: Sequence[bool], must: float | None = None, paper: str | None = None) -> Any:
+    """A metric that is a share of robots, with its Wilson 95 % interval in place of the
+    bootstrap's, which is of no width where all robots are alike."""
+    found = metric([sum(yes) / len(yes)], "of robots", must, paper, good="high")
+    low, high = binomtest(sum(yes), len(yes)).proportion_ci(method="wilson")
+    return {**found, "worst": float(min(yes)), "low": round(low, 3), "high": round(high, 3)}
+
+
+def metrics(per_seed: PerSeed) -> dict[str, dict[str, Any]]:
+    """Numbers that the experiment is judged by; one that no robot has is left out."""
+    robots = list(per_seed.values())
+    drawn = [robot[DRAWING] for robot in robots]
+    result = {
+        "grasped_before": share([r["grasped_before"] for r in robots], paper="misses"),
+        "grasped_after": share([r["grasped_after"] for r in robots], 0.9, "grasps"),
     }
-    for key in MEASURED:
-        medians[key] = {
-            when: median_and_worst(r[key][when] for r in results if r[key][when] is not None)
-            for when in ("before", "after")
-        }
-    reached = [r["approaches"] for r in results if r["approaches"]]
-    for name, index in (("first", 0), ("last", -1)):
-        medians[f"hand_distance_{name}_approach_mm"] = median_and_worst(
-            approaches[index]["hand_distance_mm"] for approaches in reached
-        )
-    return medians
+    for end, number in (("first", 0), ("last", -1)):
+        for name, trials in (("", robots), ("_drawing", drawn)):
+            off = [t["approaches"][number]["hand_distance_mm"] for t in trials if t["approaches"]]
+            if off:
+                result[f"hand_{end}_approach{name}"] = metric(off, "mm")
+    for name, (key, unit) in JUDGED.items():
+        for when in ("before", "after"):
+            values = [r[when][key] for r in robots if key in r[when]]
+            if values:
+                result[f"{name}_{when}"] = metric(values, unit)
+    result["jmm_change_mm"] = metric([r["jmm_change_mm"] for r in robots], "mm", paper=15.0)
+    result["postures_learned"] = metric([float(r["postures"]) for r in robots], "")
+    result["grasped_first_drawing"] = share([d["grasped_at_first_approach"] for d in drawn])
+    result["grasped_after_drawing"] = share([d["grasped_after"] for d in drawn])
+    return result
 
 
-def outcome_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
+def tables(per_seed: PerSeed) -> list[Table]:
+    """How each robot's approaches went; errors and tensions before and after."""
+    columns = {when: [robot[when] for robot in per_seed.values()] for when in ("before", "after")}
+    errors = Table(
+        "Errors and tensions at test postures: median over robots (worst robot)",
+        ("", *columns),
+        error_rows(columns),
+        "At postures that were not learned from, learning off; medians over each robot's postures. "
+        + fall(per_seed),
+    )
+    return [outcome_table(per_seed), errors]
+
+
+def fall(per_seed: PerSeed) -> str:
+    """On how many robots the errors and tensions fell."""
+    told = []
+    for name, (key, _) in JUDGED.items():
+        both = [(r["before"], r["after"]) for r in per_seed.values()]
+        pairs = [(b[key], a[key]) for b, a in both if key in b and key in a]
+        told.append(f"{name} on {sum(a < b for b, a in pairs)} of {len(pairs)}")
+    return f"Lower after than before: {', '.join(told)} robots."
+
+
+def outcome_table(per_seed: PerSeed) -> Table:
     """How each robot's approaches went."""
-    head = ["robot", "approach: hand off target [mm]", "grasped", "control grasps", "postures"]
+    head = [
+        "robot",
+        "approach: hand off target [mm]",
+        "largest tension [N]",
+        "grasped",
+        "control grasps",
+        "postures",
+        "as drawn: hand off target [mm]",
+    ]
     rows: list[Sequence[object]] = []
     for seed, result in per_seed.items():
-        distances = ", ".join(
-            f"{a['hand_distance_mm']:.0f}{'*' if a['grasped'] else ''}"
-            for a in result["approaches"]
-        )
         control = result["grasped_before_from_the_last_target"]
-        after = "yes" if result["grasped_after"] else "no"
-        rows.append([seed, distances, after, "yes" if control else "no", result["postures"]])
-    before = sum(bool(r["grasped_before"]) for r in per_seed.values())
-    after_all = sum(bool(r["grasped_after"]) for r in per_seed.values())
+        rows.append(
+            [
+                seed,
+                _distances(result),
+                ", ".join(f"{a['max_tension_N']:.0f}" for a in result["approaches"]),
+                "yes" if result["grasped_after"] else "no",
+                "yes" if control else "no",
+                result["postures"],
+                _distances(result[DRAWING]),
+            ]
+        )
+    robots = per_seed.values()
     note = (
-        f"Grasped before learning: {before} of {len(per_seed)}; after: {after_all} of "
-        f"{len(per_seed)}. * marks an approach that lifted the can. The control is the map before "
-        "learning, sent to the IK target of the last approach."
+        f"Grasped before learning: {sum(r['grasped_before'] for r in robots)} of {len(robots)}, "
+        f"{sum(r['grasped_at_first_approach'] for r in robots)} of them at the first approach; "
+        f"after: {sum(r['grasped_after'] for r in robots)}. * marks an approach that lifted the "
+        "can. The control is the map before learning, sent to the IK target of the last approach. "
+        "As drawn: the same without departures, where the map is right from the beginning and the "
+        "first approach shows what gravity does. Intervals of shares of robots are Wilson's."
     )
     return Table("Approaches", head, rows, note)
 
 
-def error_table(per_seed: Mapping[int, Mapping[str, Any]]) -> Table:
-    """Errors and tensions before and after, median and worst over the robots."""
-    medians = medians_and_worst(per_seed)
-    rows = []
-    for key, name in MEASURED.items():
-        before, after = medians[key]["before"], medians[key]["after"]
-        cells = [_cell(x) for x in (*before.values(), *after.values())]
-        rows.append([name, *cells])
-    for name in ("first", "last"):
-        spread = medians[f"hand_distance_{name}_approach_mm"]
-        cells = [_cell(x) for x in spread.values()]
-        row = [*cells, "", ""] if name == "first" else ["", "", *cells]
-        rows.append([f"hand off its target, {name} approach [mm]", *row])
-    head = ["", "before: median", "worst", "after: median", "worst"]
-    note = "On postures that were not learned, learning off; medians over each robot's postures."
-    return Table("Errors and tensions, before and after", head, rows, note)
-
-
-def _cell(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
+def _distances(result: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{a['hand_distance_mm']:.0f}{'*' if a['grasped'] else ''}" for a in result["approaches"]
+    )

@@ -112,7 +112,11 @@ def command_line() -> str:
 def make_summary(
     name: str, per_seed: Mapping[int, object], wall_s: float, **more: object
 ) -> Summary:
-    """What every ``summary.json`` has at least, and more."""
+    """What every ``summary.json`` has at least, and more.
+
+    ``wall_s`` is the time since the command was given [s]: less than the whole work where a part
+    of it was there already.
+    """
     return {
         "name": name,
         "seeds": list(per_seed),
@@ -149,13 +153,16 @@ def default_cache() -> Path:
 
 
 def trained_map(
-    cache_dir: Path | None = None, progress: Callable[[str, float], None] | None = None
+    cache_dir: Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+    scene: Path | None = None,
 ) -> JointMuscleMap:
-    """The map of the arm's drawing, read from ``cache_dir`` or trained and kept there."""
+    """The map of the drawing of ``scene`` (the arm if left out), read from ``cache_dir`` or trained
+    and kept there."""
     from jmm_agent.training import load_or_train
 
     folder = default_cache() if cache_dir is None else cache_dir
-    return load_or_train(drawing_for_agent(), MAP_SEED, folder, progress=progress)[0]
+    return load_or_train(drawing_for_agent(scene), MAP_SEED, folder, progress=progress)[0]
 
 
 def source_digest(*modules: str) -> str:
@@ -250,6 +257,12 @@ def run_tasks(
                 for future in as_completed(futures):
                     keep(futures[future], *future.result())
     return {name: results[name] for name in tasks}
+
+
+def core_seconds(folder: Path, names: Iterable[str]) -> float:
+    """Time that the named tasks of `run_tasks` took in all [s], whenever they ran."""
+    kept = (json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in names)
+    return round(sum(task["seconds"] for task in kept), 1)
 
 
 def _timed(work: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, float]:

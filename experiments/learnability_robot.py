@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from experiments.common import ARM, trained_map
 from jmm_agent.bounded_least_squares import minimise
 from jmm_agent.drawing import Floats
+from jmm_agent.estimator import LengthMap
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.prior import MapPrior, PriorOptions
@@ -92,7 +93,7 @@ class World:
         learn, test = order[: 1 + sizes.learned], order[-1 - sizes.tested :]
         return self.postures[learn], self.postures[test]
 
-    def estimate(self, jmm: JointMuscleMap, lengths: Floats, start: Floats) -> Floats:
+    def estimate(self, jmm: LengthMap, lengths: Floats, start: Floats) -> Floats:
         """Angles (n,) [rad] that explain the lengths best: the filter's estimate at rest."""
 
         def residual(q: Floats) -> tuple[Floats, Floats]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jinja2
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as RichTable
 
 from experiments.common import Summary, write_text
@@ -98,9 +99,9 @@ def metric_table(metrics: Mapping[str, Mapping[str, Any]]) -> Table:
 
 def print_table(console: Console, table: Table) -> None:
     """Show a table in the terminal."""
-    printed = RichTable(title=table.title, caption=table.note)
+    printed = RichTable(title=escape(table.title), caption=escape(table.note))
     for number, name in enumerate(table.head):
-        printed.add_column(name, justify="right" if number else "left", no_wrap=not number)
+        printed.add_column(escape(name), justify="right" if number else "left", no_wrap=not number)
     for row in table.rows:
-        printed.add_row(*map(str, row))
+        printed.add_row(*(escape(str(cell)) for cell in row))
     console.print(printed)

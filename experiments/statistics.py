@@ -43,13 +43,13 @@ def interval(values: Sequence[float] | Floats) -> Interval:
     return Interval(float(np.median(numbers)), float(low), float(high))
 
 
-def paired(one: Sequence[float], other: Sequence[float]) -> Interval:
+def paired(one: Sequence[float] | Floats, other: Sequence[float] | Floats) -> Interval:
     """Median over robots of one - other on the same robot, with its interval."""
     return interval(np.asarray(one, dtype=float) - np.asarray(other, dtype=float))
 
 
 def metric(
-    values: Mapping[int, float] | Sequence[float],
+    values: Mapping[int, float] | Sequence[float] | Floats,
     unit: str,
     must: float | None = None,
     paper: float | str | None = None,

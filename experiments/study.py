@@ -18,6 +18,7 @@ from experiments.common import (
     Args,
     Summary,
     check_jobs,
+    core_seconds,
     log_reported,
     make_summary,
     parse_seeds,
@@ -60,6 +61,7 @@ class Study:
         figure: of the paper that it stands for.
         modules: files of this package, beside those of `COMMON`, on which results depend.
         conditions: what runs on each robot.
+        sizes, quick: dataclasses: how much is done on each robot, usually and in a hurry.
         run: (condition, seed, sizes, folder of maps) -> result that JSON can hold.
         conclude: from the results of all robots to findings; may load matplotlib.
     """
@@ -70,6 +72,8 @@ class Study:
     figure: str
     modules: Sequence[str]
     conditions: Sequence[str]
+    sizes: Any
+    quick: Any
     run: Callable[[str, int, Any, Path | None], dict[str, Any]]
     conclude: Callable[[Results, Any], Findings]
 
@@ -77,16 +81,19 @@ class Study:
 COMMON = ("common.py", "arm.py", "session.py", "visits.py", "grasp_trial.py")
 """Files on whose content every result depends."""
 
+LEAST_WIDTH = 110
+"""Characters in a line of the printed table."""
 
-def run_study(study: Study, args: Args, sizes: Any) -> Summary:
+
+def run_study(study: Study, args: Args) -> Summary:
     """Run all conditions on all robots, or what of it is missing; write summary and report.
 
     Args:
         study: what to do.
-        args: seeds, folder of results, processes, folder of maps.
-        sizes: a dataclass: how much is done on each robot.
+        args: seeds, folder of results, processes, folder of maps, and whether in a hurry.
     """
     begin = time.perf_counter()
+    sizes = study.quick if args.quick else study.sizes
     seeds = parse_seeds(args.seeds)
     check_jobs(args.jobs)
     log_reported(seeds)
@@ -108,6 +115,7 @@ def run_study(study: Study, args: Args, sizes: Any) -> Summary:
         time.perf_counter() - begin,
         title=study.title,
         figure=study.figure,
+        core_s=core_seconds(args.out / "robots", tasks),
         sizes=asdict(sizes),
         metrics=dict(found.metrics),
         **found.more,
@@ -125,5 +133,6 @@ def conclude_run(out: Path, study: Study, summary: Summary, found: Findings) -> 
     write_report(report, study.title, study.introduction, summary, tables, found.pictures)
     write_json(out / "summary.json", summary)
     console = Console()
+    console.width = max(console.width, LEAST_WIDTH)
     print_table(console, tables[0])
     console.print(f"Results: {out}/summary.json, report.html, figures")

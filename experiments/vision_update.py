@@ -12,12 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments import common
 from experiments.arm import ACTUAL, DRAWING, make_session, new_agent, shuffled_postures
-from experiments.common import Summary
 from experiments.report import Table
 from experiments.statistics import metric
-from experiments.study import Findings, Results, Study, run_study
+from experiments.study import Findings, Results, Study
 from experiments.visits import (
     ERRORS,
     error_rows,
@@ -43,19 +41,6 @@ class Sizes:
 
 
 QUICK = Sizes(postures=5, move=1.0, patience=1.5)
-
-
-@dataclass(frozen=True)
-class Args(common.Args):
-    """Options of the Vision Updater's experiment.
-
-    Attributes:
-        seeds: robots, as A-B or A; seeds below 100 are for tuning.
-        out: folder of the results.
-    """
-
-    seeds: str = "0-9"
-    out: Path = Path("out/vision-update")
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
@@ -169,14 +154,11 @@ STUDY = Study(
         "posture the estimated joint angles are compared with those seen, then learned from. "
         "Beside the actual robots stand the same without departures."
     ),
-    figure="Fig. 12",
+    figure="Fig. 10",
     modules=("vision_update.py", "vision_pictures.py"),
     conditions=(ACTUAL, DRAWING),
+    sizes=Sizes(),
+    quick=QUICK,
     run=run,
     conclude=conclude,
 )
-
-
-def main(args: Args) -> Summary:
-    """Run the experiment, or what of it is missing."""
-    return run_study(STUDY, args, QUICK if args.quick else Sizes())

@@ -62,8 +62,9 @@ def visit(
         look: whether the head is turned where the hand is not in view.
     """
     visits = no_visits() if visits is None else visits
-    log, begin, looks = session.log, len(session.log.time), len(session.log.look_time)
+    log, begin, half = session.log, len(session.log.time), session.time + move / 2
     session.move(target, move, patience)
+    looks = int(np.searchsorted(log.look_time, half))  # those before are of the posture it left
     rest = len(log.time) - 1
     if len(log.look_time) > looks:  # the step before the look: learning moves estimate and arm
         rest = max(0, int(np.searchsorted(log.time, log.look_time[looks])) - 1)

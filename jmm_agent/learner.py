@@ -48,12 +48,14 @@ class BatchOptions:
     Attributes:
         rehearsal: number of random pairs of the current map (paper: 8).
         rehearsal_noise: how far they may be missed [m]; used by the ridge rule.
+        zero: whether the pair (0, 0) is learned.
         zero_noise: how far the pair (0, 0) may be missed [m]; used by the ridge rule. Lengths may
             have been zeroed at a posture that was not zero, so this is no small number.
     """
 
     rehearsal: int = 8
     rehearsal_noise: float = 0.03
+    zero: bool = True
     zero_noise: float = 0.05
 
 
@@ -102,11 +104,15 @@ class Learner:
         options = self._options
         low, high = self._limits.T
         random = self._rng.uniform(low, high, (options.rehearsal, len(low)))
-        postures = np.vstack([np.zeros(len(low)), random])
-        lengths = np.vstack([np.zeros(len(self.map.muscles)), self.map.lengths(random)])
-        noise = np.full(1 + options.rehearsal, options.rehearsal_noise)
-        noise[0] = options.zero_noise
-        return new.joined(Pairs(postures, lengths, noise))
+        rehearsed = Pairs(
+            random, self.map.lengths(random), np.full(len(random), options.rehearsal_noise)
+        )
+        zero = Pairs(
+            np.zeros((1, len(low))),
+            np.zeros((1, len(self.map.muscles))),
+            np.array([options.zero_noise]),
+        )
+        return new.joined(zero.last(int(options.zero))).joined(rehearsed)
 
     def learn(self, new: Pairs, remembered: Pairs) -> None:
         """Move the map by new pairs, given what is remembered beside them."""

@@ -62,18 +62,25 @@ class LooksOptions:
         rotation_noise: of the marker's orientation [rad].
         steps: Gauss-Newton steps at most.
         tolerance: a step smaller than this ends the fit [rad].
+        gain: and one that lowers the cost, which is twice a negative log-likelihood, by less.
         limit_margin: how far outside its limits a joint may be found [rad].
         memory: number of looks that are kept, the newest.
         least_movement: pull towards the estimate when a look is solved alone [1/rad^2].
+        give_evidence: least logarithm of the Bayes factor to believe that a wire gave for good;
+            infinite to believe that wires never do.
+        give_recent: a wire is only believed to have given among this many newest looks.
     """
 
     position_noise: float = 0.003
     rotation_noise: float = 0.01
     steps: int = 30
     tolerance: float = 1e-4
+    gain: float = 0.01
     limit_margin: float = 0.02
     memory: int = 60
     least_movement: float = 0.1
+    give_evidence: float = 4.0
+    give_recent: int = 5
 
 
 class LooksFit(NamedTuple):
@@ -94,6 +101,7 @@ def fit_looks(
     limits: Floats,
     options: LooksOptions,
     start: Floats | None = None,
+    gave: Floats | None = None,
 ) -> LooksFit:
     """Joint angles of all looks at once (module docstring).
 
@@ -103,11 +111,12 @@ def fit_looks(
         sight: error of the marker's pose at a posture.
         limits: (n, 2) lowest and highest angles [rad].
         start: angles (K, n) to start from; the looks' guesses if left out.
+        gave: (K, m) how often each wire gave for good since each look; never if left out.
     """
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
     guesses = np.array([look.guess for look in looks]) if start is None else start
     angles = np.clip(guesses, low, high)
-    problem = _Problem(looks, prior, sight, options)
+    problem = LooksProblem(looks, prior, sight, options, gave)
     cost, errors = problem.cost(angles)
     damping, converged = 1e-3, False
     for _ in range(options.steps):
@@ -124,10 +133,10 @@ def fit_looks(
         else:  # no step lowers the cost
             converged = True
             break
-        moved = float(np.abs(trial - angles).max())
+        moved, gained = float(np.abs(trial - angles).max()), cost - trial_cost
         angles, cost, errors = trial, trial_cost, trial_errors
         damping = max(damping / 10.0, 1e-6)
-        if moved < options.tolerance:
+        if moved < options.tolerance or gained < options.gain:
             converged = True
             break
     norms = np.column_stack(
@@ -153,13 +162,18 @@ def fit_alone(look: Look, sight: Sight, limits: Floats, options: LooksOptions) -
     return LooksFit(found.x[None], found.stationary, norms)
 
 
-class _Problem:
+class LooksProblem:
     """What `fit_looks` minimises; joint angles are (K, n) [rad]."""
 
     def __init__(
-        self, looks: Sequence[Look], prior: MapPrior, sight: Sight, options: LooksOptions
+        self,
+        looks: Sequence[Look],
+        prior: MapPrior,
+        sight: Sight,
+        options: LooksOptions,
+        gave: Floats | None = None,
     ) -> None:
-        self._looks, self._prior, self._sight = looks, prior, sight
+        self._looks, self._prior, self._sight, self._gave = looks, prior, sight, gave
         self._lengths = np.array([look.lengths for look in looks])
         self._weight = np.repeat([options.position_noise**-2, options.rotation_noise**-2], 3)
 
@@ -169,7 +183,7 @@ class _Problem:
         errors = np.array([self._sight(q, look.pose)[0] for q, look in pairs])
         residual = self._lengths - self._prior.map.lengths(angles)
         cost = float(np.sum(self._weight * errors**2))
-        for group in self._prior.groups(angles):
+        for group in self._prior.groups(angles, gave=self._gave):
             mine = residual[:, group.muscles]
             cost += float(np.sum(mine * group.whiten(mine)))
         return cost, errors
@@ -185,7 +199,7 @@ class _Problem:
             error, slope = self._sight(q, look.pose)
             matrix[k, :, k, :] += slope.T @ (self._weight[:, None] * slope)
             gradient[k] += slope.T @ (self._weight * error)
-        for group in self._prior.groups(angles):
+        for group in self._prior.groups(angles, gave=self._gave):
             arms = jacobian[:, group.muscles]  # (K, k, n)
             information = group.whiten(np.eye(count))
             products = np.einsum("kmi,lmj->kilj", arms, arms, optimize=True)

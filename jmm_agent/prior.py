@@ -3,12 +3,13 @@
 The map is corrected in its output layers only: delta(theta) = D phi(theta) with the features
 phi = (1, centred hidden activities), scaled such that the offset of a wire has a standard
 deviation of `offset` and its deviation in shape one of `shape` over typical postures. All wires
-of a group share the kernel phi(theta)' phi(theta').
+of a group share the kernel phi(theta)' phi(theta'). Each time that a wire gives for good, what was
+measured before is off by one more unknown number, of standard deviation `give`, at all postures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,29 +22,38 @@ from jmm_agent.mapping import METRES, GroupMap, JointMuscleMap
 
 @dataclass(frozen=True)
 class PriorOptions:
-    """Standard deviations of the drawing's errors.
+    """Standard deviations of the drawing's errors and of events.
 
     Attributes:
         offset: of a wire's length over all postures, from zeroing lengths by hand [m].
         shape: of how its length changes with posture, from points that lie elsewhere [m].
         noise: of what the map cannot follow: friction, stretch, play [m].
+        give: of how far a wire gives when it gives for good [m].
     """
 
     offset: float = 0.025
     shape: float = 0.005
     noise: float = 0.001
+    give: float = 0.02
 
 
 class GroupKernel:
-    """Kernel of one group at given postures, plus noise, factorised."""
+    """Kernel at K postures, plus noise, factorised, of wires that share it.
 
-    def __init__(self, muscles: Indices, features: Floats, noise: Floats) -> None:
+    Attributes:
+        muscles: wires of one group that gave at the same times.
+        features: phi (K, 1 + H) [m].
+        given: covariance (K, K) of how far such a wire gave since each posture [m^2].
+    """
+
+    def __init__(self, muscles: Indices, features: Floats, noise: Floats, given: Floats) -> None:
         self.muscles = muscles
         self.features = features
-        self._factor = cho_factor(features @ features.T + np.diag(noise**2))
+        self.given = given
+        self._factor = cho_factor(features @ features.T + given + np.diag(noise**2))
 
     def whiten(self, residual: Floats) -> Floats:
-        """(Phi Phi' + noise^2)^-1 residual, for residuals (K, ...) [m]."""
+        """(Phi Phi' + given + noise^2)^-1 residual, for residuals (K, ...) [m]."""
         return cho_solve(self._factor, residual)
 
 
@@ -76,13 +86,25 @@ class MapPrior:
         shape = self._scales[rank] * (hidden - self._centres[rank])
         return np.hstack([np.full((len(postures), 1), self.options.offset), shape])
 
-    def groups(self, postures: Floats, noise: Floats | None = None) -> Sequence[GroupKernel]:
-        """Kernels of all groups at postures (K, n) [rad], with noise (K,) [m] or the prior's."""
+    def groups(
+        self, postures: Floats, noise: Floats | None = None, gave: Floats | None = None
+    ) -> Sequence[GroupKernel]:
+        """Kernels of all wires; where none gave, one a group, in the map's order.
+
+        Args:
+            postures: (K, n) [rad].
+            noise: (K,) how far each may be missed [m]; the prior's if left out.
+            gave: (K, m) how often each wire gave for good since; never if left out.
+        """
         spread = np.full(len(postures), self.options.noise) if noise is None else noise
-        return [
-            GroupKernel(group.muscle_index, self._features(rank, postures), spread)
-            for rank, group in enumerate(self.map.groups)
-        ]
+        kernels = []
+        for rank, group in enumerate(self.map.groups):
+            features, wires = self._features(rank, postures), group.muscle_index
+            history = np.zeros((len(postures), len(wires))) if gave is None else gave[:, wires]
+            for times, alike in _histories(history):
+                given = self.options.give**2 * np.minimum.outer(times, times)
+                kernels.append(GroupKernel(wires[alike], features, spread, given))
+        return kernels
 
     def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:
         """The map with the smallest change of output layers that explains pairs.
@@ -106,3 +128,13 @@ class MapPrior:
         weights = self._scales[rank] * change[1:].T
         offset = self.options.offset * change[0] - weights @ self._centres[rank]
         return group.W2 + weights, group.b2 + offset
+
+
+def _histories(gave: Floats) -> Iterator[tuple[Floats, Indices]]:
+    """Different columns (K,) of ``gave`` (K, k), and which columns are like each."""
+    if not gave.any():
+        yield np.zeros(len(gave)), np.arange(gave.shape[1])
+        return
+    columns, kind = np.unique(gave, axis=1, return_inverse=True)
+    for number, column in enumerate(columns.T):
+        yield column, np.flatnonzero(kind.ravel() == number)

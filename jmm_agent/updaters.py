@@ -17,8 +17,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from jmm_agent.drawing import Floats
+from jmm_agent.gives import elongations, fit_with_gives
 from jmm_agent.learner import Learner, Pairs
-from jmm_agent.looks import Look, LooksFit, LooksOptions, Sight, fit_alone, fit_looks
+from jmm_agent.looks import Look, LooksFit, LooksOptions, Sight, fit_alone
 from jmm_agent.prior import MapPrior
 
 PairLengths = Literal["min", "l_target", "l"]
@@ -35,7 +36,7 @@ class AntagonismOptions:
     """
 
     distance: float = 0.15
-    noise: float = 0.02
+    noise: float = 0.01
     memory: int = 10
 
 
@@ -124,6 +125,8 @@ class VisionUpdater:
         self._sound: list[bool] = []
         self._angles = np.empty((0, len(limits)))
         joints, muscles = len(learner.map.joints), len(learner.map.muscles)
+        self.gave = np.empty((0, muscles))
+        """How often each wire is believed to have given for good since each look remembered."""
         self.pairs = Pairs.none(joints, muscles)
         self.fired = 0
         self.dropped: dict[str, int] = {}
@@ -151,7 +154,7 @@ class VisionUpdater:
         options = self._options
         look = Look(pose, lengths, estimate)
         looks = [*self._looks, look][-options.looks.memory :]
-        fit = self._fit(looks)
+        fit, gave = self._fit(looks)
         angles = fit.angles[-1]
         reason = self._doubt(fit, estimate)
         if not learn:
@@ -160,21 +163,23 @@ class VisionUpdater:
             self.drop(reason)
             return Seen(angles, estimate - angles, False, reason)
         keep = len(looks)
-        self._looks, self._angles = looks, fit.angles
+        self._looks, self._angles, self.gave = looks, fit.angles, gave
         command = _pair_lengths(options.lengths, lengths, target)
         self._commands = [*self._commands, command][-keep:]
         self._sound = [*self._sound, bool(tensions.max() < options.saturation)][-keep:]
         self._learn(self.pairs.last(0) if antagonism is None else antagonism)
         return Seen(angles, estimate - angles, True, "")
 
-    def _fit(self, looks: list[Look]) -> LooksFit:
-        """Joint angles of all looks, the newest last."""
+    def _fit(self, looks: list[Look]) -> tuple[LooksFit, Floats]:
+        """Joint angles of all looks, the newest last; how often each wire gave since each."""
         options, sight, limits = self._options.looks, self._sight, self._limits
+        gave = np.vstack([self.gave, np.zeros(self.gave.shape[1])])[-options.memory :]
         if self._options.fit == "together":
             start = np.vstack([self._angles, looks[-1].guess])[-options.memory :]
-            return fit_looks(looks, self._prior, sight, limits, options, start)
+            return fit_with_gives(looks, self._prior, sight, limits, options, start, gave)
         alone = fit_alone(looks[-1], sight, limits, options)
-        return alone._replace(angles=np.vstack([self._angles, alone.angles])[-options.memory :])
+        angles = np.vstack([self._angles, alone.angles])[-options.memory :]
+        return alone._replace(angles=angles), gave
 
     def drop(self, reason: str) -> None:
         """Count a look that brought nothing, and why."""
@@ -194,7 +199,10 @@ class VisionUpdater:
         return ""
 
     def _learn(self, antagonism: Pairs) -> None:
-        """Learn all pairs anew: a new look may have changed what the earlier ones mean."""
+        """Learn all pairs anew: a new look may have changed what the earlier ones mean.
+
+        Lengths of wires that gave since are moved to what they would be now.
+        """
         options = self._options
         low = self._limits[:, 0] + options.stop_margin
         high = self._limits[:, 1] - options.stop_margin
@@ -205,7 +213,9 @@ class VisionUpdater:
         elif not free[-1]:
             self.drop("a joint was at its stop: no pair")
         noise = np.full(len(use), options.noise)
-        self.pairs = Pairs(self._angles[use], np.array(self._commands)[use], noise[use])
+        given = elongations(self._looks, self._prior, self._angles, self.gave)
+        lengths = np.array(self._commands) - given
+        self.pairs = Pairs(self._angles[use], lengths[use], noise[use])
         new = self.pairs.last(int(use[-1]))
         earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in self.pairs))
         self._learner.learn(new, earlier.joined(antagonism))

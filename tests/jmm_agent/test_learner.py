@@ -121,3 +121,22 @@ def test_the_number_of_rehearsed_pairs_is_an_option(count: int) -> None:
     rule = Recorder()
     learner(rule, make_map(0), rehearsal=count).learn(pair(1), Pairs.none(4, 5))
     assert len(rule.calls[0][2].postures) == 2 + count
+
+
+def test_the_pair_of_zeros_can_be_left_out() -> None:
+    rule = Recorder()
+    start, new = make_map(0), pair(1)
+    learner(rule, start, zero=False, rehearsal=3).learn(new, Pairs.none(4, 5))
+    _, _, batch = rule.calls[0]
+    assert [len(part) for part in batch] == [4, 4, 4]
+    np.testing.assert_array_equal(batch.postures[0], new.postures[0])
+    assert np.abs(batch.postures).max(axis=1).min() > 0
+    np.testing.assert_allclose(batch.lengths[1:], start.lengths(batch.postures[1:]), atol=1e-15)
+
+
+def test_a_batch_may_be_the_new_pair_alone() -> None:
+    rule = Recorder()
+    new = pair(1)
+    learner(rule, make_map(0), zero=False, rehearsal=0).learn(new, Pairs.none(4, 5))
+    for part, given in zip(rule.calls[0][2], new, strict=True):
+        np.testing.assert_array_equal(part, given)

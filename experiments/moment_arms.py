@@ -1,0 +1,144 @@
+"""Moment arms along sweeps of every joint through its range: a map's and the true ones.
+
+A sweep moves one joint through its range from a random posture. Along it stand the moment arms
+dl_i/dtheta_j of all muscles i whose network has the swept joint j as input: by the map's analytic
+Jacobian, by a difference, by the paper's quadratic through five points (sec. II-B), and true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from jmm_agent.drawing import Drawing, Floats
+from jmm_agent.mapping import METRES, QUADRATIC_STEP, JointMuscleMap
+from kengoro_env.robot import Robot
+
+Arms = Callable[[Floats], Floats]
+"""Posture (n,) [rad] -> dl/dq (m, n) [m/rad]."""
+
+ANALYTIC, QUADRATIC, TRUE = "analytic", "quadratic", "true"
+KINDS = (ANALYTIC, QUADRATIC)
+
+STEP = float(np.deg2rad(2.5))
+"""Between two points of a sweep [rad]."""
+
+LEAST = 5
+"""Points of a sweep, at least."""
+
+DIFFERENCE = np.deg2rad([-0.05, 0.05])
+FIVE_POINTS = QUADRATIC_STEP * np.array([-2.0, -1.0, 1.0, 2.0])
+"""Where lengths are taken for the paper's two ways to differentiate [rad]. The middle of the five
+points has no weight in the slope."""
+
+
+class RobotArms:
+    """True moment arms of an actual robot: how the paths of its wires change with its joints."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._model, self._data = robot.model, mujoco.MjData(robot.model)
+        joints = [robot.model.joint(joint) for joint in robot.joints]
+        self._position = np.array([joint.qposadr[0] for joint in joints])
+        self._velocity = np.array([joint.dofadr[0] for joint in joints])
+        self._wires = np.array([robot.model.tendon(muscle).id for muscle in robot.muscles])
+
+    def __call__(self, posture: Floats) -> Floats:
+        """dl/dq (m, n) [m/rad] at a posture (n,) [rad]."""
+        model, data = self._model, self._data
+        data.qpos[self._position] = posture
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_tendon(model, data)
+        dense = np.zeros((model.ntendon, model.nv))
+        mujoco.mju_sparse2dense(
+            dense, data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+        )
+        return dense[np.ix_(self._wires, self._velocity)]
+
+
+class Sweep(NamedTuple):
+    """Sweeps of one joint from several postures.
+
+    Attributes:
+        joint: its index.
+        postures: (P, K, n) [rad]: P sweeps of K points, `STEP` apart.
+    """
+
+    joint: int
+    postures: Floats
+
+
+def sweeps(drawing: Drawing, count: int, rng: np.random.Generator) -> list[Sweep]:
+    """Sweeps of every joint, each from its own ``count`` postures, uniform in the box."""
+    result = []
+    for joint in range(len(drawing.joints)):
+        low, high = drawing.lower[joint], drawing.upper[joint]
+        points = 1 + int((high - low) / STEP + 1e-9)
+        start = rng.uniform(drawing.lower, drawing.upper, (count, len(drawing.joints)))
+        postures = np.repeat(start[:, None], points, axis=1)
+        postures[:, :, joint] = low + STEP * np.arange(points)
+        result.append(Sweep(joint, postures))
+    return result
+
+
+def slope(jmm: JointMuscleMap, postures: Floats, joint: int, offsets: Floats) -> Floats:
+    """Slope (B, m) [m/rad] in the middle of the parabola through lengths beside postures (B, n).
+
+    Args:
+        offsets: where along the joint lengths are taken [rad], symmetric: the least-squares
+            parabola's slope is then sum(d l(d)) / sum(d d).
+    """
+    points = np.repeat(postures[:, None], len(offsets), axis=1)
+    points[:, :, joint] += offsets
+    lengths = jmm.lengths(points.reshape(-1, postures.shape[1]))
+    weights = offsets / np.sum(np.square(offsets))
+    return np.einsum("bom,o->bm", lengths.reshape(len(postures), len(offsets), -1), weights)
+
+
+def by_map(jmm: JointMuscleMap, postures: Floats, joint: int, kind: str) -> Floats:
+    """Moment arms (B, m) [m/rad] about one joint by one of the `KINDS`."""
+    if kind == QUADRATIC:
+        return slope(jmm, postures, joint, FIVE_POINTS)
+    return jmm.jacobian(postures)[:, :, joint]
+
+
+class Curves(NamedTuple):
+    """Moment arms of one group's muscles along the sweeps of one joint.
+
+    Attributes:
+        group: its name.
+        joint: index of the swept joint.
+        arms: (P, K, k) [mm/rad], by the map's `KINDS`, and `TRUE`.
+    """
+
+    group: str
+    joint: int
+    arms: Mapping[str, Floats]
+
+
+def curves(jmm: JointMuscleMap, true: Arms, swept: Sequence[Sweep]) -> Iterator[Curves]:
+    """Moment arms along all sweeps, by group and joint that the group's network has as input."""
+    for joint, postures in swept:
+        flat = postures.reshape(-1, postures.shape[-1])
+        found = {kind: by_map(jmm, flat, joint, kind) for kind in KINDS}
+        found[TRUE] = np.array([true(posture)[:, joint] for posture in flat])
+        shaped = {
+            kind: (arms / METRES).reshape(*postures.shape[:2], -1) for kind, arms in found.items()
+        }
+        for group in jmm.groups:
+            if joint in group.joint_index:
+                chosen = {kind: arms[:, :, group.muscle_index] for kind, arms in shaped.items()}
+                yield Curves(group.name, joint, chosen)
+
+
+def inner(found: Iterable[Curves]) -> Iterator[Curves]:
+    """The parts of the sweeps where all five points of the quadratic lie in the joint's range."""
+    edge = round(float(FIVE_POINTS.max()) / STEP)
+    for curves in found:
+        if curves.arms[TRUE].shape[1] - 2 * edge >= LEAST:
+            yield curves._replace(
+                arms={kind: arms[:, edge:-edge] for kind, arms in curves.arms.items()}
+            )
