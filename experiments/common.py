@@ -102,8 +102,12 @@ def write_text(path: Path, text: str) -> None:
 
 
 def command_line() -> str:
-    """The command that started this program, as a user would type it."""
+    """The command that started this program, as another user would type it: without the folder of
+    trained maps, which is everybody's own."""
     first, *rest = sys.argv
+    if "--cache" in rest:
+        at = rest.index("--cache")
+        del rest[at : at + 2]
     name = Path(first)
     typed = f"-m {name.parent.name}" if name.name == "__main__.py" else name.name
     return shlex.join(["python", *typed.split(), *rest])

@@ -7,7 +7,6 @@ of one figure each, so that it can be made anew from what is beside it.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -109,18 +108,13 @@ def section(summary: Mapping[str, Any]) -> str:
             f"{summary['title']}; {summary['figure']} of the paper; {robots}; "
             f"{summary['core_s'] / 60:.1f} minutes of one core.",
             "",
-            f"    {portable(summary['command'])}",
+            f"    {summary['command']}",
             "",
             f"![{summary['title']}]({FIGURES}/{name}.png)",
             "",
             table(["", "unit", "paper", "median", "95 % interval", "worst", "must"], rows),
         ]
     )
-
-
-def portable(command: str) -> str:
-    """A command without what only concerns the machine it ran on."""
-    return re.sub(r" --cache ('[^']*'|\S+)", "", command)
 
 
 def told(value: object, unit: str) -> str:

@@ -177,3 +177,16 @@ def test_the_digest_sees_the_code(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
         (tmp_path / name).write_text("x = 2\n")
         seen.add(common.source_digest("a.py"))
     assert len(seen) == 4
+
+
+def test_the_command_is_told_without_the_folder_of_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    typed = [
+        "/x/experiments/__main__.py",
+        "ablation",
+        "--cache",
+        "/my maps",
+        "--jobs",
+        "1",
+    ]
+    monkeypatch.setattr(sys, "argv", typed)
+    assert common.command_line() == "python -m experiments ablation --jobs 1"

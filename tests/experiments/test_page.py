@@ -21,7 +21,7 @@ def summary() -> dict[str, Any]:
         "title": "A study",
         "figure": "Fig. 7",
         "seeds": [100, 101],
-        "command": "python -m experiments some-study --seeds 100-101 --cache '/my maps' --out o",
+        "command": "python -m experiments some-study --seeds 100-101 --out o",
         "core_s": 90.0,
         "wall_s": 50.0,
         "per_seed": {},
