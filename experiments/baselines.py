@@ -227,8 +227,10 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         }
         for rank, seed in enumerate(results)
     }
+    counted = dict(zip(by_count, counted_tables(by_count, pairs), strict=True))
     tables = [
-        *counted_tables(by_count, pairs),
+        counted.pop(compared),
+        *counted.values(),
         one_look_table(together, alone, compared),
         *(drawing_table(found, count) for count, found in without.items()),
     ]

@@ -85,7 +85,7 @@ def overview(summaries: Sequence[Mapping[str, Any]]) -> str:
 
 
 def section(summary: Mapping[str, Any]) -> str:
-    """Figure, command, minutes and all numbers of one experiment."""
+    """Figure, command, minutes, all numbers and the first table of one experiment."""
     name = summary["name"]
     rows = [
         [
@@ -99,7 +99,7 @@ def section(summary: Mapping[str, Any]) -> str:
         ]
         for key, found in summary["metrics"].items()
     ]
-    seeds = summary["seeds"]
+    seeds, shown = summary["seeds"], summary["table"]
     robots = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
     return "\n".join(
         [
@@ -113,6 +113,9 @@ def section(summary: Mapping[str, Any]) -> str:
             f"![{summary['title']}]({FIGURES}/{name}.png)",
             "",
             table(["", "unit", "paper", "median", "95 % interval", "worst", "must"], rows),
+            f"{shown['title']}\n",
+            table(shown["head"], shown["rows"]),
+            f"{shown['note']}\n",
         ]
     )
 

@@ -36,6 +36,11 @@ class Table(NamedTuple):
     rows: Sequence[Sequence[object]]
     note: str = ""
 
+    def plain(self) -> dict[str, Any]:
+        """The same as text that JSON can hold."""
+        rows = [[str(cell) for cell in row] for row in self.rows]
+        return {"title": self.title, "head": list(self.head), "rows": rows, "note": self.note}
+
 
 class Picture(NamedTuple):
     """A figure as PNG, with what to read from it."""

@@ -11,6 +11,7 @@ import pytest
 from experiments.errors import ExperimentError
 from experiments.everything import Args, main, options
 from experiments.page import page_of, write_page
+from experiments.report import Table
 from experiments.statistics import metric
 
 
@@ -25,6 +26,7 @@ def summary() -> dict[str, Any]:
         "core_s": 90.0,
         "wall_s": 50.0,
         "per_seed": {},
+        "table": Table("How it went", ("", "x"), [("a", 1.5)], "A note.").plain(),
         "metrics": {
             "hand_error": metric([10.0, 30.0], "mm", must=25.0, paper=57.5),
             "a|b": metric([1.0, 2.0], ""),
@@ -40,6 +42,8 @@ def test_the_page_shows_figure_command_minutes_and_numbers(summary: dict[str, An
     assert "    python -m experiments some-study --seeds 100-101 --out o\n" in page
     assert "1.5 minutes of one core" in page
     assert "| a\\|b |" in page
+    assert "| a | 1.5 |" in page
+    assert "A note." in page
     assert "figures/some-study.png" in page
 
 
