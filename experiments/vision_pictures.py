@@ -55,7 +55,7 @@ def corners(pose: Floats) -> Floats:
 
 def pictures(results: Results) -> list[Picture]:
     """Marker before and after on one robot; errors by group over time."""
-    first, result = next(iter(results.items()))
+    first, result = shown_robot(results)
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 4.4))
     for ax, when in zip(axes, ("before", "after"), strict=True):
         draw_marker(ax, result[ACTUAL][when])
@@ -87,6 +87,14 @@ def pictures(results: Results) -> list[Picture]:
     )
     pyplot.close("all")
     return found
+
+
+def shown_robot(results: Results) -> tuple[int, dict[str, Any]]:
+    """The first actual robot whose hand was in view before and after; the first if none was."""
+    for seed, result in results.items():
+        if result[ACTUAL]["before"]["seen"] and result[ACTUAL]["after"]["seen"]:
+            return seed, result
+    return next(iter(results.items()))
 
 
 def draw_marker(axes: Axes, shot: dict[str, Any]) -> None:

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
+from experiments.common import ROOT
 from experiments.errors import ExperimentError
-from experiments.everything import Args, main, options
+from experiments.everything import NAMES, Args, main, options
 from experiments.page import page_of, write_page
 from experiments.report import Table
 from experiments.statistics import metric
@@ -61,6 +62,17 @@ def test_the_page_lies_beside_its_sources(summary: dict[str, Any], tmp_path: Pat
     assert page.read_text() == page_of([summary])
     assert json.loads((tmp_path / "page/results/some-study.json").read_text()) == summary
     assert (tmp_path / "page/figures/some-study.png").read_bytes() == b"png"
+
+
+def test_the_page_of_the_project_is_that_of_its_summaries() -> None:
+    folder = ROOT / "experiments"
+    paths = [folder / "results" / f"{name}.json" for name in NAMES]
+    summaries = [json.loads(path.read_text()) for path in paths]
+    assert (folder / "README.md").read_text() == page_of(summaries)
+    for summary in summaries:
+        assert (folder / "figures" / f"{summary['name']}.png").is_file()
+        assert min(summary["seeds"]) >= 100
+        assert len(summary["seeds"]) >= 10
 
 
 def test_options_are_handed_on(tmp_path: Path) -> None:

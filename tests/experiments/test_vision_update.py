@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.arm import ACTUAL, CAMERA, DRAWING, HAND, SIDES
-from experiments.vision_pictures import corners
+from experiments.vision_pictures import corners, shown_robot
 from experiments.vision_update import Sizes, conclude, run
 from experiments.visits import group_joints
 from jmm_agent.marker import MarkerDetector
@@ -56,6 +56,14 @@ def test_first_and_last_visits_are_compared_by_both_definitions() -> None:
     assert metrics["shoulder_seen_last"]["reached"] is True
     assert metrics["shoulder_true_first"]["median"] == pytest.approx(18.0)
     assert metrics["shoulder_true_last"]["median"] == pytest.approx(4.0)
+
+
+def test_the_picture_shows_a_robot_whose_hand_was_in_view() -> None:
+    unseen, seen = ({ACTUAL: made_up([1.0], [1.0])} for _ in range(2))
+    for when in ("before", "after"):
+        seen[ACTUAL][when] = seen[ACTUAL][when] | {"seen": [[1, 1], [2, 1], [2, 2], [1, 2]]}
+    assert shown_robot({3: unseen, 4: seen})[0] == 4
+    assert shown_robot({3: unseen})[0] == 3
 
 
 def test_corners_are_where_the_detector_finds_them() -> None:
