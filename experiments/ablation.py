@@ -80,8 +80,8 @@ def learn(agent: Agent, seed: int, postures: Floats, sizes: Sizes) -> None:
     """Wake at the first posture (n,) [rad], visit all others and learn there."""
     start = postures[0]
     session = Session(_env(seed), agent, seed, None, {"posture": start, "target": start})
-    for posture in postures[1:]:
-        visit(session, posture, None, sizes.move, sizes.patience)
+    for posture in postures[1:]:  # who learns nothing by sight need not search for the hand
+        visit(session, posture, None, sizes.move, sizes.patience, look=agent.options.learn_vision)
 
 
 @lru_cache(maxsize=1)
