@@ -6,18 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from experiments.ablation_variants import PAPER_OPTIONS
 from experiments.arm import ACTUAL, make_agent, make_session
 from experiments.session import Session
 from experiments.visits import visit
-from jmm_agent.agent import PERIOD, WAKING, AgentOptions
+from jmm_agent.agent import PERIOD, WAKING
 from jmm_agent.drawing import Floats
 from jmm_agent.estimator import JointEstimator, LengthMap, QuadraticJacobian
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.minibatch import MinibatchRule
-from jmm_agent.updaters import VisionOptions
-
-AS_PAPER = AgentOptions(vision=VisionOptions(fit="alone", lengths="l_target"))
-"""Looks one by one, and l_target as the pair's lengths, as in the paper."""
 
 
 def learn(
@@ -30,7 +27,7 @@ def learn(
         as_paper: whether its map is moved as in the paper, or by the agent's defaults.
         move, patience: time for each movement and longest wait for rest [s].
     """
-    options, rule = (AS_PAPER, MinibatchRule()) if as_paper else (None, None)
+    options, rule = (PAPER_OPTIONS, MinibatchRule()) if as_paper else (None, None)
     agent = make_agent(jmm, seed, options, rule)
     session = make_session(ACTUAL, seed, agent, postures[0])
     for posture in postures[1:]:
