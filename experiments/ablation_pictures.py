@@ -15,7 +15,7 @@ from experiments.ablation_variants import DEFAULT, NONE, PAPER, VARIANTS
 from experiments.report import Picture, png
 from experiments.statistics import Interval, interval
 
-TRUE, SEEN, FAR = "#c8452f", "#3a6fb5", "#3f8f3f"
+TRUE, SEEN = "#c8452f", "#3a6fb5"
 REFERENCES = (PAPER, DEFAULT)
 
 
