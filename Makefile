@@ -7,7 +7,7 @@ PY := $(VENV)/bin/python
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 INSTALLED := $(VENV)/.installed
 RENDERS := $(VENV)/.renders
-PACKAGES := kengoro_env jmm_agent experiments benchmarks
+PACKAGES := kengoro_env jmm_agent reality_gap hidden_plants experiments benchmarks
 
 .PHONY: demo test test-all check clean
 

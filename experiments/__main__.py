@@ -18,6 +18,11 @@ RUNNERS = {
     "ablation": ("experiments.ablation", "what each part is worth, and the paper's claims of it"),
     "baselines": ("experiments.baselines", "what others would learn from the same measurements"),
     "all": ("experiments.everything", "every experiment of the paper, and one page of results"),
+    "gap-to-skill": ("experiments.gap_to_skill", "a diagnosis of a minute's motion, as a map"),
+    "gap-bench": ("experiments.gap_bench", "hidden effects, diagnosed: how often it is right"),
+    "record": ("experiments.record", "a log of a robot that moves, as a study for reality_gap"),
+    "emps": ("experiments.emps", "a measured drive: what a mass alone gets wrong of its force"),
+    "davinci": ("experiments.davinci", "a measured cable drive: what its transmission does"),
     "learnability": ("experiments.learnability", "what can be learned, from what, and the floor"),
 }
 """Module and one line for each experiment."""
@@ -56,6 +61,7 @@ def main(arguments: list[str]) -> int:
     from experiments.study import run_study
     from jmm_agent.errors import AgentError
     from kengoro_env.errors import KengoroError
+    from reality_gap.errors import RealityGapError
 
     runner = importlib.import_module(RUNNERS[name][0])
     program = f"python -m experiments {name}"
@@ -69,7 +75,7 @@ def main(arguments: list[str]) -> int:
                 runner.STUDY,
                 tyro.cli(Args, args=rest, prog=program, default=usual, description=told),
             )
-    except (ExperimentError, AgentError, KengoroError) as error:
+    except (ExperimentError, AgentError, KengoroError, RealityGapError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0

@@ -87,6 +87,13 @@ def test_toy_packages_pass(toy: Path) -> None:
         ("jmm_agent", "experiments"),
         ("jmm_agent", "mujoco"),
         ("jmm_agent", "gymnasium.spaces"),
+        ("reality_gap", "hidden_plants"),
+        ("reality_gap", "kengoro_env"),
+        ("reality_gap", "jmm_agent"),
+        ("reality_gap", "torch"),
+        ("hidden_plants", "reality_gap"),
+        ("hidden_plants", "kengoro_env"),
+        ("hidden_plants", "experiments"),
         ("experiments", "benchmarks"),
     ],
 )
@@ -99,7 +106,7 @@ def test_a_forbidden_import_is_found(toy: Path, importer: str, imported: str) ->
     assert f"{importer}.deep -> {imported.partition('.')[0]}" in done.stdout
 
 
-@pytest.mark.parametrize("imported", ["kengoro_env", "jmm_agent"])
+@pytest.mark.parametrize("imported", ["kengoro_env", "jmm_agent", "reality_gap", "hidden_plants"])
 def test_experiments_may_import_both_sides(toy: Path, imported: str) -> None:
     (toy / "experiments" / "run.py").write_text(f"import {imported}\n")
     done = lint(toy)

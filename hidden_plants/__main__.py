@@ -1,0 +1,26 @@
+"""``python -m hidden_plants floors [--machine elbow] [--assets DIR] [--ids a,b]``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from hidden_plants.floors import TABLE, make_table
+from hidden_plants.machine import ASSETS, MACHINES, load
+from hidden_plants.mechanisms import MECHANISMS
+
+
+def main() -> None:
+    """Make the table of detection floors: minutes for the elbow, an hour for the arm."""
+    parser = argparse.ArgumentParser(prog="python -m hidden_plants")
+    parser.add_argument("command", choices=["floors"])
+    parser.add_argument("--machine", choices=MACHINES, default="elbow")
+    parser.add_argument("--assets", type=Path, default=ASSETS, help="folder of the drawings")
+    parser.add_argument("--ids", default=",".join(MECHANISMS), help="effects, by commas")
+    parser.add_argument("--out", type=Path, default=TABLE, help="table to write")
+    args = parser.parse_args()
+    make_table(load(args.machine, args.assets), args.out, tuple(args.ids.split(",")))
+
+
+if __name__ == "__main__":
+    main()

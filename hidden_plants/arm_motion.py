@@ -1,0 +1,99 @@
+"""Motions of the whole arm: from posture to posture in front of the body, every wire tense."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from hidden_plants.machine import BIAS, STIFFNESS, Machine
+
+Array = NDArray[np.float64]
+HOME = {"sh_pitch": -35.0, "sh_roll": -20.0, "elbow": 75.0, "sc_roll": -10.0, "ac_roll": -4.0}
+"""Where every episode of the arm begins [deg]; the other joints stand at zero."""
+REACH = {
+    "neck_yaw": 20.0,
+    "neck_pitch": 10.0,
+    "neck_roll": 8.0,
+    "sc_roll": 8.0,
+    "sc_yaw": 9.0,
+    "ac_roll": 7.0,
+    "ac_pitch": 7.0,
+    "sh_pitch": 22.0,
+    "sh_roll": 14.0,
+    "sh_yaw": 22.0,
+    "elbow": 28.0,
+    "radioulnar": 30.0,
+    "wrist_flex": 22.0,
+    "wrist_dev": 9.0,
+}
+"""How far the postures of a motion lie from home [deg]."""
+LEAST, MOST = 50.0, 330.0
+"""Tensions that a wire may be asked for [N]."""
+PREFERRED = (70.0, 160.0)
+"""Tensions that it is asked for where gravity leaves the choice [N]."""
+EVERY = 10
+"""Rows of commands from one balance of tensions to the next."""
+
+
+def arm_episodes(machine: Machine, motion: int, count: int, rows: int) -> list[tuple[Array, Array]]:
+    """The episodes of a motion: home (joints,) [rad] and targets (rows, wires) [m] for each."""
+    home = _angles(machine, HOME)
+    return [
+        (home, _targets(machine, np.random.default_rng([motion, k, 12]), home, rows))
+        for k in range(count)
+    ]
+
+
+def _angles(machine: Machine, degrees: dict[str, float]) -> Array:
+    return np.deg2rad([degrees.get(joint, 0.0) for joint in machine.joints])
+
+
+def _targets(machine: Machine, rng: np.random.Generator, home: Array, rows: int) -> Array:
+    """A way over three or four postures, held for a moment at each."""
+    stops = int(rng.integers(3, 5))
+    postures = [home] + [_posture(machine, rng, home) for _ in range(stops)]
+    wishes = rng.uniform(*PREFERRED, (stops + 1, len(machine.wires)))
+    share = np.linspace(0.0, stops + 0.35, rows)
+    way = _eased(share, np.array(postures))
+    wish = _eased(share, wishes)
+    coarse = np.unique(np.append(np.arange(0, rows, EVERY), rows - 1))
+    held = _balance(machine, way[coarse], wish[coarse])[0]
+    tension = np.stack([np.interp(np.arange(rows), coarse, column) for column in held.T], axis=1)
+    return machine.lengths(way) - (tension - BIAS) / STIFFNESS
+
+
+def _eased(share: Array, stops: Array) -> Array:
+    """From stop to stop, each reached at an integer of ``share`` and held for 0.35 after it."""
+    index = np.minimum(share.astype(int), len(stops) - 2)
+    part = np.clip((share - index - 0.35) / 0.65, 0.0, 1.0)
+    part = np.where(share >= len(stops) - 1, 1.0, part)
+    ease = (part**3 * (10.0 - 15.0 * part + 6.0 * part**2))[:, None]
+    result: Array = stops[index] * (1.0 - ease) + stops[index + 1] * ease
+    return result
+
+
+def _posture(machine: Machine, rng: np.random.Generator, home: Array) -> Array:
+    """A posture that wires can hold against gravity within their tensions."""
+    reach = _angles(machine, REACH)
+    for _ in range(50):
+        posture = home + reach * rng.uniform(-1.0, 1.0, len(home))
+        wish = np.full((1, len(machine.wires)), float(np.mean(PREFERRED)))
+        if _balance(machine, posture[None], wish)[1] < 0.1:
+            return posture
+    raise ValueError("no posture near home can be held; the drawing has changed")
+
+
+def _balance(machine: Machine, postures: Array, wishes: Array) -> tuple[Array, float]:
+    """The tensions nearest to wishes (k, wires) [N] that hold postures (k, joints) [rad].
+
+    Also the largest torque that they lack [N m].
+    """
+    weight, held, lack = 100.0, np.empty_like(wishes), 0.0
+    arms, needs = -machine.moment_arms(postures), machine.gravity_torques(postures)
+    for tension, arm, need, wish in zip(held, arms, needs, wishes, strict=True):
+        matrix = np.vstack([weight * arm.T, 0.01 * np.eye(len(wish))])
+        goal = np.concatenate([weight * need, 0.01 * wish])
+        tension[:] = lsq_linear(matrix, goal, (LEAST, MOST), method="bvls").x
+        lack = max(lack, float(np.abs(arm.T @ tension - need).max()))
+    return held, lack

@@ -1,0 +1,114 @@
+"""The files of a study: CSV logs, and STUDY.yaml. Each is written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hidden_plants.machine import Machine
+from hidden_plants.nuisance import Nuisance
+from hidden_plants.robot import Readings
+
+Array = NDArray[np.float64]
+MARKER_COLUMNS = {
+    "marker_position": ("marker_x", "marker_y", "marker_z"),
+    "marker_orientation": ("marker_qw", "marker_qx", "marker_qy", "marker_qz"),
+}
+
+
+def write_logs(
+    folder: Path,
+    index: int,
+    machine: Machine,
+    time: Array,
+    command: Array,
+    sensor_time: Array,
+    camera_time: Array,
+    readings: Readings,
+    own_camera_file: bool,
+) -> None:
+    """Write the commands to episode_<index>.csv, and the readings to sensors_<index>.csv.
+
+    A camera with its own clock writes camera_<index>.csv; otherwise its cells are empty where it
+    did not look. Times are written to 0.1 ms.
+    """
+    columns = {"time": _times(time)}
+    for wire, targets in zip(machine.wires, command.T, strict=True):
+        columns[f"target_{wire}"] = [f"{value:.7f}" for value in targets]
+    _write_csv(folder / f"episode_{index}.csv", columns)
+    columns = {"time": _times(sensor_time)}
+    for wire in machine.wires:
+        columns[f"length_{wire}"] = [f"{value:.6f}" for value in readings[f"length_{wire}"]]
+    for wire in machine.wires:
+        columns[f"tension_{wire}"] = [f"{value:.3f}" for value in readings[f"tension_{wire}"]]
+    seen: dict[str, list[str]] = {}
+    for sensor, names in MARKER_COLUMNS.items():
+        for name, values in zip(names, readings[sensor].T, strict=True):
+            seen[name] = [f"{value:.6f}" for value in values]
+    if own_camera_file:
+        _write_csv(folder / f"camera_{index}.csv", {"time": _times(camera_time), **seen})
+    else:
+        look = np.searchsorted(sensor_time, camera_time)
+        for name, cells in seen.items():
+            columns[name] = [""] * len(sensor_time)
+            for row, cell in zip(look, cells, strict=True):
+                columns[name][row] = cell
+    _write_csv(folder / f"sensors_{index}.csv", columns)
+
+
+def _times(time: Array) -> list[str]:
+    return [f"{value:.4f}" for value in time]
+
+
+def _write_csv(path: Path, columns: dict[str, list[str]]) -> None:
+    rows = zip(*columns.values(), strict=True)
+    write_text(path, "\n".join([",".join(columns), *(",".join(row) for row in rows)]) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file beside, then move it into its place."""
+    beside = path.with_name(path.name + ".part")
+    beside.write_text(text)
+    os.replace(beside, path)
+
+
+def study_text(
+    machine: Machine,
+    nuisance: Nuisance,
+    episodes: int,
+    initial: Array,
+    settle: float,
+    own_camera_file: bool,
+) -> str:
+    """STUDY.yaml of a study with so many episodes."""
+    lines = [f"name: {machine.name} of a hidden plant", "model: model.xml", "episodes:"]
+    for k in range(episodes):
+        lines.append(f"  - commands: episode_{k}.csv")
+        camera = f", camera_{k}.csv" if own_camera_file else ""
+        lines.append(f"    readings: [sensors_{k}.csv{camera}]")
+    lines += ["time: {column: time, unit: s}", "actuators:"]
+    lines += [f"  {wire}: {{column: target_{wire}, unit: m}}" for wire in machine.wires]
+    lines.append("sensors:")
+    for wire in machine.wires:
+        name = f"length_{wire}"
+        lines.append(f"  {name}: {{column: {name}, unit: m, noise: {nuisance.encoder_noise:.6g}}}")
+    for wire in machine.wires:
+        name, noise = f"tension_{wire}", f"noise: {nuisance.tension_noise:.6g}"
+        lines.append(f"  {name}: {{column: {name}, unit: N, {noise}, scale: -1}}")
+    noises = (nuisance.marker_noise, 0.5 * nuisance.marker_turn_noise)
+    for (sensor, names), unit, deviation in zip(
+        MARKER_COLUMNS.items(), ("m", '"1"'), noises, strict=True
+    ):
+        cells = f"columns: [{', '.join(names)}], unit: {unit}, noise: {deviation:.6g}"
+        lines.append(f"  {sensor}: {{{cells}}}")
+    lines.append("initial:")
+    lines.append("  joints:")
+    lines += [
+        f"    {joint}: {float(place):.9g}"
+        for joint, place in zip(machine.joints, initial, strict=True)
+    ]
+    lines.append(f"  settle: {settle:.1f}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,181 @@
+"""The drawing of a machine: the model that whoever diagnoses is given, and its parts by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+MACHINES = ("elbow", "arm")
+ASSETS = Path("assets/mjcf/kengoro_arm")
+"""Where the drawings are, seen from the root of the repository."""
+
+STIFFNESS = 30e3
+"""Gain of the stiffness control of every wire [N/m]."""
+BIAS = 30.0
+"""Tension of a wire that is longer than its target asks for [N]."""
+CUT = 500.0
+"""Largest tension of a motor [N]."""
+WIRE_DAMPING = 150.0
+"""Damping of every wire's path [N s/m]."""
+
+MARKER = "marker_hand"
+HAND = "hand"
+CAMERAS = {"elbow": "outside", "arm": "eye"}
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """What the drawing says.
+
+    Attributes:
+        name: "elbow" or "arm".
+        xml: the honest drawing, with actuators and sensors, as MJCF.
+        model: it, compiled; read-only by agreement.
+        wires: names of the tendons, in the order of the actuators.
+        joints: names of the joints, in the order of ``qpos``.
+        sites: names of the sites that wires run over.
+        paths: the sites of each wire, in order.
+        bodies: names of the bodies that move.
+        camera: name of the camera that sees the marker.
+    """
+
+    name: str
+    xml: str
+    model: mujoco.MjModel
+    wires: tuple[str, ...]
+    joints: tuple[str, ...]
+    sites: tuple[str, ...]
+    paths: tuple[tuple[str, ...], ...]
+    bodies: tuple[str, ...]
+    camera: str
+
+    def spec(self) -> mujoco.MjSpec:
+        """The drawing, to be edited."""
+        return mujoco.MjSpec.from_string(self.xml)
+
+    def lengths(self, qpos: Array) -> Array:
+        """Lengths of the wires (k, wires) [m] at joint positions ``qpos`` (k, joints) [rad]."""
+        return _lengths(self.model, np.atleast_2d(qpos))
+
+    def moment_arms(self, qpos: Array) -> Array:
+        """d length / d joint, (k, wires, joints) [m], at postures ``qpos`` (k, joints) [rad]."""
+        step = 1e-5
+        columns = []
+        for turn in np.eye(qpos.shape[1]) * step:
+            columns.append((self.lengths(qpos + turn) - self.lengths(qpos - turn)) / (2.0 * step))
+        return np.stack(columns, axis=2)
+
+    def gravity_torques(self, qpos: Array) -> Array:
+        """The torques (k, joints) [N m] that the wires must give to hold ``qpos`` (k, joints)."""
+        data = mujoco.MjData(self.model)
+        torques = np.zeros((len(qpos), self.model.nv))
+        for torque, posture in zip(torques, qpos, strict=True):
+            data.qpos[:] = posture
+            mujoco.mj_kinematics(self.model, data)
+            mujoco.mj_comPos(self.model, data)
+            mujoco.mj_comVel(self.model, data)
+            mujoco.mj_rne(self.model, data, 0, torque)
+        return torques
+
+
+def _lengths(model: mujoco.MjModel, qpos: Array) -> Array:
+    data = mujoco.MjData(model)
+    lengths = np.empty((len(qpos), model.ntendon))
+    for i, row in enumerate(qpos):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_tendon(model, data)
+        lengths[i] = data.ten_length
+    return lengths
+
+
+@lru_cache(maxsize=8)
+def load(name: str, assets: Path) -> Machine:
+    """Read the drawing of ``name`` from the folder that holds elbow.xml and arm.xml."""
+    if name not in MACHINES:
+        raise ValueError(f"no machine {name!r}; there are: {', '.join(MACHINES)}")
+    path = assets / f"{name}.xml"
+    if not path.is_file():
+        raise ValueError(
+            f"no drawing at {path}; assets must be the folder of elbow.xml and arm.xml"
+        )
+    spec = mujoco.MjSpec.from_file(str(path))
+    _strip(spec)
+    wires = tuple(tendon.name for tendon in spec.tendons)
+    _add_motors(spec, wires)
+    _add_sensors(spec, wires, CAMERAS[name])
+    model = spec.compile()
+    paths = tuple(_path_sites(model, i) for i in range(model.ntendon))
+    moving = [i for i in range(1, model.nbody) if model.body_weldid[i] != 0]
+    return Machine(
+        name=name,
+        xml=spec.to_xml(),
+        model=model,
+        wires=wires,
+        joints=tuple(model.joint(i).name for i in range(model.njnt)),
+        sites=tuple(dict.fromkeys(site for path in paths for site in path)),
+        paths=paths,
+        bodies=tuple(model.body(i).name for i in moving),
+        camera=CAMERAS[name],
+    )
+
+
+def _strip(spec: mujoco.MjSpec) -> None:
+    """Leave out pictures, and the joints of the fingers, which no wire moves."""
+    for picture in [*spec.textures, *spec.materials]:
+        spec.delete(picture)
+    for geom in spec.geoms:
+        geom.material = ""
+    for joint in list(spec.joints):
+        if "finger" in joint.name or "thumb" in joint.name:
+            spec.delete(joint)
+
+
+def _add_motors(spec: mujoco.MjSpec, wires: tuple[str, ...]) -> None:
+    for wire in wires:
+        spec.tendon(wire).damping[0] = WIRE_DAMPING
+        motor = spec.add_actuator(
+            name=wire, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=wire, forcelimited=True
+        )
+        motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        motor.gainprm[0] = STIFFNESS
+        motor.biasprm[:2] = [-BIAS, -STIFFNESS]
+        motor.forcerange[:] = [-CUT, -BIAS]
+
+
+def _add_sensors(spec: mujoco.MjSpec, wires: tuple[str, ...], camera: str) -> None:
+    kinds = mujoco.mjtSensor
+    for wire in wires:
+        _sensor(spec, f"length_{wire}", kinds.mjSENS_TENDONPOS, mujoco.mjtObj.mjOBJ_TENDON, wire)
+    for wire in wires:
+        kind = mujoco.mjtObj.mjOBJ_ACTUATOR
+        _sensor(spec, f"tension_{wire}", kinds.mjSENS_ACTUATORFRC, kind, wire)
+    for name, kind in (
+        ("marker_position", kinds.mjSENS_FRAMEPOS),
+        ("marker_orientation", kinds.mjSENS_FRAMEQUAT),
+    ):
+        sensor = _sensor(spec, name, kind, mujoco.mjtObj.mjOBJ_SITE, MARKER)
+        sensor.reftype = mujoco.mjtObj.mjOBJ_CAMERA
+        sensor.refname = camera
+
+
+def _sensor(
+    spec: mujoco.MjSpec,
+    name: str,
+    kind: mujoco.mjtSensor,
+    objtype: mujoco.mjtObj,
+    objname: str,
+) -> mujoco.MjsSensor:
+    return spec.add_sensor(name=name, type=kind, objtype=objtype, objname=objname)
+
+
+def _path_sites(model: mujoco.MjModel, tendon: int) -> tuple[str, ...]:
+    start, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+    return tuple(model.site(int(i)).name for i in model.wrap_objid[start : start + count])

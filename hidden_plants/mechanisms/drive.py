@@ -1,0 +1,124 @@
+"""Motors that lag, are late, or give another force than they are asked for.
+
+Parameters and amplitudes:
+
+* actuator_lag: ``time_constant`` [s], the sum of its lags.
+* delay: ``delay`` [s], of the commands of wires, or of the readings of sensors (``of_sensor`` 1).
+* force_scale: the motor gives (1 + ``excess``) times what the motor law asks [1].
+* force_offset: ``force`` [N] more than asked.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from math import exp
+
+from hidden_plants.machine import Machine
+from hidden_plants.mechanisms.mechanism import (
+    BOTH_SIGNS,
+    Mechanism,
+    Structure,
+    each_wire,
+    scaled,
+    signed,
+)
+from hidden_plants.robot import Robot, State
+from hidden_plants.secret import Effect
+
+POLES = (0.45, 0.45, 0.10)
+"""Shares of a motor's lag: rotor and gear, gear and spool, current loop."""
+
+
+class Lag:
+    """Three lags in a row, each integrated in closed form over a step."""
+
+    def __init__(self, wire: int, time_constant: float, step: float) -> None:
+        self.wire = wire
+        self.keep = [exp(-step / (share * time_constant)) for share in POLES]
+        self.levels = [float("nan")] * len(POLES)
+
+    def __call__(self, state: State) -> None:
+        """Delay what the motor gives."""
+        value = float(state.motor[self.wire])
+        if self.levels[0] != self.levels[0]:
+            self.levels = [value] * len(POLES)
+        for i, keep in enumerate(self.keep):
+            value += keep * (self.levels[i] - value)
+            self.levels[i] = value
+        state.motor[self.wire] = value
+
+
+def _tune_lag(robot: Robot, effect: Effect) -> None:
+    time_constant = effect.parameters["time_constant"]
+    for name in effect.elements:
+        robot.drive.append(partial(Lag, robot.wire(name), time_constant, robot.step))
+
+
+def _delays(machine: Machine) -> list[Structure]:
+    wires = machine.wires
+    places = [
+        (wires, 0.0),
+        (tuple(f"length_{wire}" for wire in wires), 1.0),
+        (tuple(f"tension_{wire}" for wire in wires), 1.0),
+        (("marker_position", "marker_orientation"), 1.0),
+    ]
+    return [Structure("delay", elements, {"of_sensor": kind}) for elements, kind in places]
+
+
+def _tune_delay(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        if effect.parameters["of_sensor"]:
+            delay = robot.sensor_delay.get(name, 0.0) + effect.parameters["delay"]
+            robot.sensor_delay[name] = delay
+        else:
+            robot.command_delay[robot.wire(name)] += effect.parameters["delay"]
+
+
+def _tune_force_scale(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        robot.gain[robot.wire(name)] *= 1.0 + effect.parameters["excess"]
+
+
+def _tune_force_offset(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        robot.force_offset[robot.wire(name)] += effect.parameters["force"]
+
+
+MECHANISMS = (
+    Mechanism(
+        id="actuator_lag",
+        unit="s",
+        typical=4e-3,
+        bound=0.03,
+        structures=each_wire("actuator_lag"),
+        parameters=scaled("time_constant"),
+        tune=_tune_lag,
+    ),
+    Mechanism(
+        id="delay",
+        unit="s",
+        typical=5e-3,
+        bound=0.2,
+        structures=_delays,
+        parameters=scaled("delay"),
+        tune=_tune_delay,
+    ),
+    Mechanism(
+        id="force_scale",
+        unit="1",
+        typical=0.03,
+        bound=0.4,
+        structures=each_wire("force_scale", BOTH_SIGNS),
+        parameters=signed("excess"),
+        tune=_tune_force_scale,
+    ),
+    Mechanism(
+        id="force_offset",
+        unit="N",
+        typical=3.0,
+        bound=25.0,
+        structures=each_wire("force_offset", BOTH_SIGNS),
+        parameters=signed("force"),
+        tune=_tune_force_offset,
+    ),
+)

@@ -1,0 +1,110 @@
+"""Sensors that read another number than the true one.
+
+Parameters and amplitudes:
+
+* length_offset: ``length`` [m] more than true, in the controller too.
+* length_scale: (1 + ``excess``) about the length at ``qpos0``, in the controller too.
+* tension_offset, tension_scale: of the reading alone, ``force`` [N], ``excess`` [1].
+* joint_offset: every encoder reads l(angle) - l(0) too much, as if it had been zeroed while the
+  joint stood ``angle`` [rad] before its zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hidden_plants.machine import Machine
+from hidden_plants.mechanisms.mechanism import (
+    BOTH_SIGNS,
+    Mechanism,
+    Structure,
+    each_wire,
+    signed,
+)
+from hidden_plants.robot import Robot, path_lengths
+from hidden_plants.secret import Effect
+
+
+def _tune_length_offset(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        robot.offset[robot.wire(name)] += effect.parameters["length"]
+
+
+def _tune_length_scale(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        robot.scale[robot.wire(name)] *= 1.0 + effect.parameters["excess"]
+
+
+def _tune_tension_offset(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        robot.tension_offset[robot.wire(name)] += effect.parameters["force"]
+
+
+def _tune_tension_scale(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        robot.tension_scale[robot.wire(name)] *= 1.0 + effect.parameters["excess"]
+
+
+def _joint_offsets(machine: Machine) -> list[Structure]:
+    return [
+        Structure("joint_offset", (joint,), {"sign": sign})
+        for joint in machine.joints
+        for sign in (1.0, -1.0)
+    ]
+
+
+def _tune_joint_offset(robot: Robot, effect: Effect) -> None:
+    zero = np.array(robot.model.qpos0)
+    turned = zero.copy()
+    for name in effect.elements:
+        turned[int(robot.model.joint(name).qposadr[0])] += effect.parameters["angle"]
+    robot.offset += path_lengths(robot.model, turned) - path_lengths(robot.model, zero)
+
+
+MECHANISMS = (
+    Mechanism(
+        id="length_offset",
+        unit="m",
+        typical=5e-4,
+        bound=0.01,
+        structures=each_wire("length_offset", BOTH_SIGNS),
+        parameters=signed("length"),
+        tune=_tune_length_offset,
+    ),
+    Mechanism(
+        id="length_scale",
+        unit="1",
+        typical=0.01,
+        bound=0.2,
+        structures=each_wire("length_scale", BOTH_SIGNS),
+        parameters=signed("excess"),
+        tune=_tune_length_scale,
+    ),
+    Mechanism(
+        id="tension_offset",
+        unit="N",
+        typical=3.0,
+        bound=40.0,
+        structures=each_wire("tension_offset", BOTH_SIGNS),
+        parameters=signed("force"),
+        tune=_tune_tension_offset,
+    ),
+    Mechanism(
+        id="tension_scale",
+        unit="1",
+        typical=0.03,
+        bound=0.4,
+        structures=each_wire("tension_scale", BOTH_SIGNS),
+        parameters=signed("excess"),
+        tune=_tune_tension_scale,
+    ),
+    Mechanism(
+        id="joint_offset",
+        unit="rad",
+        typical=0.02,
+        bound=0.25,
+        structures=_joint_offsets,
+        parameters=signed("angle"),
+        tune=_tune_joint_offset,
+    ),
+)

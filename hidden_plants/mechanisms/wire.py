@@ -1,0 +1,212 @@
+"""Wires that are not what the drawing draws: elastic, grown longer, loose in the gears, hanging.
+
+Parameters and amplitudes:
+
+* tendon_elasticity: ``compliance`` [m/N], ``stiffness`` [N/m] (secant at 150 N).
+* wire_elongation: ``length`` [m], ``start`` [s of log time, episodes end to end], ``duration``
+  [s], 0 if sudden.
+* backlash: ``play`` [m], whole width.
+* slack: ``slack`` [m] at zero tension.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from math import exp
+
+from hidden_plants.machine import BIAS, CUT, STIFFNESS, Machine
+from hidden_plants.mechanisms.mechanism import (
+    Mechanism,
+    Shape,
+    Structure,
+    each_wire,
+    scaled,
+    shapes_of,
+)
+from hidden_plants.robot import Device, Robot, State
+from hidden_plants.secret import Effect
+
+SPOOL_MASS = 0.01
+"""Inertia of a motor and its spool, seen at the wire [kg]."""
+WIRE_LOSS = 60.0
+"""Damping inside an elastic wire [N s/m]."""
+TENSION_OF_STIFFNESS = 150.0
+"""The tension at which a wire's secant stiffness is stated [N]."""
+TOE_TENSION = 60.0
+"""Scale of the tension that pulls a hanging wire straight [N]."""
+TOE_TIME = 0.002
+"""How fast it hangs or straightens [s]."""
+
+
+class Spool:
+    """A motor's spool that hangs on an elastic wire; the encoder reads the spool.
+
+    The wire is one-sided and hardens: T(x) = k (0.75 x + 0.25 x^2 / x_r) with x_r the stretch at
+    150 N, where the secant stiffness is k. As it is far stiffer than the bones, the spool moves by
+    backward Euler steps: with the wire's law they are the root of a quadratic.
+    """
+
+    def __init__(self, wire: int, stiffness: float) -> None:
+        self.wire, self.slope = wire, 0.75 * stiffness
+        self.curve = 0.25 * stiffness * stiffness / TENSION_OF_STIFFNESS
+        self.free, self.place, self.speed = 0.0, float("nan"), 0.0
+
+    def read(self, state: State) -> None:
+        """The encoder sees the spool."""
+        self.free = float(state.encoder[self.wire])
+        if self.place != self.place:
+            self.place = self.free - self._stretch(float(state.motor[self.wire]))
+        state.encoder[self.wire] = self.place
+
+    def pull(self, state: State) -> None:
+        """The spool moves, and the wire instead of the motor pulls at the bone."""
+        step, rate = state.step, float(state.velocity[self.wire])
+        motor = float(state.motor[self.wire])
+        gain = STIFFNESS if BIAS * 1.001 < motor < CUT * 0.999 else 0.0
+        push = SPOOL_MASS / step * self.speed - motor
+        gap = self.free + step * rate - self.place
+        resist = SPOOL_MASS / step + WIRE_LOSS + gain * step
+        pressed = resist * gap / step - push - WIRE_LOSS * rate
+        if pressed > 0.0:
+            linear = self.slope + resist / step
+            root = (linear * linear + 4.0 * self.curve * pressed) ** 0.5
+            stretch = 2.0 * pressed / (linear + root)
+            self.speed = (gap - stretch) / step
+            tension = (self.slope + self.curve * stretch) * stretch
+            tension += WIRE_LOSS * (rate - self.speed) - gain * step * self.speed
+        else:
+            self.speed = push / (SPOOL_MASS / step + gain * step)
+            tension = 0.0
+        state.pull[self.wire] = max(0.0, tension)
+        self.place += step * self.speed
+
+    def _stretch(self, tension: float) -> float:
+        root = (self.slope * self.slope + 4.0 * self.curve * tension) ** 0.5
+        return 2.0 * tension / (self.slope + root)
+
+
+def _tune_elasticity(robot: Robot, effect: Effect) -> None:
+    for name in effect.elements:
+        _hang(robot, robot.wire(name), effect.parameters["stiffness"])
+
+
+def _hang(robot: Robot, wire: int, stiffness: float) -> None:
+    """Put the spool before all other devices of the wire: they act on what it gives."""
+    spools: list[Spool] = []
+
+    def reader() -> Device:
+        spools.append(Spool(wire, stiffness))
+        return spools[-1].read
+
+    robot.encode.insert(0, reader)
+    robot.tug.insert(0, lambda: spools[-1].pull)
+
+
+def _compliance(shape: Shape, amplitude: float) -> dict[str, float]:
+    return {**shape, "compliance": amplitude, "stiffness": 1.0 / max(amplitude, 1e-12)}
+
+
+def _elongations(machine: Machine) -> list[Structure]:
+    structures = []
+    for wire in machine.wires:
+        rng = shapes_of("wire_elongation", wire)
+        for duration in (0.0, 6.0):
+            shape = {"start": round(rng.uniform(5.0, 9.0), 3), "duration": duration}
+            structures.append(Structure("wire_elongation", (wire,), shape))
+    return structures
+
+
+def _tune_elongation(robot: Robot, effect: Effect) -> None:
+    start, duration = effect.parameters["start"], max(effect.parameters["duration"], 0.02)
+    length = effect.parameters["length"]
+
+    def device(wire: int) -> Device:
+        def act(state: State) -> None:
+            share = (state.log_time - start) / duration
+            if share > 0.0:
+                state.encoder[wire] -= length * min(share, 1.0)
+
+        return act
+
+    for name in effect.elements:
+        robot.encode.append(partial(device, robot.wire(name)))
+
+
+class Play:
+    """An encoder gear with play: its reading follows only when the play is taken up."""
+
+    def __init__(self, wire: int, play: float) -> None:
+        self.wire, self.half, self.reading = wire, 0.5 * play, float("nan")
+
+    def __call__(self, state: State) -> None:
+        """Read the wire through the gear."""
+        true = float(state.encoder[self.wire])
+        if self.reading != self.reading:
+            self.reading = true
+        self.reading = min(max(self.reading, true - self.half), true + self.half)
+        state.encoder[self.wire] = self.reading
+
+
+def _tune_backlash(robot: Robot, effect: Effect) -> None:
+    play = effect.parameters["play"]
+    for name in effect.elements:
+        robot.encode.append(partial(Play, robot.wire(name), play))
+
+
+class Toe:
+    """A wire that hangs: at low tension more of it is paid out than the path is long."""
+
+    def __init__(self, wire: int, slack: float) -> None:
+        self.wire, self.slack, self.extra = wire, slack, 0.0
+
+    def __call__(self, state: State) -> None:
+        """The encoder counts what hangs."""
+        hanging = self.slack * exp(-float(state.motor[self.wire]) / TOE_TENSION)
+        self.extra += (hanging - self.extra) * (1.0 - exp(-state.step / TOE_TIME))
+        state.encoder[self.wire] += self.extra
+
+
+def _tune_slack(robot: Robot, effect: Effect) -> None:
+    slack = effect.parameters["slack"]
+    for name in effect.elements:
+        robot.encode.append(partial(Toe, robot.wire(name), slack))
+
+
+MECHANISMS = (
+    Mechanism(
+        id="tendon_elasticity",
+        unit="m/N",
+        typical=4e-6,
+        bound=2e-4,
+        structures=each_wire("tendon_elasticity"),
+        parameters=_compliance,
+        tune=_tune_elasticity,
+    ),
+    Mechanism(
+        id="wire_elongation",
+        unit="m",
+        typical=5e-4,
+        bound=1e-2,
+        structures=_elongations,
+        parameters=scaled("length"),
+        tune=_tune_elongation,
+    ),
+    Mechanism(
+        id="backlash",
+        unit="m",
+        typical=5e-4,
+        bound=8e-3,
+        structures=each_wire("backlash"),
+        parameters=scaled("play"),
+        tune=_tune_backlash,
+    ),
+    Mechanism(
+        id="slack",
+        unit="m",
+        typical=5e-4,
+        bound=1e-2,
+        structures=each_wire("slack"),
+        parameters=scaled("slack"),
+        tune=_tune_slack,
+    ),
+)

@@ -1,0 +1,114 @@
+"""What every honest drawing is off by, and what every sensor adds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hidden_plants.machine import Machine
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Half widths of uniform mismatches; standard deviations of noise.
+
+    Attributes:
+        mass: of every body, relative [1].
+        site: of every site of a wire, each axis [m].
+        friction: of every wire, from 0 to this [N].
+        encoder_offset: of every wire [m].
+        tension_offset: of every wire's tension sensor [N].
+        damping: of every joint, relative [1].
+        gain: of every motor, relative [1].
+        camera_shift, camera_turn: of the camera's mounting, each axis [m], [rad].
+        marker_shift: of the marker on the hand, each axis [m].
+        encoder_noise, tension_noise: of one reading [m], [N].
+        marker_noise, marker_turn_noise: of one look, each axis [m], [rad].
+        jitter: half width of the sampling instant [s].
+    """
+
+    mass: float = 0.005
+    site: float = 1e-4
+    friction: float = 0.3
+    encoder_offset: float = 3e-5
+    tension_offset: float = 0.3
+    damping: float = 0.03
+    gain: float = 0.003
+    camera_shift: float = 3e-4
+    camera_turn: float = np.deg2rad(0.03)
+    marker_shift: float = 1e-4
+    encoder_noise: float = 1e-4
+    tension_noise: float = 1.0
+    marker_noise: float = 5e-4
+    marker_turn_noise: float = np.deg2rad(0.2)
+    jitter: float = 1e-3
+
+    def scaled(self, factor: float) -> Nuisance:
+        """All mismatches and noises times ``factor``, the jitter excepted."""
+        names = [field.name for field in fields(self) if field.name != "jitter"]
+        values = {name: getattr(self, name) * factor for name in names}
+        return Nuisance(**values, jitter=self.jitter)
+
+
+class Mismatch(NamedTuple):
+    """One machine's departures from its drawing; units as in `Nuisance`.
+
+    ``mass`` (bodies,), ``site`` (sites, 3), ``friction``, ``encoder_offset``, ``tension_offset``,
+    ``gain`` (wires,), ``damping`` (joints,), ``camera_shift``, ``camera_turn``, ``marker_shift``
+    (3,).
+    """
+
+    mass: Array
+    site: Array
+    friction: Array
+    encoder_offset: Array
+    tension_offset: Array
+    damping: Array
+    gain: Array
+    camera_shift: Array
+    camera_turn: Array
+    marker_shift: Array
+
+
+def _shapes(machine: Machine) -> dict[str, tuple[int, ...]]:
+    wires = (len(machine.wires),)
+    return {
+        "mass": (len(machine.bodies),),
+        "site": (len(machine.sites), 3),
+        "friction": wires,
+        "encoder_offset": wires,
+        "tension_offset": wires,
+        "damping": (len(machine.joints),),
+        "gain": wires,
+        "camera_shift": (3,),
+        "camera_turn": (3,),
+        "marker_shift": (3,),
+    }
+
+
+def size(machine: Machine) -> int:
+    """How many numbers describe a mismatch."""
+    return sum(int(np.prod(shape)) for shape in _shapes(machine).values())
+
+
+def mismatch(machine: Machine, nuisance: Nuisance, unit: Array) -> Mismatch:
+    """The mismatch at ``unit`` (`size`,), each number in [-1, 1] and 0 in the middle."""
+    parts, start = {}, 0
+    for name, shape in _shapes(machine).items():
+        count = int(np.prod(shape))
+        part = unit[start : start + count].reshape(shape)
+        if name == "friction":
+            part = 0.5 * (1.0 + part)
+        parts[name] = part * getattr(nuisance, name)
+        start += count
+    return Mismatch(**parts)
+
+
+def draw_mismatch(machine: Machine, nuisance: Nuisance, rng: np.random.Generator) -> Mismatch:
+    """A mismatch drawn uniformly."""
+    return mismatch(machine, nuisance, rng.uniform(-1.0, 1.0, size(machine)))

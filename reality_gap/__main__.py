@@ -1,0 +1,186 @@
+"""`python -m reality_gap diagnose|check|init`: what a simulation gets wrong, from measured data."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from reality_gap.errors import RealityGapError, StudyError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from reality_gap.diagnosis import Diagnosis
+
+
+@dataclass(frozen=True)
+class Diagnose:
+    """Find out what a study's model gets wrong; writes verdict.json, extended.xml, report.html."""
+
+    study: tyro.conf.Positional[Path]
+    """STUDY.yaml: model, logs, and which column is what."""
+    out: Path
+    """Folder to write to; made whole or not at all."""
+    jobs: int = os.cpu_count() or 1
+    """Number of processes."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Say in sentences what is wrong with a study, before anything is computed."""
+
+    study: tyro.conf.Positional[Path]
+    """STUDY.yaml: model, logs, and which column is what."""
+
+
+@dataclass(frozen=True)
+class Init:
+    """Write a study to edit, with columns guessed by their names."""
+
+    model: tyro.conf.Positional[Path]
+    """MJCF file of the machine."""
+    logs: tyro.conf.Positional[tuple[Path, ...]]
+    """CSV or Parquet files, one or more."""
+    out: Path = Path("STUDY.yaml")
+    """Where to write; the model and the logs must lie in its folder or below."""
+
+
+Command = (
+    Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
+    | Annotated[Check, tyro.conf.subcommand("check")]
+    | Annotated[Init, tyro.conf.subcommand("init")]
+)
+
+
+def diagnose(command: Diagnose, console: Console) -> None:
+    """Diagnose a study, write what was found, and print the verdict."""
+    from rich.progress import Progress
+
+    from reality_gap.checking import check_study
+    from reality_gap.diagnosing import diagnose as find
+    from reality_gap.output import check_out, write_diagnosis
+    from reality_gap.reading import load_study
+
+    if command.jobs < 1:
+        raise StudyError(f"--jobs is a number of processes, 1 or more, not {command.jobs}")
+    check_out(command.out)
+    study = load_study(command.study)
+    for sentence in check_study(study):
+        console.print(f"note: {sentence}", markup=False, highlight=False)
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("reading", total=1.0)
+        diagnosis = find(
+            study,
+            jobs=command.jobs,
+            progress=lambda share, what: bar.update(task, completed=share, description=what),
+        )
+    write_diagnosis(diagnosis, study, command.out)
+    _show(diagnosis, console)
+    console.print(f"See {command.out / 'report.html'}", markup=False, highlight=False)
+
+
+def check(command: Check, console: Console) -> None:
+    """Print what is wrong with a study, or that nothing is."""
+    from reality_gap.checking import check_study, summary, unjudged
+    from reality_gap.reading import load_study
+
+    study = load_study(command.study)
+    sentences = check_study(study)
+    lines = list(sentences)
+    if not sentences:
+        lines.append(f"nothing wrong with this study: {summary(study)}")
+    missing = unjudged(study)
+    if missing:
+        lines.append(
+            "cannot be judged, as neither model nor log has what they act on: " + ", ".join(missing)
+        )
+    for line in lines:
+        console.print(line, markup=False, highlight=False)
+
+
+def init(command: Init, console: Console) -> None:
+    """Write a draft of a study, never over a file that exists."""
+    from reality_gap.drafting import draft_study
+
+    out = command.out
+    if out.exists():
+        raise StudyError(f"{out} exists and is left alone; give another --out")
+    if not out.parent.is_dir():
+        raise StudyError(f"there is no folder {out.parent} to write {out.name} to")
+    text = draft_study(command.model, command.logs, out.parent)
+    beside = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.rename(out)
+    finally:
+        beside.unlink(missing_ok=True)
+    console.print(
+        f"wrote {out}; edit it, then: python -m reality_gap check {out}",
+        markup=False,
+        highlight=False,
+    )
+
+
+def _show(diagnosis: Diagnosis, console: Console) -> None:
+    """The verdict, and its causes as a table."""
+    from rich.table import Table
+
+    from reality_gap.display import number, percent, shown
+
+    console.print(diagnosis.sentence, markup=False, highlight=False)
+    if not diagnosis.causes:
+        return
+    table = Table("cause", "where", "parameters (95 % interval)", "confidence", "or else")
+    for cause in diagnosis.causes:
+        parameters = []
+        for name, estimate in cause.parameters.items():
+            factor, unit = shown(estimate.unit, estimate.value)
+            value, low, high = (
+                number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
+            )
+            parameters.append(f"{name} {value} {unit} ({low} to {high})".replace("  ", " "))
+        table.add_row(
+            cause.suspect.cause.title,
+            str(cause.suspect.place),
+            "\n".join(parameters),
+            percent(cause.confidence),
+            ", ".join(cause.equivalent),
+        )
+    console.print(table, markup=False)
+
+
+def main(arguments: list[str]) -> int:
+    """Run one of the commands; returns the exit code, 2 with one sentence for a wrong study."""
+    # One thread for sums: the same seed gives the same bits. Numpy reads it when imported.
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[variable] = "1"
+    command = tyro.cli(
+        Command,
+        args=arguments,
+        prog="python -m reality_gap",
+        description=__doc__,
+    )
+    from rich.console import Console
+
+    console = Console(soft_wrap=True)
+    try:
+        match command:
+            case Diagnose():
+                diagnose(command, console)
+            case Check():
+                check(command, console)
+            case Init():
+                init(command, console)
+    except (RealityGapError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,56 @@
+"""A point of a wire's path that is not where the drawing has it.
+
+The shift is in the axes in which the drawing gives the point's position, so that it adds to the
+numbers of the file. What counts is the length over the postures, not the three numbers.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.causes import zeroing
+from reality_gap.system import System
+
+EVERY = "every wire"
+AXES = ("x", "y", "z")
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    sites = tuple(dict.fromkeys(site for wire in system.wires for site in wire.sites))
+    every = (Place("model", sites, EVERY),) if len(sites) > 1 else ()
+    return tuple(Place("site", (site,)) for site in sites) + every
+
+
+def _name(place: Place, site: str, axis: str) -> str:
+    return f"{site}.{axis}" if place.note == EVERY else axis
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(_name(place, site, axis), "m", 0.002, 0.00008, -0.03, 0.03)
+        for site in place.elements
+        for axis in AXES
+    )
+
+
+def _geometry(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    for name in place.elements:
+        site = spec.site(name)
+        shift = np.array([values[_name(place, name, axis)] for axis in AXES])
+        site.pos = site.pos + shift
+        site.fromto = site.fromto + np.tile(shift, 2)  # not a number unless the file has it
+
+
+CAUSE = Cause(
+    id="attachment_shift",
+    title="displaced attachment",
+    explanation="A point of a wire's path is elsewhere on its body, so that its lever arms differ.",
+    places=_places,
+    parameters=_parameters,
+    edit=partial(zeroing.edit, _geometry),
+    attach=partial(zeroing.attach, _geometry),
+)

@@ -1,0 +1,45 @@
+"""A camera whose focal length is not what was used to find poses in its pictures.
+
+A marker of known size looks larger by as much, and is found nearer or farther; where it is in the
+picture, times that distance over the focal length, stays. So depth alone is wrong, by a factor.
+MuJoCo's cameras look along -z.
+"""
+
+from __future__ import annotations
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes import poses
+from reality_gap.system import System
+
+DEPTH = 2
+"""Component of a position in a camera's frame."""
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    return poses.cameras(system, poses.position_sensors(system))
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return (Parameter("scale", "1", 0.02, 0.0005, -0.5, 1.0),)
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    sensors = [
+        s for s in poses.position_sensors(system) if poses.seen_from(system, s) == place.elements[0]
+    ]
+
+    def stretch(record: Record) -> None:
+        for sensor in sensors:
+            record.sensors[:, record.column(sensor, DEPTH)] *= 1.0 + values["scale"]
+
+    effects.senses.append(stretch)
+
+
+CAUSE = Cause(
+    id="camera_focal",
+    title="wrong focal length",
+    explanation="The camera's focal length differs, so that all depths are wrong by one factor.",
+    places=_places,
+    parameters=_parameters,
+    attach=_attach,
+)

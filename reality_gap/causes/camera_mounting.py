@@ -1,0 +1,36 @@
+"""A camera that is not mounted where the drawing has it: moved and turned in its own axes."""
+
+from __future__ import annotations
+
+import mujoco
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.causes import poses
+from reality_gap.system import System
+
+SHIFT = Parameter("shift", "m", 0.005, 0.0003, -0.2, 0.2)
+TURN = Parameter("turn", "rad", 0.02, 0.0005, -0.6, 0.6)
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    return poses.cameras(system, poses.position_sensors(system) + poses.orientation_sensors(system))
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return poses.motion(SHIFT, TURN)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    drawn = system.model.camera(place.elements[0])
+    camera = spec.camera(place.elements[0])
+    poses.put(camera, *poses.moved(drawn.pos, drawn.quat, values))
+
+
+CAUSE = Cause(
+    id="camera_mounting",
+    title="displaced camera",
+    explanation="The camera looks from elsewhere, or elsewhere, so that all that it sees is moved.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+)

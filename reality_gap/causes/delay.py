@@ -1,0 +1,86 @@
+"""Commands that act late, or sensors that are read late, by a constant time.
+
+MuJoCo delays commands by a time step at least. Shorter delays are an effect on the commands, which
+meets MuJoCo's delay at one step, so that the replay is continuous down to none. Sensors of one
+kind share their bus, and so their delay; it shifts the record instead of the readings in MuJoCo's
+buffer, for the record is what other causes edit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes import places
+from reality_gap.system import System
+
+Array = NDArray[np.float64]
+
+LINEAR = 1
+"""MuJoCo's number for linear interpolation in a history."""
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    model = system.model
+    kinds = dict.fromkeys(int(model.sensor(name).type[0]) for name in system.sensed)
+    groups = [
+        tuple(name for name in system.sensed if int(model.sensor(name).type[0]) == kind)
+        for kind in kinds
+    ]
+    actuators = places.each_actuator(system) + places.all_actuators(system)
+    return actuators + tuple(Place("sensor", group) for group in groups)
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return (Parameter("delay", "s", 0.01, 0.0002, 0.0, 0.3),)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    step = spec.option.timestep
+    if place.kind != "actuator" or values["delay"] < step:
+        return
+    for name in place.elements:
+        actuator = spec.actuator(name)
+        actuator.delay += values["delay"]
+        actuator.nsample = math.ceil(actuator.delay / step) + 1
+        actuator.interp = LINEAR
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    delay = values["delay"]
+    if place.kind == "sensor":
+        effects.senses.append(lambda record: _late(record, place.elements, delay))
+        return
+
+    def command(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+        columns = [model.actuator(name).id for name in place.elements]
+        command = command.copy()
+        change = np.diff(command[:, columns], axis=0)
+        command[1:, columns] -= change * delay / model.opt.timestep
+        return command
+
+    if delay < system.model.opt.timestep:
+        effects.commands.append(command)
+
+
+def _late(record: Record, sensors: tuple[str, ...], delay: float) -> None:
+    for name in sensors:
+        for i in range(int(record.model.sensor(name).dim[0])):
+            column = record.column(name, i)
+            values = record.sensors[:, column]
+            record.sensors[:, column] = np.interp(record.time - delay, record.time, values)
+
+
+CAUSE = Cause(
+    id="delay",
+    title="delay",
+    explanation="Commands act late, or sensors are read late, by a constant time.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+    attach=_attach,
+)

@@ -1,0 +1,63 @@
+"""A constant force that an actuator gives besides, or that acts on a joint whose effort is known.
+
+An actuator's limits move with it. A joint on which no actuator is replayed has no constant force in
+MuJoCo, so that a hook applies it there; it is forward where it is positive.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Values
+from reality_gap.causes import actuators, places, sizes
+from reality_gap.system import System
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    if system.study.inverse:
+        return places.each_joint(system)
+    return places.each_actuator(system, actuators.linear)
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    if place.kind == "actuator":
+        unit, size = sizes.actuator_force(system, place)
+    else:
+        unit, size = sizes.joint_force(system, place)
+    return (Parameter("force", unit, 0.05 * size, 0.003 * size, -2.0 * size, 2.0 * size),)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    if place.kind != "actuator" or not values["force"]:
+        return
+    for name in place.elements:
+        actuator = spec.actuator(name)
+        if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
+            actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+            actuator.biasprm[:] = 0.0
+        actuator.biasprm[0] += values["force"]
+        if np.any(actuator.forcerange):
+            actuator.forcerange += values["force"]
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    if place.kind != "joint":
+        return
+    dof = int(system.model.joint(place.elements[0]).dofadr[0])
+
+    def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qfrc_applied[dof] += values["force"]
+
+    effects.act(lambda model: push)
+
+
+CAUSE = Cause(
+    id="force_offset",
+    title="force offset",
+    explanation="A constant force acts besides the commanded one.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+    attach=_attach,
+)

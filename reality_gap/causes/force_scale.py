@@ -1,0 +1,36 @@
+"""An actuator that gives more or less force than it should, always in the same proportion."""
+
+from __future__ import annotations
+
+import mujoco
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.causes import actuators, places
+from reality_gap.system import System
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    found = places.each_actuator(system, actuators.linear)
+    return found + places.all_actuators(system, actuators.linear)
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return (Parameter("excess", "1", 0.05, 0.002, -0.9, 2.0),)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    for name in place.elements:
+        actuator = spec.actuator(name)
+        actuator.gainprm[:3] *= 1 + values["excess"]
+        actuator.biasprm[:3] *= 1 + values["excess"]
+        actuator.forcerange *= 1 + values["excess"]
+
+
+CAUSE = Cause(
+    id="force_scale",
+    title="force scale",
+    explanation="An actuator gives more or less force than it should, in a constant proportion.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+)

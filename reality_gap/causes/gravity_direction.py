@@ -1,0 +1,45 @@
+"""A machine that was set up at a tilt."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.system import System
+
+AXES = ("x", "y", "z")
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    heavy = bool(system.bodies) and bool(np.any(system.model.opt.gravity))
+    return (Place("model", ("gravity",)),) if heavy else ()
+
+
+def _axes(system: System) -> list[int]:
+    """The two axes of the world that gravity is farthest from."""
+    return sorted(np.argsort(np.abs(system.model.opt.gravity), kind="stable")[:2].tolist())
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(f"about_{AXES[i]}", "rad", 0.05, 0.001, -0.8, 0.8) for i in _axes(system)
+    )
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    turn = np.zeros(3)
+    for i in _axes(system):
+        turn[i] = values[f"about_{AXES[i]}"]
+    spec.option.gravity = Rotation.from_rotvec(turn).apply(spec.option.gravity)
+
+
+CAUSE = Cause(
+    id="gravity_direction",
+    title="tilted base",
+    explanation="Gravity points elsewhere, as when the machine stands at a tilt.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+)

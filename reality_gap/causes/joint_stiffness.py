@@ -1,0 +1,51 @@
+"""A spring in a joint, as of a cover, a cable loom or a stiff seal."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.causes import places, sizes
+from reality_gap.system import System
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    return places.each_joint(system)
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    model, joint = system.model, system.model.joint(place.elements[0])
+    force, size = sizes.joint_force(system, place)
+    unit, travel = sizes.joint_travel(system, place)
+    low, high = (float(end) for end in joint.range) if joint.limited[0] else (-travel, travel)
+    zero = float(model.qpos0[joint.qposadr[0]])
+    starts = tuple(dict.fromkeys((0.5 * (low + high), zero)))
+    stiff = size / travel
+    return (
+        Parameter("stiffness", f"{force}/{unit}", 0.05 * stiff, 0.001 * stiff, 0.0, 5.0 * stiff),
+        Parameter("rest", unit, 0.1 * travel, 0.0, low - travel, high + travel, starts[0], starts),
+    )
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    """Two springs are one, between their rests."""
+    added = values["stiffness"]
+    if not added:
+        return
+    joint = spec.joint(place.elements[0])
+    hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
+    rest = np.rad2deg(values["rest"]) if hinge and spec.compiler.degree else values["rest"]
+    old = float(joint.stiffness[0])
+    joint.springref = (old * joint.springref + added * rest) / (old + added)
+    joint.stiffness[0] = old + added
+
+
+CAUSE = Cause(
+    id="joint_stiffness",
+    title="spring in a joint",
+    explanation="A spring pulls a joint towards a rest position.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+)

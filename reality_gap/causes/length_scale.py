@@ -1,0 +1,50 @@
+"""An encoder of a wire that counts metres too long or too short, as with a wrong spool radius.
+
+It reads ``l0 + (1 + scale) (l - l0)``, where ``l0`` is the length at which encoders are zeroed:
+that in the model's ``qpos0``.
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes import encoders, places, servos
+from reality_gap.system import System
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    found = places.each_wire(system) + places.all_wires(system)
+    return tuple(p for p in found if all(map(encoders.matters, encoders.encoders(system, p))))
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return (Parameter("scale", "1", 0.02, 0.0005, -0.5, 0.5),)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    for wire in (system.wire(name) for name in place.elements):
+        if wire.servo:
+            servos.misread(spec, wire.actuator, 0.0, values["scale"], wire.length0)
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    chosen = encoders.encoders(system, place)
+
+    def stretch(record: Record) -> None:
+        for encoder in chosen:
+            travel = encoders.recorded(record, encoder) - system.wire(encoder.element).length0
+            encoders.add_to_reading(record, encoder, values["scale"] * travel)
+
+    effects.senses.append(stretch)
+
+
+CAUSE = Cause(
+    id="length_scale",
+    title="wrong scale of a length",
+    explanation="An encoder counts more or less than the wire moves, as with a wrong spool radius.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+    attach=_attach,
+)

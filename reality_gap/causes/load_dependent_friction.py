@@ -1,0 +1,119 @@
+"""Friction of a wire that grows with its tension, with and without its wrap angle.
+
+In its guides a wire loses ``mu T``. Over what it bends around, capstan's law: pulled against its
+motor by ``T (exp(mu phi) - 1)``, let go by ``T (1 - exp(-mu phi))``, phi being all its bends
+together. Nothing in MuJoCo depends on a tension, so that a hook writes the tendon's frictionloss.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
+from reality_gap.causes import places
+from reality_gap.causes.coulomb_friction import SOLIMP, SOLREF
+from reality_gap.causes.extra import Extra
+from reality_gap.system import System
+
+Array = NDArray[np.float64]
+
+CAPSTAN = "capstan"
+
+PERIOD = 0.006
+"""Time between changes of the friction [s]."""
+
+ANGLE_PERIOD = 0.01
+"""How often bends are measured [s]; they change as slowly as the posture."""
+
+CREEP = 1e-3
+"""Velocity at which the direction of a wire's motion counts as clear [m/s]."""
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    straight = places.each_wire(system) + places.all_wires(system)
+    bent = {w.tendon for w in system.wires if _bends(system.model, w.tendon)}
+    capstan = [Place(p.kind, p.elements, CAPSTAN) for p in straight if bent & set(p.elements)]
+    return straight + tuple(capstan)
+
+
+def _bends(model: mujoco.MjModel, tendon: str) -> bool:
+    """Whether the path of a spatial tendon has more than two points."""
+    here = model.tendon(tendon).id
+    start, count = int(model.tendon_adr[here]), int(model.tendon_num[here])
+    joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
+    return count > 2 and int(model.wrap_type[start]) != joint
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    scale = 0.1 if place.note == CAPSTAN else 0.05
+    return (Parameter("coefficient", "1", scale, 0.02 * scale, 0.0, 1.0),)
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    names = tuple(system.wire(name).actuator for name in place.elements)
+
+    def make(model: mujoco.MjModel) -> Hook:
+        tendons = np.array([model.tendon(name).id for name in place.elements])
+        actuators = np.array([model.actuator(name).id for name in names])
+        friction = Extra(model.tendon_frictionloss, tendons)
+        model.tendon_solref_fri[tendons], model.tendon_solimp_fri[tendons] = SOLREF, SOLIMP
+        gear = model.actuator_gear[actuators, 0]
+        bends = _Bends(tendons) if place.note == CAPSTAN else None
+        mu = values["coefficient"]
+
+        def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            tension = np.maximum(-gear * data.actuator_force[actuators], 0.0)
+            if bends is None:
+                friction.write(mu * tension)
+                return
+            angle = mu * bends.angle(data)
+            outward = np.tanh(data.ten_velocity[tendons] / CREEP)
+            friction.write(tension * (np.sinh(angle) + outward * (np.cosh(angle) - 1)))
+
+        return hook
+
+    effects.act(make, period=PERIOD)
+
+
+class _Bends:
+    """The bends of wires, measured now and then."""
+
+    def __init__(self, tendons: Array) -> None:
+        self._tendons = tendons
+        self._time = -np.inf
+        self._angle = np.zeros(len(tendons))
+
+    def angle(self, data: mujoco.MjData) -> Array:
+        """Sum of the bends of each wire (n,) [rad]."""
+        if data.time > self._time + ANGLE_PERIOD - 1e-6:
+            self._time = data.time
+            self._angle = np.array([total_bend(data, int(i)) for i in self._tendons])
+        return self._angle
+
+
+def total_bend(data: mujoco.MjData, tendon: int) -> float:
+    """Sum of the angles between the straight pieces of a tendon's path [rad].
+
+    Between the two points where it touches a geom, the chord bends by half the angle of wrap at
+    either end, so that the sum is the angle of wrap.
+    """
+    start, count = int(data.ten_wrapadr[tendon]), int(data.ten_wrapnum[tendon])
+    points = data.wrap_xpos.reshape(-1, 3)[start : start + count]
+    pieces = np.diff(points, axis=0)
+    pulley = data.wrap_obj.reshape(-1)[start : start + count] == -2
+    usable = (np.linalg.norm(pieces, axis=1) > 1e-9) & ~pulley[1:] & ~pulley[:-1]
+    units = pieces[usable] / np.linalg.norm(pieces[usable], axis=1, keepdims=True)
+    cosines = np.sum(units[1:] * units[:-1], axis=1)
+    return float(np.sum(np.arccos(np.clip(cosines, -1.0, 1.0))))
+
+
+CAUSE = Cause(
+    id="load_dependent_friction",
+    title="friction that grows with tension",
+    explanation="A wire's friction grows with its tension, in its guides or around its bends.",
+    places=_places,
+    parameters=_parameters,
+    attach=_attach,
+)

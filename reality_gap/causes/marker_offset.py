@@ -1,0 +1,63 @@
+"""A marker that is not fixed where the drawing has it: moved and turned in its own axes.
+
+A marker is what a measured position or orientation is of: a site, or a body's own frame.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.causes import poses
+from reality_gap.system import System
+
+SHIFT = Parameter("shift", "m", 0.003, 0.0001, -0.1, 0.1)
+TURN = Parameter("turn", "rad", 0.03, 0.0005, -0.6, 0.6)
+
+_OBJ = mujoco.mjtObj
+_KINDS = {int(_OBJ.mjOBJ_SITE): "site", int(_OBJ.mjOBJ_XBODY): "body"}
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    sensors = poses.position_sensors(system) + poses.orientation_sensors(system)
+    found = (_marker(system, sensor) for sensor in sensors)
+    return tuple(dict.fromkeys(place for place in found if place is not None))
+
+
+def _marker(system: System, sensor: str) -> Place | None:
+    reads = system.model.sensor(sensor)
+    kind = _KINDS.get(int(reads.objtype[0]))
+    if kind is None:
+        return None
+    index = int(reads.objid[0])
+    thing = system.model.site(index) if kind == "site" else system.model.body(index)
+    return Place(kind, (thing.name,)) if thing.name else None
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    turned = any(_marker(system, s) == place for s in poses.orientation_sensors(system))
+    return poses.motion(SHIFT, TURN if turned else None)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    name = place.elements[0]
+    if place.kind == "site":
+        drawn = system.model.site(name)
+        poses.put(spec.site(name), *poses.moved(drawn.pos, drawn.quat, values))
+        return
+    pos, quat = poses.moved(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), values)
+    marker = spec.body(name).add_site(name=f"marker_of_{name}", pos=pos, quat=quat)
+    for sensor in spec.sensors:
+        if sensor.objtype == _OBJ.mjOBJ_XBODY and sensor.objname == name:
+            sensor.objtype, sensor.objname = _OBJ.mjOBJ_SITE, marker.name
+
+
+CAUSE = Cause(
+    id="marker_offset",
+    title="displaced marker",
+    explanation="A marker is fixed elsewhere on its body, so that another point is measured.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+)

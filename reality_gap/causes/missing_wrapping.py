@@ -1,0 +1,82 @@
+"""A wire that is drawn straight where it runs over something round.
+
+The round thing is a cylinder about a joint's axis, as a pulley or condyle, or has the axis or the
+centre of a bone. The wire passes it on the side where it is drawn, held there by a side site. The
+null radius is the one at which it touches the straight wire somewhere in the joints' ranges:
+smaller ones do nothing.
+
+MuJoCo wraps no tendon that has an armature. That of the wire, its motor's inertia, then goes to
+the joints that it pulls, by its lever arms in the middle of their ranges.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import mujoco
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.causes import kinematics, obstacles, paths, zeroing
+from reality_gap.causes.obstacles import Obstacle
+from reality_gap.system import System
+
+SHAPES = {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "sphere": mujoco.mjtGeom.mjGEOM_SPHERE}
+SIDE = 1.5
+"""How far out the side site lies [radii]."""
+LENGTH = 0.01
+"""Half of a cylinder's, as drawn; for wires it is endless [m]."""
+
+
+def _place(obstacle: Obstacle) -> Place:
+    start, end = obstacle.between
+    over = f"{obstacle.over.kind} {obstacle.over.name}"
+    return Place("tendon", (obstacle.tendon,), f"from {start} to {end} over {over}")
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    return tuple(_place(obstacle) for obstacle in obstacles.obstacles(system))
+
+
+def _obstacle(system: System, place: Place) -> Obstacle:
+    return next(o for o in obstacles.obstacles(system) if _place(o) == place)
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    it = _obstacle(system, place)
+    step = it.typical - it.touching
+    return (Parameter("radius", "m", step, 0.0, it.touching, it.largest, null=it.touching),)
+
+
+def _geometry(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    it, radius = _obstacle(system, place), values["radius"]
+    if radius <= it.touching:
+        return
+    over = it.over
+    element = spec.joint(over.name) if over.kind == "joint" else spec.geom(over.name)
+    body, name = element.parent, f"{it.tendon}_over_{over.name}_from_{it.between[0]}"
+    geom = body.add_geom(
+        name=name, type=SHAPES[over.shape], pos=over.pos, quat=over.quat, size=[radius, LENGTH, 0.0]
+    )
+    geom.mass, geom.contype, geom.conaffinity, geom.group = 0.0, 0, 0, 4
+    side = body.add_site(name=f"{name}_side", pos=over.pos + SIDE * radius * it.side, group=4)
+    _free_of_armature(spec, system, it.tendon)
+    paths.go_round(spec, it.tendon, it.between, geom.name, side.name)
+
+
+def _free_of_armature(spec: mujoco.MjSpec, system: System, tendon: str) -> None:
+    inertia = spec.tendon(tendon).armature
+    if inertia > 0:
+        spec.tendon(tendon).armature = 0.0
+        for joint, arm in kinematics.lever_arms(system, tendon).items():
+            spec.joint(joint).armature += inertia * arm**2
+
+
+CAUSE = Cause(
+    id="missing_wrapping",
+    title="missing wrapping",
+    explanation="A wire that is drawn straight runs over something, and keeps its lever arm there.",
+    places=_places,
+    parameters=_parameters,
+    edit=partial(zeroing.edit, _geometry),
+    attach=partial(zeroing.attach, _geometry),
+)

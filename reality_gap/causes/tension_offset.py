@@ -1,0 +1,35 @@
+"""A tension sensor that reads a constant too much pull."""
+
+from __future__ import annotations
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes import places
+from reality_gap.system import System
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    return places.each_wire(system, sensed="tension")
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return (Parameter("offset", "N", 5.0, 0.3, -200.0, 200.0),)
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    signs = places.tension_signs(system, place)
+
+    def shift(record: Record) -> None:
+        for sensor, sign in signs.items():
+            record.sensors[:, record.column(sensor)] += sign * values["offset"]
+
+    effects.senses.append(shift)
+
+
+CAUSE = Cause(
+    id="tension_offset",
+    title="tension offset",
+    explanation="A tension sensor reads more or less pull than there is, always by as much.",
+    places=_places,
+    parameters=_parameters,
+    attach=_attach,
+)

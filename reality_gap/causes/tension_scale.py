@@ -1,0 +1,35 @@
+"""A tension sensor that reads its tension times a factor."""
+
+from __future__ import annotations
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes import places
+from reality_gap.system import System
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    return places.each_wire(system, sensed="tension") + places.all_wires(system, sensed="tension")
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return (Parameter("scale", "1", 0.05, 0.002, -0.9, 2.0),)
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    sensors = tuple(places.tension_signs(system, place))
+
+    def stretch(record: Record) -> None:
+        for sensor in sensors:
+            record.sensors[:, record.column(sensor)] *= 1.0 + values["scale"]
+
+    effects.senses.append(stretch)
+
+
+CAUSE = Cause(
+    id="tension_scale",
+    title="wrong scale of a tension",
+    explanation="A tension sensor reads more or less than there is, in proportion to the tension.",
+    places=_places,
+    parameters=_parameters,
+    attach=_attach,
+)

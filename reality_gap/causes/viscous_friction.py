@@ -1,0 +1,36 @@
+"""Viscous friction of a wire or joint."""
+
+from __future__ import annotations
+
+import mujoco
+
+from reality_gap.cause import Cause, Parameter, Place, Values
+from reality_gap.causes import places, sizes
+from reality_gap.system import System
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    return places.each_wire(system) + places.all_wires(system) + places.each_joint(system)
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    if place.kind == "tendon":
+        return (Parameter("damping", "N s/m", 20.0, 1.5, 0.0, 5000.0),)
+    unit, size = sizes.joint_damping(system, place)
+    return (Parameter("damping", unit, 0.02 * size, 0.0015 * size, 0.0, 2.0 * size),)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    for name in place.elements:
+        element = spec.tendon(name) if place.kind == "tendon" else spec.joint(name)
+        element.damping[0] += values["damping"]
+
+
+CAUSE = Cause(
+    id="viscous_friction",
+    title="viscous friction",
+    explanation="A force in proportion to the velocity opposes the motion.",
+    places=_places,
+    parameters=_parameters,
+    edit=_edit,
+)

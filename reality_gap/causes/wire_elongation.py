@@ -1,0 +1,80 @@
+"""A wire that gets longer for good, at once or slowly.
+
+Its encoder does not see it: it reads less than the path by what the wire has given. The time
+counts over all episodes laid end to end, for a wire that gave stays longer.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes import encoders, places, sizes
+from reality_gap.system import System
+
+Array = NDArray[np.float64]
+
+RISE = 0.015
+"""Time constant of a sudden elongation [s]; nine tenths of it happen within three of them."""
+
+STARTS = 8
+"""Onsets to start a fit from: the misfit falls steadily towards the true onset from afar."""
+
+SLOWLY = "slowly"
+
+
+def _places(system: System) -> tuple[Place, ...]:
+    each = [p for p in places.each_wire(system) if encoders.matters(*encoders.encoders(system, p))]
+    return tuple(each) + tuple(Place(p.kind, p.elements, SLOWLY) for p in each)
+
+
+def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    total = sizes.study_duration(system)
+    if place.note == SLOWLY:
+        return (Parameter("rate", "m/s", 0.001 / total, 3e-5 / total, -0.02 / total, 0.05 / total),)
+    starts = tuple(total * (i + 0.5) / STARTS for i in range(STARTS))
+    return (
+        Parameter("elongation", "m", 0.001, 0.0, -0.02, 0.05),
+        Parameter("time", "s", 0.1, 0.0, 0.0, total, null=starts[0], starts=starts),
+    )
+
+
+def _elongation(place: Place, values: Values, time: Array) -> Array:
+    """By how much the wire has become longer (k,) [m]."""
+    if place.note == SLOWLY:
+        return values["rate"] * time
+    return values["elongation"] * 0.5 * (1 + np.tanh((time - values["time"]) / RISE))
+
+
+def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    chosen = encoders.encoders(system, place)
+
+    def command(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+        """A target that is longer is the same force as a reading that is shorter."""
+        command = command.copy()
+        for encoder in chosen:
+            if encoder.actuator:
+                i = model.actuator(encoder.actuator).id
+                ratio = model.actuator_biasprm[i, 1] * model.actuator_gear[i, 0]
+                ratio /= -model.actuator_gainprm[i, 0]
+                command[:, i] += ratio * _elongation(place, values, time)
+        return command
+
+    def sense(record: Record) -> None:
+        for encoder in chosen:
+            encoders.add_to_reading(record, encoder, -_elongation(place, values, record.time))
+
+    effects.commands.append(command)
+    effects.senses.append(sense)
+
+
+CAUSE = Cause(
+    id="wire_elongation",
+    title="permanent elongation of a wire",
+    explanation="A wire becomes longer for good, at once or slowly, and its encoder cannot see it.",
+    places=_places,
+    parameters=_parameters,
+    attach=_attach,
+)

@@ -1,0 +1,244 @@
+"""The diagnosis: look at every suspect, search for the causes, weigh what remains, and say so."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Cause
+from reality_gap.causes import CATALOGUE
+from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict
+from reality_gap.equivalence import Alternatives, alternatives
+from reality_gap.gain import score
+from reality_gap.intervals import intervals
+from reality_gap.next_experiment import next_experiment
+from reality_gap.plant import Suspect, build
+from reality_gap.remainder import Remainder, examine
+from reality_gap.screening import Sensitivity, screen, suspects, tolerances
+from reality_gap.search import Search, Settings, predictive, same, search
+from reality_gap.sentences import sentence
+from reality_gap.splits import REPORT, split
+from reality_gap.study import Study
+from reality_gap.traces import traces
+from reality_gap.whole_machine import BETTER, explain, of_groups, power
+from reality_gap.workbench import Workbench
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+Watch = Callable[[Workbench, Array, Sequence[Sensitivity]], None]
+"""Sees the replays, the residual of the study's model (n,), and all sensitivities."""
+
+
+FEW_WIRES = 20
+"""With more, the search for single causes takes hours."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to diagnose.
+
+    Attributes:
+        search: thresholds for causes.
+        unexplained: share of what could be learned of the gap that may remain, at most.
+        certain: what a learner must find in the remainder to call it unexplained [nats].
+        better: by how much a learner must beat the causes without them [nats].
+        visible: change of the readings by three typical faults, in noise, that can be judged.
+        suggest: whether to look for the next experiment.
+        many: residual, in noise, from which on groups are fitted before anything else is tried.
+        large: the same where the best of all other causes leaves it.
+        search_after_groups: whether to search for single causes, too, where groups explain the
+            log; None: where the machine has no more than 20 wires.
+    """
+
+    search: Settings = field(default_factory=Settings)
+    unexplained: float = 0.15
+    certain: float = 12.0
+    better: float = 6.0
+    visible: float = 3.0
+    suggest: bool = True
+    many: float = 20.0
+    large: float = 5.0
+    search_after_groups: bool | None = None
+
+
+def diagnose(
+    study: Study,
+    jobs: int = 1,
+    progress: Progress = lambda share, what: None,
+    causes: Sequence[Cause] | None = None,
+    options: Options | None = None,
+    watch: Watch = lambda bench, null, found: None,
+) -> Diagnosis:
+    """Find out what a study's model gets wrong.
+
+    Args:
+        study: model and measurements; see `reality_gap.load_study`.
+        jobs: number of processes.
+        progress: called with the share done, 0 to 1, and what is being done.
+        causes: the catalogue by default.
+        options: thresholds.
+        watch: called once all suspects were looked at; for whoever compares.
+
+    Returns:
+        Diagnosis: verdict, causes, evidence and the extended model.
+    """
+    begin = time.monotonic()
+    options = Options() if options is None else options
+    with Workbench(study, jobs) as bench:
+        progress(0.0, "replaying the model")
+        null = bench.residual([])
+        catalogue = list(causes or CATALOGUE.values())
+        whole = explain(bench, catalogue, null, options.many, lambda what: progress(0.01, what))
+        if whole is not None and not _search_too(bench, options):
+            return of_groups(bench, whole, null, begin)
+        chosen = suspects(bench.system, catalogue)
+        progress(0.02, f"looking at {len(chosen)} suspects")
+        found = screen(bench, chosen, [], null)
+        watch(bench, null, found)
+        judged, not_judged = _judge(chosen, found, options)
+        progress(0.6, "fitting the likeliest")
+        allowed = tolerances(bench, found)
+        result = search(bench, judged, null, allowed, options.search)
+        progress(0.85, "weighing what remains")
+        best = result.best
+        after = null if best is None else best.residual
+        if power(bench.measured, null) < options.many**2:
+            whole = explain(
+                bench, catalogue, after, options.large, lambda what: progress(0.85, what)
+            )
+        rest = power(bench.measured, after)
+        if whole is not None and rest > max(options.large**2, whole.power / BETTER):
+            return of_groups(bench, whole, null, begin)
+        stands = [] if best is None else best.hypothesis
+        left = examine(bench, result.ruler, stands, after, null)
+        verdict = _verdict(result, left, options)
+        rivals = alternatives(bench, judged, result, options.search)
+        named = _name(bench, result, rivals) if verdict is Verdict.NAMED else ()
+        scored = score(bench.system.study, bench.measured, null, after)
+        progress(0.95, "choosing the next experiment")
+        advice = next_experiment(bench.system, rivals) if options.suggest else None
+        plant = build(bench.system, [] if best is None else list(best.hypothesis))
+        attached = () if best is None else tuple(s for s in best.suspects if s.cause.attach)
+        diagnosis = Diagnosis(
+            study=study.name,
+            verdict=verdict,
+            sentence="",
+            causes=named,
+            rivals=_rivals(result, rivals, null),
+            rms_before=scored.before,
+            rms_after=scored.after,
+            noise_floor=scored.floor,
+            gain=scored.gain,
+            unexplained_fraction=scored.unexplained,
+            explainable_fraction=_explainable(null, after, left, bench),
+            depends_on=left.depends_on,
+            next_experiment=advice,
+            not_judged=not_judged,
+            traces=traces(bench, null, after),
+            effects=attached,
+            extended_xml=plant.spec.to_xml(),
+            seconds=time.monotonic() - begin,
+            measures={
+                "evidence": 0.0 if best is None else best.evidence,
+                "causes": float(len(best.hypothesis)) if best else 0.0,
+                "first": result.steps[0].tried[0].evidence if result.steps else 0.0,
+                "learned": left.learned.evidence,
+                "instead": left.instead.evidence,
+            },
+        )
+    progress(1.0, "done")
+    return replace(diagnosis, sentence=sentence(diagnosis))
+
+
+def _search_too(bench: Workbench, options: Options) -> bool:
+    """Whether single causes are searched for, too, in a machine that groups explain."""
+    few = len(bench.system.wires) <= FEW_WIRES
+    return few if options.search_after_groups is None else options.search_after_groups
+
+
+def _judge(
+    chosen: Sequence[Suspect], found: Sequence[Sensitivity], options: Options
+) -> tuple[list[Sensitivity], tuple[tuple[str, str], ...]]:
+    """Leave out whom this motion cannot show, and say why."""
+    judged, size = list[Sensitivity](), dict[str, float]()
+    for sensitivity in found:
+        change = 3.0 * float(np.sqrt(np.max(np.sum(sensitivity.columns**2, axis=0), initial=0.0)))
+        name = sensitivity.suspect.cause.id
+        size[name] = max(size.get(name, 0.0), change)
+        if change > options.visible:
+            judged.append(sensitivity)
+    reasons = []
+    for name in dict.fromkeys(suspect.cause.id for suspect in chosen):
+        if size.get(name, 0.0) <= options.visible:
+            reasons.append(
+                (name, "three typical faults would change the readings by less than their noise")
+            )
+    absent = [c for c in CATALOGUE if c not in {s.cause.id for s in chosen}]
+    reasons += [(name, "the model or the log has nothing that it could act on") for name in absent]
+    return judged, tuple(reasons)
+
+
+def _verdict(result: Search, left: Remainder, options: Options) -> Verdict:
+    """Named if the causes leave little that could still be learned."""
+    if result.best is None:
+        found = left.learned.evidence > options.certain
+        return Verdict.UNEXPLAINED if found else Verdict.NOTHING_WRONG
+    named = result.best.evidence
+    much = left.learned.evidence > max(options.certain, options.unexplained * named)
+    better = left.instead.evidence > named + options.better
+    return Verdict.UNEXPLAINED if much or better else Verdict.NAMED
+
+
+def _name(
+    bench: Workbench, result: Search, rivals: Sequence[Alternatives]
+) -> tuple[NamedCause, ...]:
+    """Causes of the best hypothesis with intervals, the most certain first."""
+    assert result.best is not None
+    estimates = intervals(bench, result.best, result.ruler.learn)
+    named = []
+    for place, numbers in zip(rivals, estimates, strict=True):
+        # The best hypothesis keeps its causes' order; others have the newcomer last.
+        right = [
+            f.suspects[-1].cause.id == place.suspect.cause.id
+            or any(same(s, place.suspect) for s in f.suspects)
+            for f in place.tried
+        ]
+        confidence = float(place.confidence[np.array(right)].sum())
+        name = place.suspect.cause.id
+        ids = dict.fromkeys(s.cause.id for s in place.equivalent if s.cause.id != name)
+        elsewhere = tuple(s.place for s in place.equivalent if s.cause.id == name)
+        named.append(NamedCause(place.suspect, numbers, confidence, tuple(ids), elsewhere))
+    return tuple(sorted(named, key=lambda cause: -cause.confidence))
+
+
+def _rivals(result: Search, places: Sequence[Alternatives], null: Array) -> tuple[Rival, ...]:
+    """Everybody who was fitted, by the cause whose place they were tried in."""
+    listed = []
+    for step, place in enumerate(places):
+        for i, fitted in enumerate(place.tried):
+            own = [j for j, s in enumerate(fitted.suspects) if same(s, place.suspect)]
+            suspect, values = fitted.hypothesis[own[0] if own else -1]
+            listed.append(
+                Rival(
+                    suspect=suspect,
+                    values=dict(values),
+                    score=predictive(result.ruler, null, fitted),
+                    confidence=float(place.confidence[i]),
+                    step=step,
+                    chosen=bool(own),
+                )
+            )
+    return tuple(listed)
+
+
+def _explainable(null: Array, after: Array, left: Remainder, bench: Workbench) -> float:
+    """Share of the null's power above the noise that causes and the learned residual explain."""
+    report = split(bench.measured) == REPORT
+    learned = left.learned.prediction
+    power = float(np.sum(null[report] ** 2)) - report.sum()
+    rest = float(np.sum((after - learned)[report] ** 2)) - report.sum()
+    return float(np.clip(1.0 - rest / power, 0.0, 1.0)) if power > 0 else 0.0

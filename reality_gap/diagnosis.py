@@ -1,0 +1,194 @@
+"""What a diagnosis says: the verdict, its evidence, and the model that it extends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Place
+from reality_gap.plant import Suspect
+
+Array = NDArray[np.float64]
+
+
+class Verdict(Enum):
+    """What the data say of the model."""
+
+    NOTHING_WRONG = "nothing_wrong"
+    NAMED = "named"
+    UNEXPLAINED = "unexplained"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value with its 95 % interval, in SI units."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A suspect that was fitted fully.
+
+    Attributes:
+        suspect: the cause and its place.
+        values: fitted parameters.
+        score: log predictive probability of the choose split over the model without it [nats].
+        confidence: probability that it is (one of) the right causes; of the step it was in.
+        step: 0 in the search for the first cause, 1 for the second, ...
+        chosen: whether it is in the verdict.
+    """
+
+    suspect: Suspect
+    values: dict[str, float]
+    score: float
+    confidence: float
+    step: int = 0
+    chosen: bool = False
+
+
+@dataclass(frozen=True)
+class NamedCause:
+    """A cause in the verdict.
+
+    Attributes:
+        suspect: the cause and its place.
+        parameters: by name.
+        confidence: calibrated probability that this cause is right.
+        equivalent: ids of causes that these data cannot tell from it.
+        elsewhere: other places where the same cause would do the same.
+    """
+
+    suspect: Suspect
+    parameters: dict[str, Estimate]
+    confidence: float
+    equivalent: tuple[str, ...]
+    elsewhere: tuple[Place, ...] = ()
+
+    def foremost(self, most: int = 8) -> tuple[str, ...]:
+        """Names of the parameters in their order; of more than ``most``, those that are farthest
+        from doing nothing, the farthest first."""
+        known = [p for p in self.suspect.parameters if p.name in self.parameters]
+        if len(known) > most:
+            far = {p.name: abs((self.parameters[p.name].value - p.null) / p.scale) for p in known}
+            known = sorted(known, key=lambda p: -far[p.name])[:most]
+        return tuple(p.name for p in known)
+
+
+@dataclass(frozen=True)
+class Gain:
+    """(before - after) / (before - floor) with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel in one episode, for pictures and tables.
+
+    Attributes:
+        channel, episode: names.
+        unit: SI.
+        split: by sample (k,): 0 fit, 1 choose, 2 report.
+        time, measured, before, after: (k,); before and after are replays of the model and of the
+            extended model.
+        noise: standard deviation of one reading.
+    """
+
+    channel: str
+    episode: str
+    unit: str
+    noise: float
+    time: Array
+    split: NDArray[np.int64]
+    measured: Array
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """How much of the remainder a quantity explains, held out.
+
+    Attributes:
+        quantity: "tension of biceps", "velocity sign of elbow", "angle of elbow", "time", ...
+        channel: where it shows most.
+        fraction: explained share of the remainder's power, 0 to 1.
+    """
+
+    quantity: str
+    channel: str
+    fraction: float
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A motion that would tell the remaining rivals apart.
+
+    Attributes:
+        title, sentence: for people: what to do, and which rivals it separates.
+        time, command: (n,) [s], (n, nu), within the range of what was commanded in the study.
+        separation: expected distance between the two likeliest rivals on it [standard deviations
+            of the noise], and ``separation_before``: on the data at hand.
+    """
+
+    title: str
+    sentence: str
+    time: Array
+    command: Array
+    separation: float
+    separation_before: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The outcome of a diagnosis; what `verdict.json` holds, and what the report draws.
+
+    Attributes:
+        study: its name.
+        verdict: see `Verdict`; ``sentence`` says it to people, with advice.
+        causes: the most certain first; empty unless the verdict is "named".
+        rivals: every suspect that was fitted, best first in each step.
+        rms_before, rms_after, noise_floor: RMS of the whitened residual on the report split.
+        gain: None when before is not surely above the floor.
+        unexplained_fraction: of the power above the floor, what remains, 0 to 1.
+        explainable_fraction: of the power above the floor, what a learned residual, which is no
+            name, would explain on held-out data: the upper bound.
+        depends_on: of what remains, strongest first.
+        next_experiment: None where there is nothing to tell apart.
+        not_judged: causes that this motion says nothing about, with the reason.
+        traces: measured and replayed signals.
+        effects: what `extended.xml` cannot hold: (cause id, elements, values).
+        extended_xml: the user's model with the named mechanisms in it.
+        seconds: how long it took.
+        measures: the numbers that the verdict was decided on.
+    """
+
+    study: str
+    verdict: Verdict
+    sentence: str
+    causes: tuple[NamedCause, ...]
+    rivals: tuple[Rival, ...]
+    rms_before: float
+    rms_after: float
+    noise_floor: float
+    gain: Gain | None
+    unexplained_fraction: float
+    explainable_fraction: float
+    depends_on: tuple[Dependence, ...]
+    next_experiment: Experiment | None
+    not_judged: tuple[tuple[str, str], ...]
+    traces: tuple[Trace, ...]
+    effects: tuple[Suspect, ...]
+    extended_xml: str
+    seconds: float
+    measures: Mapping[str, float] = field(default_factory=dict)

@@ -1,0 +1,126 @@
+"""Which units a sensor, an actuator or a joint of a model can be measured in (SI units)."""
+
+from __future__ import annotations
+
+import mujoco
+from mujoco import mjtSensor as Kind
+
+Units = tuple[str, ...]
+
+_FORCES: Units = ("N", "N m")
+_POSITIONS: Units = ("m", "rad")
+_RATES: Units = ("m/s", "rad/s")
+
+_FIXED: dict[int, Units] = {
+    int(kind): (unit,)
+    for kind, unit in {
+        Kind.mjSENS_TOUCH: "N",
+        Kind.mjSENS_ACCELEROMETER: "m/s^2",
+        Kind.mjSENS_VELOCIMETER: "m/s",
+        Kind.mjSENS_GYRO: "rad/s",
+        Kind.mjSENS_FORCE: "N",
+        Kind.mjSENS_TORQUE: "N m",
+        Kind.mjSENS_RANGEFINDER: "m",
+        Kind.mjSENS_CAMPROJECTION: "1",
+        Kind.mjSENS_BALLQUAT: "1",
+        Kind.mjSENS_BALLANGVEL: "rad/s",
+        Kind.mjSENS_FRAMEPOS: "m",
+        Kind.mjSENS_FRAMEQUAT: "1",
+        Kind.mjSENS_FRAMEXAXIS: "1",
+        Kind.mjSENS_FRAMEYAXIS: "1",
+        Kind.mjSENS_FRAMEZAXIS: "1",
+        Kind.mjSENS_FRAMELINVEL: "m/s",
+        Kind.mjSENS_FRAMEANGVEL: "rad/s",
+        Kind.mjSENS_FRAMELINACC: "m/s^2",
+        Kind.mjSENS_FRAMEANGACC: "rad/s^2",
+        Kind.mjSENS_SUBTREECOM: "m",
+        Kind.mjSENS_SUBTREELINVEL: "m/s",
+        Kind.mjSENS_GEOMDIST: "m",
+    }.items()
+}
+
+# Which of (position, rate, force) a sensor reads of a joint, a tendon or an actuator.
+_OF_JOINT = {
+    int(Kind.mjSENS_JOINTPOS): 0,
+    int(Kind.mjSENS_JOINTVEL): 1,
+    int(Kind.mjSENS_JOINTACTFRC): 2,
+    int(Kind.mjSENS_JOINTLIMITPOS): 0,
+    int(Kind.mjSENS_JOINTLIMITVEL): 1,
+    int(Kind.mjSENS_JOINTLIMITFRC): 2,
+}
+_OF_TENDON = {
+    int(Kind.mjSENS_TENDONPOS): 0,
+    int(Kind.mjSENS_TENDONVEL): 1,
+    int(Kind.mjSENS_TENDONACTFRC): 2,
+    int(Kind.mjSENS_TENDONLIMITPOS): 0,
+    int(Kind.mjSENS_TENDONLIMITVEL): 1,
+    int(Kind.mjSENS_TENDONLIMITFRC): 2,
+}
+_OF_ACTUATOR = {
+    int(Kind.mjSENS_ACTUATORPOS): 0,
+    int(Kind.mjSENS_ACTUATORVEL): 1,
+    int(Kind.mjSENS_ACTUATORFRC): 2,
+}
+
+
+def sensor_units(model: mujoco.MjModel, sensor: str) -> Units:
+    """SI units that the values of a sensor may have; empty where any may."""
+    kind, target = int(model.sensor(sensor).type[0]), int(model.sensor(sensor).objid[0])
+    if kind in _OF_JOINT:
+        return _joint(model, target)[_OF_JOINT[kind]]
+    if kind in _OF_TENDON:
+        return _tendon(model, target)[_OF_TENDON[kind]]
+    if kind in _OF_ACTUATOR:
+        return _transmission(model, target)[_OF_ACTUATOR[kind]]
+    return _FIXED.get(kind, ())
+
+
+def joint_units(model: mujoco.MjModel, joint: str) -> tuple[str, str]:
+    """SI units of the position and of the force of a hinge or slide joint."""
+    position, _, force = _joint(model, int(model.joint(joint).id))
+    return position[0], force[0]
+
+
+def actuator_units(model: mujoco.MjModel, actuator: str) -> Units:
+    """SI units that the control of an actuator may have; empty where any may.
+
+    A servo, whose bias feeds back the length or the rate, is commanded in that; all other
+    actuators in a force, volts, amperes or 1.
+    """
+    i = int(model.actuator(actuator).id)
+    position, rate, force = _transmission(model, i)
+    affine = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+    gain = float(model.actuator_gainprm[i, 0])
+    for feedback, units in zip(model.actuator_biasprm[i, 1:3], (position, rate), strict=True):
+        if affine and feedback != 0.0 and gain == -feedback:
+            return units
+    if affine and model.actuator_biasprm[i, 1:3].any():
+        return ()
+    if int(model.actuator_gaintype[i]) != int(mujoco.mjtGain.mjGAIN_FIXED):
+        return ()
+    if int(model.actuator_dyntype[i]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
+        return ()
+    return (*force, "V", "A", "1")
+
+
+def _joint(model: mujoco.MjModel, joint: int) -> tuple[Units, Units, Units]:
+    if int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE):
+        return ("m",), ("m/s",), ("N",)
+    return ("rad",), ("rad/s",), ("N m",)
+
+
+def _tendon(model: mujoco.MjModel, tendon: int) -> tuple[Units, Units, Units]:
+    first = int(model.wrap_type[model.tendon_adr[tendon]])
+    if first == int(mujoco.mjtWrap.mjWRAP_JOINT):
+        return _POSITIONS, _RATES, _FORCES
+    return ("m",), ("m/s",), ("N",)
+
+
+def _transmission(model: mujoco.MjModel, actuator: int) -> tuple[Units, Units, Units]:
+    kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
+    joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    if kind in joint:
+        return _joint(model, target)
+    if kind == int(mujoco.mjtTrn.mjTRN_TENDON):
+        return _tendon(model, target)
+    return _POSITIONS, _RATES, _FORCES

@@ -1,0 +1,90 @@
+"""Who could stand in a cause's place, and who these data cannot tell from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.confidence import probabilities
+from reality_gap.fitting import Fit, fit
+from reality_gap.plant import Suspect
+from reality_gap.screening import Sensitivity
+from reality_gap.search import Ruler, Search, Settings, again, same, try_next
+from reality_gap.workbench import Workbench
+
+Array = NDArray[np.float64]
+
+NEAR = 8.0
+"""Two refits whose predictions are nearer than this cannot be told apart [squared deviations of
+noise and tolerances, over all readings]: the likelier is then right in nine of ten cases only."""
+BEHIND = 3.0
+"""Evidence by which an equivalent may lie behind [nats]."""
+
+
+@dataclass(frozen=True)
+class Alternatives:
+    """A cause of the best hypothesis, and who was tried in its place.
+
+    Attributes:
+        suspect: the cause.
+        tried: fits with the suspect or another in its place, best first.
+        confidence: probability of each of ``tried``.
+        equivalent: who predicts the same.
+    """
+
+    suspect: Suspect
+    tried: tuple[Fit, ...]
+    confidence: Array
+    equivalent: tuple[Suspect, ...]
+
+
+def alternatives(
+    bench: Workbench, found: Sequence[Sensitivity], result: Search, settings: Settings
+) -> tuple[Alternatives, ...]:
+    """Put others in the place of each cause of the best hypothesis."""
+    best = result.best
+    if best is None:
+        return ()
+    rule = result.ruler
+    everyone = []
+    for i, (suspect, _) in enumerate(best.hypothesis):
+        rest = [part for j, part in enumerate(best.hypothesis) if j != i]
+        base, tried = _tried_before(result, suspect, len(rest))
+        if tried is None:
+            base = fit(bench, rest, rule.learn, rule.null) if rest else None
+            tried = try_next(bench, found, rule, base, settings.refits)
+        fits = _with_best(rule, tried, best, suspect)
+        floor = 0.0 if base is None else again(rule, base).evidence
+        chances = probabilities(floor, fits)
+        everyone.append(Alternatives(suspect, fits, chances, _equivalent(rule, best, fits)))
+    return tuple(everyone)
+
+
+def _tried_before(
+    result: Search, suspect: Suspect, others: int
+) -> tuple[Fit | None, tuple[Fit, ...] | None]:
+    """The step of the search that put the suspect beside exactly these others, if one did."""
+    for step in result.steps:
+        size = 0 if step.base is None else len(step.base.hypothesis)
+        if step.accepted and size == others and same(step.tried[0].suspects[-1], suspect):
+            return step.base, step.tried
+    return None, None
+
+
+def _with_best(rule: Ruler, tried: Sequence[Fit], best: Fit, suspect: Suspect) -> tuple[Fit, ...]:
+    others = [again(rule, f) for f in tried if not same(f.suspects[-1], suspect)]
+    return tuple(sorted([again(rule, best), *others], key=lambda f: -f.evidence))
+
+
+def _equivalent(rule: Ruler, best: Fit, fits: Sequence[Fit]) -> tuple[Suspect, ...]:
+    found = []
+    for other in fits:
+        if other.hypothesis is best.hypothesis:
+            continue
+        apart = float(np.sum(rule.learn(other.residual - best.residual) ** 2))
+        if apart < NEAR and best.evidence - other.evidence < BEHIND:
+            found.append(other.suspects[-1])
+    return tuple(found)

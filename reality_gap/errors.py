@@ -1,0 +1,20 @@
+"""What goes wrong with a study, in one sentence for the person who wrote it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class RealityGapError(Exception):
+    """Root of this package's errors."""
+
+
+class StudyError(RealityGapError):
+    """A study, model or log that cannot be used; says what, where, and what would be valid."""
+
+
+class UnknownNameError(StudyError):
+    """A name that the model or the catalogue of causes does not have."""
+
+    def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
+        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")

@@ -1,0 +1,212 @@
+"""The full fit of a hypothesis: least squares over replays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from reality_gap.cause import Parameter
+from reality_gap.evidence import PRIOR, occam
+from reality_gap.plant import Suspect
+from reality_gap.whitening import Whitening
+from reality_gap.workbench import Hypothesis, Workbench
+
+Array = NDArray[np.float64]
+
+STEP = 0.1
+"""Finite difference of a fit, in scales of a parameter."""
+ROUNDS = 3
+"""Gauss-Newton steps at most."""
+ENOUGH = 0.2
+"""A step that promises less is not taken [nats]."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis.
+
+    Attributes:
+        hypothesis: suspects with their values.
+        residual: (n,) of all readings, in units of sensor noise.
+        jacobian: (n, p) change of the prediction per scale of a parameter, likewise.
+        theta: (p,) in scales from the null.
+        evidence: log marginal likelihood over the null model's, by Laplace [nats].
+    """
+
+    hypothesis: Hypothesis
+    residual: Array
+    jacobian: Array
+    theta: Array
+    evidence: float
+
+    @property
+    def suspects(self) -> tuple[Suspect, ...]:
+        """Who is in it."""
+        return tuple(suspect for suspect, _ in self.hypothesis)
+
+
+def free_parameters(hypothesis: Hypothesis) -> list[tuple[int, Parameter]]:
+    """All parameters, each with the index of its suspect."""
+    return [(i, p) for i, (suspect, _) in enumerate(hypothesis) for p in suspect.parameters]
+
+
+def to_theta(hypothesis: Hypothesis) -> Array:
+    """Values of a hypothesis (p,), in scales from the null."""
+    found = free_parameters(hypothesis)
+    return np.array([(hypothesis[i][1][p.name] - p.null) / p.scale for i, p in found])
+
+
+def at(hypothesis: Hypothesis, theta: Array) -> list[tuple[Suspect, dict[str, float]]]:
+    """The hypothesis with the values of ``theta`` (p,), cut at the bounds."""
+    values: list[dict[str, float]] = [{} for _ in hypothesis]
+    for (i, p), x in zip(free_parameters(hypothesis), theta, strict=True):
+        values[i][p.name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
+    return [(suspect, v) for (suspect, _), v in zip(hypothesis, values, strict=True)]
+
+
+def penalty_scale(hypothesis: Hypothesis) -> Array:
+    """1 / prior deviation by parameter (p,); 0 for those with starts, whose prior is flat."""
+    return np.array([0.0 if p.starts else 1.0 / PRIOR for _, p in free_parameters(hypothesis)])
+
+
+def held_price(suspect: Suspect) -> float:
+    """What it costs to have chosen among starts, as when an event happened [nats]."""
+    return float(sum(np.log(len(p.starts)) for p in suspect.parameters if p.starts))
+
+
+def fit(
+    bench: Workbench,
+    start: Hypothesis,
+    white: Whitening,
+    null: Array,
+    jacobian: Array | None = None,
+    polish: bool = True,
+) -> Fit:
+    """Fit a hypothesis to the readings that ``white`` uses, by Gauss-Newton within bounds.
+
+    A replay costs far more than anything else here, so that a step is taken whole and mended only
+    if it fails, and the fit ends when the next step promises less than `ENOUGH`.
+
+    Args:
+        bench: replays.
+        start: suspects with the values to start from.
+        white: what residuals are measured in.
+        null: (n,) residual of the model without the suspects.
+        jacobian: (n, p) change of the prediction per scale, to begin with; differences if None.
+        polish: whether to go on with differences where ``jacobian`` leads no further.
+    """
+    pull = penalty_scale(start)
+    low, high = _bounds(start)
+    theta = np.clip(to_theta(start), low, high)
+    residual = bench.residual(at(start, theta))
+    if not np.all(np.isfinite(residual)):
+        theta = np.clip(theta / 4, low, high)
+        residual = bench.residual(at(start, theta))
+    if not np.all(np.isfinite(residual)):
+        return Fit(at(start, 0 * theta), null, np.zeros((len(null), len(theta))), 0 * theta, 0.0)
+    slopes = jacobian
+    if slopes is not None:
+        for _ in range(ROUNDS):
+            moved = _advance(bench, start, theta, white, residual, slopes, pull)
+            if moved is None:
+                break
+            theta, residual = moved
+    if slopes is None or polish:
+        for _ in range(ROUNDS):
+            slopes = _differences(bench, start, theta, residual)
+            moved = _advance(bench, start, theta, white, residual, slopes, pull)
+            if moved is None:
+                break
+            theta, residual = moved
+    assert slopes is not None
+    evidence = log_evidence(white, null, residual, slopes, theta, pull)
+    evidence -= sum(held_price(suspect) for suspect, _ in start)
+    return Fit(at(start, theta), residual, slopes, theta, evidence)
+
+
+def _advance(
+    bench: Workbench,
+    start: Hypothesis,
+    theta: Array,
+    white: Whitening,
+    residual: Array,
+    slopes: Array,
+    pull: Array,
+) -> tuple[Array, Array] | None:
+    """One step of Gauss-Newton: theta and residual after it; None if it is not worth it."""
+    step, promise = _step(white, residual, slopes, theta, pull, _bounds(start))
+    if promise < ENOUGH:
+        return None
+    return _try(bench, start, theta, step, white, residual, pull)
+
+
+def _step(
+    white: Whitening,
+    residual: Array,
+    jacobian: Array,
+    theta: Array,
+    pull: Array,
+    bounds: tuple[Array, Array],
+) -> tuple[Array, float]:
+    """The step (p,) to the minimum of the linearised problem, and what it promises [nats]."""
+    columns, left = white(jacobian), white(residual)
+    matrix = np.vstack([columns, np.diag(pull)])
+    right = np.concatenate([left, -pull * theta])
+    low, high = bounds[0] - theta - 1e-12, bounds[1] - theta + 1e-12
+    root = np.asarray(np.linalg.qr(np.column_stack([matrix, right]), mode="r"))
+    step = lsq_linear(root[:, :-1], root[:, -1], bounds=(low, high)).x
+    gone = right @ right - np.sum((right - matrix @ step) ** 2)
+    return step, 0.5 * float(gone)
+
+
+def _try(
+    bench: Workbench,
+    start: Hypothesis,
+    theta: Array,
+    step: Array,
+    white: Whitening,
+    residual: Array,
+    pull: Array,
+) -> tuple[Array, Array] | None:
+    """Theta and residual after the step, or after a quarter of it; None if neither is better."""
+    before = _cost(white, residual, pull, theta)
+    for share in (1.0, 0.25):
+        there = theta + share * step
+        found = bench.residual(at(start, there))
+        if np.all(np.isfinite(found)) and _cost(white, found, pull, there) < before:
+            return there, found
+    return None
+
+
+def _cost(white: Whitening, residual: Array, pull: Array, theta: Array) -> float:
+    return 0.5 * float(np.sum(white(residual) ** 2) + np.sum((pull * theta) ** 2))
+
+
+def log_evidence(
+    white: Whitening, null: Array, residual: Array, jacobian: Array, theta: Array, pull: Array
+) -> float:
+    """Laplace's approximation to the log marginal likelihood over the null model's [nats]."""
+    before, after, columns = white(null), white(residual), white(jacobian)
+    quality = 0.5 * float(before @ before - after @ after) - 0.5 * float(
+        np.sum((pull * theta) ** 2)
+    )
+    return quality - occam(columns.T @ columns)
+
+
+def _bounds(hypothesis: Hypothesis) -> tuple[Array, Array]:
+    found = [p for _, p in free_parameters(hypothesis)]
+    ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in found]
+    low, high = np.array(ends).T
+    return low, high
+
+
+def _differences(bench: Workbench, start: Hypothesis, theta: Array, residual: Array) -> Array:
+    """Change of the prediction per scale (n, p), one-sided, away from the nearer bound."""
+    steps = np.where(theta + STEP <= _bounds(start)[1], STEP, -STEP)
+    trials = [at(start, theta + change) for change in np.diag(steps)]
+    moved = bench.residuals(trials)
+    columns = [(residual - other) / step for other, step in zip(moved, steps, strict=True)]
+    return np.nan_to_num(np.column_stack(columns))

@@ -1,0 +1,242 @@
+"""The learned residual: what any mechanism could explain, whatever its name.
+
+Two banks of functions stand for everything that has no name. Forces: a torque at each joint that
+is any function of its position, with or without its direction of motion, sent through the machine
+as an effort that nobody commanded. Readings: each channel hears any other,
+or errs by any function of a joint's position. The few
+that explain most are learned in closed form, each at the price of its freedom. They never count as
+a cause: they are the upper bound of what there is to explain, and what they explain beyond the
+named causes is unexplained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.measured import Measured
+from reality_gap.plant import Suspect
+from reality_gap.search import Ruler
+from reality_gap.splits import REPORT, split
+from reality_gap.system import System
+from reality_gap.workbench import Hypothesis, Workbench
+
+Array = NDArray[np.float64]
+
+WAVES = 28
+"""Half waves over the range of a joint, at most."""
+BUMPS = 8
+"""Places along the range where the direction of motion may matter."""
+MOST = 200
+"""Replays at most; with many joints, fewer waves."""
+SIZE = 3.0
+"""Prior deviation of a weight; with weight 1, a column has the size of the noise."""
+MOST_COLUMNS = 6
+"""Columns of a bank that are learned, at most."""
+
+
+@dataclass(frozen=True)
+class Bank:
+    """Columns (n, k) in units of noise, each of mean square 1, and what they stand for."""
+
+    name: str
+    columns: Array
+
+
+def banks(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> tuple[Bank, ...]:
+    """All functions, as changes of the prediction of ``base``, whose replay gave ``records``."""
+    found = [_crosstalk(bench), *_errors(bench, records)]
+    if not bench.system.study.inverse:
+        found += _forces(bench, base, records)
+    return tuple(found)
+
+
+def _crosstalk(bench: Workbench) -> Bank:
+    """Every channel hears every other sensor of the log."""
+    measured, study = bench.measured, bench.system.study
+    columns = []
+    for heard in range(len(study.channels)):
+        signal = _everywhere(measured, heard)
+        for channel in range(len(study.channels)):
+            if channel != heard and len(study.channels) <= 20:
+                columns.append(np.where(measured.channel == channel, signal, 0.0))
+    stacked = np.column_stack(columns) if columns else np.zeros((len(measured.value), 0))
+    return Bank("readings of each other", _unit(stacked))
+
+
+def _everywhere(measured: Measured, channel: int) -> Array:
+    """A channel's readings at the times of all readings (n,)."""
+    signal = np.zeros(len(measured.value))
+    for e in np.unique(measured.episode):
+        here = measured.episode == e
+        own = here & (measured.channel == channel)
+        if own.any():
+            signal[here] = np.interp(measured.time[here], measured.time[own], measured.value[own])
+    return signal
+
+
+def _errors(bench: Workbench, records: Sequence[Record]) -> list[Bank]:
+    """Every channel errs by a function of a joint's position."""
+    measured = bench.measured
+    moving = _moving(bench.system, records)
+    found = []
+    for name in moving:
+        at = records[0].model.joint(name).qposadr[0]
+        position = np.zeros(len(measured.value))
+        for e, record in enumerate(records):
+            here = measured.episode == e
+            now = measured.time[here] + record.time[0]
+            position[here] = np.interp(now, record.time, record.qpos[:, at])
+        phase = (position - position.min()) / np.ptp(position)
+        waves = np.cos(np.pi * phase[:, None] * np.arange(2, _waves(moving) + 1))
+        columns = [
+            np.where((measured.channel == c)[:, None], waves, 0.0)
+            for c in np.unique(measured.channel)
+            if len(moving) <= 3
+        ]
+        if columns:
+            found.append(Bank(f"readings by position of {name}", _unit(np.hstack(columns))))
+    return found
+
+
+def _moving(system: System, records: Sequence[Record]) -> list[str]:
+    return [name for name in system.joints if _travel(records, name) > 1e-3]
+
+
+def _waves(moving: Sequence[str]) -> int:
+    return min(WAVES, max(4, MOST // (2 * len(moving))))
+
+
+def _forces(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> list[Bank]:
+    system = bench.system
+    moving = _moving(system, records)
+    before = bench.residual(base)
+    found = []
+    for name in moving:
+        columns = []
+        for series in _functions(records, name, _waves(moving)):
+            moved = bench.residual([*base, (_push(system, name, records, series), {"size": 1.0})])
+            columns.append(before - moved)
+        stacked = np.nan_to_num(np.column_stack(columns))
+        found.append(Bank(f"position of {name}", _unit(stacked)))
+    return found
+
+
+def _travel(records: Sequence[Record], joint: str) -> float:
+    column = records[0].model.joint(joint).qposadr[0]
+    return float(np.ptp(np.concatenate([r.qpos[:, column] for r in records])))
+
+
+def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[Array]]:
+    """Series of torque by episode [N m or N]: waves, and bumps by direction of motion."""
+    model = records[0].model
+    at, dof = model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]
+    position = [r.qpos[:, at] for r in records]
+    low = min(float(p.min()) for p in position)
+    width = max(float(p.max()) for p in position) - low
+    speed = 0.1 * float(np.sqrt(np.mean(np.concatenate([r.qvel[:, dof] for r in records]) ** 2)))
+    phase = [(p - low) / width for p in position]
+    way = [np.tanh(r.qvel[:, dof] / (speed + 1e-9)) for r in records]
+    found = []
+    for m in range(1, waves + 1):
+        found.append([np.cos(np.pi * m * x) for x in phase])
+    count = max(2, BUMPS * waves // WAVES)
+    for centre in (np.arange(count) + 0.5) / count:
+        bump = [np.exp(-0.5 * ((x - centre) * count) ** 2) for x in phase]
+        found.append([b * w for b, w in zip(bump, way, strict=True)])
+    return found
+
+
+def _push(system: System, joint: str, records: Sequence[Record], series: list[Array]) -> Suspect:
+    """A torque at a joint that follows a series, as a cause without a name."""
+    clock = np.concatenate([r.time for r in records])
+    torque = 0.1 * np.concatenate(series)
+
+    def edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+        spec.add_actuator(name=f"unnamed/{joint}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
+
+    def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+        def add(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+            return np.column_stack([command, np.interp(time, clock, torque)])
+
+        effects.commands.append(add)
+
+    cause = Cause("", "", "", lambda s: (), lambda s, p: (), edit, attach)
+    return Suspect(cause, Place("joint", (joint,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
+
+
+def _unit(columns: Array) -> Array:
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    return columns[:, size > 1e-9] / size[size > 1e-9]
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What a bank explains of a residual.
+
+    Attributes:
+        name: of the bank.
+        evidence: by how much the log marginal likelihood of fit and choose splits rises [nats].
+        prediction: (n,) of the residual, in units of noise.
+        explained: share of the power of the residual on the report split; may be negative.
+    """
+
+    name: str
+    evidence: float
+    prediction: Array
+    explained: float
+
+
+def learn(bench: Workbench, rule: Ruler, residual: Array, bank: Bank) -> Learned:
+    """Learn a residual (n,) by the few columns of a bank that explain it best.
+
+    Columns come in one by one, each at the price of its freedom and of having been chosen.
+    """
+    columns, left = rule.learn(bank.columns), rule.learn(residual)
+    gram, right = columns.T @ columns, columns.T @ left
+    count = len(right)
+    chosen: list[int] = []
+    best, weight = 0.0, np.zeros(0)
+    while len(chosen) < min(MOST_COLUMNS, count):
+        trials = [
+            (_evidence(gram, right, [*chosen, j]), j) for j in _candidates(gram, right, chosen)
+        ]
+        evidence, j = max(trials)
+        price = sum(np.log(count - i) for i in range(len(chosen) + 1))
+        if evidence - price < best + 1.0:
+            break
+        chosen.append(j)
+        best = evidence - price
+        weight = _weights(gram, right, chosen)
+    prediction = bank.columns[:, chosen] @ weight if chosen else np.zeros(len(residual))
+    report = split(bench.measured) == REPORT
+    power = float(np.sum(residual[report] ** 2))
+    gone = power - float(np.sum((residual[report] - prediction[report]) ** 2))
+    return Learned(bank.name, best, prediction, gone / power if power else 0.0)
+
+
+def _candidates(gram: Array, right: Array, chosen: list[int]) -> list[int]:
+    """The columns most like what the chosen ones leave."""
+    left = right - gram[:, chosen] @ _weights(gram, right, chosen) if chosen else right
+    score = left**2 / (np.diag(gram) + 1e-9)
+    score[chosen] = -1.0
+    return [int(j) for j in np.argsort(-score)[:5]]
+
+
+def _weights(gram: Array, right: Array, chosen: list[int]) -> Array:
+    part = gram[np.ix_(chosen, chosen)] + np.eye(len(chosen)) / SIZE**2
+    weights: Array = np.linalg.solve(part, right[chosen]).astype(np.float64)
+    return weights
+
+
+def _evidence(gram: Array, right: Array, chosen: list[int]) -> float:
+    """Log marginal likelihood of weights with prior deviation `SIZE` [nats]."""
+    part = gram[np.ix_(chosen, chosen)]
+    weight = _weights(gram, right, chosen)
+    _, room = np.linalg.slogdet(np.eye(len(chosen)) + SIZE**2 * part)
+    return 0.5 * float(right[chosen] @ weight - room)

@@ -1,0 +1,136 @@
+"""The cheap look at every suspect: how the replay would change if it were there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Cause, Parameter
+from reality_gap.plant import Suspect
+from reality_gap.system import System
+from reality_gap.workbench import Hypothesis, Workbench
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Change of the prediction by a suspect, linearised about the null.
+
+    Attributes:
+        suspect: a cause at a place.
+        names: parameters that the columns belong to.
+        fixed: values of the others, as the time of an event.
+        columns: (n, p) change of the prediction in units of noise, per ``scale`` of a parameter.
+    """
+
+    suspect: Suspect
+    names: tuple[str, ...]
+    fixed: dict[str, float]
+    columns: Array
+
+    def values(self, theta: Array) -> dict[str, float]:
+        """Parameter values at ``theta`` (p,), in scales from the null, cut at the bounds."""
+        found = dict(self.fixed)
+        for name, x in zip(self.names, theta, strict=True):
+            p = parameter(self.suspect, name)
+            found[name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
+        return found
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Bounds of theta (p,), (p,)."""
+        chosen = [parameter(self.suspect, name) for name in self.names]
+        ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in chosen]
+        low, high = np.array(ends).T
+        return low, high
+
+
+def parameter(suspect: Suspect, name: str) -> Parameter:
+    """A suspect's parameter by its name."""
+    return next(p for p in suspect.parameters if p.name == name)
+
+
+def suspects(system: System, causes: Sequence[Cause], most: int = 8) -> tuple[Suspect, ...]:
+    """Every cause at every place where it may act with at most so many parameters."""
+    found = []
+    for cause in causes:
+        for place in cause.places(system):
+            parameters = cause.parameters(system, place)
+            if len(parameters) <= most:
+                found.append(Suspect(cause, place, parameters))
+    return tuple(found)
+
+
+def screen(
+    bench: Workbench, chosen: Sequence[Suspect], base: Hypothesis, before: Array
+) -> tuple[Sensitivity, ...]:
+    """Sensitivities of all suspects, added to a hypothesis.
+
+    Args:
+        bench: replays.
+        chosen: whom to look at.
+        base: what is in the model already.
+        before: (n,) residual of ``base``.
+    """
+    trials = [trial for suspect in chosen for trial in _trials(suspect)]
+    hypotheses = [
+        [*base, (suspect, fixed | {name: value})]
+        for suspect, fixed, names, values in trials
+        for name, value in zip(names, values, strict=True)
+    ]
+    # Differences between replays forgive a coarse time step.
+    coarse = bench.coarse
+    if coarse:
+        before = bench.residuals([base], coarse)[0]
+    residuals = iter(bench.residuals(hypotheses, coarse))
+    found = []
+    for suspect, fixed, names, _ in trials:
+        columns = np.column_stack([before - next(residuals) for _ in names])
+        if np.all(np.isfinite(columns)):
+            found.append(Sensitivity(suspect, names, fixed, columns))
+    return tuple(found)
+
+
+_Trial = tuple[Suspect, dict[str, float], tuple[str, ...], tuple[float, ...]]
+
+
+def _trials(suspect: Suspect) -> list[_Trial]:
+    """Which parameters to change, with which others held at one of their starts."""
+    held = [p for p in suspect.parameters if p.starts]
+    free = [p for p in suspect.parameters if not p.starts]
+    if not free:
+        free, held = held, []
+    trials = []
+    for starts in product(*(p.starts for p in held)):
+        fixed = dict(zip((p.name for p in held), starts, strict=True))
+        rest = {p.name: p.null for p in free}
+        names = tuple(p.name for p in free)
+        trials.append((suspect, rest | fixed, names, tuple(p.null + p.scale for p in free)))
+    return trials
+
+
+DRIFT_TOLERANCE = 0.3
+"""How far the error of the time step may be from its first order, relatively."""
+
+
+def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
+    """What every honest drawing may be off by: (n, p), in units of noise.
+
+    Parameters of single elements only: a group's are their sums.
+    """
+    columns, seen = [DRIFT_TOLERANCE * bench.drift / bench.measured.noise], set()
+    for sensitivity in found:
+        suspect = sensitivity.suspect
+        key = (suspect.cause.id, suspect.place)
+        if key in seen or len(suspect.place.elements) > 1:
+            continue
+        seen.add(key)
+        for i, name in enumerate(sensitivity.names):
+            p = parameter(suspect, name)
+            if p.tolerance > 0:
+                columns.append(sensitivity.columns[:, i] * (p.tolerance / abs(p.scale)))
+    return np.column_stack(columns)

@@ -1,0 +1,260 @@
+"""The search for causes: one after the other, each the one that makes the data most likely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.evidence import fit_normal, occam
+from reality_gap.fitting import Fit, fit, held_price, log_evidence, penalty_scale
+from reality_gap.measured import Measured
+from reality_gap.plant import Suspect
+from reality_gap.screening import Sensitivity
+from reality_gap.splits import CHOOSE, FIT, split
+from reality_gap.whitening import Whitening, inflation, whitening
+from reality_gap.workbench import Hypothesis, Workbench
+
+Array = NDArray[np.float64]
+
+
+PROMISE = 3.0
+"""Linear evidence that makes a further cause worth a fit [nats]."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a search decides; the defaults are calibrated, see docs/reality_gap.md.
+
+    Attributes:
+        refits, more_refits: how many suspects are fitted fully in the first step, in later ones.
+        threshold: evidence that the first cause needs [nats].
+        further: evidence that each further cause needs [nats].
+        share: of the evidence so far that each further cause must add.
+        most: number of causes at most.
+    """
+
+    refits: int = 8
+    more_refits: int = 5
+    threshold: float = 8.0
+    further: float = 12.0
+    share: float = 0.04
+    most: int = 3
+
+
+@dataclass(frozen=True)
+class Ruler:
+    """What evidence is measured in.
+
+    Attributes:
+        learn: whitening of the fit and choose splits together.
+        fit: of the fit split alone.
+        null: (n,) residual of the study's model.
+        tolerances: (n, p).
+    """
+
+    learn: Whitening
+    fit: Whitening
+    null: Array
+    tolerances: Array
+
+
+def ruler(measured: Measured, null: Array, tolerances: Array, remainder: Array | None) -> Ruler:
+    """Make a ruler; readings count for less where ``remainder`` (n,) wanders."""
+    role = split(measured)
+    ones = np.ones(len(null))
+    learn = whitening(tolerances, ones, role <= CHOOSE)
+    spread = ones
+    if remainder is not None:
+        group = measured.channel[learn.use]
+        spread = np.ones(len(null))
+        found = inflation(learn(remainder), group)
+        for channel in np.unique(group):
+            spread[measured.channel == channel] = found[group == channel][0]
+        learn = whitening(tolerances, spread, role <= CHOOSE)
+    return Ruler(learn, whitening(tolerances, spread, role == FIT), null, tolerances)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a search: what was in already, and who was tried beside it, best first."""
+
+    base: Fit | None
+    tried: tuple[Fit, ...]
+    accepted: bool
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a search found.
+
+    Attributes:
+        steps: one more than causes were accepted, unless there were the most.
+        best: the hypothesis that stands; None for the null.
+        ruler: what evidence was measured in, at the end.
+    """
+
+    steps: tuple[Step, ...]
+    best: Fit | None
+    ruler: Ruler
+
+
+def search(
+    bench: Workbench,
+    found: Sequence[Sensitivity],
+    null: Array,
+    tolerances: Array,
+    settings: Settings,
+) -> Search:
+    """Search for the causes of a residual.
+
+    Args:
+        bench: replays.
+        found: sensitivities of all suspects at the null.
+        null: (n,) residual of the study's model.
+        tolerances: (n, p) what every honest drawing is off by.
+        settings: thresholds.
+    """
+    rule = ruler(bench.measured, null, tolerances, None)
+    best: Fit | None = None
+    steps: list[Step] = []
+    while len(steps) < settings.most:
+        refits = settings.refits if best is None else settings.more_refits
+        tried = try_next(bench, found, rule, best, refits)
+        if not tried:
+            break
+        rule = ruler(bench.measured, null, tolerances, tried[0].residual)
+        tried = tuple(sorted((again(rule, f) for f in tried), key=lambda f: -f.evidence))
+        base = None if best is None else again(rule, best)
+        accepted = _accept(base, tried[0], settings)
+        steps.append(Step(base, tried, accepted))
+        if not accepted:
+            best = base
+            break
+        best = fit(bench, tried[0].hypothesis, rule.learn, null, tried[0].jacobian)
+        if len(steps) > 1:
+            best = _backward(bench, rule, best, settings)
+    return Search(tuple(steps), best, rule)
+
+
+def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
+    if base is None:
+        return best.evidence > settings.threshold
+    more = best.evidence - base.evidence
+    return more > max(settings.further, settings.share * base.evidence)
+
+
+def again(rule: Ruler, old: Fit) -> Fit:
+    """The same fit, its evidence measured by another ruler."""
+    pull = penalty_scale(old.hypothesis)
+    evidence = log_evidence(rule.learn, rule.null, old.residual, old.jacobian, old.theta, pull)
+    evidence -= sum(held_price(suspect) for suspect in old.suspects)
+    return replace(old, evidence=evidence)
+
+
+def try_next(
+    bench: Workbench, found: Sequence[Sensitivity], rule: Ruler, base: Fit | None, refits: int
+) -> tuple[Fit, ...]:
+    """Fit the most promising suspects beside ``base``, best first."""
+    ranked = rank(found, rule, base)
+    if base is not None:
+        ranked = [item for item in ranked if item[0] > PROMISE]
+    fits: list[Fit] = []
+    for sensitivity, theta in _diverse(ranked, refits):
+        start = [
+            *(base.hypothesis if base else ()),
+            (sensitivity.suspect, sensitivity.values(theta)),
+        ]
+        known = _slopes(sensitivity)
+        if known is not None and base is not None:
+            known = np.hstack([base.jacobian, known])
+        fits.append(fit(bench, start, rule.learn, rule.null, known, polish=False))
+    return tuple(sorted(fits, key=lambda f: -f.evidence))
+
+
+def _slopes(sensitivity: Sensitivity) -> Array | None:
+    """The columns in the order of the suspect's parameters; None if some are missing."""
+    suspect = sensitivity.suspect
+    if len(sensitivity.names) < len(suspect.parameters):
+        return None
+    order = [sensitivity.names.index(p.name) for p in suspect.parameters]
+    return sensitivity.columns[:, order]
+
+
+Ranked = list[tuple[float, Sensitivity, Array]]
+
+
+def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
+    """Linear evidence of every suspect beside ``base``, with its theta; best first."""
+    residual = rule.learn(rule.null if base is None else base.residual)
+    known = np.zeros((len(residual), 0)) if base is None else rule.learn(base.jacobian)
+    inside = set() if base is None else {(s.cause.id, s.place) for s in base.suspects}
+    k = known.shape[1]
+    free = np.full(k, np.inf)
+    ranked = []
+    for sensitivity in found:
+        if (sensitivity.suspect.cause.id, sensitivity.suspect.place) in inside:
+            continue
+        columns = np.hstack([known, rule.learn(sensitivity.columns)])
+        low, high = sensitivity.bounds()
+        linear = fit_normal(
+            columns.T @ columns,
+            columns.T @ residual,
+            np.concatenate([-free, low]),
+            np.concatenate([free, high]),
+        )
+        # What is in already was fitted: all evidence here is that of the newcomer.
+        evidence = linear.evidence + (occam(known.T @ known) if k else 0.0)
+        evidence -= held_price(sensitivity.suspect)
+        ranked.append((evidence, sensitivity, linear.theta[k:]))
+    return sorted(ranked, key=lambda item: -item[0])
+
+
+def _diverse(ranked: Ranked, count: int) -> list[tuple[Sensitivity, Array]]:
+    """The best, no cause more than three times and no place twice for one cause."""
+    chosen: list[tuple[Sensitivity, Array]] = []
+    used: dict[str, list[object]] = {}
+    for _, sensitivity, theta in ranked:
+        suspect = sensitivity.suspect
+        places = used.setdefault(suspect.cause.id, [])
+        if suspect.place in places or len(places) >= 3:
+            continue
+        places.append(suspect.place)
+        chosen.append((sensitivity, theta))
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def _backward(bench: Workbench, rule: Ruler, best: Fit, settings: Settings) -> Fit:
+    """Drop a cause that the others have made needless."""
+    for i in range(len(best.hypothesis) - 1):
+        rest: Hypothesis = [part for j, part in enumerate(best.hypothesis) if j != i]
+        without = fit(bench, rest, rule.learn, rule.null)
+        if best.evidence - without.evidence < settings.further:
+            return without
+    return best
+
+
+def predictive(rule: Ruler, null: Array, fitted: Fit) -> float:
+    """How much likelier the choose split is than under the null, fitted on the fit split [nats].
+
+    The parameters are moved from their fit on both splits to that on one by a linear step.
+    """
+    pull = penalty_scale(fitted.hypothesis)
+    columns, left = rule.fit(fitted.jacobian), rule.fit(fitted.residual)
+    matrix = np.vstack([columns, np.diag(pull + 1e-6)])
+    step = np.linalg.lstsq(matrix, np.concatenate([left, -pull * fitted.theta]), rcond=None)[0]
+    residual = fitted.residual - fitted.jacobian @ step
+
+    def held_out(r: Array) -> float:
+        return float(np.sum(rule.learn(r) ** 2) - np.sum(rule.fit(r) ** 2))
+
+    return 0.5 * (held_out(null) - held_out(residual))
+
+
+def same(a: Suspect, b: Suspect) -> bool:
+    """Whether two suspects are the same cause at the same place."""
+    return a.cause.id == b.cause.id and a.place == b.place

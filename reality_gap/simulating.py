@@ -1,0 +1,34 @@
+"""Studies whose truth is known: a machine's own replay, with noise, in place of a measurement."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from reality_gap.measured import measured
+from reality_gap.plant import build
+from reality_gap.replay import replay
+from reality_gap.study import Reading, Study
+from reality_gap.system import look_at
+from reality_gap.workbench import Hypothesis
+
+
+def simulate(study: Study, hypothesis: Hypothesis, rng: np.random.Generator) -> Study:
+    """The study as it would be if ``hypothesis`` were the truth: same commands, other readings."""
+    readings = measured(study)
+    system = look_at(study)
+    truth = replay(build(system, list(hypothesis)), study, readings).prediction
+    noisy = truth + readings.noise * rng.standard_normal(len(truth))
+    episodes = []
+    for e, episode in enumerate(study.episodes):
+        signals = []
+        for c, reading in enumerate(episode.readings):
+            at = (readings.episode == e) & (readings.channel == c)
+            signals.append(Reading(reading.time, noisy[at]))
+        episodes.append(replace(episode, readings=tuple(signals)))
+    channels = tuple(
+        replace(channel, noise=float(readings.noise[readings.channel == c][0]))
+        for c, channel in enumerate(study.channels)
+    )
+    return replace(study, channels=channels, episodes=tuple(episodes))

@@ -1,0 +1,175 @@
+"""One episode simulated: every physics step of it is recorded."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+from numpy.typing import NDArray
+
+from reality_gap.cause import Acting, Hook, Record
+
+Array = NDArray[np.float64]
+
+PROBE = "reality_gap/"
+"""What the names of the sensors begin with that are added to look inside."""
+
+
+def compile_with_probes(spec: mujoco.MjSpec, fuse: bool) -> mujoco.MjModel:
+    """Compile a model with sensors of what a `Record` holds.
+
+    Args:
+        spec: the model; probes are added to it.
+        fuse: whether bodies that hang together become one, which is quicker.
+    """
+    kinds = mujoco.mjtSensor
+    actuators = [a.name for a in spec.actuators]
+    tendons = [t.name for t in spec.tendons]
+    for kind, element, names in (
+        (kinds.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR, actuators),
+        (kinds.mjSENS_TENDONPOS, mujoco.mjtObj.mjOBJ_TENDON, tendons),
+        (kinds.mjSENS_TENDONVEL, mujoco.mjtObj.mjOBJ_TENDON, tendons),
+    ):
+        for name in names:
+            spec.add_sensor(
+                name=f"{PROBE}{int(kind)}/{name}", type=kind, objtype=element, objname=name
+            )
+    spec.compiler.fusestatic = fuse
+    return spec.compile()
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be simulated.
+
+    Attributes:
+        start: the study's time at the episode's begin [s].
+        command: (k, nu) at every step.
+        joints: where joints stand before settling [m or rad].
+        settle: how long the first command is held before the begin [s].
+    """
+
+    start: float
+    command: Array
+    joints: Mapping[str, float]
+    settle: float
+
+
+def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[Acting]) -> Record:
+    """Simulate an episode; every number is nan if it diverges.
+
+    ``sensors`` are those at the begin of each step, under its command.
+    """
+    if hooks:
+        model = copy.copy(model)  # hooks write into it
+    data = mujoco.MjData(model)
+    step = model.opt.timestep
+    for name, position in task.joints.items():
+        data.qpos[model.joint(name).qposadr[0]] = position
+    for i in range(model.nu):
+        if model.actuator_actnum[i] == 1:
+            data.act[model.actuator_actadr[i]] = task.command[0, i]
+    settling = round(task.settle / step)
+    data.time = task.start - settling * step
+    _remember(model, data, task.command[0])
+    running = [_Running(h, h.make(model)) for h in hooks]
+    _advance(model, data, running, np.repeat(task.command[:1], settling, axis=0), None)
+    record = _blank(model, task.start + step * np.arange(len(task.command)))
+    _advance(model, data, running, task.command, record)
+    count = len(record.force[0]), len(record.length[0])
+    probes = record.sensors[:, model.nsensordata - count[0] - 2 * count[1] :]
+    record.force[:] = probes[:, : count[0]]
+    record.length[:] = probes[:, count[0] : count[0] + count[1]]
+    record.velocity[:] = probes[:, count[0] + count[1] :]
+    if data.warning.number.any():
+        record.sensors[:] = np.nan
+    return record
+
+
+def _remember(model: mujoco.MjModel, data: mujoco.MjData, command: Array) -> None:
+    """Fill the histories of delayed actuators: the first command was always given."""
+    for i in np.flatnonzero(model.actuator_history[:, 0]):
+        count = int(model.actuator_history[i, 0])
+        past = data.time - model.opt.timestep * np.arange(count, 0, -1)
+        mujoco.mj_initCtrlHistory(model, data, int(i), past, np.full(count, command[i]))
+
+
+@dataclass(frozen=True)
+class _Running:
+    """A hook of the episode that is being simulated."""
+
+    acting: Acting
+    hook: Hook
+
+
+def _advance(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    running: Sequence[_Running],
+    command: Array,
+    record: Record | None,
+) -> None:
+    """Simulate a command (k, nu) step by step: in C where no hook acts, else in Python."""
+    if not len(command):
+        return
+    end = data.time + len(command) * model.opt.timestep
+    acting = [r for r in running if r.acting.start < end and r.acting.end > data.time]
+    if not acting:
+        _advance_in_c(model, data, command, record)
+        return
+    every = max(1, min(round(r.acting.period / model.opt.timestep) for r in acting))
+    due = np.arange(len(command)) % every == 0
+    due[1:] |= np.any(command[1:] != command[:-1], axis=1)
+    calls = [(r.hook, r.acting.start, r.acting.end) for r in acting]
+    for k, call in enumerate(due.tolist()):
+        if record is not None:
+            record.qpos[k], record.qvel[k] = data.qpos, data.qvel
+        if call:
+            data.ctrl[:] = command[k]
+            data.qfrc_applied[:] = 0.0
+            data.xfrc_applied[:] = 0.0
+            now = data.time
+            for hook, start, end in calls:
+                if start < now < end:
+                    hook(model, data)
+        mujoco.mj_step(model, data)
+        if record is not None:
+            record.sensors[k] = data.sensordata
+
+
+def _advance_in_c(
+    model: mujoco.MjModel, data: mujoco.MjData, command: Array, record: Record | None
+) -> None:
+    data.qfrc_applied[:] = 0.0
+    data.xfrc_applied[:] = 0.0
+    if record is None:
+        data.ctrl[:] = command[0]
+        mujoco.mj_step(model, data, len(command))
+        return
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    first = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, first, kind)
+    states, sensors = rollout.rollout(model, data, first[None], command[None])
+    record.sensors[:] = sensors[0]
+    # States are those after each step; sensors those before it.
+    at = np.vstack([first, states[0, :-1]])
+    record.qpos[:] = at[:, 1 : 1 + model.nq]
+    record.qvel[:] = at[:, 1 + model.nq : 1 + model.nq + model.nv]
+
+
+def _blank(model: mujoco.MjModel, time: Array) -> Record:
+    k = len(time)
+    return Record(
+        time=time,
+        sensors=np.zeros((k, model.nsensordata)),
+        force=np.zeros((k, model.nu)),
+        length=np.zeros((k, model.ntendon)),
+        velocity=np.zeros((k, model.ntendon)),
+        qpos=np.zeros((k, model.nq)),
+        qvel=np.zeros((k, model.nv)),
+        model=model,
+    )

@@ -1,0 +1,204 @@
+"""Logs: CSV or Parquet files as columns of numbers, an empty cell being "not measured"."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import NDArray
+
+from reality_gap.errors import StudyError
+
+Array = NDArray[np.float64]
+
+MAX_BYTES = 1 << 29
+"""Largest log [bytes]."""
+
+MAX_CELLS = 100_000_000
+"""Most cells that are read from one log; a small Parquet file may unfold into more."""
+
+_MAX_HEADER = 1 << 20
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a log.
+
+    Attributes:
+        name: of the file, for people.
+        columns: (n,) each; NaN where the cell is empty.
+        first: number of the first row as people count: 2 in CSV files, 1 in Parquet files.
+    """
+
+    name: str
+    columns: dict[str, Array]
+    first: int
+
+    def place(self, row: int) -> str:
+        """Where a person finds a row: "line 14 of episode_0.csv"."""
+        return _place(self.name, self.first, row)
+
+
+def read_header(path: Path, name: str) -> tuple[str, ...]:
+    """Names of the columns of the log at ``path``, called ``name`` in errors."""
+    _check_file(path, name)
+    if path.suffix == ".parquet":
+        return tuple(_open_parquet(path, name).schema_arrow.names)
+    with path.open("rb") as file:
+        line = file.readline(_MAX_HEADER)
+    try:
+        text = line.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StudyError(f"{name} is not text in UTF-8, as a CSV file must be") from error
+    if not text.strip():
+        raise StudyError(f"{name} is empty; a log begins with one line of column names")
+    names = tuple(cell.strip() for cell in next(csv.reader(StringIO(text))))
+    for separator in (";", "\t"):
+        if len(names) == 1 and separator in text:
+            raise StudyError(f"{name} is separated by {separator!r}; commas are expected")
+    return names
+
+
+def read_table(path: Path, name: str, columns: tuple[str, ...]) -> Table:
+    """The named columns of a log, which must be in its header once."""
+    header = read_header(path, name)
+    for column in columns:
+        if header.count(column) > 1:
+            raise StudyError(f"{name} has {header.count(column)} columns named {column!r}")
+    if path.suffix == ".parquet":
+        table, first = _read_parquet(path, name, columns), 1
+    else:
+        table, first = _read_csv(path, name, header, columns), 2
+    if table.num_rows == 0:
+        raise StudyError(f"{name} has column names but no rows")
+    values = {
+        column: _numbers(table.column(i), name, column, first) for i, column in enumerate(columns)
+    }
+    return Table(name, values, first)
+
+
+def _place(name: str, first: int, row: int) -> str:
+    return f"{'line' if first == 2 else 'row'} {row + first} of {name}"
+
+
+def _check_file(path: Path, name: str) -> None:
+    if path.suffix not in (".csv", ".parquet"):
+        raise StudyError(f"{name} is neither a .csv nor a .parquet file")
+    if not path.is_file():
+        raise StudyError(f"there is no file {name} in {path.parent}")
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise StudyError(f"{name} has {size >> 20} MiB; a log may have {MAX_BYTES >> 20}")
+
+
+def _open_parquet(path: Path, name: str) -> pyarrow.parquet.ParquetFile:
+    try:
+        return pyarrow.parquet.ParquetFile(path)
+    except (pa.ArrowException, OSError) as error:
+        raise StudyError(f"{name} is not a Parquet file, or is truncated") from error
+
+
+def _read_parquet(path: Path, name: str, columns: tuple[str, ...]) -> pa.Table:
+    with _open_parquet(path, name) as file:
+        cells = file.metadata.num_rows * len(columns)
+        if cells > MAX_CELLS:
+            raise StudyError(f"{name} has {cells} cells; a log may have {MAX_CELLS}")
+        try:
+            return file.read(columns=list(columns), use_threads=False).select(list(columns))
+        except (pa.ArrowException, OSError) as error:
+            raise StudyError(f"{name} is a damaged Parquet file") from error
+
+
+def _read_csv(path: Path, name: str, header: tuple[str, ...], columns: tuple[str, ...]) -> pa.Table:
+    """Columns as floats, or as text where one of the cells is no number."""
+    data = path.read_bytes().rstrip() + b"\n"
+    try:
+        return _parse_csv(data, name, header, columns, pa.float64())
+    except pa.ArrowInvalid:
+        pass
+    try:
+        return _parse_csv(data, name, header, columns, pa.binary())
+    except pa.ArrowInvalid as error:
+        raise StudyError(f"{name} is no CSV file: {' '.join(str(error).split())}") from error
+
+
+def _parse_csv(
+    data: bytes, name: str, header: tuple[str, ...], columns: tuple[str, ...], kind: pa.DataType
+) -> pa.Table:
+    uneven: list[pyarrow.csv.InvalidRow] = []
+
+    def note(row: pyarrow.csv.InvalidRow) -> str:
+        uneven.append(row)
+        return "skip"
+
+    wanted = [str(header.index(column)) for column in columns]
+    table = pyarrow.csv.read_csv(
+        pa.BufferReader(data),
+        read_options=pyarrow.csv.ReadOptions(
+            use_threads=False, skip_rows=1, column_names=[str(i) for i in range(len(header))]
+        ),
+        parse_options=pyarrow.csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=note),
+        convert_options=pyarrow.csv.ConvertOptions(
+            include_columns=wanted,
+            column_types=dict.fromkeys(wanted, kind),
+            null_values=[""],
+            strings_can_be_null=True,
+        ),
+    )
+    if uneven:
+        row, last = uneven[0], table.num_rows + len(uneven) + 1
+        short = row.actual_columns < row.expected_columns and row.number == last
+        raise StudyError(
+            f"line {row.number} of {name} has {row.actual_columns} cells, the header "
+            f"{row.expected_columns}" + ("; the file looks truncated" if short else "")
+        )
+    return table
+
+
+def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Array:
+    if pa.types.is_binary(cells.type) or pa.types.is_string(cells.type):
+        numbers = _parse_cells(cells.to_pylist(), name, column, first)
+        empty = np.isnan(numbers)
+    else:
+        try:
+            floats = pc.cast(cells, pa.float64())
+        except pa.ArrowException as error:
+            kind = f"{column!r} of {name} holds {cells.type}"
+            raise StudyError(f"column {kind} instead of numbers") from error
+        numbers = np.array(floats.to_numpy(), dtype=np.float64)
+        empty = pc.is_null(cells).to_numpy().astype(bool)
+    wrong = np.flatnonzero(~np.isfinite(numbers) & ~empty)
+    if len(wrong):
+        raise _no_number(name, column, first, int(wrong[0]), str(numbers[wrong[0]]))
+    return numbers
+
+
+def _parse_cells(cells: list[bytes | str | None], name: str, column: str, first: int) -> Array:
+    """Floats of cells of which at least one is no plain number; NaN where empty."""
+    numbers = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        text = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell or ""
+        if not text.strip():
+            continue
+        try:
+            numbers[row] = float(text)
+        except ValueError as error:
+            raise _no_number(name, column, first, row, text) from error
+        if not np.isfinite(numbers[row]):
+            raise _no_number(name, column, first, row, text)
+    return numbers
+
+
+def _no_number(name: str, column: str, first: int, row: int, text: str) -> StudyError:
+    shown = text.strip() if len(text) < 40 else text.strip()[:40] + "..."
+    return StudyError(
+        f"{_place(name, first, row)}, column {column!r}: {shown!r} is not a number; leave the "
+        "cell empty where nothing was measured"
+    )

@@ -1,0 +1,141 @@
+"""Where hypotheses are tried: replays of a study with suspects in it, several at once."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Values
+from reality_gap.errors import StudyError
+from reality_gap.inverse import inverse_replay, ready
+from reality_gap.measured import Measured, measured
+from reality_gap.plant import Suspect, build
+from reality_gap.replay import Memory, Replay, replay
+from reality_gap.study import Study
+from reality_gap.system import System, look_at
+
+Array = NDArray[np.float64]
+Part = tuple[Suspect, Values]
+Hypothesis = Sequence[Part]
+Tick = Callable[[], None]
+
+
+class Workbench:
+    """Replays hypotheses of one study.
+
+    Args:
+        study: what was measured.
+        jobs: number of processes.
+        tick: called after every replay.
+    """
+
+    def __init__(self, study: Study, jobs: int = 1, tick: Tick = lambda: None) -> None:
+        study = ready(study)
+        self.system: System = look_at(study)
+        self.measured: Measured = measured(study)
+        self.tick = tick
+        self._memory = Memory()
+        self._drift: Array | None = None
+        self._coarse: bool | None = None
+        self._pool = (
+            ProcessPoolExecutor(
+                jobs, multiprocessing.get_context("forkserver"), _open, initargs=(study,)
+            )
+            if jobs > 1
+            else None
+        )
+
+    def __enter__(self) -> Workbench:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def look(self, hypothesis: Hypothesis, coarse: bool = False) -> Replay:
+        """Replay with everything that was recorded on the way, ``coarse`` at twice the step."""
+        study = self.system.study
+        try:
+            plant = build(self.system, hypothesis)
+            if study.inverse:
+                return inverse_replay(plant, study, self.measured)
+            if coarse:
+                plant.spec.option.timestep *= 2
+            return replay(plant, study, self.measured, self._memory)
+        except ValueError as error:  # a model that no longer compiles
+            names = " and ".join(str(suspect) for suspect, _ in hypothesis)
+            raise StudyError(f"the model with {names} does not compile: {error}") from error
+
+    @property
+    def drift(self) -> Array:
+        """What the model's time step does to its replay (n,) in SI units, to first order.
+
+        Twice the difference between half the step and the whole (Richardson's extrapolation): a
+        gap of the integrator, not of the model.
+        """
+        if self._drift is None:
+            self._drift = np.zeros(len(self.measured.value))
+            study = self.system.study
+            if not study.inverse:
+                plant = build(self.system, [])
+                plant.spec.option.timestep /= 2
+                fine = replay(plant, study, self.measured).prediction
+                self._drift = np.nan_to_num(2 * (fine - self.look([]).prediction))
+        return self._drift
+
+    def residual(self, hypothesis: Hypothesis) -> Array:
+        """Measured minus replayed (n,), in units of sensor noise; nan where it diverged.
+
+        The error of the time step is taken out.
+        """
+        return self.residuals([hypothesis])[0]
+
+    @property
+    def coarse(self) -> bool:
+        """Whether twice the model's time step will do for differences between replays."""
+        if self._coarse is None:
+            self._coarse = False
+            if not self.system.study.inverse:
+                change = self.look([], True).prediction - self.look([]).prediction
+                usual = np.abs(self.drift) + self.measured.noise
+                self._coarse = bool(
+                    np.all(np.isfinite(change)) and np.mean(np.abs(change) / usual) < 3
+                )
+        return self._coarse
+
+    def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Array]:
+        """The same of several hypotheses, in their order."""
+        found = []
+        for prediction in self._predictions(hypotheses, coarse):
+            found.append((self.measured.value - prediction - self.drift) / self.measured.noise)
+            self.tick()
+        return found
+
+    def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Array]:
+        if self._pool is None or len(hypotheses) < 2:
+            return (self.look(hypothesis, coarse).prediction for hypothesis in hypotheses)
+        return self._pool.map(_predict, hypotheses, [coarse] * len(hypotheses), chunksize=1)
+
+
+_bench: Workbench | None = None
+
+
+def _open(study: Study) -> None:
+    """In a worker: one workbench for all tasks."""
+    global _bench
+    _bench = Workbench(study)
+
+
+def _predict(hypothesis: Hypothesis, coarse: bool) -> Array:
+    assert _bench is not None
+    return _bench.look(hypothesis, coarse).prediction

@@ -1,0 +1,88 @@
+"""Somebody hides an effect in a machine, somebody else has to find it.
+
+The hider, `hidden_plants`, shares no code with the seeker, `reality_gap`; here they meet. A few
+causes are sought in `make test`, all of them in `make test-all`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import hidden_plants
+from experiments.gap_trial import ASSETS
+from hidden_plants import Effect, Secret
+from hidden_plants.draw import ONLY_ON_ARM
+from hidden_plants.floors import rows
+from hidden_plants.mechanisms import mechanism_of
+from reality_gap import CATALOGUE, Diagnosis, Options, Verdict, diagnose, load_study
+
+SECONDS = 12.0
+LARGE = 10.0
+"""Amplitude over the oracle's detection floor: what is tested here is the naming."""
+ALWAYS = (
+    "actuator_lag",
+    "attachment_shift",
+    "backlash",
+    "force_offset",
+    "length_scale",
+    "tension_offset",
+)
+OUTSIDE = ("cogging_torque", "hard_stop", "tension_crosstalk")
+PAIRS = (
+    ("force_scale", "attachment_shift"),
+    ("length_offset", "tension_scale"),
+    ("backlash", "force_offset"),
+)
+
+
+def effect_of(id: str, skip: int = 0) -> Effect:
+    """The effect at one of its places, ten times the floor or as large as is physical."""
+    places = [r for r in rows("elbow") if r.structure.id == id and r.floors[0] < float("inf")]
+    row = places[skip % len(places)]
+    mechanism = mechanism_of(row.structure)
+    return mechanism.effect(row.structure, min(LARGE * row.floors[0], mechanism.bound))
+
+
+def sought(folder: Path, secret: Secret, seed: int) -> Diagnosis:
+    """The diagnosis of the secret's log."""
+    hidden_plants.write_study(folder, secret, seed, "elbow", ASSETS, SECONDS, baseline=False)
+    return diagnose(load_study(folder / "STUDY.yaml"), options=Options(suggest=False))
+
+
+def some(ids: tuple[str, ...], always: tuple[str, ...]) -> list[object]:
+    """Parameters of a test, those not always tested marked as slow."""
+    return [pytest.param(i, marks=[] if i in always else [pytest.mark.slow]) for i in ids]
+
+
+ON_ELBOW = tuple(id for id in CATALOGUE if id not in ONLY_ON_ARM)
+
+
+@pytest.mark.parametrize("id", some(ON_ELBOW, ALWAYS))
+def test_what_is_hidden_is_named(tmp_path: Path, id: str) -> None:
+    found = sought(tmp_path, Secret((effect_of(id),), 0, "single"), seed=7)
+    assert found.verdict is Verdict.NAMED
+    named = {cause.suspect.cause.id for cause in found.causes}
+    assert id in named | {same for cause in found.causes for same in cause.equivalent}
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_where_nothing_is_hidden_nothing_is_found(tmp_path: Path, seed: int) -> None:
+    found = sought(tmp_path, Secret((), seed, "null"), seed)
+    assert found.verdict is Verdict.NOTHING_WRONG
+    assert not found.causes
+
+
+@pytest.mark.parametrize("id", some(OUTSIDE, OUTSIDE[:1]))
+def test_what_has_no_name_is_called_unexplained(tmp_path: Path, id: str) -> None:
+    found = sought(tmp_path, Secret((effect_of(id),), 0, "outside"), seed=5)
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert not found.causes
+
+
+@pytest.mark.parametrize("pair", some(PAIRS, PAIRS[:1]))
+def test_two_causes_are_both_named(tmp_path: Path, pair: tuple[str, str]) -> None:
+    effects = (effect_of(pair[0]), effect_of(pair[1], skip=1))
+    found = sought(tmp_path, Secret(effects, 0, "pair"), seed=3)
+    assert set(pair) <= {cause.suspect.cause.id for cause in found.causes}

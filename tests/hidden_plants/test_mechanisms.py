@@ -1,0 +1,145 @@
+"""Every mechanism does something, does nothing at null, and converges to nothing towards it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hidden_plants.build import build
+from hidden_plants.loop import Task, run_task
+from hidden_plants.machine import Machine, load
+from hidden_plants.mechanisms import MECHANISMS, resized, structures
+from hidden_plants.motion import episodes
+from hidden_plants.nuisance import Nuisance, mismatch, size
+from hidden_plants.readings import clean_readings
+from hidden_plants.secret import CATALOGUE, OUTSIDE, Effect
+
+ASSETS = Path(__file__).parents[2] / "assets" / "mjcf" / "kengoro_arm"
+NOISE = {"length": 1e-4, "tension": 1.0, "marker": 1e-3}
+IDS = (*CATALOGUE, *OUTSIDE)
+
+
+@pytest.fixture(scope="module")
+def elbow() -> Machine:
+    return load("elbow", ASSETS)
+
+
+@lru_cache
+def plan(machine: Machine) -> tuple[np.ndarray, np.ndarray]:
+    """Where the first episode of a motion begins, and its targets."""
+    return episodes(machine, 0, 20.0)[0]
+
+
+def signals(machine: Machine, *effects: Effect, start: float = 14.0) -> dict[str, np.ndarray]:
+    """Clean readings of one episode that begins at ``start`` in the log."""
+    slip = mismatch(machine, Nuisance(), np.zeros(size(machine)))
+    robot = build(machine, slip, effects)
+    initial, targets = plan(machine)
+    time = 0.02 * np.arange(len(targets))
+    trace = run_task(robot, Task(time, targets, initial, 4.0, start))
+    return clean_readings(robot, trace, time + 0.01, time[::5] + 0.01)
+
+
+def distance(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> float:
+    """How far two logs are apart, in standard deviations of their noise."""
+    parts = [(one[name] - other[name]) / NOISE[name.split("_")[0]] for name in one]
+    return float(np.sqrt(sum(np.sum(part**2) for part in parts)))
+
+
+def visible(machine: Machine, id: str) -> Effect:
+    """An effect of this id at a place that shows it."""
+    every = structures(machine, id)
+    if id == "attachment_shift":
+        every = [structure for structure in every if structure.elements == ("biceps_2",)]
+    if id == "external_force":
+        every = [structure for structure in every if structure.shape["every_episode"]]
+    return MECHANISMS[id].effect(every[0], MECHANISMS[id].typical)
+
+
+@pytest.fixture(scope="module")
+def nothing(elbow: Machine) -> dict[str, np.ndarray]:
+    return signals(elbow)
+
+
+def test_every_id_has_a_mechanism() -> None:
+    assert set(MECHANISMS) == set(IDS)
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_an_effect_changes_the_log_and_a_tiny_one_does_not(
+    id: str, elbow: Machine, nothing: dict[str, np.ndarray]
+) -> None:
+    effect = visible(elbow, id)
+    assert distance(signals(elbow, effect), nothing) > 2.0
+    tiny = resized(effect, effect.amplitude * 1e-4)
+    assert distance(signals(elbow, tiny), nothing) < 1.0
+    none = resized(effect, 0.0)
+    assert distance(signals(elbow, none), nothing) == 0.0
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_largest_effect_stays_finite(id: str, elbow: Machine) -> None:
+    bound = MECHANISMS[id].bound
+    for structure in structures(elbow, id)[::3]:
+        most = min(bound, structure.shape.get("most", bound))
+        seen = signals(elbow, MECHANISMS[id].effect(structure, most))
+        assert all(np.isfinite(values).all() for values in seen.values())
+        assert max(np.abs(seen[f"length_{wire}"]).max() for wire in elbow.wires) < 1.0
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_elements_are_in_the_drawing(id: str, elbow: Machine) -> None:
+    model = elbow.model
+    names = {
+        kind(i).name
+        for count, kind in (
+            (model.ntendon, model.tendon),
+            (model.njnt, model.joint),
+            (model.nsite, model.site),
+            (model.nbody, model.body),
+            (model.nsensor, model.sensor),
+            (model.ncam, model.camera),
+        )
+        for i in range(count)
+    }
+    for structure in structures(elbow, id):
+        assert set(structure.elements) <= names
+        effect = MECHANISMS[id].effect(structure, MECHANISMS[id].typical)
+        assert all(isinstance(value, float) for value in effect.parameters.values())
+        assert resized(effect, 2.0 * effect.amplitude).parameters != effect.parameters
+
+
+def test_a_wire_that_gave_stays_long(elbow: Machine) -> None:
+    structure = next(s for s in structures(elbow, "wire_elongation") if not s.shape["duration"])
+    effect = MECHANISMS["wire_elongation"].effect(structure, 2e-3)
+    name = f"tension_{structure.elements[0]}"
+    for start, changed in ((0.0, False), (16.0, True)):
+        gave, kept = signals(elbow, effect, start=start), signals(elbow, start=start)
+        assert (np.abs(gave[name] - kept[name])[0] > 5.0) == changed
+        assert (distance(gave, kept) > 0.0) == changed
+
+
+def test_a_delay_of_commands_moves_the_log_by_so_much(elbow: Machine) -> None:
+    structure = structures(elbow, "delay")[0]
+    late = signals(elbow, MECHANISMS["delay"].effect(structure, 0.06))
+    prompt = signals(elbow)
+    gap = late["length_biceps"][3:] - prompt["length_biceps"][:-3]
+    assert np.abs(gap).max() < 0.1 * np.abs(late["length_biceps"] - prompt["length_biceps"]).max()
+
+
+def test_an_unknown_effect_is_one_sentence(elbow: Machine) -> None:
+    with pytest.raises(ValueError, match="no effect 'rust'; there are: coulomb_friction"):
+        signals(elbow, Effect("rust", (), {}, 1.0))
+
+
+def test_two_effects_on_one_wire_act_in_any_order(elbow: Machine) -> None:
+    pair = [
+        MECHANISMS[id].effect(structures(elbow, id)[0], MECHANISMS[id].typical)
+        for id in ("tendon_elasticity", "viscous_friction")
+    ]
+    both, alone = signals(elbow, *pair), signals(elbow, pair[0])
+    assert distance(both, signals(elbow, *reversed(pair))) == 0.0
+    assert distance(both, alone) > 2.0

@@ -1,0 +1,66 @@
+"""The motions are rich, start at rest, keep every wire tense and stay away from the stops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hidden_plants import Secret, Truth, write_study
+from hidden_plants.machine import BIAS, CUT, Machine, load
+
+ASSETS = Path(__file__).parents[2] / "assets" / "mjcf" / "kengoro_arm"
+SECONDS = {"elbow": 20.0, "arm": 5.0}
+
+
+@pytest.fixture(scope="module", params=["elbow", "arm"])
+def done(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Machine, Truth]:
+    name, folder = request.param, tmp_path_factory.mktemp("study")
+    truth = write_study(folder, Secret(motion=1), 2, name, ASSETS, SECONDS[name])
+    return load(name, ASSETS), truth
+
+
+def test_episodes_are_of_the_length_asked_for(done: tuple[Machine, Truth]) -> None:
+    _, truth = done
+    assert sum(episode.duration for episode in truth.episodes) == SECONDS[truth.machine]
+    starts = np.cumsum([0.0, *(episode.duration for episode in truth.episodes)])[:-1]
+    assert [episode.start for episode in truth.episodes] == list(starts)
+
+
+def test_no_joint_comes_near_its_stop(done: tuple[Machine, Truth]) -> None:
+    machine, truth = done
+    low, high = machine.model.jnt_range.T
+    for episode in truth.episodes:
+        assert (episode.qpos > low + np.deg2rad(4.0)).all()
+        assert (episode.qpos < high - np.deg2rad(4.0)).all()
+
+
+def test_every_wire_stays_tense(done: tuple[Machine, Truth]) -> None:
+    machine, truth = done
+    for episode in truth.episodes:
+        tensions = np.array([episode.clean[f"tension_{wire}"] for wire in machine.wires])
+        assert tensions.min() > BIAS - 1.0
+        assert np.median(tensions) > 60.0
+        assert tensions.max() < CUT
+
+
+def test_every_episode_starts_at_rest(done: tuple[Machine, Truth]) -> None:
+    _, truth = done
+    for episode in truth.episodes:
+        speed = (episode.qpos[1] - episode.qpos[0]) / 0.02
+        assert np.abs(speed).max() < 0.3
+
+
+@pytest.mark.parametrize("done", ["elbow"], indirect=True)
+def test_the_elbow_turns_far_fast_and_both_ways(done: tuple[Machine, Truth]) -> None:
+    _, truth = done
+    angle = np.concatenate([episode.qpos[:, 0] for episode in truth.episodes])
+    speed = np.concatenate([np.gradient(e.qpos[:, 0], e.sensor_time) for e in truth.episodes])
+    assert np.rad2deg(angle.min()) < 25.0
+    assert np.rad2deg(angle.max()) > 95.0
+    assert speed.max() > 2.0
+    assert speed.min() < -2.0
+    assert (np.abs(speed) < 0.05).mean() > 0.05

@@ -1,0 +1,70 @@
+"""The oracle's d is that of a known Gaussian, and a floor is where it is 5."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hidden_plants import Effect, detection_floor, oracle
+from hidden_plants.floors import make_table, rows
+from hidden_plants.machine import Machine, load
+from hidden_plants.nuisance import size
+from hidden_plants.oracle import SPREAD, THRESHOLD
+
+ASSETS = Path(__file__).parents[2] / "assets" / "mjcf" / "kengoro_arm"
+OFFSET = Effect("tension_offset", ("biceps",), {"sign": 1.0, "force": 2.0}, 2.0)
+
+
+@pytest.fixture
+def straight(monkeypatch: pytest.MonkeyPatch) -> Iterator[np.ndarray]:
+    """A plant whose readings are linear in mismatches and in the amplitude; its directions."""
+    rng = np.random.default_rng(0)
+    ways = rng.standard_normal((30, 60))
+
+    def readings(
+        machine: Machine, motion: int, unit: np.ndarray, effects: tuple[Effect, ...] = ()
+    ) -> np.ndarray:
+        amplitude = sum(effect.amplitude for effect in effects)
+        return ways[:, : len(unit)] @ unit + amplitude * ways[:, -1]
+
+    monkeypatch.setattr(oracle, "whitened", readings)
+    oracle.background.cache_clear()
+    yield ways
+    oracle.background.cache_clear()
+
+
+def test_the_floor_is_where_d_is_five(straight: np.ndarray) -> None:
+    machine = load("elbow", ASSETS)
+    spread = SPREAD * straight[:, : size(machine)]
+    covariance = np.eye(30) + spread @ spread.T
+    per_newton = np.sqrt(straight[:, -1] @ np.linalg.solve(covariance, straight[:, -1]))
+    factor = detection_floor(OFFSET, 0, "elbow", ASSETS)
+    assert factor * OFFSET.amplitude * per_newton == pytest.approx(THRESHOLD, rel=0.05)
+
+
+def test_what_no_physical_amplitude_shows_has_no_floor(
+    straight: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    straight[:, -1] *= 1e-6
+    assert detection_floor(OFFSET, 0, "elbow", ASSETS) == float("inf")
+
+
+def test_a_table_keeps_what_it_was_not_asked_for(straight: np.ndarray, tmp_path: Path) -> None:
+    machine, path = load("elbow", ASSETS), tmp_path / "floors.json"
+    make_table(machine, path, ("slack", "backlash"), tell=lambda line: None)
+    before = rows("elbow", path)
+    make_table(machine, path, ("slack",), tell=lambda line: None)
+    assert sorted(map(repr, rows("elbow", path))) == sorted(map(repr, before))
+    assert {row.structure.id for row in before} == {"slack", "backlash"}
+    assert all(len(row.floors) == 4 for row in before)
+
+
+@pytest.mark.slow
+def test_the_shipped_table_is_what_the_oracle_says() -> None:
+    machine = load("elbow", ASSETS)
+    for row in [row for row in rows("elbow") if row.structure.id == "tension_offset"][:2]:
+        floor = oracle.floor_of(machine, row.structure, 0)
+        assert floor == pytest.approx(row.floors[0], rel=0.1)

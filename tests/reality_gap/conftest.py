@@ -1,0 +1,252 @@
+"""A small machine with two wires, a good study of it on disk, and diagnoses made by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+
+from reality_gap.causes import cause
+from reality_gap.diagnosis import (
+    Dependence,
+    Diagnosis,
+    Estimate,
+    Experiment,
+    Gain,
+    NamedCause,
+    Rival,
+    Trace,
+    Verdict,
+)
+from reality_gap.measured import Measured, measured
+from reality_gap.plant import Suspect, build
+from reality_gap.reading import load_study
+from reality_gap.replay import replay
+from reality_gap.splits import split
+from reality_gap.study import Study
+from reality_gap.system import System, look_at
+
+MODEL = """
+<mujoco model="lever">
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <camera name="eye" pos="0.2 -1 0"/>
+    <site name="flexor_0" pos="0.05 0 0.1"/>
+    <site name="extensor_0" pos="-0.05 0 0.1"/>
+    <body name="lever" pos="0 0 0">
+      <joint name="elbow" axis="0 -1 0" range="-60 60" damping="1"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/>
+      <site name="flexor_1" pos="0.03 0 -0.1"/>
+      <site name="extensor_1" pos="-0.03 0 -0.1"/>
+      <site name="marker" pos="0 0 -0.3"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="flexor"><site site="flexor_0"/><site site="flexor_1"/></spatial>
+    <spatial name="extensor"><site site="extensor_0"/><site site="extensor_1"/></spatial>
+  </tendon>
+  <actuator>
+    <general name="flexor" tendon="flexor" gainprm="5000" biastype="affine"
+             biasprm="-10 -5000 0" forcelimited="true" forcerange="-400 -10"/>
+    <general name="extensor" tendon="extensor" gainprm="5000" biastype="affine"
+             biasprm="-10 -5000 0" forcelimited="true" forcerange="-400 -10"/>
+  </actuator>
+  <sensor>
+    <tendonpos name="length_flexor" tendon="flexor"/>
+    <tendonpos name="length_extensor" tendon="extensor"/>
+    <actuatorfrc name="tension_flexor" actuator="flexor"/>
+    <actuatorfrc name="tension_extensor" actuator="extensor"/>
+    <jointpos name="angle_elbow" joint="elbow"/>
+    <framepos name="marker_position" objtype="site" objname="marker"
+              reftype="camera" refname="eye"/>
+    <framequat name="marker_turn" objtype="site" objname="marker" reftype="camera" refname="eye"/>
+  </sensor>
+</mujoco>
+"""
+
+
+@dataclass
+class StudyFolder:
+    """A study on disk, to be spoilt.
+
+    Attributes:
+        path: of STUDY.yaml.
+        content: what STUDY.yaml says; `write` after changing it.
+        logs: columns of each log, by file name; `write` after changing them.
+    """
+
+    path: Path
+    content: dict
+    logs: dict[str, dict[str, list]]
+
+    def write(self) -> Path:
+        """Write STUDY.yaml and the logs, and return the path of the former."""
+        for name, columns in self.logs.items():
+            rows = [columns, *zip(*columns.values(), strict=True)]
+            text = "".join(",".join(map(str, row)) + "\n" for row in rows)
+            (self.path.parent / name).write_text(text, encoding="utf-8")
+        self.path.write_text(yaml.safe_dump(self.content, sort_keys=False), encoding="utf-8")
+        return self.path
+
+
+def _log(seconds: float, phase: float) -> tuple[dict[str, list], dict[str, list]]:
+    """What the machine itself does, with noise: its log at 50 Hz and its camera's at 10 Hz."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    data = mujoco.MjData(model)
+    random = np.random.default_rng(round(10 * phase))
+    robot: dict[str, list] = {}
+    camera: dict[str, list] = {}
+    for k in range(round(50 * seconds)):
+        angle = 0.5 * np.sin(1.5 * k / 50 + phase)
+        data.ctrl[:] = 0.2 - 0.03 * angle, 0.2 + 0.03 * angle
+        if k == 0:
+            mujoco.mj_step(model, data, 500)
+        mujoco.mj_forward(model, data)
+        _add(robot, {"time": 0.02 * k})
+        for i, wire in enumerate(("flexor", "extensor")):
+            length = data.sensor(f"length_{wire}").data[0] + random.normal(0, 1e-4)
+            tension = random.normal(0, 0.5) - data.sensor(f"tension_{wire}").data[0]
+            _add(robot, {f"target_{wire}": data.ctrl[i]})
+            _add(robot, {f"length_{wire}": length, f"tension_{wire}": tension})
+        _add(robot, {"angle_elbow": data.qpos[0] + random.normal(0, 1e-4)})
+        if k % 5 == 0:
+            x, y, z = data.sensor("marker_position").data + random.normal(0, 1e-4, 3)
+            _add(camera, {"time": 0.02 * k, "marker_x": x, "marker_y": y, "marker_z": z})
+        mujoco.mj_step(model, data, 10)
+    return robot, camera
+
+
+def _add(columns: dict[str, list], cells: dict[str, float]) -> None:
+    for name, cell in cells.items():
+        columns.setdefault(name, []).append(round(float(cell), 9))
+
+
+@pytest.fixture(scope="session")
+def lever_logs() -> list[tuple[dict[str, list], dict[str, list]]]:
+    """Logs of two episodes of the machine: (robot, camera) each."""
+    return [_log(4.0, 0.0), _log(4.0, 1.0)]
+
+
+@pytest.fixture
+def study_folder(
+    tmp_path: Path, lever_logs: list[tuple[dict[str, list], dict[str, list]]]
+) -> StudyFolder:
+    """A good study in a folder of its own, written."""
+    logs = {}
+    for i, (robot, camera) in enumerate(lever_logs):
+        logs[f"robot_{i}.csv"] = {name: list(cells) for name, cells in robot.items()}
+        logs[f"camera_{i}.csv"] = {name: list(cells) for name, cells in camera.items()}
+    length = {"unit": "m", "noise": 1e-4}
+    content = {
+        "name": "a lever",
+        "model": "lever.xml",
+        "episodes": [
+            {"commands": f"robot_{i}.csv", "readings": [f"camera_{i}.csv"]} for i in range(2)
+        ],
+        "time": {"column": "time", "unit": "s"},
+        "actuators": {
+            "flexor": {"column": "target_flexor", "unit": "m"},
+            "extensor": {"column": "target_extensor", "unit": "m"},
+        },
+        "sensors": {
+            "length_flexor": {"column": "length_flexor", **length},
+            "length_extensor": {"column": "length_extensor", **length},
+            "tension_flexor": {"column": "tension_flexor", "unit": "N", "scale": -1},
+            "angle_elbow": {"column": "angle_elbow", "unit": "rad"},
+            "marker_position": {"columns": ["marker_x", "marker_y", "marker_z"], **length},
+        },
+        "initial": {"settle": 1.0},
+    }
+    (tmp_path / "lever.xml").write_text(MODEL, encoding="utf-8")
+    folder = StudyFolder(tmp_path / "STUDY.yaml", content, logs)
+    folder.write()
+    return folder
+
+
+@pytest.fixture
+def lever_study(study_folder: StudyFolder) -> Study:
+    """The good study, read."""
+    return load_study(study_folder.path)
+
+
+@pytest.fixture
+def diagnosed(lever_study: Study) -> Callable[[Verdict], Diagnosis]:
+    """Makes a diagnosis of the good study by hand: friction of the flexor, and an encoder."""
+
+    def make(verdict: Verdict) -> Diagnosis:
+        system, readings = look_at(lever_study), measured(lever_study)
+        rubs = _suspect(system, "coulomb_friction", "flexor")
+        reads = _suspect(system, "length_offset", "extensor")
+        values = {"friction": 3.0}, {"offset": 0.0025}
+        named = verdict is Verdict.NAMED
+        parts = list(zip((rubs, reads), values, strict=True)) if named else []
+        before, after = (
+            replay(build(system, found), lever_study, readings).prediction for found in ([], parts)
+        )
+        estimates = (
+            {"friction": Estimate(3.0, 2.5, 3.5, "N")},
+            {"offset": Estimate(0.0025, 0.002, 0.003, "m")},
+        )
+        return Diagnosis(
+            study=lever_study.name,
+            verdict=verdict,
+            sentence=f"This is what the data say: {verdict.value}.",
+            causes=(
+                NamedCause(rubs, estimates[0], 0.93, ()),
+                NamedCause(reads, estimates[1], 0.88, ("length_scale",)),
+            )[: 2 * named],
+            rivals=(
+                Rival(rubs, values[0], 40.0, 0.9, 0, named),
+                Rival(reads, values[1], 12.0, 0.1, 0),
+                Rival(reads, values[1], 60.0, 0.9, 1, named),
+                Rival(rubs, values[0], -np.inf, 0.0, 1),
+            ),
+            rms_before=12.0,
+            rms_after=1.5 if named else 12.0,
+            noise_floor=1.0,
+            gain=Gain(0.955, 0.93, 0.97) if named else None,
+            unexplained_fraction=0.05,
+            explainable_fraction=0.97,
+            depends_on=(Dependence("velocity sign of elbow", "length_flexor", 0.4),),
+            next_experiment=Experiment(
+                "slow sweeps",
+                "Sweep slowly.",
+                lever_study.episodes[0].time,
+                lever_study.episodes[0].command,
+                6.0,
+                1.5,
+            ),
+            not_judged=(("camera_focal", "nothing to act on"),),
+            traces=_traces(lever_study, readings, before, after),
+            effects=(reads,) if named else (),
+            extended_xml=build(system, parts).spec.to_xml(),
+            seconds=12.5,
+        )
+
+    return make
+
+
+def _suspect(system: System, id: str, element: str) -> Suspect:
+    found = cause(id)
+    place = next(p for p in found.places(system) if p.elements == (element,))
+    return Suspect(found, place, found.parameters(system, place))
+
+
+def _traces(
+    study: Study, readings: Measured, before: np.ndarray, after: np.ndarray
+) -> tuple[Trace, ...]:
+    role, traces = split(readings), []
+    for e, episode in enumerate(study.episodes):
+        for c, channel in enumerate(study.channels):
+            at = (readings.episode == e) & (readings.channel == c)
+            signals = (readings.value[at], before[at], after[at])
+            noise, time = float(readings.noise[at][0]), readings.time[at]
+            traces.append(
+                Trace(channel.name, episode.name, channel.unit, noise, time, role[at], *signals)
+            )
+    return tuple(traces)

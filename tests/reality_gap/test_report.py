@@ -1,0 +1,156 @@
+"""The page: honest for each verdict, in units for people, and readable without a network."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from reality_gap.diagnosis import Diagnosis, Verdict
+from reality_gap.pictures.canvas import png
+from reality_gap.pictures.signals import residual_map, signals
+from reality_gap.report import page
+from reality_gap.study import Study
+
+Make = Callable[[Verdict], Diagnosis]
+VOID = {"meta", "img", "br", "link"}
+
+
+class Reader(HTMLParser):
+    """What a browser would find: text, links to elsewhere, and elements left open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.text = ""
+        self.open: list[str] = []
+        self.sources: list[str] = []
+        self.tags: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.text += " "
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text += data
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures that are made but not drawn, which is what takes the time."""
+    monkeypatch.setattr("reality_gap.report.png", lambda figure: "")
+
+
+def read(html: str) -> Reader:
+    """The page as a browser has it, white space as one blank."""
+    reader = Reader()
+    reader.feed(html)
+    reader.text = " ".join(reader.text.split())
+    return reader
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_a_page_is_whole_and_needs_no_network(
+    verdict: Verdict, diagnosed: Make, lever_study: Study
+) -> None:
+    diagnosis = diagnosed(verdict)
+
+    found = read(page(diagnosis, lever_study))
+
+    assert found.open == []
+    assert "script" not in found.tags
+    assert len(found.sources) >= 5
+    for source in found.sources:
+        assert source.startswith("data:image/png;base64,")
+        assert base64.b64decode(source.split(",")[1]).startswith(b"\x89PNG")
+    assert diagnosis.sentence in found.text
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_a_named_cause_stands_in_units_for_people(diagnosed: Make, lever_study: Study) -> None:
+    found = read(page(diagnosed(Verdict.NAMED), lever_study)).text
+
+    assert "Length offset extensor offset 2.50 mm 2.00 to 3.00 mm 88 % length scale" in found
+    assert "Coulomb friction flexor friction 3.00 N 2.50 to 3.50 N 93 % none" in found
+    assert re.search(r'\+ *<spatial name="flexor"[^>]*frictionloss="3"', found)
+    assert "takes away 96 % of the error above the floor (95 % interval 93 to 97 %)" in found
+    assert "camera focal nothing to act on" in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_nothing_wrong_promises_neither_gain_nor_truth(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = replace(diagnosed(Verdict.NOTHING_WRONG), rivals=(), next_experiment=None)
+
+    found = read(page(diagnosis, lever_study)).text
+
+    assert "What it gains" not in found
+    assert "That is no proof that the model is right elsewhere" in found
+    assert "extended.xml is your model" in found
+    assert "learned residual" not in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_unexplained_names_nobody_but_says_where_to_look(
+    diagnosed: Make, lever_study: Study
+) -> None:
+    found = read(page(diagnosed(Verdict.UNEXPLAINED), lever_study)).text
+
+    assert "What it gains" not in found
+    assert "what has no name is not built into a model" in found
+    assert "follows most from velocity sign of elbow (40 % of it, in length_flexor)" in found
+    assert "It is no cause, has no name" in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_an_unexplained_stopgap_is_told_as_such(diagnosed: Make, lever_study: Study) -> None:
+    named = diagnosed(Verdict.NAMED)
+    diagnosis = replace(named, verdict=Verdict.UNEXPLAINED, causes=(), gain=None)
+
+    found = read(page(diagnosis, lever_study)).text
+
+    assert "Coulomb friction at flexor; length offset at extensor" in found
+    assert "Do not read this as a diagnosis" in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_names_are_text_and_never_markup(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = replace(diagnosed(Verdict.NAMED), study="<script>alert(1)</script>")
+
+    found = read(page(diagnosis, lever_study))
+
+    assert "script" not in found.tags
+    assert "<script>alert(1)</script>" in found.text
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_a_model_that_diverges_still_gets_its_page(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = diagnosed(Verdict.UNEXPLAINED)
+    nothing = tuple(replace(t, before=np.full_like(t.before, np.nan)) for t in diagnosis.traces)
+
+    found = read(page(replace(diagnosis, traces=nothing), lever_study)).text
+
+    assert "it diverges on this log" in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_the_same_diagnosis_gives_the_same_page(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = diagnosed(Verdict.NAMED)
+
+    assert page(diagnosis, lever_study) == page(diagnosis, lever_study)
+
+
+def test_the_same_picture_has_the_same_bits(diagnosed: Make) -> None:
+    found = signals(diagnosed(Verdict.NAMED).traces)
+
+    assert png(residual_map(found)) == png(residual_map(found))

@@ -1,0 +1,113 @@
+"""Logs are read as numbers, and what is no number is found where a person would look for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+from reality_gap import tables
+from reality_gap.errors import StudyError
+from reality_gap.tables import read_header, read_table
+
+
+def read(path: Path, content: str | bytes) -> tables.Table:
+    """Columns a and b of a CSV file with this content."""
+    path = path / "log.csv"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_table(path, "log.csv", ("a", "b"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "a,b\n1,2\n3,4\n",
+        "b,a\n2,1\n4,3\n",
+        "a,note,b\n1,begin,2\n3,,4\n",
+        "\ufeffa, b \r\n1, 2\r\n3,4",
+        '"a","b"\n"1","2"\n3e0,+4.\n\n\n',
+        'a,"a note, long",b\n1,"x,\ny",2\n3,z,4\n',
+    ],
+)
+def test_csv_as_people_write_it(tmp_path: Path, content: str) -> None:
+    columns = read(tmp_path, content).columns
+    np.testing.assert_array_equal(columns["a"], [1.0, 3.0])
+    np.testing.assert_array_equal(columns["b"], [2.0, 4.0])
+
+
+@pytest.mark.parametrize("empty", ["", " ", '""'])
+def test_an_empty_cell(tmp_path: Path, empty: str) -> None:
+    columns = read(tmp_path, f"a,b\n1,{empty}\n3,4\n").columns
+    np.testing.assert_array_equal(columns["b"], [np.nan, 4.0])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "log.csv is empty"),
+        ("a,b\n", "no rows"),
+        ("a;b\n1;2\n", "commas are expected"),
+        ("a\tb\n1\t2\n", "commas are expected"),
+        ("a,b\n1,2\n3\n", "line 3 of log.csv has 1 cells, the header 2; the file looks truncated"),
+        ("a,b\n1\n3,4\n", "line 2 of log.csv has 1 cells, the header 2$"),
+        ("a,b\n1,2\n3,4,5\n", "line 3 of log.csv has 3 cells, the header 2$"),
+        ("a,b\n1,2\n3,4x\n", "line 3 of log.csv, column 'b': '4x' is not a number"),
+        ("a,b\n1,2\nNaN,4\n", "line 3 of log.csv, column 'a': 'nan' is not a number"),
+        ("a,b\n1,2\n3,-inf\n", "line 3 of log.csv, column 'b': '-inf' is not a number"),
+        ("a,b\n1,2\n3,1e999\n", "line 3 of log.csv, column 'b'"),
+        ("a,b,a\n1,2,3\n", "2 columns named 'a'"),
+        (b"a,b\n1,2\n\xff,4\n", "line 3 of log.csv, column 'a'"),
+        (b"\xff\xfea,b\n1,2\n", "UTF-8"),
+    ],
+)
+def test_a_fault_of_a_csv_file(tmp_path: Path, content: str | bytes, words: str) -> None:
+    with pytest.raises(StudyError, match=words):
+        read(tmp_path, content)
+
+
+def test_parquet(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    columns = {"b": pa.array([2, None], pa.int32()), "a": pa.array([1.0, 3.0], pa.float32())}
+    pyarrow.parquet.write_table(pa.table(columns), path)
+    assert read_header(path, "log.parquet") == ("b", "a")
+    table = read_table(path, "log.parquet", ("a", "b"))
+    np.testing.assert_array_equal(table.columns["a"], [1.0, 3.0])
+    np.testing.assert_array_equal(table.columns["b"], [2.0, np.nan])
+    assert table.place(1) == "row 2 of log.parquet"
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        ([1.0, float("nan")], "row 2 of log.parquet, column 'a': 'nan'"),
+        (["1", "x"], "row 2 of log.parquet, column 'a': 'x'"),
+        ([[1.0], [2.0]], "instead of numbers"),
+    ],
+)
+def test_a_fault_of_a_parquet_file(tmp_path: Path, cells: list, words: str) -> None:
+    path = tmp_path / "log.parquet"
+    pyarrow.parquet.write_table(pa.table({"a": cells}), path)
+    with pytest.raises(StudyError, match=words):
+        read_table(path, "log.parquet", ("a",))
+
+
+def test_a_truncated_parquet_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    pyarrow.parquet.write_table(pa.table({"a": [1.0, 2.0]}), path)
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(StudyError, match="truncated"):
+        read_header(path, "log.parquet")
+
+
+def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "log.parquet"
+    pyarrow.parquet.write_table(pa.table({"a": np.zeros(1000)}), path)
+    monkeypatch.setattr(tables, "MAX_CELLS", 999)
+    with pytest.raises(StudyError, match="1000 cells"):
+        read_table(path, "log.parquet", ("a",))
+    monkeypatch.setattr(tables, "MAX_BYTES", 10)
+    with pytest.raises(StudyError, match="MiB"):
+        read(tmp_path, "a,b\n1,2\n3,4\n")
