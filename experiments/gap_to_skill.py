@@ -58,7 +58,7 @@ class Sizes:
     patience: float = 2.5
 
 
-QUICK = Sizes(recorded=4, learned=2, targets=1, starts=1, move=1.0, patience=1.5)
+QUICK = Sizes(recorded=10, learned=2, targets=1, starts=1, move=1.0, patience=1.5)
 
 DIAGNOSED = AgentOptions(prior=PriorOptions(offset=0.002, shape=0.001))
 """An extended model is believed to be less wrong than the drawing: by lengths of 2 mm, not 25."""

@@ -1,4 +1,4 @@
-"""``python -m hidden_plants floors [--machine elbow] [--assets DIR] [--ids a,b]``."""
+"""``python -m hidden_plants floors [--machine elbow] [--assets DIR] [--anew ID ...]``."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from hidden_plants.mechanisms import MECHANISMS
 
 
 def main() -> None:
-    """Make the table of detection floors: minutes for the elbow, an hour for the arm."""
+    """Complete the table of detection floors: from nothing, an hour for each machine."""
     parser = argparse.ArgumentParser(prog="python -m hidden_plants")
     parser.add_argument("command", choices=["floors"])
     parser.add_argument("--machine", choices=MACHINES, default="elbow")
     parser.add_argument("--assets", type=Path, default=ASSETS, help="folder of the drawings")
-    parser.add_argument("--ids", default=",".join(MECHANISMS), help="effects, by commas")
+    parser.add_argument("--anew", nargs="*", choices=sorted(MECHANISMS), default=[], metavar="ID")
     parser.add_argument("--out", type=Path, default=TABLE, help="table to write")
     args = parser.parse_args()
-    make_table(load(args.machine, args.assets), args.out, tuple(args.ids.split(",")))
+    make_table(load(args.machine, args.assets), args.out, tuple(args.anew))
 
 
 if __name__ == "__main__":

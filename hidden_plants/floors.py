@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from hidden_plants.logs import write_text
 from hidden_plants.machine import Machine
@@ -42,33 +43,37 @@ def rows(machine: str, path: Path = TABLE) -> tuple[Row, ...]:
 def make_table(
     machine: Machine,
     path: Path = TABLE,
-    ids: tuple[str, ...] = tuple(MECHANISMS),
+    ids: tuple[str, ...] = (),
     tell: Callable[[str], None] = print,
 ) -> None:
-    """Compute the floors of every structure of ``ids``; rows of other ids and machines stay."""
+    """Compute the floors that the table lacks, and those of ``ids`` anew.
+
+    The table is written after every structure, so that a run that was cut off goes on.
+    """
     table = json.loads(path.read_text()) if path.is_file() else {}
-    made: dict[int, list[float]] = {}
-    wanted = [structure for id in ids for structure in structures(machine, id)]
-    for motion in range(MOTIONS[machine.name]):
-        for k, structure in enumerate(wanted):
-            known = [floor for floor in made.get(k, []) if floor < float("inf")]
-            floor = floor_of(machine, structure, motion, known[-1] if known else None)
-            made.setdefault(k, []).append(floor)
-            tell(f"motion {motion} {structure.id} {structure.elements}: {floor:.3g}")
-    kept = [row for row in table.get(machine.name, []) if row["id"] not in ids]
-    table[machine.name] = kept + [
-        {
-            "id": structure.id,
-            "elements": list(structure.elements),
-            "shape": dict(structure.shape),
-            "floors": [
-                float(f"{floor:.4g}") if floor < float("inf") else None for floor in made[k]
-            ],
-        }
-        for k, structure in enumerate(wanted)
+    known = {_key(row): row["floors"] for row in table.get(machine.name, [])}
+    wanted = [structure for id in MECHANISMS for structure in structures(machine, id)]
+    lines: list[dict[str, Any]] = [
+        {"id": s.id, "elements": list(s.elements), "shape": dict(s.shape), "floors": []}
+        for s in wanted
     ]
-    write_text(path, _text(table))
+    for line in lines:
+        line["floors"] = [] if line["id"] in ids else known.get(_key(line), [])
+    table[machine.name] = lines
+    for motion in range(MOTIONS[machine.name]):
+        for structure, line in zip(wanted, lines, strict=True):
+            floors = line["floors"]
+            if len(floors) > motion:
+                continue
+            found = floor_of(machine, structure, motion, floors[-1] if floors else None)
+            floors.append(float(f"{found:.4g}") if found < float("inf") else None)
+            tell(f"motion {motion} {structure.id} {structure.elements}: {found:.3g}")
+            write_text(path, _text(table))
     rows.cache_clear()
+
+
+def _key(row: dict) -> str:
+    return json.dumps([row["id"], row["elements"], row["shape"]], sort_keys=True)
 
 
 def _text(table: dict[str, list[dict]]) -> str:

@@ -32,8 +32,8 @@ THRESHOLD = 5.0
 """The d at which an effect counts as seen."""
 SECONDS = {"elbow": 20.0, "arm": 15.0}
 """Length of the logs that floors are stated for [s]."""
-STEP = {"elbow": 0.001, "arm": 0.002}
-"""Physics step of the oracle's runs [s]: only differences between them count."""
+STEP, COARSE = 0.001, 0.002
+"""Physics steps of the oracle's runs [s], of effects and of mismatches: only differences count."""
 SPREAD = 3.0**-0.5
 """Standard deviation of a uniform number in [-1, 1]."""
 
@@ -44,21 +44,28 @@ class Background:
 
     Attributes:
         middle: whitened readings of the machine with all mismatches in their middle (k,).
-        basis, shrink: (k, m) and (m,): C^-1 = I - basis diag(shrink) basis', readings whitened.
+        slopes: their change with every mismatch by one standard deviation (k, m), single precision.
+        inner: (I + slopes' slopes)^-1 (m, m), so that C^-1 = I - slopes inner slopes'.
     """
 
     middle: Array
-    basis: Array
-    shrink: Array
+    slopes: NDArray[np.float32]
+    inner: Array
 
     def distance(self, readings: Array) -> float:
         """d of whitened readings (k,)."""
         change = readings - self.middle
-        seen = change @ change - self.shrink @ (self.basis.T @ change) ** 2
-        return max(float(seen), 0.0) ** 0.5
+        known = (change.astype(np.float32) @ self.slopes).astype(np.float64)
+        return max(float(change @ change - known @ self.inner @ known), 0.0) ** 0.5
 
 
-def whitened(machine: Machine, motion: int, unit: Array, effects: tuple[Effect, ...] = ()) -> Array:
+def whitened(
+    machine: Machine,
+    motion: int,
+    unit: Array,
+    effects: tuple[Effect, ...] = (),
+    step: float = STEP,
+) -> Array:
     """All readings of a motion without noise, over their noise, in one row.
 
     Args:
@@ -66,6 +73,7 @@ def whitened(machine: Machine, motion: int, unit: Array, effects: tuple[Effect, 
         motion: of the library.
         unit: the mismatches (`nuisance.size`,), each in [-1, 1].
         effects: hidden.
+        step: of the physics [s].
     """
     nuisance = Nuisance()
     slip = mismatch(machine, nuisance, unit)
@@ -73,7 +81,7 @@ def whitened(machine: Machine, motion: int, unit: Array, effects: tuple[Effect, 
     for k, (initial, targets) in enumerate(episodes(machine, motion, SECONDS[machine.name])):
         time = PERIOD * np.arange(len(targets), dtype=np.float64)
         task = Task(time, targets, initial, EPISODE[machine.name], k * EPISODE[machine.name])
-        robot = build(machine, slip, effects, STEP[machine.name])
+        robot = build(machine, slip, effects, step)
         readings = clean_readings(
             robot, run_task(robot, task), time + LATE, time[::CAMERA_EVERY] + LATE
         )
@@ -96,14 +104,17 @@ def _over_noise(readings: Readings, nuisance: Nuisance) -> list[Array]:
     return rows
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def background(machine: Machine, motion: int) -> Background:
     """What the oracle knows of a motion; one run of the plant for every mismatch."""
-    count = size(machine)
-    middle = whitened(machine, motion, np.zeros(count))
-    columns = [SPREAD * (whitened(machine, motion, unit) - middle) for unit in np.eye(count)]
-    basis, strength, _ = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)
-    return Background(middle, basis, strength**2 / (1.0 + strength**2))
+    units = np.eye(size(machine), dtype=np.float64)
+    middle = whitened(machine, motion, 0.0 * units[0])
+    start = whitened(machine, motion, 0.0 * units[0], step=COARSE)
+    slopes = np.empty((len(middle), len(units)), dtype=np.float32)
+    for column, unit in enumerate(units):
+        slopes[:, column] = SPREAD * (whitened(machine, motion, unit, step=COARSE) - start)
+    inner = np.linalg.inv(units + (slopes.T @ slopes).astype(np.float64))
+    return Background(middle, slopes, np.asarray(inner, dtype=np.float64))
 
 
 def floor_of(

@@ -243,9 +243,10 @@ def predictive(rule: Ruler, null: Array, fitted: Fit) -> float:
 
     The parameters are moved from their fit on both splits to that on one by a linear step.
     """
-    pull = penalty_scale(fitted.hypothesis)
+    # What one split does not show at all must not run away.
+    pull = np.maximum(penalty_scale(fitted.hypothesis), 0.1)
     columns, left = rule.fit(fitted.jacobian), rule.fit(fitted.residual)
-    matrix = np.vstack([columns, np.diag(pull + 1e-6)])
+    matrix = np.vstack([columns, np.diag(pull)])
     step = np.linalg.lstsq(matrix, np.concatenate([left, -pull * fitted.theta]), rcond=None)[0]
     residual = fitted.residual - fitted.jacobian @ step
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from hidden_plants.arm_motion import HOME, REACH
 from hidden_plants.machine import Array, Machine
 from hidden_plants.mechanisms.mechanism import (
     Mechanism,
@@ -120,10 +121,9 @@ def _postures(machine: Machine) -> Array:
     if machine.name == "elbow":
         return np.linspace(0.25, 1.85, 33)[:, None]
     rng = shapes_of("missing_wrapping", machine.name)
-    low, high = machine.model.jnt_range.T
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    postures: Array = middle + 0.4 * half * rng.uniform(-1.0, 1.0, (100, len(low)))
-    return postures
+    home, reach = (np.array([row.get(j, 0.0) for j in machine.joints]) for row in (HOME, REACH))
+    postures: Array = home + 1.2 * reach * rng.uniform(-1.0, 1.0, (400, len(home)))
+    return np.deg2rad(postures)
 
 
 def _wraps(machine: Machine) -> list[Structure]:

@@ -25,7 +25,11 @@ def straight(monkeypatch: pytest.MonkeyPatch) -> Iterator[np.ndarray]:
     ways = rng.standard_normal((30, 60))
 
     def readings(
-        machine: Machine, motion: int, unit: np.ndarray, effects: tuple[Effect, ...] = ()
+        machine: Machine,
+        motion: int,
+        unit: np.ndarray,
+        effects: tuple[Effect, ...] = (),
+        step: float = 1.0,
     ) -> np.ndarray:
         amplitude = sum(effect.amplitude for effect in effects)
         return ways[:, : len(unit)] @ unit + amplitude * ways[:, -1]
@@ -52,14 +56,26 @@ def test_what_no_physical_amplitude_shows_has_no_floor(
     assert detection_floor(OFFSET, 0, "elbow", ASSETS) == float("inf")
 
 
-def test_a_table_keeps_what_it_was_not_asked_for(straight: np.ndarray, tmp_path: Path) -> None:
+def test_a_table_that_was_cut_off_is_completed(straight: np.ndarray, tmp_path: Path) -> None:
     machine, path = load("elbow", ASSETS), tmp_path / "floors.json"
-    make_table(machine, path, ("slack", "backlash"), tell=lambda line: None)
-    before = rows("elbow", path)
-    make_table(machine, path, ("slack",), tell=lambda line: None)
-    assert sorted(map(repr, rows("elbow", path))) == sorted(map(repr, before))
-    assert {row.structure.id for row in before} == {"slack", "backlash"}
-    assert all(len(row.floors) == 4 for row in before)
+    told: list[str] = []
+
+    def stop_soon(line: str) -> None:
+        told.append(line)
+        if len(told) == 10:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        make_table(machine, path, tell=stop_soon)
+    make_table(machine, path, tell=told.append)
+    whole = rows("elbow", path)
+    assert all(len(row.floors) == 4 for row in whole)
+    assert len(told) == 4 * len(whole) + 1
+    told.clear()
+    make_table(machine, path, ("slack",), tell=told.append)
+    assert len(told) == 12
+    assert all("slack" in line for line in told)
+    assert rows("elbow", path) == whole
 
 
 @pytest.mark.slow
