@@ -13,8 +13,8 @@ from hidden_plants.machine import BIAS, STIFFNESS, Machine
 Array = NDArray[np.float64]
 PERIOD = 0.020
 """From one command to the next [s]."""
-MOTIONS = {"elbow": 4, "arm": 2}
-"""How many motions the library of each machine holds."""
+MOTIONS = {"elbow": 4, "arm": 1}
+"""How many motions the library of each machine holds, those that floors are known for."""
 EPISODE = {"elbow": 4.0, "arm": 5.0}
 """Length of one episode [s]."""
 LOW, HIGH = np.deg2rad(14.0), np.deg2rad(106.0)
