@@ -56,7 +56,7 @@ class Options:
 
     search: Settings = field(default_factory=Settings)
     unexplained: float = 0.15
-    certain: float = 12.0
+    certain: float = 6.0
     better: float = 6.0
     visible: float = 3.0
     suggest: bool = True

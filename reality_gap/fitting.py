@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from reality_gap.cause import Parameter
-from reality_gap.evidence import PRIOR, occam
+from reality_gap.evidence import PRIOR, complexity
 from reality_gap.plant import Suspect
 from reality_gap.whitening import Whitening
 from reality_gap.workbench import Hypothesis, Workbench
@@ -20,6 +20,8 @@ STEP = 0.1
 """Finite difference of a fit, in scales of a parameter."""
 ROUNDS = 3
 """Gauss-Newton steps at most."""
+FACTORS = (0.5, 0.75, 1.35, 1.8)
+"""Sizes that are tried beside a fitted one."""
 ENOUGH = 0.2
 """A step that promises less is not taken [nats]."""
 
@@ -122,9 +124,28 @@ def fit(
                 break
             theta, residual = moved
     assert slopes is not None
-    evidence = log_evidence(white, null, residual, slopes, theta, pull)
-    evidence -= sum(held_price(suspect) for suspect, _ in start)
+    evidence = log_evidence(white, null, residual, slopes, theta, start)
     return Fit(at(start, theta), residual, slopes, theta, evidence)
+
+
+def resized(bench: Workbench, old: Fit, white: Whitening, null: Array, first: int) -> Fit:
+    """The fit with its causes from the ``first`` on smaller or larger, where that fits better.
+
+    What sticks and slips has several minima; differences see the nearest only.
+    """
+    own = np.array([i >= first and not p.starts for i, p in free_parameters(old.hypothesis)])
+    pull, (low, high) = penalty_scale(old.hypothesis), _bounds(old.hypothesis)
+    sizes = [np.clip(np.where(own, f, 1.0) * old.theta, low, high) for f in FACTORS]
+    found = bench.residuals([at(old.hypothesis, theta) for theta in sizes])
+    best, theta = old.residual, old.theta
+    for residual, there in zip(found, sizes, strict=True):
+        better = _cost(white, best, pull, theta) - ENOUGH
+        if np.all(np.isfinite(residual)) and _cost(white, residual, pull, there) < better:
+            best, theta = residual, there
+    if best is old.residual:
+        return old
+    start = at(old.hypothesis, theta)
+    return fit(bench, start, white, null, old.jacobian, polish=False)
 
 
 def _advance(
@@ -186,14 +207,21 @@ def _cost(white: Whitening, residual: Array, pull: Array, theta: Array) -> float
 
 
 def log_evidence(
-    white: Whitening, null: Array, residual: Array, jacobian: Array, theta: Array, pull: Array
+    white: Whitening,
+    null: Array,
+    residual: Array,
+    jacobian: Array,
+    theta: Array,
+    hypothesis: Hypothesis,
 ) -> float:
     """Laplace's approximation to the log marginal likelihood over the null model's [nats]."""
     before, after, columns = white(null), white(residual), white(jacobian)
-    quality = 0.5 * float(before @ before - after @ after) - 0.5 * float(
-        np.sum((pull * theta) ** 2)
-    )
-    return quality - occam(columns.T @ columns)
+    quality = 0.5 * float(before @ before - after @ after)
+    free = free_parameters(hypothesis)
+    cause = np.array([i for i, _ in free])
+    flat = np.array([bool(p.starts) for _, p in free])
+    price = complexity(columns.T @ columns, theta, cause, flat)
+    return quality - price - sum(held_price(suspect) for suspect, _ in hypothesis)
 
 
 def _bounds(hypothesis: Hypothesis) -> tuple[Array, Array]:

@@ -1,8 +1,9 @@
 """The learned residual: what any mechanism could explain, whatever its name.
 
-Two banks of functions stand for everything that has no name. Forces: a torque at each joint that
-is any function of its position, with or without its direction of motion, sent through the machine
-as an effort that nobody commanded. Readings: each channel hears any other,
+Banks of functions stand for everything that has no name. Forces: a torque at each joint that is any
+function of its position, with or without its direction of motion, and a force on each wire that
+is any function of its length, sent through the machine as an effort that nobody commanded; a sensor
+of the wire's tension may feel it or not. Readings: each channel hears any other,
 or errs by any function of a joint's position. The few
 that explain most are learned in closed form, each at the price of its freedom. They never count as
 a cause: they are the upper bound of what there is to explain, and what they explain beyond the
@@ -20,10 +21,10 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
 from reality_gap.measured import Measured
-from reality_gap.plant import Suspect
+from reality_gap.plant import Suspect, build
 from reality_gap.search import Ruler
 from reality_gap.splits import REPORT, split
-from reality_gap.system import System
+from reality_gap.system import System, Wire
 from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
@@ -32,8 +33,12 @@ WAVES = 28
 """Half waves over the range of a joint, at most."""
 BUMPS = 8
 """Places along the range where the direction of motion may matter."""
+PITCH = 0.003
+"""Shortest wave over a wire's length [m]."""
 MOST = 200
 """Replays at most; with many joints, fewer waves."""
+FORCE = {"joint": 0.1, "tendon": 1.0}
+"""Size of a force that nobody commanded [N m or N]: small beside what a machine does."""
 SIZE = 3.0
 """Prior deviation of a weight; with weight 1, a column has the size of the noise."""
 MOST_COLUMNS = 6
@@ -114,17 +119,55 @@ def _waves(moving: Sequence[str]) -> int:
 
 def _forces(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> list[Bank]:
     system = bench.system
+    # Hooks are slow, and a little force moves the machine about as far without them.
+    quick = [part for part in base if not build(system, [part]).effects.hooks]
+    before = bench.residuals([quick], bench.coarse)[0]
+
+    def respond(push: Suspect) -> Array:
+        return before - bench.residuals([[*quick, (push, {"size": 1.0})]], bench.coarse)[0]
+
     moving = _moving(system, records)
-    before = bench.residual(base)
     found = []
     for name in moving:
-        columns = []
-        for series in _functions(records, name, _waves(moving)):
-            moved = bench.residual([*base, (_push(system, name, records, series), {"size": 1.0})])
-            columns.append(before - moved)
-        stacked = np.nan_to_num(np.column_stack(columns))
-        found.append(Bank(f"position of {name}", _unit(stacked)))
+        functions = _functions(records, name, _waves(moving))
+        columns = [respond(_push("joint", name, records, series)) for series in functions]
+        found.append(_bank(f"position of {name}", columns))
+    for wire in system.wires:
+        series = _by_length(records, wire, len(system.wires))
+        columns = [respond(_push("tendon", wire.tendon, records, one)) for one in series]
+        if columns:
+            found.append(_bank(f"length of {wire.tendon}", columns))
+            felt = [_felt(bench, wire, records, one) for one in series]
+            both = [a + b for a, b in zip(columns, felt, strict=True)]
+            found.append(_bank(f"length of {wire.tendon}, felt by its sensor", both))
     return found
+
+
+def _bank(name: str, columns: Sequence[Array]) -> Bank:
+    return Bank(name, _unit(np.nan_to_num(np.column_stack(columns))))
+
+
+def _by_length(records: Sequence[Record], wire: Wire, wires: int) -> list[list[Array]]:
+    """Series of force by episode [N]: waves over the length of a wire."""
+    at = records[0].model.tendon(wire.tendon).id
+    length = [r.length[:, at] for r in records]
+    travel = float(np.ptp(np.concatenate(length)))
+    count = min(int(travel / PITCH), MOST // (2 * wires))
+    if count < 2:
+        return []
+    phase = [2 * np.pi * x / travel for x in length]
+    return [[wave(m * x) for x in phase] for m in range(1, count + 1) for wave in (np.cos, np.sin)]
+
+
+def _felt(bench: Workbench, wire: Wire, records: Sequence[Record], series: list[Array]) -> Array:
+    """What a force on a wire adds to the readings of its tension (n,), in units of noise."""
+    measured, study = bench.measured, bench.system.study
+    force = FORCE["tendon"] * np.concatenate(series)
+    clock = np.concatenate([r.time for r in records])
+    start = np.array([r.time[0] for r in records])[measured.episode]
+    felt = np.interp(measured.time + start, clock, force)
+    own = [c for c, channel in enumerate(study.channels) if channel.sensor in wire.tension_sensors]
+    return np.where(np.isin(measured.channel, own), felt, 0.0) / measured.noise
 
 
 def _travel(records: Sequence[Record], joint: str) -> float:
@@ -152,22 +195,24 @@ def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[A
     return found
 
 
-def _push(system: System, joint: str, records: Sequence[Record], series: list[Array]) -> Suspect:
-    """A torque at a joint that follows a series, as a cause without a name."""
+def _push(kind: str, name: str, records: Sequence[Record], series: list[Array]) -> Suspect:
+    """A force on a joint or tendon that follows a series, as a cause without a name."""
     clock = np.concatenate([r.time for r in records])
-    torque = 0.1 * np.concatenate(series)
+    force = FORCE[kind] * np.concatenate(series)
+    joint = kind == "joint"
 
     def edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-        spec.add_actuator(name=f"unnamed/{joint}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint)
+        transmission = mujoco.mjtTrn.mjTRN_JOINT if joint else mujoco.mjtTrn.mjTRN_TENDON
+        spec.add_actuator(name=f"unnamed/{name}", trntype=transmission, target=name)
 
     def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
         def add(model: mujoco.MjModel, time: Array, command: Array) -> Array:
-            return np.column_stack([command, np.interp(time, clock, torque)])
+            return np.column_stack([command, np.interp(time, clock, force)])
 
         effects.commands.append(add)
 
     cause = Cause("", "", "", lambda s: (), lambda s, p: (), edit, attach)
-    return Suspect(cause, Place("joint", (joint,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
+    return Suspect(cause, Place(kind, (name,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
 
 
 def _unit(columns: Array) -> Array:

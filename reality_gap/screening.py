@@ -17,6 +17,10 @@ from reality_gap.workbench import Hypothesis, Workbench
 Array = NDArray[np.float64]
 
 
+STEP = 0.25
+"""Finite difference, in scales of a parameter: of what can just be seen."""
+
+
 @dataclass(frozen=True)
 class Sensitivity:
     """Change of the prediction by a suspect, linearised about the null.
@@ -89,7 +93,7 @@ def screen(
     residuals = iter(bench.residuals(hypotheses, coarse))
     found = []
     for suspect, fixed, names, _ in trials:
-        columns = np.column_stack([before - next(residuals) for _ in names])
+        columns = np.column_stack([(before - next(residuals)) / STEP for _ in names])
         if np.all(np.isfinite(columns)):
             found.append(Sensitivity(suspect, names, fixed, columns))
     return tuple(found)
@@ -109,12 +113,12 @@ def _trials(suspect: Suspect) -> list[_Trial]:
         fixed = dict(zip((p.name for p in held), starts, strict=True))
         rest = {p.name: p.null for p in free}
         names = tuple(p.name for p in free)
-        trials.append((suspect, rest | fixed, names, tuple(p.null + p.scale for p in free)))
+        trials.append((suspect, rest | fixed, names, tuple(p.null + STEP * p.scale for p in free)))
     return trials
 
 
-DRIFT_TOLERANCE = 0.3
-"""How far the error of the time step may be from its first order, relatively."""
+DRIFT_TOLERANCE = 0.1
+"""By how much the error of the time step may differ from what was taken out, relatively."""
 
 
 def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
@@ -122,7 +126,8 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
 
     Parameters of single elements only: a group's are their sums.
     """
-    columns, seen = [DRIFT_TOLERANCE * bench.drift / bench.measured.noise], set()
+    steps = DRIFT_TOLERANCE * bench.drift, bench.drift_error
+    columns, seen = [step / bench.measured.noise for step in steps], set()
     for sensitivity in found:
         suspect = sensitivity.suspect
         key = (suspect.cause.id, suspect.place)

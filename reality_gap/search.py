@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.evidence import fit_normal, occam
-from reality_gap.fitting import Fit, fit, held_price, log_evidence, penalty_scale
+from reality_gap.fitting import Fit, fit, held_price, log_evidence, penalty_scale, resized
 from reality_gap.measured import Measured
 from reality_gap.plant import Suspect
 from reality_gap.screening import Sensitivity
@@ -22,6 +22,13 @@ Array = NDArray[np.float64]
 
 PROMISE = 3.0
 """Linear evidence that makes a further cause worth a fit [nats]."""
+
+KEPT = 0.5
+"""Share of what a line through small faults promises that a start must keep."""
+OTHER_SIZES = (2.0, 0.5, 0.2, 0.05)
+"""Sizes that are tried if it does not."""
+WORTH = 0.4
+"""Share of the best evidence from which on other sizes of a suspect are tried."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +45,7 @@ class Settings:
 
     refits: int = 8
     more_refits: int = 5
-    threshold: float = 8.0
+    threshold: float = 5.0
     further: float = 12.0
     share: float = 0.04
     most: int = 3
@@ -148,10 +155,10 @@ def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
 
 def again(rule: Ruler, old: Fit) -> Fit:
     """The same fit, its evidence measured by another ruler."""
-    pull = penalty_scale(old.hypothesis)
-    evidence = log_evidence(rule.learn, rule.null, old.residual, old.jacobian, old.theta, pull)
-    evidence -= sum(held_price(suspect) for suspect in old.suspects)
-    return replace(old, evidence=evidence)
+    found = log_evidence(
+        rule.learn, rule.null, old.residual, old.jacobian, old.theta, old.hypothesis
+    )
+    return replace(old, evidence=found)
 
 
 def try_next(
@@ -163,15 +170,41 @@ def try_next(
         ranked = [item for item in ranked if item[0] > PROMISE]
     fits: list[Fit] = []
     for sensitivity, theta in _diverse(ranked, refits):
-        start = [
-            *(base.hypothesis if base else ()),
-            (sensitivity.suspect, sensitivity.values(theta)),
-        ]
+        start = _start(bench, sensitivity, theta, rule, base)
         known = _slopes(sensitivity)
         if known is not None and base is not None:
             known = np.hstack([base.jacobian, known])
         fits.append(fit(bench, start, rule.learn, rule.null, known, polish=False))
+    best = max((f.evidence for f in fits), default=0.0)
+    first = 0 if base is None else len(base.hypothesis)
+    fits = [
+        resized(bench, f, rule.learn, rule.null, first) if f.evidence > WORTH * best else f
+        for f in fits
+    ]
     return tuple(sorted(fits, key=lambda f: -f.evidence))
+
+
+def _start(
+    bench: Workbench, sensitivity: Sensitivity, theta: Array, rule: Ruler, base: Fit | None
+) -> Hypothesis:
+    """A suspect beside ``base`` at ``theta``, or of another size where lines promise too much."""
+    known = tuple(base.hypothesis) if base else ()
+    residual = base.residual if base else rule.null
+
+    def cost(there: Array) -> float:
+        return 0.5 * float(np.sum(rule.learn(there) ** 2))
+
+    def of_size(size: float) -> Hypothesis:
+        return [*known, (sensitivity.suspect, sensitivity.values(size * theta))]
+
+    before = cost(residual)
+    promise = before - cost(residual - sensitivity.columns @ theta)
+    best, least = of_size(1.0), before - KEPT * promise
+    if cost(np.nan_to_num(bench.residual(best), nan=np.inf)) < least:
+        return best
+    trials = [of_size(size) for size in OTHER_SIZES]
+    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in bench.residuals([best, *trials])]
+    return [best, *trials][int(np.argmin(costs))]
 
 
 def _slopes(sensitivity: Sensitivity) -> Array | None:
@@ -204,6 +237,7 @@ def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
             columns.T @ residual,
             np.concatenate([-free, low]),
             np.concatenate([free, high]),
+            np.concatenate([np.full(k, -1), np.zeros(len(low), dtype=int)]),
         )
         # What is in already was fitted: all evidence here is that of the newcomer.
         evidence = linear.evidence + (occam(known.T @ known) if k else 0.0)

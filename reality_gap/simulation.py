@@ -70,9 +70,9 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[Acting]) -> Reco
     step = model.opt.timestep
     for name, position in task.joints.items():
         data.qpos[model.joint(name).qposadr[0]] = position
-    for i in range(model.nu):
-        if model.actuator_actnum[i] == 1:
-            data.act[model.actuator_actadr[i]] = task.command[0, i]
+    for i in range(model.nactuator):
+        if model.actuator_actnum[i] == 1 and model.actuator_ctrlnum[i] == 1:
+            data.act[model.actuator_actadr[i]] = task.command[0, model.actuator_ctrladr[i]]
     settling = round(task.settle / step)
     data.time = task.start - settling * step
     _remember(model, data, task.command[0])
@@ -166,7 +166,7 @@ def _blank(model: mujoco.MjModel, time: Array) -> Record:
     return Record(
         time=time,
         sensors=np.zeros((k, model.nsensordata)),
-        force=np.zeros((k, model.nu)),
+        force=np.zeros((k, model.nactuator)),
         length=np.zeros((k, model.ntendon)),
         velocity=np.zeros((k, model.ntendon)),
         qpos=np.zeros((k, model.nq)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import cached_property
 from types import TracebackType
 
 import numpy as np
@@ -40,7 +41,6 @@ class Workbench:
         self.measured: Measured = measured(study)
         self.tick = tick
         self._memory = Memory()
-        self._drift: Array | None = None
         self._coarse: bool | None = None
         self._pool = (
             ProcessPoolExecutor(
@@ -78,20 +78,32 @@ class Workbench:
 
     @property
     def drift(self) -> Array:
-        """What the model's time step does to its replay (n,) in SI units, to first order.
+        """What the model's time step does to its replay (n,) in SI units.
 
-        Twice the difference between half the step and the whole (Richardson's extrapolation): a
-        gap of the integrator, not of the model.
+        A gap of the integrator, not of the model; Richardson's extrapolation from a half and a
+        quarter of the step.
         """
-        if self._drift is None:
-            self._drift = np.zeros(len(self.measured.value))
-            study = self.system.study
-            if not study.inverse:
-                plant = build(self.system, [])
-                plant.spec.option.timestep /= 2
-                fine = replay(plant, study, self.measured).prediction
-                self._drift = np.nan_to_num(2 * (fine - self.look([]).prediction))
-        return self._drift
+        return self._drifts[0]
+
+    @property
+    def drift_error(self) -> Array:
+        """By how much the extrapolation has changed with the last halving (n,), in SI units."""
+        return self._drifts[1]
+
+    @cached_property
+    def _drifts(self) -> tuple[Array, Array]:
+        study = self.system.study
+        if study.inverse:
+            return np.zeros(len(self.measured.value)), np.zeros(len(self.measured.value))
+        whole, half, quarter = (self._at_step(share) for share in (1.0, 0.5, 0.25))
+        rough, fine = 2 * half - whole, 2 * quarter - half
+        return np.nan_to_num(fine - whole), np.nan_to_num(fine - rough)
+
+    def _at_step(self, share: float) -> Array:
+        """What the study's model predicts at a share of its time step (n,)."""
+        plant = build(self.system, [])
+        plant.spec.option.timestep *= share
+        return replay(plant, self.system.study, self.measured).prediction
 
     def residual(self, hypothesis: Hypothesis) -> Array:
         """Measured minus replayed (n,), in units of sensor noise; nan where it diverged.

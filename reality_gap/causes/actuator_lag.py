@@ -11,11 +11,9 @@ from __future__ import annotations
 import math
 
 import mujoco
-import numpy as np
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Values
 from reality_gap.causes import places
-from reality_gap.causes.extra import Extra
 from reality_gap.system import System
 
 COMMAND = "of the command"
@@ -43,7 +41,7 @@ def _can_lag(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("time_constant", "s", 0.01, 0.0003, 0.0, 0.5),)
+    return (Parameter("time_constant", "s", 0.004, 0.0001, 0.0, 0.5),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
@@ -64,33 +62,44 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
 
 
 class _Lag:
-    """Filters the forces of actuators, from the first step on."""
+    """Filters the forces of actuators, from the first step on.
+
+    In plain numbers: it is called at every step, mostly for one actuator.
+    """
 
     def __init__(self, model: mujoco.MjModel, names: tuple[str, ...], time_constant: float) -> None:
-        self._actuators = np.array([model.actuator(name).id for name in names])
-        self._bias = Extra(model.actuator_biasprm[:, 0], self._actuators)
         self._share = 1.0 - math.exp(-model.opt.timestep / time_constant)
-        self._force: np.ndarray | None = None
+        self._motors = [_Motor(model, name) for name in names]
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Write the bias that makes the filtered force of what is wanted now."""
-        at = self._actuators
-        step = model.opt.timestep
-        length = data.actuator_length[at] + step * data.actuator_velocity[at]
-        self._bias.write(np.zeros(len(at)))
-        prm = model.actuator_biasprm[at]
-        wanted = model.actuator_gainprm[at, 0] * data.ctrl[at]
-        affine = model.actuator_biastype[at] == int(mujoco.mjtBias.mjBIAS_AFFINE)
-        wanted = wanted + affine * (
-            prm[:, 0] + prm[:, 1] * length + prm[:, 2] * data.actuator_velocity[at]
-        )
-        limited = model.actuator_forcelimited[at] > 0
-        low, high = model.actuator_forcerange[at].T
-        wanted = np.where(limited, np.clip(wanted, low, high), wanted)
-        if self._force is None:
-            self._force = wanted
-        self._force = self._force + self._share * (wanted - self._force)
-        self._bias.write(self._force - wanted)
+        bias, step = model.actuator_biasprm, model.opt.timestep
+        command, lengths, velocities = data.ctrl, data.actuator_length, data.actuator_velocity
+        for motor in self._motors:
+            i, velocity = motor.index, velocities[motor.index]
+            plain = bias[i, 0] - motor.added
+            wanted = motor.gain * command[motor.input] + motor.feeds * (
+                plain + bias[i, 1] * (lengths[i] + step * velocity) + bias[i, 2] * velocity
+            )
+            wanted = min(max(wanted, motor.low), motor.high)
+            force = wanted if motor.force is None else motor.force
+            motor.force = force + self._share * (wanted - force)
+            motor.added = motor.force - wanted
+            bias[i, 0] = plain + motor.added
+
+
+class _Motor:
+    """An actuator's numbers, and the force that it has reached."""
+
+    def __init__(self, model: mujoco.MjModel, name: str) -> None:
+        self.index = i = int(model.actuator(name).id)
+        self.input = int(model.actuator_ctrladr[i])
+        self.gain = float(model.actuator_gainprm[i, 0])
+        self.feeds = float(int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE))
+        limits = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else None
+        self.low, self.high = (-math.inf, math.inf) if limits is None else map(float, limits)
+        self.force: float | None = None
+        self.added = 0.0
 
 
 CAUSE = Cause(

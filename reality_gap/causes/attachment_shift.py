@@ -31,7 +31,7 @@ def _name(place: Place, site: str, axis: str) -> str:
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     return tuple(
-        Parameter(_name(place, site, axis), "m", 0.002, 0.00008, -0.03, 0.03)
+        Parameter(_name(place, site, axis), "m", 0.002, 0.00007, -0.03, 0.03)
         for site in place.elements
         for axis in AXES
     )

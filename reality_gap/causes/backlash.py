@@ -26,9 +26,9 @@ def _places(system: System) -> tuple[Place, ...]:
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "tendon":
-        return (Parameter("gap", "m", 0.0003, 1e-5, 0.0, 0.03),)
+        return (Parameter("gap", "m", 0.0003, 5e-6, 0.0, 0.03),)
     unit, size = sizes.joint_travel(system, place)
-    return (Parameter("gap", unit, 0.005 * size, 0.0002 * size, 0.0, 0.3 * size),)
+    return (Parameter("gap", unit, 0.005 * size, 0.0001 * size, 0.0, 0.3 * size),)
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:

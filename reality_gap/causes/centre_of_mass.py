@@ -20,7 +20,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return tuple(Parameter(axis, "m", 0.01, 0.0002, -0.1, 0.1) for axis in AXES)
+    return tuple(Parameter(axis, "m", 0.01, 0.0001, -0.1, 0.1) for axis in AXES)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:

@@ -5,12 +5,8 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import places, sizes
+from reality_gap.causes import bristles, places, sizes
 from reality_gap.system import System
-
-SOLREF = (0.004, 1.0)
-SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
-"""Friction that hardly creeps: MuJoCo's default lets a tenth of the force through at rest."""
 
 
 def _places(system: System) -> tuple[Place, ...]:
@@ -19,18 +15,17 @@ def _places(system: System) -> tuple[Place, ...]:
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "tendon":
-        return (Parameter("friction", "N", 3.0, 0.15, 0.0, 200.0),)
-    unit, size = sizes.joint_force(system, place)
-    return (Parameter("friction", unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size),)
+        friction = Parameter("friction", "N", 3.0, 0.15, 0.0, 200.0)
+    else:
+        unit, size = sizes.joint_force(system, place)
+        friction = Parameter("friction", unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)
+    return (friction, bristles.bend(system, place)) if bristles.possible(system) else (friction,)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    if not values["friction"]:
-        return
-    for name in place.elements:
-        element = spec.tendon(name) if place.kind == "tendon" else spec.joint(name)
-        element.frictionloss = element.frictionloss + values["friction"]
-        element.solref_friction, element.solimp_friction = SOLREF, SOLIMP
+    if values["friction"]:
+        bend = values.get("presliding", 1.0)
+        bristles.brake(spec, system, CAUSE.id, place, values["friction"], bend)
 
 
 CAUSE = Cause(

@@ -2,8 +2,8 @@
 
 MuJoCo delays commands by a time step at least. Shorter delays are an effect on the commands, which
 meets MuJoCo's delay at one step, so that the replay is continuous down to none. Sensors of one
-kind share their bus, and so their delay; it shifts the record instead of the readings in MuJoCo's
-buffer, for the record is what other causes edit.
+kind share their bus, and so their delay, as do position and orientation of a marker; it shifts the
+record instead of the readings in MuJoCo's buffer, for the record is what other causes edit.
 """
 
 from __future__ import annotations
@@ -20,23 +20,29 @@ from reality_gap.system import System
 
 Array = NDArray[np.float64]
 
+FRAMES = tuple(
+    int(getattr(mujoco.mjtSensor, f"mjSENS_FRAME{part}"))
+    for part in ("POS", "QUAT", "XAXIS", "YAXIS", "ZAXIS")
+)
 LINEAR = 1
 """MuJoCo's number for linear interpolation in a history."""
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    model = system.model
-    kinds = dict.fromkeys(int(model.sensor(name).type[0]) for name in system.sensed)
-    groups = [
-        tuple(name for name in system.sensed if int(model.sensor(name).type[0]) == kind)
-        for kind in kinds
-    ]
+    kinds = dict.fromkeys(_bus(system, name) for name in system.sensed)
+    groups = [tuple(name for name in system.sensed if _bus(system, name) == kind) for kind in kinds]
     actuators = places.each_actuator(system) + places.all_actuators(system)
     return actuators + tuple(Place("sensor", group) for group in groups)
 
 
+def _bus(system: System, sensor: str) -> int:
+    """What sensors read together have in common: their kind; a frame's position is its pose's."""
+    kind = int(system.model.sensor(sensor).type[0])
+    return FRAMES[0] if kind in FRAMES else kind
+
+
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("delay", "s", 0.01, 0.0002, 0.0, 0.3),)
+    return (Parameter("delay", "s", 0.004, 0.00005, 0.0, 0.3),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:

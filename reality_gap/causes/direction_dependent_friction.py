@@ -2,8 +2,8 @@
 
 The size of the dry friction (and, of joints, of the viscous one) changes with the sign of the
 velocity, over a velocity so low that the replay stays smooth. Forward is the way in which a wire
-gets longer, or the joint's position grows. MuJoCo's frictions know no direction, so that a hook
-writes them, from the velocity alone.
+gets longer, or the joint's position grows. MuJoCo's frictions know no direction: the model gets
+their mean, and a hook adds what the direction changes.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ import math
 import mujoco
 
 from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
-from reality_gap.causes import places, sizes
-from reality_gap.causes.coulomb_friction import SOLIMP, SOLREF
+from reality_gap.causes import bristles, places, sizes
 from reality_gap.causes.extra import Extra
 from reality_gap.system import System
 
@@ -30,56 +29,70 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    bend = (bristles.bend(system, place),) if bristles.possible(system) else ()
     if place.kind == "tendon":
-        return tuple(Parameter(way, "N", 3.0, 0.15, 0.0, 200.0) for way in ("forward", "backward"))
+        ways = ("forward", "backward")
+        return tuple(Parameter(way, "N", 3.0, 0.05, 0.0, 200.0) for way in ways) + bend
     unit, size = sizes.joint_force(system, place)
-    dry = (unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)
+    dry = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
     unit, size = sizes.joint_damping(system, place)
-    viscous = (unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)
+    viscous = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
     return (
         Parameter("forward", *dry),
         Parameter("backward", *dry),
         Parameter("forward_viscous", *viscous),
         Parameter("backward_viscous", *viscous),
+        *bend,
     )
+
+
+def _mean(values: Values, kind: str = "") -> float:
+    return 0.5 * (values[f"forward{kind}"] + values[f"backward{kind}"])
+
+
+def _half(values: Values, kind: str = "") -> float:
+    return 0.5 * (values[f"forward{kind}"] - values[f"backward{kind}"])
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    if _mean(values):
+        bend = values.get("presliding", 1.0)
+        bristles.brake(spec, system, CAUSE.id, place, _mean(values), bend)
+    if place.kind == "joint":
+        spec.joint(place.elements[0]).damping[0] += _mean(values, "_viscous")
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
     add = _on_wire if place.kind == "tendon" else _on_joint
-    effects.act(lambda model: add(model, system, place, values), period=PERIOD)
+    if any(values[p.name] for p in _parameters(system, place) if p.name != "presliding"):
+        effects.act(lambda model: add(model, system, place, values), period=PERIOD)
 
 
 def _on_wire(model: mujoco.MjModel, system: System, place: Place, values: Values) -> Hook:
-    wire = model.tendon(place.elements[0]).id
-    friction = Extra(model.tendon_frictionloss, wire)
-    model.tendon_solref_fri[wire], model.tendon_solimp_fri[wire] = SOLREF, SOLIMP
+    wire, mean, more = model.tendon(place.elements[0]).id, _mean(values), _half(values)
+    brakes = bristles.Brakes(model, system, CAUSE.id, place) if mean else None
     creep = CREEP * sizes.WIRE_SPEED
 
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        forward = _forward(data.ten_velocity[wire] / creep)
-        friction.write(values["forward"] * forward + values["backward"] * (1 - forward))
+        if brakes is not None:
+            brakes.press(mean, 1 + more / mean * math.tanh(data.ten_velocity[wire] / creep))
 
     return hook
 
 
 def _on_joint(model: mujoco.MjModel, system: System, place: Place, values: Values) -> Hook:
     dof = int(model.joint(place.elements[0]).dofadr[0])
-    friction, damping = Extra(model.dof_frictionloss, dof), Extra(model.dof_damping, dof)
-    model.dof_solref[dof], model.dof_solimp[dof] = SOLREF, SOLIMP
-    creep = CREEP * sizes.joint_speed(system, place)
+    mean, more, drag = _mean(values), _half(values), _half(values, "_viscous")
+    brakes = bristles.Brakes(model, system, CAUSE.id, place) if mean else None
+    damping, creep = Extra(model.dof_damping, dof), CREEP * sizes.joint_speed(system, place)
 
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        forward = _forward(data.qvel[dof] / creep)
-        backward = 1 - forward
-        friction.write(values["forward"] * forward + values["backward"] * backward)
-        damping.write(values["forward_viscous"] * forward + values["backward_viscous"] * backward)
+        way = math.tanh(data.qvel[dof] / creep)
+        if brakes is not None:
+            brakes.press(mean, 1 + more / mean * way)
+        damping.write(drag * way)
 
     return hook
-
-
-def _forward(velocity: float) -> float:
-    """1 forward, 0 backward, and between where the velocity, over what is clear, is low."""
-    return 0.5 * (1 + math.tanh(velocity))
 
 
 CAUSE = Cause(
@@ -88,5 +101,6 @@ CAUSE = Cause(
     explanation="Friction is larger in one direction of the motion than in the other.",
     places=_places,
     parameters=_parameters,
+    edit=_edit,
     attach=_attach,
 )

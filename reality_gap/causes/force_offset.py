@@ -25,7 +25,7 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
         unit, size = sizes.actuator_force(system, place)
     else:
         unit, size = sizes.joint_force(system, place)
-    return (Parameter("force", unit, 0.05 * size, 0.003 * size, -2.0 * size, 2.0 * size),)
+    return (Parameter("force", unit, 0.05 * size, 0.0015 * size, -2.0 * size, 2.0 * size),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:

@@ -23,7 +23,7 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     starts = tuple(dict.fromkeys((0.5 * (low + high), zero)))
     stiff = size / travel
     return (
-        Parameter("stiffness", f"{force}/{unit}", 0.05 * stiff, 0.001 * stiff, 0.0, 5.0 * stiff),
+        Parameter("stiffness", f"{force}/{unit}", 0.05 * stiff, 0.0005 * stiff, 0.0, 5.0 * stiff),
         Parameter("rest", unit, 0.1 * travel, 0.0, low - travel, high + travel, starts[0], starts),
     )
 

@@ -19,7 +19,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("scale", "1", 0.02, 0.0005, -0.5, 0.5),)
+    return (Parameter("scale", "1", 0.02, 0.0002, -0.5, 0.5),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:

@@ -2,7 +2,8 @@
 
 In its guides a wire loses ``mu T``. Over what it bends around, capstan's law: pulled against its
 motor by ``T (exp(mu phi) - 1)``, let go by ``T (1 - exp(-mu phi))``, phi being all its bends
-together. Nothing in MuJoCo depends on a tension, so that a hook writes the tendon's frictionloss.
+together. Nothing in MuJoCo depends on a tension: the model gets the friction of a usual one, and a
+hook adds what is missing.
 """
 
 from __future__ import annotations
@@ -12,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
-from reality_gap.causes import places
-from reality_gap.causes.coulomb_friction import SOLIMP, SOLREF
-from reality_gap.causes.extra import Extra
+from reality_gap.causes import bristles, places
 from reality_gap.system import System
 
 Array = NDArray[np.float64]
@@ -26,6 +25,9 @@ PERIOD = 0.006
 
 ANGLE_PERIOD = 0.01
 """How often bends are measured [s]; they change as slowly as the posture."""
+
+USUAL = 100.0
+"""Tension that a wire has when it works [N], about."""
 
 CREEP = 1e-3
 """Velocity at which the direction of a wire's motion counts as clear [m/s]."""
@@ -48,29 +50,40 @@ def _bends(model: mujoco.MjModel, tendon: str) -> bool:
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     scale = 0.1 if place.note == CAPSTAN else 0.05
-    return (Parameter("coefficient", "1", scale, 0.02 * scale, 0.0, 1.0),)
+    coefficient = Parameter("coefficient", "1", scale, 0.01 * scale, 0.0, 1.0)
+    if not bristles.possible(system):
+        return (coefficient,)
+    return (coefficient, bristles.bend(system, place))
+
+
+def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    if values["coefficient"]:
+        usual, bend = values["coefficient"] * USUAL, values.get("presliding", 1.0)
+        bristles.brake(spec, system, CAUSE.id, place, usual, bend)
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
     names = tuple(system.wire(name).actuator for name in place.elements)
+    mu = values["coefficient"]
+    if not mu:
+        return
 
     def make(model: mujoco.MjModel) -> Hook:
         tendons = np.array([model.tendon(name).id for name in place.elements])
         actuators = np.array([model.actuator(name).id for name in names])
-        friction = Extra(model.tendon_frictionloss, tendons)
-        model.tendon_solref_fri[tendons], model.tendon_solimp_fri[tendons] = SOLREF, SOLIMP
+        friction = bristles.Brakes(model, system, CAUSE.id, place)
         gear = model.actuator_gear[actuators, 0]
         bends = _Bends(tendons) if place.note == CAPSTAN else None
-        mu = values["coefficient"]
 
         def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             tension = np.maximum(-gear * data.actuator_force[actuators], 0.0)
             if bends is None:
-                friction.write(mu * tension)
+                friction.press(mu * USUAL, tension / USUAL)
                 return
             angle = mu * bends.angle(data)
             outward = np.tanh(data.ten_velocity[tendons] / CREEP)
-            friction.write(tension * (np.sinh(angle) + outward * (np.cosh(angle) - 1)))
+            share = np.sinh(angle) + outward * (np.cosh(angle) - 1)
+            friction.press(mu * USUAL, share * tension / (mu * USUAL))
 
         return hook
 
@@ -115,5 +128,6 @@ CAUSE = Cause(
     explanation="A wire's friction grows with its tension, in its guides or around its bends.",
     places=_places,
     parameters=_parameters,
+    edit=_edit,
     attach=_attach,
 )

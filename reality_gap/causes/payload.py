@@ -68,7 +68,7 @@ def _point(system: System, place: Place) -> NDArray[np.float64]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("mass", "kg", 0.1, 0.002, 0.0, 20.0),)
+    return (Parameter("mass", "kg", 0.1, 0.001, 0.0, 20.0),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:

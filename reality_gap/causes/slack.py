@@ -30,7 +30,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     return (
-        Parameter("slack", "m", 0.001, 2e-5, 0.0, 0.05),
+        Parameter("slack", "m", 0.001, 1e-5, 0.0, 0.05),
         Parameter("tension", "N", 20.0, 0.0, 5.0, 300.0, null=60.0, starts=(60.0,)),
     )
 

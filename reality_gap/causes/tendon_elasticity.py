@@ -30,7 +30,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("compliance", "m/N", 3e-6, 1e-7, 0.0, 2e-4),)
+    return (Parameter("compliance", "m/N", 3e-6, 5e-8, 0.0, 2e-4),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:

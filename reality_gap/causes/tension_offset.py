@@ -12,7 +12,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("offset", "N", 5.0, 0.3, -200.0, 200.0),)
+    return (Parameter("offset", "N", 5.0, 0.2, -200.0, 200.0),)
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:

@@ -12,7 +12,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("scale", "1", 0.05, 0.002, -0.9, 2.0),)
+    return (Parameter("scale", "1", 0.05, 0.001, -0.9, 2.0),)
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:

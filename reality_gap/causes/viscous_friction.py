@@ -17,7 +17,7 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "tendon":
         return (Parameter("damping", "N s/m", 20.0, 1.5, 0.0, 5000.0),)
     unit, size = sizes.joint_damping(system, place)
-    return (Parameter("damping", unit, 0.02 * size, 0.0015 * size, 0.0, 2.0 * size),)
+    return (Parameter("damping", unit, 0.02 * size, 0.001 * size, 0.0, 2.0 * size),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:

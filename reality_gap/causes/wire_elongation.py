@@ -33,7 +33,7 @@ def _places(system: System) -> tuple[Place, ...]:
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     total = sizes.study_duration(system)
     if place.note == SLOWLY:
-        return (Parameter("rate", "m/s", 0.001 / total, 3e-5 / total, -0.02 / total, 0.05 / total),)
+        return (Parameter("rate", "m/s", 0.001 / total, 1e-5 / total, -0.02 / total, 0.05 / total),)
     starts = tuple(total * (i + 0.5) / STARTS for i in range(STARTS))
     return (
         Parameter("elongation", "m", 0.001, 0.0, -0.02, 0.05),

@@ -50,7 +50,9 @@ def test_the_friction_is_in_the_xml_and_the_encoder_in_the_json(folder: Path) ->
     model = mujoco.MjModel.from_xml_path(str(folder / "extended.xml"))
     content = json.loads((folder / "extended.json").read_text())
 
-    assert model.tendon_frictionloss[model.tendon("flexor").id] == pytest.approx(3.0)
+    brake = model.actuator("coulomb_friction/flexor")
+    assert brake.biasprm[3] == pytest.approx(3.0)  # LuGre's sliding friction
+    assert model.tendon(int(brake.trnid[0])).name == "flexor"
     assert content == {
         "model": "extended.xml",
         "effects": [

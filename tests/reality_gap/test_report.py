@@ -83,7 +83,7 @@ def test_a_named_cause_stands_in_units_for_people(diagnosed: Make, lever_study: 
 
     assert "Length offset extensor offset 2.50 mm 2.00 to 3.00 mm 88 % length scale" in found
     assert "Coulomb friction flexor friction 3.00 N 2.50 to 3.50 N 93 % none" in found
-    assert re.search(r'\+ *<spatial name="flexor"[^>]*frictionloss="3"', found)
+    assert re.search(r'\+ *<general name="coulomb_friction/flexor"[^>]*biasprm="0 0 0 3 3', found)
     assert "takes away 96 % of the error above the floor (95 % interval 93 to 97 %)" in found
     assert "camera focal nothing to act on" in found
 

@@ -1,0 +1,128 @@
+"""Dry friction of wires and joints.
+
+As bristles that bend, then slide: MuJoCo's LuGre model, as an actuator without input. A wire in a
+guide and a joint in its bearing move a little before they slip; ``frictionloss`` knows no such
+motion, so that a replay sticks elsewhere than the machine does, and jumps with the size of the
+friction. C. Canudas de Wit et al., "A new model for control of systems with friction", IEEE Trans.
+Automatic Control 40 (1995), without Stribeck's effect. Where efforts are compared, or a sensor adds
+up all actuators, it is ``frictionloss`` all the same.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.cause import Parameter, Place
+from reality_gap.causes import sizes
+from reality_gap.causes.extra import Extra
+from reality_gap.system import System
+
+Array = NDArray[np.float64]
+
+SOLREF = (0.004, 1.0)
+SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
+"""Friction that hardly creeps: MuJoCo's default lets a tenth of the force through at rest."""
+STABLE = 0.1
+"""Stiffness of a bristle times the squared time step, over the mass that it holds, at most."""
+SLOW = 1e-3
+"""Stribeck's velocity; without effect, as friction at rest is that of sliding."""
+SUMS = (int(mujoco.mjtSensor.mjSENS_TENDONACTFRC), int(mujoco.mjtSensor.mjSENS_JOINTACTFRC))
+SLIDING, RESTING = 3, 4
+"""Where an actuator's ``biasprm`` holds its friction."""
+LEAST = 1e-3
+"""Share of their force that bristles keep; MuJoCo's have a stiffness or are none."""
+STIFFNESS = 5
+"""Where its ``dynprm`` holds the stiffness of the bristles."""
+
+
+def bend(system: System, place: Place) -> Parameter:
+    """The parameter of how far an element moves before it slips."""
+    if place.kind == "tendon":
+        return Parameter("presliding", "m", 3e-5, 0.0, 3e-6, 1e-3, null=3e-5)
+    unit, travel = sizes.joint_travel(system, place)
+    size = 3e-4 * travel
+    return Parameter("presliding", unit, size, 0.0, 0.1 * size, 30 * size, null=size)
+
+
+def possible(system: System) -> bool:
+    """Whether friction may be an actuator's force."""
+    kinds = {int(system.model.sensor(name).type[0]) for name in system.sensed}
+    return not system.study.inverse and kinds.isdisjoint(SUMS)
+
+
+def brake(
+    spec: mujoco.MjSpec, system: System, cause: str, place: Place, force: float, bend: float
+) -> None:
+    """Add dry friction to all elements of a place.
+
+    Args:
+        spec: the model.
+        system: the machine.
+        cause: id of the cause.
+        place: tendons or joints.
+        force: friction [N or N m]; a hook may change it, see `Brakes`.
+        bend: over which it builds up [m or rad].
+    """
+    tendon = place.kind == "tendon"
+    if not possible(system):
+        for name in place.elements:
+            element = spec.tendon(name) if tendon else spec.joint(name)
+            element.frictionloss = element.frictionloss + force
+            element.solref_friction, element.solimp_friction = SOLREF, SOLIMP
+        return
+    kind = mujoco.mjtTrn.mjTRN_TENDON if tendon else mujoco.mjtTrn.mjTRN_JOINT
+    for name in place.elements:
+        stiffness = min(force / bend, STABLE / (_lightness(system, place, name) * _step(system)))
+        actuator = spec.add_actuator(name=_name(cause, place, name), trntype=kind, target=name)
+        actuator.set_to_dcmotor(
+            motorconst=[0.0, 0.0],
+            resistance=1.0,
+            lugre=[stiffness, 0.0, force, force, SLOW],
+            ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+        )
+
+
+def _step(system: System) -> float:
+    return float(system.model.opt.timestep) ** 2
+
+
+def _lightness(system: System, place: Place, name: str) -> float:
+    """One over the mass or inertia that moves with an element."""
+    model = system.model
+    if place.kind == "tendon":
+        return float(model.tendon_invweight0[model.tendon(name).id])
+    return float(model.dof_invweight0[model.joint(name).dofadr[0]])
+
+
+def _name(cause: str, place: Place, element: str) -> str:
+    group = "all" if len(place.elements) > 1 else ""
+    return "/".join(filter(None, (cause, place.note, group, element)))
+
+
+class Brakes:
+    """The frictions that `brake` put on a place, for a hook that changes them at every step."""
+
+    def __init__(self, model: mujoco.MjModel, system: System, cause: str, place: Place) -> None:
+        self._stiffness: Extra | None = None
+        if possible(system):
+            names = [_name(cause, place, element) for element in place.elements]
+            at = np.array([model.actuator(name).id for name in names])
+            self._levels = [Extra(model.actuator_biasprm[:, k], at) for k in (SLIDING, RESTING)]
+            self._stiffness = Extra(model.actuator_dynprm[:, STIFFNESS], at)
+            self._stiff = model.actuator_dynprm[at, STIFFNESS]
+        elif place.kind == "tendon":
+            at = np.array([model.tendon(name).id for name in place.elements])
+            self._levels = [Extra(model.tendon_frictionloss, at)]
+        else:
+            at = np.array([model.joint(name).dofadr[0] for name in place.elements])
+            self._levels = [Extra(model.dof_frictionloss, at)]
+
+    def press(self, force: float, factor: float | Array) -> None:
+        """Press bristles that were given ``force`` [N] so many times harder, one number or (k,)."""
+        factor = np.maximum(factor, LEAST)
+        for cells in self._levels:
+            cells.write(force * (factor - 1.0))
+        if self._stiffness is not None:
+            self._stiffness.write(self._stiff * (factor - 1.0))
