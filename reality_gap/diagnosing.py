@@ -116,8 +116,9 @@ def diagnose(
         stands = [] if best is None else best.hypothesis
         left = examine(bench, result.ruler, stands, after, null)
         verdict = _verdict(result, left, options)
-        rivals = alternatives(bench, judged, result, options.search)
-        named = _name(bench, result, rivals) if verdict is Verdict.NAMED else ()
+        certain = verdict is Verdict.NAMED
+        rivals = alternatives(bench, judged, result, options.search, certain)
+        named = _name(bench, result, rivals) if certain else ()
         scored = score(bench.system.study, bench.measured, null, after)
         progress(0.95, "choosing the next experiment")
         advice = next_experiment(bench.system, rivals) if options.suggest else None

@@ -42,9 +42,21 @@ class Alternatives:
 
 
 def alternatives(
-    bench: Workbench, found: Sequence[Sensitivity], result: Search, settings: Settings
+    bench: Workbench,
+    found: Sequence[Sensitivity],
+    result: Search,
+    settings: Settings,
+    retry: bool = True,
 ) -> tuple[Alternatives, ...]:
-    """Put others in the place of each cause of the best hypothesis."""
+    """Put others in the place of each cause of the best hypothesis.
+
+    Args:
+        bench: replays.
+        found: sensitivities of all suspects at the null.
+        result: of the search.
+        settings: of the search.
+        retry: whether to try, too, whom the search never tried beside the same others.
+    """
     best = result.best
     if best is None:
         return ()
@@ -54,8 +66,8 @@ def alternatives(
         rest = [part for j, part in enumerate(best.hypothesis) if j != i]
         base, tried = _tried_before(result, suspect, len(rest))
         if tried is None:
-            base = fit(bench, rest, rule.learn, rule.null) if rest else None
-            tried = try_next(bench, found, rule, base, settings.refits)
+            base = fit(bench, rest, rule.learn, rule.null) if rest and retry else None
+            tried = try_next(bench, found, rule, base, settings.refits) if retry else ()
         fits = _with_best(rule, tried, best, suspect)
         floor = 0.0 if base is None else again(rule, base).evidence
         chances = probabilities(floor, fits)

@@ -168,20 +168,27 @@ def try_next(
     ranked = rank(found, rule, base)
     if base is not None:
         ranked = [item for item in ranked if item[0] > PROMISE]
-    fits: list[Fit] = []
+    fits = []
     for sensitivity, theta in _diverse(ranked, refits):
         start = _start(bench, sensitivity, theta, rule, base)
         known = _slopes(sensitivity)
-        if known is not None and base is not None:
+        if base is not None:
             known = np.hstack([base.jacobian, known])
-        fits.append(fit(bench, start, rule.learn, rule.null, known, polish=False))
-    best = max((f.evidence for f in fits), default=0.0)
+        whole = len(sensitivity.names) == len(sensitivity.suspect.parameters)
+        fits.append((fit(bench, start, rule.learn, rule.null, known, polish=False), whole))
+    floor = 0.0 if base is None else again(rule, base).evidence
+    best = max((f.evidence for f, _ in fits), default=floor)
+    close = floor + WORTH * max(best - floor, 0.0)
     first = 0 if base is None else len(base.hypothesis)
-    fits = [
-        resized(bench, f, rule.learn, rule.null, first) if f.evidence > WORTH * best else f
-        for f in fits
-    ]
-    return tuple(sorted(fits, key=lambda f: -f.evidence))
+    done = []
+    for fitted, whole in fits:
+        if fitted.evidence < close:
+            done.append(fitted)
+        elif whole:
+            done.append(resized(bench, fitted, rule.learn, rule.null, first))
+        else:
+            done.append(fit(bench, fitted.hypothesis, rule.learn, rule.null))
+    return tuple(sorted(done, key=lambda f: -f.evidence))
 
 
 def _start(
@@ -207,13 +214,13 @@ def _start(
     return [best, *trials][int(np.argmin(costs))]
 
 
-def _slopes(sensitivity: Sensitivity) -> Array | None:
-    """The columns in the order of the suspect's parameters; None if some are missing."""
-    suspect = sensitivity.suspect
-    if len(sensitivity.names) < len(suspect.parameters):
-        return None
-    order = [sensitivity.names.index(p.name) for p in suspect.parameters]
-    return sensitivity.columns[:, order]
+def _slopes(sensitivity: Sensitivity) -> Array:
+    """The columns in the order of the suspect's parameters; 0 where none was looked at."""
+    slopes = np.zeros((len(sensitivity.columns), len(sensitivity.suspect.parameters)))
+    for i, p in enumerate(sensitivity.suspect.parameters):
+        if p.name in sensitivity.names:
+            slopes[:, i] = sensitivity.columns[:, sensitivity.names.index(p.name)]
+    return slopes
 
 
 Ranked = list[tuple[float, Sensitivity, Array]]

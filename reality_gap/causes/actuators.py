@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -20,20 +18,6 @@ def linear(model: mujoco.MjModel, actuator: int) -> bool:
     biases = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
     gain, bias = int(model.actuator_gaintype[actuator]), int(model.actuator_biastype[actuator])
     return gain in gains and bias in biases
-
-
-def driver(model: mujoco.MjModel, actuators: NDArray[np.int64]) -> Callable[[mujoco.MjData], Array]:
-    """Gives what their gains multiply (k,): the activation of those that have one, or ctrl."""
-    address = model.actuator_actadr[actuators]
-    lags = np.flatnonzero(address >= 0)
-
-    def drive(data: mujoco.MjData) -> Array:
-        found = data.ctrl[actuators]
-        if len(lags):
-            found[lags] = data.act[address[lags]]
-        return found
-
-    return drive
 
 
 def pull(record: Record, wire: Wire) -> Array:

@@ -7,13 +7,14 @@ that a straight wire would have.
 
 from __future__ import annotations
 
+from bisect import bisect_right
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
 from reality_gap.causes import actuators, encoders, places
-from reality_gap.causes.encoders import Feedback
 from reality_gap.system import System, Wire
 
 Array = NDArray[np.float64]
@@ -49,33 +50,55 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
             encoders.add_to_reading(record, encoder, slack * np.exp(-tension / scale))
 
     if fed:
-        effects.act(lambda model: _Sag(model, system, fed, slack, scale))
+        effects.act(lambda model: _Sag(model, fed, slack, scale))
     effects.senses.append(sense)
 
 
 class _Sag:
-    """Lets the servos of wires see what is paid out."""
+    """Lets the servos of wires see what is paid out; in plain numbers, as for every step."""
 
-    def __init__(
-        self, model: mujoco.MjModel, system: System, fed: list[Wire], slack: float, scale: float
-    ) -> None:
-        place = Place("tendon", tuple(wire.tendon for wire in fed))
-        here = np.array([model.actuator(wire.actuator).id for wire in fed])
-        self._feedback = Feedback(model, encoders.encoders(system, place))
-        self._drive = actuators.driver(model, here)
-        self._here, self._bias = here, model.actuator_biasprm[:, 0]
-        self._gain, self._gear = model.actuator_gainprm[here, 0], model.actuator_gear[here, 0]
-        self._tables = [_table(model, int(i), slack, scale) for i in here]
-        self._sag = np.zeros(len(fed))
+    def __init__(self, model: mujoco.MjModel, fed: list[Wire], slack: float, scale: float) -> None:
+        self._wires = [_Hanging(model, wire, slack, scale) for wire in fed]
+        self._fresh = False
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Look up the sag that goes with the step to come."""
-        position = self._feedback.position(model, data) - self._sag
-        force = self._gain * self._drive(data) + self._bias[self._here]
-        straight = -self._gear * (force + self._feedback.slope * position)
-        pairs = zip(straight, self._tables, strict=True)
-        self._sag = np.array([np.interp(x, *table) for x, table in pairs])
-        self._feedback.falsify(self._sag)
+        if not self._fresh:
+            mujoco.mj_fwdPosition(model, data)
+            self._fresh = True
+        bias, step = model.actuator_biasprm, model.opt.timestep
+        lengths, velocities = data.ten_length, data.ten_velocity
+        for wire in self._wires:
+            drive = data.ctrl[wire.input] if wire.act < 0 else data.act[wire.act]
+            plain = bias[wire.actuator, 0] - wire.added
+            length = lengths[wire.tendon] + step * velocities[wire.tendon]
+            wire.added = wire.slope * wire.sag(
+                -wire.gear * (wire.gain * drive + plain + wire.slope * length)
+            )
+            bias[wire.actuator, 0] = plain + wire.added
+
+
+class _Hanging:
+    """A wire's numbers, and how much of it hangs at which tension."""
+
+    def __init__(self, model: mujoco.MjModel, wire: Wire, slack: float, scale: float) -> None:
+        self.tendon = int(model.tendon(wire.tendon).id)
+        self.actuator = i = int(model.actuator(wire.actuator).id)
+        self.input, self.act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
+        self.gain, self.gear = float(model.actuator_gainprm[i, 0]), float(model.actuator_gear[i, 0])
+        self.slope = float(model.actuator_biasprm[i, 1]) * self.gear
+        self.added = 0.0
+        straight, sag = _table(model, i, slack, scale)
+        self._straight, self._sag = straight.tolist(), sag.tolist()
+
+    def sag(self, straight: float) -> float:
+        """What hangs [m], where a straight wire would have the tension ``straight`` [N]."""
+        table, sag = self._straight, self._sag
+        k = bisect_right(table, straight)
+        if k == 0 or k == len(table):
+            return sag[min(k, len(table) - 1)]
+        share = (straight - table[k - 1]) / (table[k] - table[k - 1])
+        return sag[k - 1] + share * (sag[k] - sag[k - 1])
 
 
 def _table(model: mujoco.MjModel, actuator: int, slack: float, scale: float) -> tuple[Array, Array]:
