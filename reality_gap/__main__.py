@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ class Diagnose:
     """Folder to write to; made whole or not at all."""
     jobs: int = os.cpu_count() or 1
     """Number of processes."""
+    tolerance: float = 1.0
+    """How much more than usual an honest drawing of this machine may be off: 3 for a rough one."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +65,18 @@ def diagnose(command: Diagnose, console: Console) -> None:
     from rich.progress import Progress
 
     from reality_gap.checking import check_study
+    from reality_gap.diagnosing import Options
     from reality_gap.diagnosing import diagnose as find
     from reality_gap.output import check_out, write_diagnosis
     from reality_gap.reading import load_study
+    from reality_gap.simulation import silence
 
     if command.jobs < 1:
         raise StudyError(f"--jobs is a number of processes, 1 or more, not {command.jobs}")
+    if not 0.0 < command.tolerance < math.inf:
+        raise StudyError(f"--tolerance is a factor above 0, 1 as usual, not {command.tolerance}")
     check_out(command.out)
+    silence()
     study = load_study(command.study)
     for sentence in check_study(study):
         console.print(f"note: {sentence}", markup=False, highlight=False)
@@ -77,6 +85,7 @@ def diagnose(command: Diagnose, console: Console) -> None:
         diagnosis = find(
             study,
             jobs=command.jobs,
+            options=Options(tolerance=command.tolerance),
             progress=lambda share, what: bar.update(task, completed=share, description=what),
         )
     write_diagnosis(diagnosis, study, command.out)

@@ -46,6 +46,7 @@ class Options:
         unexplained: share of what could be learned of the gap that may remain, at most.
         certain: what a learner must find in the remainder to call it unexplained [nats].
         better: by how much a learner must beat the causes without them [nats].
+        tolerance: how much more than usual an honest drawing of this machine may be off.
         visible: change of the readings by three typical faults, in noise, that can be judged.
         suggest: whether to look for the next experiment.
         many: residual, in noise, from which on groups are fitted before anything else is tried.
@@ -58,6 +59,7 @@ class Options:
     unexplained: float = 0.15
     certain: float = 6.0
     better: float = 6.0
+    tolerance: float = 1.0
     visible: float = 3.0
     suggest: bool = True
     many: float = 20.0
@@ -101,7 +103,7 @@ def diagnose(
         watch(bench, null, found)
         judged, not_judged = _judge(chosen, found, options)
         progress(0.6, "fitting the likeliest")
-        allowed = tolerances(bench, found)
+        allowed = options.tolerance * tolerances(bench, found)
         result = search(bench, judged, null, allowed, options.search)
         progress(0.85, "weighing what remains")
         best = result.best

@@ -12,6 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from reality_gap.assets import check_inside
 from reality_gap.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.errors import StudyError
 from reality_gap.guessing import KINDS, Wanted, guess, guess_time, named_unit
@@ -55,6 +56,7 @@ def draft_study(
     """
     path = Path(model_path)
     folder = path.parent if folder is None else Path(folder)
+    check_inside(path, folder)
     model = load_spec(path).copy().compile()
     logs = [_Log(Path(p), read_header(Path(p), Path(p).name)) for p in log_paths]
     if not logs:

@@ -9,6 +9,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from reality_gap.assets import check_inside
 from reality_gap.errors import StudyError
 from reality_gap.logs import read_episode
 from reality_gap.matching import actuator_names, match, measured_joints
@@ -30,6 +31,7 @@ def load_study(path: Path | str) -> Study:
         StudyError: in one sentence, what is wrong, where, and what would be valid.
     """
     file = read_study_file(Path(path))
+    check_inside(file.model, file.path.parent)
     model = load_spec(file.model).copy().compile()
     match(file, model)
     channels = _channels(file)

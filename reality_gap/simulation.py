@@ -42,6 +42,11 @@ def compile_with_probes(spec: mujoco.MjSpec, fuse: bool) -> mujoco.MjModel:
     return spec.compile()
 
 
+def silence() -> None:
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT; a replay that diverges is told by its numbers."""
+    mujoco.set_mju_user_warning(lambda message: None)
+
+
 @dataclass(frozen=True)
 class Task:
     """What is to be simulated.

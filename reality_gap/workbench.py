@@ -17,6 +17,7 @@ from reality_gap.inverse import inverse_replay, ready
 from reality_gap.measured import Measured, measured
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import Memory, Replay, replay
+from reality_gap.simulation import silence
 from reality_gap.study import Study
 from reality_gap.system import System, look_at
 
@@ -145,6 +146,7 @@ _bench: Workbench | None = None
 def _open(study: Study) -> None:
     """In a worker: one workbench for all tasks."""
     global _bench
+    silence()
     _bench = Workbench(study)
 
 

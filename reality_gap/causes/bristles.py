@@ -26,6 +26,8 @@ SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Friction that hardly creeps: MuJoCo's default lets a tenth of the force through at rest."""
 STABLE = 0.1
 """Stiffness of a bristle times the squared time step, over the mass that it holds, at most."""
+DAMPED = 1.25
+"""Time constant of a bristle in time steps: its force is that of a step ago, and would buzz."""
 SLOW = 1e-3
 """Stribeck's velocity; without effect, as friction at rest is that of sliding."""
 SUMS = (int(mujoco.mjtSensor.mjSENS_TENDONACTFRC), int(mujoco.mjtSensor.mjSENS_JOINTACTFRC))
@@ -33,8 +35,8 @@ SLIDING, RESTING = 3, 4
 """Where an actuator's ``biasprm`` holds its friction."""
 LEAST = 1e-3
 """Share of their force that bristles keep; MuJoCo's have a stiffness or are none."""
-STIFFNESS = 5
-"""Where its ``dynprm`` holds the stiffness of the bristles."""
+STIFFNESS, DAMPING = 5, 6
+"""Where its ``dynprm`` holds those of the bristles."""
 
 
 def bend(system: System, place: Place) -> Parameter:
@@ -73,19 +75,16 @@ def brake(
             element.solref_friction, element.solimp_friction = SOLREF, SOLIMP
         return
     kind = mujoco.mjtTrn.mjTRN_TENDON if tendon else mujoco.mjtTrn.mjTRN_JOINT
+    step = float(system.model.opt.timestep)
     for name in place.elements:
-        stiffness = min(force / bend, STABLE / (_lightness(system, place, name) * _step(system)))
+        stiffness = min(force / bend, STABLE / (_lightness(system, place, name) * step**2))
         actuator = spec.add_actuator(name=_name(cause, place, name), trntype=kind, target=name)
         actuator.set_to_dcmotor(
             motorconst=[0.0, 0.0],
             resistance=1.0,
-            lugre=[stiffness, 0.0, force, force, SLOW],
+            lugre=[stiffness, DAMPED * step * stiffness, force, force, SLOW],
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
         )
-
-
-def _step(system: System) -> float:
-    return float(system.model.opt.timestep) ** 2
 
 
 def _lightness(system: System, place: Place, name: str) -> float:
@@ -105,13 +104,14 @@ class Brakes:
     """The frictions that `brake` put on a place, for a hook that changes them at every step."""
 
     def __init__(self, model: mujoco.MjModel, system: System, cause: str, place: Place) -> None:
-        self._stiffness: Extra | None = None
+        self._bristles: list[tuple[Extra, Array]] = []
         if possible(system):
             names = [_name(cause, place, element) for element in place.elements]
             at = np.array([model.actuator(name).id for name in names])
             self._levels = [Extra(model.actuator_biasprm[:, k], at) for k in (SLIDING, RESTING)]
-            self._stiffness = Extra(model.actuator_dynprm[:, STIFFNESS], at)
-            self._stiff = model.actuator_dynprm[at, STIFFNESS]
+            for k in (STIFFNESS, DAMPING):
+                cells = Extra(model.actuator_dynprm[:, k], at)
+                self._bristles.append((cells, model.actuator_dynprm[at, k]))
         elif place.kind == "tendon":
             at = np.array([model.tendon(name).id for name in place.elements])
             self._levels = [Extra(model.tendon_frictionloss, at)]
@@ -124,5 +124,5 @@ class Brakes:
         factor = np.maximum(factor, LEAST)
         for cells in self._levels:
             cells.write(force * (factor - 1.0))
-        if self._stiffness is not None:
-            self._stiffness.write(self._stiff * (factor - 1.0))
+        for cells, usual in self._bristles:
+            cells.write(usual * (factor - 1.0))

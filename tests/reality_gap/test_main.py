@@ -12,6 +12,7 @@ import pytest
 
 from reality_gap.__main__ import main
 from reality_gap.causes import cause
+from reality_gap.diagnosing import Options
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
 from reality_gap.plant import Suspect
 from reality_gap.study import Study
@@ -54,9 +55,11 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Replace the diagnosis and its files by a record of what they were asked."""
     asked: dict[str, Any] = {}
 
-    def diagnose(study: Study, jobs: int, progress: Callable[[float, str], None]) -> Diagnosis:
+    def diagnose(
+        study: Study, jobs: int, options: Options, progress: Callable[[float, str], None]
+    ) -> Diagnosis:
         progress(0.5, "fitting")
-        asked.update(study=study, jobs=jobs)
+        asked.update(study=study, jobs=jobs, options=options)
         return diagnosis_of(study)
 
     def write(diagnosis: Diagnosis, study: Study, out: Path) -> None:
@@ -73,6 +76,7 @@ def test_diagnose_writes_and_prints_the_verdict(
     out = tmp_path / "diagnosis"
     assert main(["diagnose", str(study_folder.path), "--out", str(out), "--jobs", "2"]) == 0
     assert found["jobs"] == 2
+    assert found["options"] == Options()
     assert found["out"] == out
     assert found["written"].study == found["study"].name == "a lever"
     printed = capsys.readouterr().out
@@ -116,6 +120,23 @@ def test_diagnose_leaves_a_folder_of_somebody_else_alone(
     assert main(["diagnose", str(study_folder.path), "--out", str(out)]) == 2
     assert "left alone" in capsys.readouterr().err
     assert not found
+
+
+def test_a_rough_machine_may_be_off_by_more(
+    study_folder: Any, found: dict[str, Any], tmp_path: Path
+) -> None:
+    out = str(tmp_path / "d")
+    assert main(["diagnose", str(study_folder.path), "--out", out, "--tolerance", "3"]) == 0
+    assert found["options"] == Options(tolerance=3.0)
+
+
+@pytest.mark.parametrize("tolerance", ["0", "-1", "nan", "inf"])
+def test_a_tolerance_is_a_factor(
+    study_folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], tolerance: str
+) -> None:
+    out = str(tmp_path / "d")
+    assert main(["diagnose", str(study_folder.path), "--out", out, "--tolerance", tolerance]) == 2
+    assert "--tolerance is a factor above 0" in capsys.readouterr().err
 
 
 def test_diagnose_needs_a_process(
