@@ -20,6 +20,7 @@ RUNNERS = {
     "all": ("experiments.everything", "every experiment of the paper, and one page of results"),
     "gap-to-skill": ("experiments.gap_to_skill", "a diagnosis of a minute's motion, as a map"),
     "gap-bench": ("experiments.gap_bench", "hidden effects, diagnosed: how often it is right"),
+    "gap-calibrate": ("experiments.gap_calibrate", "how sure a diagnosis may be"),
     "record": ("experiments.record", "a log of a robot that moves, as a study for reality_gap"),
     "emps": ("experiments.emps", "a measured drive: what a mass alone gets wrong of its force"),
     "davinci": ("experiments.davinci", "a measured cable drive: what its transmission does"),

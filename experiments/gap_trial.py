@@ -173,6 +173,7 @@ def outcome(found: Diagnosis) -> dict[str, Any]:
             [r.step, r.suspect.cause.id, list(r.suspect.place.elements), r.score, r.confidence]
             for r in found.rivals
         ],
+        "evidence": [r.evidence for r in found.rivals],
         "rms": [found.rms_before, found.rms_after, found.noise_floor],
         "gain": None if found.gain is None else found.gain.value,
         "unexplained": found.unexplained_fraction,

@@ -1,9 +1,10 @@
 """How sure a diagnosis is: evidence, tempered until it keeps its word.
 
 Evidence believes that one of the suspects is exactly right, which none ever is: a real wire's
-friction is no `frictionloss`. What is wrong with the right cause's form grows with the effect, so
-that evidence is divided by a temper that grows with the evidence of the best. Both numbers were set
-on tuning seeds; `python -m experiments gap-bench` measures how well the confidence keeps its word.
+friction has no such simple law. What is wrong with the right cause's form grows with the effect, so
+that evidence is divided by a temper that grows with the evidence of the best. Its two numbers were
+set on tuning seeds. `python -m experiments gap-calibrate` finds them on replays of the drawing with
+causes in it; `gap-bench` measures how well the confidence keeps its word.
 """
 
 from __future__ import annotations
@@ -30,7 +31,12 @@ def probabilities(base: float, fits: Sequence[Fit]) -> Array:
         base: evidence of the hypothesis without any of them [nats].
         fits: of rivals beside it.
     """
-    evidence = np.array([base, *(f.evidence for f in fits)]) - base
-    temper = FLAT + SHARE * max(0.0, float(evidence.max()))
-    weight = np.exp((evidence - evidence.max()) / temper)
-    return weight[1:] / weight.sum()
+    return tempered(np.array([f.evidence for f in fits]) - base, FLAT, SHARE)
+
+
+def tempered(evidence: Array, flat: float, share: float) -> Array:
+    """Probabilities (k,) from evidence (k,) over that of none [nats], with a temper."""
+    heights = np.concatenate([[0.0], evidence])
+    most = float(heights.max())
+    weight = np.exp((heights - most) / (flat + share * most))
+    return np.asarray(weight[1:] / weight.sum(), dtype=np.float64)

@@ -233,6 +233,7 @@ def _rivals(result: Search, places: Sequence[Alternatives], null: Array) -> tupl
                     confidence=float(place.confidence[i]),
                     step=step,
                     chosen=bool(own),
+                    evidence=float(place.evidence[i]),
                 )
             )
     return tuple(listed)

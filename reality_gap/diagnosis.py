@@ -44,6 +44,7 @@ class Rival:
         confidence: probability that it is (one of) the right causes; of the step it was in.
         step: 0 in the search for the first cause, 1 for the second, ...
         chosen: whether it is in the verdict.
+        evidence: log marginal likelihood over the hypothesis without it [nats].
     """
 
     suspect: Suspect
@@ -52,6 +53,7 @@ class Rival:
     confidence: float
     step: int = 0
     chosen: bool = False
+    evidence: float = 0.0
 
 
 @dataclass(frozen=True)

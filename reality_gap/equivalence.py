@@ -32,12 +32,14 @@ class Alternatives:
         suspect: the cause.
         tried: fits with the suspect or another in its place, best first.
         confidence: probability of each of ``tried``.
+        evidence: of each over the hypothesis without (k,) [nats].
         equivalent: who predicts the same.
     """
 
     suspect: Suspect
     tried: tuple[Fit, ...]
     confidence: Array
+    evidence: Array
     equivalent: tuple[Suspect, ...]
 
 
@@ -71,7 +73,9 @@ def alternatives(
         fits = _with_best(rule, tried, best, suspect)
         floor = 0.0 if base is None else again(rule, base).evidence
         chances = probabilities(floor, fits)
-        everyone.append(Alternatives(suspect, fits, chances, _equivalent(rule, best, fits)))
+        more = np.array([f.evidence for f in fits]) - floor
+        alike = _equivalent(rule, best, fits)
+        everyone.append(Alternatives(suspect, fits, chances, more, alike))
     return tuple(everyone)
 
 

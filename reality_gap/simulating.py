@@ -14,11 +14,22 @@ from reality_gap.system import look_at
 from reality_gap.workbench import Hypothesis
 
 
-def simulate(study: Study, hypothesis: Hypothesis, rng: np.random.Generator) -> Study:
-    """The study as it would be if ``hypothesis`` were the truth: same commands, other readings."""
+def simulate(
+    study: Study, hypothesis: Hypothesis, rng: np.random.Generator, step: float = 1.0
+) -> Study:
+    """The study as it would be if ``hypothesis`` were the truth: same commands, other readings.
+
+    Args:
+        study: whose readings are replaced.
+        hypothesis: the truth.
+        rng: of the noise.
+        step: physics step of the truth over the model's.
+    """
     readings = measured(study)
     system = look_at(study)
-    truth = replay(build(system, list(hypothesis)), study, readings).prediction
+    plant = build(system, list(hypothesis))
+    plant.spec.option.timestep *= step
+    truth = replay(plant, study, readings).prediction
     noisy = truth + readings.noise * rng.standard_normal(len(truth))
     episodes = []
     for e, episode in enumerate(study.episodes):

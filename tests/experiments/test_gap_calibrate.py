@@ -1,0 +1,53 @@
+"""The temper of confidences, from evidence whose word is known to be kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.gap_calibrate import calibrated, evidence_and_right
+from reality_gap.confidence import tempered
+
+NAMES = ("delay", "payload", "slack")
+
+
+def _trial(rng: np.random.Generator, flat: float, share: float) -> dict[str, Any]:
+    """Rivals of which one is right as often as its tempered evidence says."""
+    evidence = 10.0 + rng.uniform(0.0, 60.0) + rng.uniform(0.0, 12.0, len(NAMES))
+    chances = tempered(evidence, flat, share)
+    right = rng.choice(len(NAMES), p=chances / chances.sum())
+    return {
+        "truth": {"cause": NAMES[right]},
+        "rivals": [[0, name, ["somewhere"], 0.0, 0.0] for name in NAMES],
+        "evidence": list(evidence),
+    }
+
+
+@pytest.mark.parametrize(("flat", "share"), [(1.0, 0.01), (3.0, 0.05)])
+def test_it_finds_the_temper_that_keeps_its_word(flat: float, share: float) -> None:
+    rng = np.random.default_rng(0)
+    trials = [_trial(rng, flat, share) for _ in range(3000)]
+
+    found = calibrated(trials)
+
+    for most in (20.0, 70.0):  # the two numbers make up for each other; their sum counts
+        assert found[0] + found[1] * most == pytest.approx(flat + share * most, rel=0.15)
+
+
+def test_rivals_of_later_steps_do_not_count() -> None:
+    trial = {
+        "truth": {"cause": "delay"},
+        "rivals": [[0, "delay", [], 0.0, 0.9], [0, "slack", [], 0.0, 0.1], [1, "delay", [], 0, 0]],
+        "evidence": [9.0, 2.0, 5.0],
+    }
+
+    evidence, right = evidence_and_right(trial)
+
+    assert evidence.tolist() == [9.0, 2.0]
+    assert right.tolist() == [True, False]
+
+
+def test_without_evidence_nobody_is_likelier_than_none() -> None:
+    np.testing.assert_allclose(tempered(np.zeros(3), 1.5, 0.02), 0.25)
