@@ -133,7 +133,10 @@ def resized(bench: Workbench, old: Fit, white: Whitening, null: Array, first: in
 
     What sticks and slips has several minima; differences see the nearest only.
     """
-    own = np.array([i >= first and not p.starts for i, p in free_parameters(old.hypothesis)])
+    lone = [len(suspect.parameters) == 1 for suspect in old.suspects]
+    own = np.array(
+        [i >= first and (lone[i] or not p.starts) for i, p in free_parameters(old.hypothesis)]
+    )
     pull, (low, high) = penalty_scale(old.hypothesis), _bounds(old.hypothesis)
     sizes = [np.clip(np.where(own, f, 1.0) * old.theta, low, high) for f in FACTORS]
     found = bench.residuals([at(old.hypothesis, theta) for theta in sizes])

@@ -92,20 +92,33 @@ def screen(
         before = bench.residuals([base], coarse)[0]
     residuals = iter(bench.residuals(hypotheses, coarse))
     found = []
-    for suspect, fixed, names, _ in trials:
-        columns = np.column_stack([(before - next(residuals)) / STEP for _ in names])
+    for suspect, fixed, names, values in trials:
+        steps = [_scales(suspect, n, v) for n, v in zip(names, values, strict=True)]
+        columns = np.column_stack([(before - next(residuals)) / step for step in steps])
         if np.all(np.isfinite(columns)):
             found.append(Sensitivity(suspect, names, fixed, columns))
     return tuple(found)
+
+
+def _scales(suspect: Suspect, name: str, value: float) -> float:
+    """How many scales a value is from the null."""
+    p = parameter(suspect, name)
+    return (value - p.null) / p.scale
 
 
 _Trial = tuple[Suspect, dict[str, float], tuple[str, ...], tuple[float, ...]]
 
 
 def _trials(suspect: Suspect) -> list[_Trial]:
-    """Which parameters to change, with which others held at one of their starts."""
+    """Which parameters to change, with which others held at one of their starts.
+
+    A lone parameter with starts is looked at in secants to each of them.
+    """
     held = [p for p in suspect.parameters if p.starts]
     free = [p for p in suspect.parameters if not p.starts]
+    if len(suspect.parameters) == len(held) == 1:
+        lone = held[0]
+        return [(suspect, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.starts]
     if not free:
         free, held = held, []
     trials = []

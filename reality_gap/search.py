@@ -210,6 +210,9 @@ def _start(
     if cost(np.nan_to_num(bench.residual(best), nan=np.inf)) < least:
         return best
     trials = [of_size(size) for size in OTHER_SIZES]
+    if len(sensitivity.suspect.parameters) == 1:
+        lone = sensitivity.suspect.parameters[0]
+        trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in lone.starts]
     costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in bench.residuals([best, *trials])]
     return [best, *trials][int(np.argmin(costs))]
 

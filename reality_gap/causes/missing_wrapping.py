@@ -23,6 +23,8 @@ from reality_gap.system import System
 SHAPES = {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "sphere": mujoco.mjtGeom.mjGEOM_SPHERE}
 SIDE = 1.5
 """How far out the side site lies [radii]."""
+SHARES = (0.15, 0.4, 1.0)
+"""Sizes of a bone to start from: a wire that touches it sooner takes another path."""
 LENGTH = 0.01
 """Half of a cylinder's, as drawn; for wires it is endless [m]."""
 
@@ -44,7 +46,8 @@ def _obstacle(system: System, place: Place) -> Obstacle:
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     it = _obstacle(system, place)
     step = it.typical - it.touching
-    return (Parameter("radius", "m", step, 0.0, it.touching, it.largest, null=it.touching),)
+    starts = tuple(min(it.touching + share * step, it.largest) for share in SHARES)
+    return (Parameter("radius", "m", step, 0.0, it.touching, it.largest, it.touching, starts),)
 
 
 def _geometry(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
