@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Parameter, Place
+from reality_gap.cause import Parameter, Place, Values
 from reality_gap.causes import sizes
 from reality_gap.causes.extra import Extra
 from reality_gap.system import System
@@ -46,6 +46,11 @@ def bend(system: System, place: Place) -> Parameter:
     unit, travel = sizes.joint_travel(system, place)
     size = 3e-4 * travel
     return Parameter("presliding", unit, size, 0.0, 0.1 * size, 30 * size, null=size)
+
+
+def bend_in(values: Values, system: System, place: Place) -> float:
+    """How far an element moves before it slips [m or rad]: as ``values`` say, or as usual."""
+    return float(values.get("presliding", bend(system, place).null))
 
 
 def possible(system: System) -> bool:

@@ -24,7 +24,7 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     if values["friction"]:
-        bend = values.get("presliding", 1.0)
+        bend = bristles.bend_in(values, system, place)
         bristles.brake(spec, system, CAUSE.id, place, values["friction"], bend)
 
 

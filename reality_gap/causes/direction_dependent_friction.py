@@ -56,7 +56,7 @@ def _half(values: Values, kind: str = "") -> float:
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     if _mean(values):
-        bend = values.get("presliding", 1.0)
+        bend = bristles.bend_in(values, system, place)
         bristles.brake(spec, system, CAUSE.id, place, _mean(values), bend)
     if place.kind == "joint":
         spec.joint(place.elements[0]).damping[0] += _mean(values, "_viscous")

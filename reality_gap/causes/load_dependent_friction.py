@@ -58,7 +58,7 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     if values["coefficient"]:
-        usual, bend = values["coefficient"] * USUAL, values.get("presliding", 1.0)
+        usual, bend = values["coefficient"] * USUAL, bristles.bend_in(values, system, place)
         bristles.brake(spec, system, CAUSE.id, place, usual, bend)
 
 
