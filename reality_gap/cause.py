@@ -35,6 +35,7 @@ class Parameter:
         low, high: bounds.
         null: the value at which the cause does nothing.
         starts: other values to start a fit from, for what is not smooth, as the onset of an event.
+        idle: whether it does nothing while the others are at their null: a shape, not a size.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Parameter:
     high: float
     null: float = 0.0
     starts: tuple[float, ...] = ()
+    idle: bool = False
 
 
 @dataclass(frozen=True)

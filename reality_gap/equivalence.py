@@ -12,7 +12,7 @@ from reality_gap.confidence import probabilities
 from reality_gap.fitting import Fit, fit
 from reality_gap.plant import Suspect
 from reality_gap.screening import Sensitivity
-from reality_gap.search import Ruler, Search, Settings, again, same, try_next
+from reality_gap.search import Ruler, Search, Settings, again, same, tried_beside, try_next
 from reality_gap.workbench import Workbench
 
 Array = NDArray[np.float64]
@@ -66,8 +66,10 @@ def alternatives(
     everyone = []
     for i, (suspect, _) in enumerate(best.hypothesis):
         rest = [part for j, part in enumerate(best.hypothesis) if j != i]
-        base, tried = _tried_before(result, suspect, len(rest))
-        if tried is None:
+        before = tried_beside([*result.steps, *result.revised], rest)
+        if before is not None:
+            base, tried = before.base, before.tried
+        else:
             base = fit(bench, rest, rule.learn, rule.null) if rest and retry else None
             tried = try_next(bench, found, rule, base, settings.refits) if retry else ()
         fits = _with_best(rule, tried, best, suspect)
@@ -77,17 +79,6 @@ def alternatives(
         alike = _equivalent(rule, best, fits)
         everyone.append(Alternatives(suspect, fits, chances, more, alike))
     return tuple(everyone)
-
-
-def _tried_before(
-    result: Search, suspect: Suspect, others: int
-) -> tuple[Fit | None, tuple[Fit, ...] | None]:
-    """The step of the search that put the suspect beside exactly these others, if one did."""
-    for step in result.steps:
-        size = 0 if step.base is None else len(step.base.hypothesis)
-        if step.accepted and size == others and same(step.tried[0].suspects[-1], suspect):
-            return step.base, step.tried
-    return None, None
 
 
 def _with_best(rule: Ruler, tried: Sequence[Fit], best: Fit, suspect: Suspect) -> tuple[Fit, ...]:

@@ -85,6 +85,7 @@ def screen(
         [*base, (suspect, fixed | {name: value})]
         for suspect, fixed, names, values in trials
         for name, value in zip(names, values, strict=True)
+        if not parameter(suspect, name).idle
     ]
     # Differences between replays forgive a coarse time step.
     coarse = bench.coarse
@@ -93,8 +94,10 @@ def screen(
     residuals = iter(bench.residuals(hypotheses, coarse))
     found = []
     for suspect, fixed, names, values in trials:
-        steps = [_scales(suspect, n, v) for n, v in zip(names, values, strict=True)]
-        columns = np.column_stack([(before - next(residuals)) / step for step in steps])
+        columns = np.zeros((len(before), len(names)))
+        for i, (name, value) in enumerate(zip(names, values, strict=True)):
+            if not parameter(suspect, name).idle:
+                columns[:, i] = (before - next(residuals)) / _scales(suspect, name, value)
         if np.all(np.isfinite(columns)):
             found.append(Sensitivity(suspect, names, fixed, columns))
     return tuple(found)

@@ -29,6 +29,8 @@ OTHER_SIZES = (2.0, 0.5, 0.2, 0.05)
 """Sizes that are tried if it does not."""
 WORTH = 0.4
 """Share of the best evidence from which on other sizes of a suspect are tried."""
+SWAP = 1.0
+"""Evidence by which another must be better to take the place of an earlier cause [nats]."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Settings:
     more_refits: int = 5
     threshold: float = 5.0
     further: float = 12.0
-    share: float = 0.04
+    share: float = 0.02
     most: int = 3
 
 
@@ -101,11 +103,13 @@ class Search:
         steps: one more than causes were accepted, unless there were the most.
         best: the hypothesis that stands; None for the null.
         ruler: what evidence was measured in, at the end.
+        revised: who was tried in the place of earlier causes, beside the later ones.
     """
 
     steps: tuple[Step, ...]
     best: Fit | None
     ruler: Ruler
+    revised: tuple[Step, ...] = ()
 
 
 def search(
@@ -141,8 +145,9 @@ def search(
             best = base
             break
         best = fit(bench, tried[0].hypothesis, rule.learn, null, tried[0].jacobian)
-        if len(steps) > 1:
-            best = _backward(bench, rule, best, settings)
+    if best is not None and len(best.hypothesis) > 1:
+        best, again_tried = _revise(bench, found, rule, best, steps, settings)
+        return Search(tuple(steps), best, rule, again_tried)
     return Search(tuple(steps), best, rule)
 
 
@@ -272,14 +277,45 @@ def _diverse(ranked: Ranked, count: int) -> list[tuple[Sensitivity, Array]]:
     return chosen
 
 
-def _backward(bench: Workbench, rule: Ruler, best: Fit, settings: Settings) -> Fit:
-    """Drop a cause that the others have made needless."""
-    for i in range(len(best.hypothesis) - 1):
-        rest: Hypothesis = [part for j, part in enumerate(best.hypothesis) if j != i]
+def _revise(
+    bench: Workbench,
+    found: Sequence[Sensitivity],
+    rule: Ruler,
+    best: Fit,
+    steps: Sequence[Step],
+    settings: Settings,
+) -> tuple[Fit, tuple[Step, ...]]:
+    """Look at each cause anew beside those that came after it: drop it, or put a likelier one.
+
+    The first cause of two was chosen when it had to explain a part of the other, too.
+    """
+    revised: list[Step] = []
+    for suspect in best.suspects:
+        rest: Hypothesis = [part for part in best.hypothesis if not same(part[0], suspect)]
+        if tried_beside([*steps, *revised], rest) is not None:
+            continue
         without = fit(bench, rest, rule.learn, rule.null)
         if best.evidence - without.evidence < settings.further:
-            return without
-    return best
+            best = without
+            if len(best.hypothesis) == 1:
+                break
+            continue
+        tried = try_next(bench, found, rule, without, settings.refits)
+        better = bool(tried) and tried[0].evidence > best.evidence + SWAP
+        revised.append(Step(without, tried, better))
+        if better:
+            best = fit(bench, tried[0].hypothesis, rule.learn, rule.null, tried[0].jacobian)
+    return best, tuple(revised)
+
+
+def tried_beside(steps: Sequence[Step], others: Hypothesis) -> Step | None:
+    """The step that tried whom to put beside exactly these others, if one did."""
+    beside = [other for other, _ in others]
+    for step in steps:
+        base = () if step.base is None else step.base.suspects
+        if len(base) == len(beside) and all(any(same(s, b) for b in base) for s in beside):
+            return step
+    return None
 
 
 def predictive(rule: Ruler, null: Array, fitted: Fit) -> float:

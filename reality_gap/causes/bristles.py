@@ -42,10 +42,10 @@ STIFFNESS, DAMPING = 5, 6
 def bend(system: System, place: Place) -> Parameter:
     """The parameter of how far an element moves before it slips."""
     if place.kind == "tendon":
-        return Parameter("presliding", "m", 3e-5, 0.0, 3e-6, 1e-3, null=3e-5)
+        return Parameter("presliding", "m", 3e-5, 0.0, 3e-6, 1e-3, null=3e-5, idle=True)
     unit, travel = sizes.joint_travel(system, place)
     size = 3e-4 * travel
-    return Parameter("presliding", unit, size, 0.0, 0.1 * size, 30 * size, null=size)
+    return Parameter("presliding", unit, size, 0.0, 0.1 * size, 30 * size, null=size, idle=True)
 
 
 def bend_in(values: Values, system: System, place: Place) -> float:

@@ -305,6 +305,19 @@ def test_what_the_others_made_needless_is_dropped(tmp_path: Path) -> None:
     assert ids(found.best) == ["b", "c"]
 
 
+def test_a_likelier_one_takes_the_place_of_an_earlier_cause(tmp_path: Path) -> None:
+    """The mixture explains most alone; beside one of both that it imitates, the other does."""
+    b, c, mixed = SHAPES[:, 1], SHAPES[:, 2], SHAPES[:, 1] + SHAPES[:, 2] + 0.9 * SHAPES[:, 3]
+    chosen = [suspect("b", b), suspect("c", c), suspect("mixture", mixed)]
+    case = Case(tmp_path, 2.0 * (b + c), chosen)
+
+    found = case.search(Settings(most=2))
+
+    assert ids(found.steps[0].tried[0]) == ["mixture"]
+    assert found.revised[0].accepted
+    assert ids(found.best) == ["b", "c"]
+
+
 @pytest.mark.usefixtures("one_size")
 @pytest.mark.parametrize("spread", [1.0, 4.0])
 def test_the_same_fit_by_a_ruler_whose_readings_count_less(tmp_path: Path, spread: float) -> None:
