@@ -175,6 +175,8 @@ class Cause:
         parameters: of one place.
         edit: writes it into a model, as far as MuJoCo can express it.
         attach: adds the rest to the effects beside the model.
+        fine: whether simpler causes at the same wire or joint promise something where this one
+            acts, so that in a machine of many wires it is looked at there only.
     """
 
     id: str
@@ -184,3 +186,4 @@ class Cause:
     parameters: Callable[[System, Place], tuple[Parameter, ...]]
     edit: Callable[[mujoco.MjSpec, System, Place, Values], None] | None = None
     attach: Callable[[Effects, System, Place, Values], None] | None = None
+    fine: bool = False

@@ -24,6 +24,7 @@ from reality_gap.sentences import sentence
 from reality_gap.splits import REPORT, split
 from reality_gap.study import Study
 from reality_gap.traces import traces
+from reality_gap.waiting import Waiting, parted
 from reality_gap.whole_machine import BETTER, explain, of_groups, power
 from reality_gap.workbench import Workbench
 
@@ -98,13 +99,15 @@ def diagnose(
         if whole is not None and not _search_too(bench, options):
             return of_groups(bench, whole, null, begin)
         chosen = suspects(bench.system, catalogue)
-        progress(0.02, f"looking at {len(chosen)} suspects")
-        found = screen(bench, chosen, [], null)
+        first, later = parted(bench.system, chosen)
+        progress(0.02, f"looking at {len(first)} suspects")
+        found = screen(bench, first, [], null)
         watch(bench, null, found)
-        judged, not_judged = _judge(chosen, found, options)
+        judged, not_judged = _judge(chosen, first, found, options)
         progress(0.6, "fitting the likeliest")
         allowed = options.tolerance * tolerances(bench, found)
-        result = search(bench, judged, null, allowed, options.search)
+        waiting = Waiting(bench, null, later, options.visible)
+        result = search(bench, judged, null, allowed, options.search, waiting)
         progress(0.85, "weighing what remains")
         best = result.best
         after = null if best is None else best.residual
@@ -119,11 +122,11 @@ def diagnose(
         left = examine(bench, result.ruler, stands, after, null)
         verdict = _verdict(result, left, options)
         certain = verdict is Verdict.NAMED
-        rivals = alternatives(bench, judged, result, options.search, certain)
+        rivals = alternatives(bench, result, options.search, certain)
         named = _name(bench, result, rivals) if certain else ()
         scored = score(bench.system.study, bench.measured, null, after)
         progress(0.95, "choosing the next experiment")
-        advice = next_experiment(bench.system, rivals) if options.suggest else None
+        advice = next_experiment(bench.system, rivals, result.found) if options.suggest else None
         plant = build(bench.system, [] if best is None else list(best.hypothesis))
         attached = () if best is None else tuple(s for s in best.suspects if s.cause.attach)
         diagnosis = Diagnosis(
@@ -164,18 +167,20 @@ def _search_too(bench: Workbench, options: Options) -> bool:
 
 
 def _judge(
-    chosen: Sequence[Suspect], found: Sequence[Sensitivity], options: Options
+    chosen: Sequence[Suspect],
+    first: Sequence[Suspect],
+    found: Sequence[Sensitivity],
+    options: Options,
 ) -> tuple[list[Sensitivity], tuple[tuple[str, str], ...]]:
     """Leave out whom this motion cannot show, and say why."""
     judged, size = list[Sensitivity](), dict[str, float]()
     for sensitivity in found:
-        change = 3.0 * float(np.sqrt(np.max(np.sum(sensitivity.columns**2, axis=0), initial=0.0)))
         name = sensitivity.suspect.cause.id
-        size[name] = max(size.get(name, 0.0), change)
-        if change > options.visible:
+        size[name] = max(size.get(name, 0.0), sensitivity.change)
+        if sensitivity.change > options.visible:
             judged.append(sensitivity)
     reasons = []
-    for name in dict.fromkeys(suspect.cause.id for suspect in chosen):
+    for name in dict.fromkeys(suspect.cause.id for suspect in first):
         if size.get(name, 0.0) <= options.visible:
             reasons.append(
                 (name, "three typical faults would change the readings by less than their noise")

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from reality_gap.confidence import probabilities
 from reality_gap.fitting import Fit, fit
 from reality_gap.plant import Suspect
-from reality_gap.screening import Sensitivity
 from reality_gap.search import Ruler, Search, Settings, again, same, tried_beside, try_next
 from reality_gap.workbench import Workbench
 
@@ -45,7 +44,6 @@ class Alternatives:
 
 def alternatives(
     bench: Workbench,
-    found: Sequence[Sensitivity],
     result: Search,
     settings: Settings,
     retry: bool = True,
@@ -54,7 +52,6 @@ def alternatives(
 
     Args:
         bench: replays.
-        found: sensitivities of all suspects at the null.
         result: of the search.
         settings: of the search.
         retry: whether to try, too, whom the search never tried beside the same others.
@@ -71,7 +68,7 @@ def alternatives(
             base, tried = before.base, before.tried
         else:
             base = fit(bench, rest, rule.learn, rule.null) if rest and retry else None
-            tried = try_next(bench, found, rule, base, settings.refits) if retry else ()
+            tried = try_next(bench, result.found, rule, base, settings.refits) if retry else ()
         fits = _with_best(rule, tried, best, suspect)
         floor = 0.0 if base is None else again(rule, base).evidence
         chances = probabilities(floor, fits)

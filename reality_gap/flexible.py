@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -123,22 +124,28 @@ def _forces(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> li
     quick = [part for part in base if not build(system, [part]).effects.hooks]
     before = bench.residuals([quick], bench.coarse)[0]
 
-    def respond(push: Suspect) -> Array:
-        return before - bench.residuals([[*quick, (push, {"size": 1.0})]], bench.coarse)[0]
-
     moving = _moving(system, records)
-    found = []
-    for name in moving:
-        functions = _functions(records, name, _waves(moving))
-        columns = [respond(_push("joint", name, records, series)) for series in functions]
-        found.append(_bank(f"position of {name}", columns))
-    for wire in system.wires:
-        series = _by_length(records, wire, len(system.wires))
-        columns = [respond(_push("tendon", wire.tendon, records, one)) for one in series]
-        if columns:
-            found.append(_bank(f"length of {wire.tendon}", columns))
-            felt = [_felt(bench, wire, records, one) for one in series]
-            both = [a + b for a, b in zip(columns, felt, strict=True)]
+    pushes = {
+        f"position of {name}": [
+            _push("joint", name, records, series)
+            for series in _functions(records, name, _waves(moving))
+        ]
+        for name in moving
+    }
+    along = {wire: _by_length(records, wire, len(system.wires)) for wire in system.wires}
+    for wire, series in along.items():
+        pushes[f"length of {wire.tendon}"] = [
+            _push("tendon", wire.tendon, records, one) for one in series
+        ]
+    trials = [[*quick, (push, {"size": 1.0})] for some in pushes.values() for push in some]
+    moved = iter(bench.residuals(trials, bench.coarse))
+    columns = {name: [before - next(moved) for _ in some] for name, some in pushes.items()}
+    found = [_bank(name, some) for name, some in columns.items() if some]
+    for wire, series in along.items():
+        felt = [_felt(bench, wire, records, one) for one in series]
+        own = columns[f"length of {wire.tendon}"]
+        both = [a + b for a, b in zip(own, felt, strict=True)]
+        if both:
             found.append(_bank(f"length of {wire.tendon}, felt by its sensor", both))
     return found
 
@@ -199,20 +206,32 @@ def _push(kind: str, name: str, records: Sequence[Record], series: list[Array]) 
     """A force on a joint or tendon that follows a series, as a cause without a name."""
     clock = np.concatenate([r.time for r in records])
     force = FORCE[kind] * np.concatenate(series)
-    joint = kind == "joint"
-
-    def edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-        transmission = mujoco.mjtTrn.mjTRN_JOINT if joint else mujoco.mjtTrn.mjTRN_TENDON
-        spec.add_actuator(name=f"unnamed/{name}", trntype=transmission, target=name)
-
-    def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-        def add(model: mujoco.MjModel, time: Array, command: Array) -> Array:
-            return np.column_stack([command, np.interp(time, clock, force)])
-
-        effects.commands.append(add)
-
-    cause = Cause("", "", "", lambda s: (), lambda s, p: (), edit, attach)
+    attach = partial(_attach_push, clock, force)
+    cause = Cause("", "", "", _nowhere, _no_parameters, _edit_push, attach)
     return Suspect(cause, Place(kind, (name,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
+
+
+def _nowhere(system: System) -> tuple[Place, ...]:
+    return ()
+
+
+def _no_parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return ()
+
+
+def _edit_push(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    kinds = {"joint": mujoco.mjtTrn.mjTRN_JOINT, "tendon": mujoco.mjtTrn.mjTRN_TENDON}
+    name = place.elements[0]
+    spec.add_actuator(name=f"unnamed/{name}", trntype=kinds[place.kind], target=name)
+
+
+def _attach_push(
+    clock: Array, force: Array, effects: Effects, system: System, place: Place, values: Values
+) -> None:
+    def add(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+        return np.column_stack([command, np.interp(time, clock, force)])
+
+    effects.commands.append(add)
 
 
 def _unit(columns: Array) -> Array:

@@ -4,24 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reality_gap.cause import Parameter
 from reality_gap.diagnosis import Experiment
 from reality_gap.equivalence import Alternatives
 from reality_gap.fitting import STEP, Fit, at
-from reality_gap.measured import Measured, channel_noise, measured
-from reality_gap.plant import build
+from reality_gap.measured import channel_noise, measured
+from reality_gap.plant import Suspect, build
 from reality_gap.replay import replay
+from reality_gap.screening import Sensitivity, parameter
 from reality_gap.study import Episode, Reading, Study
 from reality_gap.system import System
+from reality_gap.workbench import Hypothesis
 
 Array = NDArray[np.float64]
 
 SECONDS = 6.0
 PERIOD = 0.02
 RIVALS = 3
+SLACK = 20
+"""How much of what every drawing is off by is weighed: that which looks most like the rivals."""
+PEAK = 1.875
+"""Peak over mean speed of a smooth move."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +41,14 @@ class Motion:
 
 
 def motions(study: Study, seed: int = 0) -> tuple[Motion, ...]:
-    """Motions through commands that the study gave already, so that the machine can do them."""
+    """Motions through commands that the study gave already, so that the machine can do them.
+
+    No actuator's command moves faster than it did in the study: faster than that, the machine may
+    break, and what every honest drawing is off by grows beyond what was judged harmless.
+    """
     rng = np.random.default_rng(seed)
     rows = np.concatenate([episode.command for episode in study.episodes])
-    spread = np.ptp(rows, axis=0)
+    spread, fastest = np.ptp(rows, axis=0), _fastest(study)
     found = []
     for title, hold, travel in (
         ("slow sweeps", 0.0, 2.0),
@@ -46,7 +58,7 @@ def motions(study: Study, seed: int = 0) -> tuple[Motion, ...]:
     ):
         for tighter in (0.0, 0.15):
             points = _far_apart(rows, round(SECONDS / (hold + travel)) + 2, rng)
-            command = _through(points, hold, travel)
+            command = _through(points, hold, travel, fastest)
             word = ", wires tighter" if tighter else ""
             low = rows.min(axis=0)
             found.append(Motion(title + word, np.maximum(command - tighter * spread, low)))
@@ -65,18 +77,38 @@ def _far_apart(rows: Array, count: int, rng: np.random.Generator) -> Array:
     return rows[chosen]
 
 
-def _through(points: Array, hold: float, travel: float) -> Array:
-    """Smooth moves of ``travel`` s between points, ``hold`` s at each."""
-    time = np.arange(0.0, SECONDS, PERIOD)
-    index, phase = np.divmod(time, hold + travel)
-    share = np.clip((phase - hold) / travel, 0.0, 1.0)
-    share = share**3 * (10 - 15 * share + 6 * share**2)
-    i = index.astype(int)
-    return points[i] + share[:, None] * (points[i + 1] - points[i])
+def _fastest(study: Study) -> Array:
+    """How fast each actuator's command moved at most (nu,) [its unit/s]."""
+    speeds = [
+        np.abs(np.diff(episode.command, axis=0)) / np.diff(episode.time)[:, None]
+        for episode in study.episodes
+    ]
+    return np.asarray(np.max(np.concatenate(speeds), axis=0, initial=0.0), dtype=np.float64)
 
 
-def next_experiment(system: System, rivals: Sequence[Alternatives]) -> Experiment | None:
-    """The motion that best separates the two likeliest rivals of the least certain cause."""
+def _through(points: Array, hold: float, travel: float, fastest: Array) -> Array:
+    """Smooth moves between points of ``travel`` s, or slower; ``hold`` s at each."""
+    speed = np.where(fastest > 0, fastest, np.inf)
+    parts = list[Array]()
+    for here, there in pairwise(points):
+        needed = PEAK * float(np.max(np.abs(there - here) / speed))
+        steps = max(1, round(max(travel, needed) / PERIOD))
+        share = np.arange(1, steps + 1) / steps
+        share = share**3 * (10 - 15 * share + 6 * share**2)
+        parts += [np.tile(here, (round(hold / PERIOD), 1)), here + share[:, None] * (there - here)]
+    return np.concatenate(parts)[: round(SECONDS / PERIOD)]
+
+
+def next_experiment(
+    system: System, rivals: Sequence[Alternatives], found: Sequence[Sensitivity]
+) -> Experiment | None:
+    """The motion that best separates the two likeliest rivals of the least certain cause.
+
+    Args:
+        system: the machine.
+        rivals: of each cause.
+        found: sensitivities of all suspects, by which what every drawing is off by is known.
+    """
     open_ = [a for a in rivals if len(a.tried) > 1]
     if not open_ or system.study.inverse:
         return None
@@ -84,11 +116,11 @@ def next_experiment(system: System, rivals: Sequence[Alternatives]) -> Experimen
     order = np.argsort(-unsure.confidence)[:RIVALS]
     fits = [unsure.tried[i] for i in order]
     weights = unsure.confidence[order]
-    before = _separation(system, system.study, measured(system.study), fits, weights)
+    slack = _confusing(found, fits[0].residual - fits[1].residual)
+    before = _separation(system, system.study, fits, weights, slack)
     best: tuple[float, Motion] | None = None
     for motion in motions(system.study):
-        trial = _as_study(system.study, motion)
-        apart = _separation(system, trial, measured(trial), fits, weights)
+        apart = _separation(system, _as_study(system.study, motion), fits, weights, slack)
         if best is None or apart > best[0]:
             best = (apart, motion)
     assert best is not None
@@ -102,6 +134,27 @@ def next_experiment(system: System, rivals: Sequence[Alternatives]) -> Experimen
         separation=apart,
         separation_before=before,
     )
+
+
+_Slack = list[tuple[Suspect, Parameter]]
+
+
+def _confusing(found: Sequence[Sensitivity], gap: Array) -> _Slack:
+    """What every drawing is off by that looks most like the gap (n,) between two rivals."""
+    scored, seen = [], set()
+    for sensitivity in found:
+        suspect = sensitivity.suspect
+        if len(suspect.place.elements) > 1:
+            continue
+        for i, name in enumerate(sensitivity.names):
+            p = parameter(suspect, name)
+            key = (suspect.cause.id, suspect.place, name)
+            if p.tolerance > 0 and not p.idle and key not in seen:
+                seen.add(key)
+                size = abs(float(sensitivity.columns[:, i] @ gap)) * p.tolerance / abs(p.scale)
+                scored.append((size, suspect, p))
+    scored.sort(key=lambda item: -item[0])
+    return [(suspect, p) for _, suspect, p in scored[:SLACK]]
 
 
 def _as_study(study: Study, motion: Motion) -> Study:
@@ -120,30 +173,36 @@ def _as_study(study: Study, motion: Motion) -> Study:
 
 
 def _separation(
-    system: System, study: Study, readings: Measured, fits: Sequence[Fit], weights: Array
+    system: System, study: Study, fits: Sequence[Fit], weights: Array, slack: _Slack
 ) -> float:
-    """Expected distance of the likeliest rival from the others, their parameters adapting."""
-    first = _prediction(system, study, readings, fits[0])
+    """Expected distance of the likeliest rival from the others [noise].
+
+    The others' parameters adapt, and so does what every drawing is off by, at the price of its
+    tolerance.
+    """
+    readings = measured(study)
+
+    def predict(hypothesis: Hypothesis) -> Array:
+        return replay(build(system, hypothesis), study, readings).prediction / readings.noise
+
+    null, first = predict([]), predict(fits[0].hypothesis)
+    off = [
+        (predict([(suspect, suspect.nulls() | {p.name: p.null + STEP * p.scale})]) - null)
+        * (p.tolerance / abs(STEP * p.scale))
+        for suspect, p in slack
+    ]
     total, mass = 0.0, 0.0
     for fit, weight in zip(fits[1:], weights[1:], strict=True):
-        gap = first - _prediction(system, study, readings, fit)
-        slopes = _slopes(system, study, readings, fit)
-        if not (np.all(np.isfinite(gap)) and np.all(np.isfinite(slopes))):
+        other = predict(fit.hypothesis)
+        slopes = [
+            (predict(at(fit.hypothesis, fit.theta + STEP * axis)) - other) / STEP
+            for axis in np.eye(len(fit.theta))
+        ]
+        columns, gap = np.column_stack([*slopes, *off]), first - other
+        if not (np.all(np.isfinite(gap)) and np.all(np.isfinite(columns))):
             return 0.0
-        left = gap - slopes @ np.linalg.lstsq(slopes, gap, rcond=None)[0]
+        price = np.diag(np.r_[np.zeros(len(slopes)), np.ones(len(off))])
+        matrix, right = np.vstack([columns, price]), np.r_[gap, np.zeros(len(price))]
+        left = right - matrix @ np.linalg.lstsq(matrix, right, rcond=None)[0]
         total, mass = total + weight * float(np.linalg.norm(left)), mass + weight
     return total / max(mass, 1e-12)
-
-
-def _prediction(system: System, study: Study, readings: Measured, fit: Fit) -> Array:
-    found = replay(build(system, list(fit.hypothesis)), study, readings)
-    return found.prediction / readings.noise
-
-
-def _slopes(system: System, study: Study, readings: Measured, fit: Fit) -> Array:
-    base = _prediction(system, study, readings, fit)
-    columns = []
-    for axis in np.eye(len(fit.theta)):
-        moved = replace(fit, hypothesis=at(fit.hypothesis, fit.theta + STEP * axis))
-        columns.append((_prediction(system, study, readings, moved) - base) / STEP)
-    return np.column_stack(columns)

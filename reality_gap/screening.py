@@ -37,6 +37,11 @@ class Sensitivity:
     fixed: dict[str, float]
     columns: Array
 
+    @property
+    def change(self) -> float:
+        """By how much three typical faults change the readings, all together [noise]."""
+        return 3.0 * float(np.sqrt(np.max(np.sum(self.columns**2, axis=0), initial=0.0)))
+
     def values(self, theta: Array) -> dict[str, float]:
         """Parameter values at ``theta`` (p,), in scales from the null, cut at the bounds."""
         found = dict(self.fixed)
@@ -140,18 +145,20 @@ DRIFT_TOLERANCE = 0.1
 def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
     """What every honest drawing may be off by: (n, p), in units of noise.
 
-    Parameters of single elements only: a group's are their sums.
+    Parameters of single elements, for a group's are their sums; but where they can err to one side
+    only, as friction, all of them err to that side.
     """
     steps = DRIFT_TOLERANCE * bench.drift, bench.drift_error
     columns, seen = [step / bench.measured.noise for step in steps], set()
     for sensitivity in found:
         suspect = sensitivity.suspect
         key = (suspect.cause.id, suspect.place)
-        if key in seen or len(suspect.place.elements) > 1:
+        if key in seen:
             continue
         seen.add(key)
+        alone = len(suspect.place.elements) == 1
         for i, name in enumerate(sensitivity.names):
             p = parameter(suspect, name)
-            if p.tolerance > 0:
+            if p.tolerance > 0 and (alone or p.null in (p.low, p.high)):
                 columns.append(sensitivity.columns[:, i] * (p.tolerance / abs(p.scale)))
     return np.column_stack(columns)

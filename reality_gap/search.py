@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from reality_gap.measured import Measured
 from reality_gap.plant import Suspect
 from reality_gap.screening import Sensitivity
 from reality_gap.splits import CHOOSE, FIT, split
+from reality_gap.waiting import Waiting
 from reality_gap.whitening import Whitening, inflation, whitening
 from reality_gap.workbench import Hypothesis, Workbench
 
@@ -103,12 +104,14 @@ class Search:
         steps: one more than causes were accepted, unless there were the most.
         best: the hypothesis that stands; None for the null.
         ruler: what evidence was measured in, at the end.
+        found: sensitivities of all who were looked at.
         revised: who was tried in the place of earlier causes, beside the later ones.
     """
 
     steps: tuple[Step, ...]
     best: Fit | None
     ruler: Ruler
+    found: tuple[Sensitivity, ...]
     revised: tuple[Step, ...] = ()
 
 
@@ -118,20 +121,24 @@ def search(
     null: Array,
     tolerances: Array,
     settings: Settings,
+    waiting: Waiting | None = None,
 ) -> Search:
     """Search for the causes of a residual.
 
     Args:
         bench: replays.
-        found: sensitivities of all suspects at the null.
+        found: sensitivities at the null of all suspects but those who wait.
         null: (n,) residual of the study's model.
         tolerances: (n, p) what every honest drawing is off by.
         settings: thresholds.
+        waiting: who is looked at where the others promise something.
     """
     rule = ruler(bench.measured, null, tolerances, None)
     best: Fit | None = None
     steps: list[Step] = []
     while len(steps) < settings.most:
+        if waiting is not None:
+            found = [*found, *waiting.call(rank(found, rule, best))]
         refits = settings.refits if best is None else settings.more_refits
         tried = try_next(bench, found, rule, best, refits)
         if not tried:
@@ -147,8 +154,8 @@ def search(
         best = fit(bench, tried[0].hypothesis, rule.learn, null, tried[0].jacobian)
     if best is not None and len(best.hypothesis) > 1:
         best, again_tried = _revise(bench, found, rule, best, steps, settings)
-        return Search(tuple(steps), best, rule, again_tried)
-    return Search(tuple(steps), best, rule)
+        return Search(tuple(steps), best, rule, tuple(found), again_tried)
+    return Search(tuple(steps), best, rule, tuple(found))
 
 
 def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
@@ -241,11 +248,10 @@ def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
     inside = set() if base is None else {(s.cause.id, s.place) for s in base.suspects}
     k = known.shape[1]
     free = np.full(k, np.inf)
+    others = [s for s in found if (s.suspect.cause.id, s.suspect.place) not in inside]
     ranked = []
-    for sensitivity in found:
-        if (sensitivity.suspect.cause.id, sensitivity.suspect.place) in inside:
-            continue
-        columns = np.hstack([known, rule.learn(sensitivity.columns)])
+    for sensitivity, own in _whitened(rule, others):
+        columns = np.hstack([known, own])
         low, high = sensitivity.bounds()
         linear = fit_normal(
             columns.T @ columns,
@@ -259,6 +265,17 @@ def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
         evidence -= held_price(sensitivity.suspect)
         ranked.append((evidence, sensitivity, linear.theta[k:]))
     return sorted(ranked, key=lambda item: -item[0])
+
+
+def _whitened(
+    rule: Ruler, found: Sequence[Sensitivity], most: int = 128
+) -> Iterator[tuple[Sensitivity, Array]]:
+    """Each sensitivity with its whitened columns; many columns at once are quicker."""
+    for i in range(0, len(found), most):
+        part = found[i : i + most]
+        ends = np.cumsum([s.columns.shape[1] for s in part])
+        white = rule.learn(np.hstack([s.columns for s in part]))
+        yield from zip(part, np.split(white, ends[:-1], axis=1), strict=True)
 
 
 def _diverse(ranked: Ranked, count: int) -> list[tuple[Sensitivity, Array]]:

@@ -103,4 +103,5 @@ CAUSE = Cause(
     parameters=_parameters,
     edit=_edit,
     attach=_attach,
+    fine=True,
 )

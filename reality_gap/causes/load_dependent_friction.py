@@ -130,4 +130,5 @@ CAUSE = Cause(
     parameters=_parameters,
     edit=_edit,
     attach=_attach,
+    fine=True,
 )

@@ -82,4 +82,5 @@ CAUSE = Cause(
     parameters=_parameters,
     edit=partial(zeroing.edit, _geometry),
     attach=partial(zeroing.attach, _geometry),
+    fine=True,
 )

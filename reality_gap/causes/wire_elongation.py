@@ -77,4 +77,5 @@ CAUSE = Cause(
     places=_places,
     parameters=_parameters,
     attach=_attach,
+    fine=True,
 )
