@@ -11,7 +11,8 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Values
+from reality_gap.cause import Cause, Values
+from reality_gap.causes import CATALOGUE, register
 from reality_gap.errors import StudyError
 from reality_gap.inverse import inverse_replay, ready
 from reality_gap.measured import Measured, measured
@@ -45,7 +46,10 @@ class Workbench:
         self._coarse: bool | None = None
         self._pool = (
             ProcessPoolExecutor(
-                jobs, multiprocessing.get_context("forkserver"), _open, initargs=(study,)
+                jobs,
+                multiprocessing.get_context("forkserver"),
+                _open,
+                initargs=(study, tuple(CATALOGUE.values())),
             )
             if jobs > 1
             else None
@@ -143,10 +147,13 @@ class Workbench:
 _bench: Workbench | None = None
 
 
-def _open(study: Study) -> None:
-    """In a worker: one workbench for all tasks."""
+def _open(study: Study, causes: Sequence[Cause]) -> None:
+    """In a worker: one workbench for all tasks, and the user's own causes in the catalogue."""
     global _bench
     silence()
+    for cause in causes:
+        if cause.id not in CATALOGUE:
+            register(cause)
     _bench = Workbench(study)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reality_gap import causes
 from reality_gap.cause import Cause, Parameter, Place, Values
 from reality_gap.errors import StudyError
 from reality_gap.measured import measured
@@ -146,6 +147,42 @@ def test_several_hypotheses_are_answered_in_their_order(study: Study) -> None:
     for residual, hypothesis in zip(found, hypotheses, strict=True):
         np.testing.assert_array_equal(residual, Workbench(study).residual(hypothesis))
     assert len(ticks) == 3
+
+
+def nowhere(system: System) -> tuple[Place, ...]:
+    return ()
+
+
+def without_parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    return ()
+
+
+def loosen(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+    """Half of the stiffness that the rail has by then."""
+    spec.joint("rail").stiffness[0] *= 0.5
+
+
+def test_processes_know_the_user_s_own_causes(
+    study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They come after the catalogue: a spring is added first, then half of all springs is gone."""
+    parameter = Parameter("loose", "1", 1.0, 0.0, 0.0, 1.0)
+    rail = Place("joint", ("rail",))
+    own = Cause("loose_springs", "", "", nowhere, without_parameters, loosen)
+    spring = causes.cause("joint_stiffness")
+    added = Suspect(spring, rail, spring.parameters(look_at(study), rail))
+    hypothesis = [
+        (Suspect(own, rail, (parameter,)), {"loose": 1.0}),
+        (added, {"stiffness": 30.0, "rest": 0.0}),
+    ]
+    monkeypatch.setitem(causes.CATALOGUE, own.id, own)
+    alone = Workbench(study)
+
+    with Workbench(study, jobs=2) as bench:
+        found = bench.residuals([hypothesis, []])
+
+    np.testing.assert_array_equal(found[0], alone.residual(hypothesis))
+    np.testing.assert_array_equal(found[0], alone.residual([push(70.0 / 2 / 40.0)]))
 
 
 def test_what_diverges_is_nan(bench: Workbench) -> None:

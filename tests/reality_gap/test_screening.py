@@ -1,0 +1,85 @@
+"""Tests of the cheap look at every suspect, on a lever that two wires pull."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reality_gap.causes import cause
+from reality_gap.screening import Sensitivity, screen, suspects, tolerances
+from reality_gap.study import Study
+from reality_gap.workbench import Workbench
+
+Array = NDArray[np.float64]
+
+
+class Look:
+    """Sensitivities of some causes, and how many replays they took."""
+
+    def __init__(self, study: Study, *ids: str) -> None:
+        self.replays = 0
+        self.bench = Workbench(study, tick=self._tick)
+        chosen = suspects(self.bench.system, [cause(id) for id in ids])
+        null = self.bench.residual([])
+        before = self.replays
+        self.found = screen(self.bench, chosen, [], null)
+        self.replays -= before + self.bench.coarse  # the null once more, at the coarse step
+
+    def _tick(self) -> None:
+        self.replays += 1
+
+    def alone(self) -> list[Sensitivity]:
+        return [s for s in self.found if len(s.suspect.place.elements) == 1]
+
+    def group(self) -> Sensitivity:
+        return next(s for s in self.found if len(s.suspect.place.elements) > 1)
+
+    def columns(self) -> list[Array]:
+        """The tolerances but those of the time step."""
+        return list(tolerances(self.bench, self.found).T[2:])
+
+
+def test_a_shape_without_a_size_costs_no_replay_and_changes_nothing(lever_study: Study) -> None:
+    look = Look(lever_study, "coulomb_friction")
+
+    assert all(s.names == ("friction", "presliding") for s in look.found)
+    assert look.replays == len(look.found)
+    for sensitivity in look.found:
+        assert np.linalg.norm(sensitivity.columns[:, 0]) > 0
+        np.testing.assert_array_equal(sensitivity.columns[:, 1], 0.0)
+
+
+def test_what_may_err_to_both_sides_has_a_tolerance_for_each_element(lever_study: Study) -> None:
+    look = Look(lever_study, "length_scale")
+    columns = look.columns()
+
+    assert look.group() is not None
+    assert len(columns) == len(look.alone()) == 2
+    for column, sensitivity in zip(columns, look.alone(), strict=True):
+        p = sensitivity.suspect.parameters[0]
+        np.testing.assert_allclose(column, sensitivity.columns[:, 0] * p.tolerance / p.scale)
+
+
+@pytest.mark.parametrize("id", ["coulomb_friction", "tendon_elasticity"])
+def test_what_errs_to_one_side_may_do_so_in_all_elements(lever_study: Study, id: str) -> None:
+    """No drawing has springs that pull less than none, so that in all wires together some do."""
+    look = Look(lever_study, id)
+    own = look.group().columns[:, 0]
+    p = look.group().suspect.parameters[0]
+
+    assert len(look.columns()) == len(look.alone()) + 1
+    assert any(np.allclose(c, own * p.tolerance / p.scale) for c in look.columns())
+
+
+def test_the_change_that_typical_faults_make(lever_study: Study) -> None:
+    look = Look(lever_study, "tension_offset")
+    [sensitivity] = [s for s in look.alone() if s.suspect.place.elements == ("flexor",)]
+    p = sensitivity.suspect.parameters[0]
+    studied = look.bench.system.study
+    channel = [c.name for c in studied.channels].index("tension_flexor")
+    count = int(np.sum(look.bench.measured.channel == channel))
+    noise = look.bench.measured.noise[look.bench.measured.channel == channel][0]
+
+    # Three typical faults of an offset move every reading of the one sensor by as much.
+    assert sensitivity.change == pytest.approx(3 * p.scale / noise * np.sqrt(count), rel=1e-6)
