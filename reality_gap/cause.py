@@ -36,6 +36,8 @@ class Parameter:
         null: the value at which the cause does nothing.
         starts: other values to start a fit from, for what is not smooth, as the onset of an event.
         idle: whether it does nothing while the others are at their null: a shape, not a size.
+        common: whether no machine is free of it, so that its tolerance is one to the same side in
+            all elements of a group.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Parameter:
     null: float = 0.0
     starts: tuple[float, ...] = ()
     idle: bool = False
+    common: bool = False
 
 
 @dataclass(frozen=True)

@@ -145,8 +145,8 @@ DRIFT_TOLERANCE = 0.1
 def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
     """What every honest drawing may be off by: (n, p), in units of noise.
 
-    Parameters of single elements, for a group's are their sums; but where they can err to one side
-    only, as friction, all of them err to that side.
+    Parameters of single elements, for a group's are their sums; but friction, of which no wire is
+    free, is in all of them at once.
     """
     steps = DRIFT_TOLERANCE * bench.drift, bench.drift_error
     columns, seen = [step / bench.measured.noise for step in steps], set()
@@ -159,6 +159,6 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
         alone = len(suspect.place.elements) == 1
         for i, name in enumerate(sensitivity.names):
             p = parameter(suspect, name)
-            if p.tolerance > 0 and (alone or p.null in (p.low, p.high)):
+            if p.tolerance > 0 and (alone or p.common):
                 columns.append(sensitivity.columns[:, i] * (p.tolerance / abs(p.scale)))
     return np.column_stack(columns)

@@ -15,7 +15,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "tendon":
-        friction = Parameter("friction", "N", 3.0, 0.15, 0.0, 200.0)
+        friction = Parameter("friction", "N", 3.0, 0.15, 0.0, 200.0, common=True)
     else:
         unit, size = sizes.joint_force(system, place)
         friction = Parameter("friction", unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)
