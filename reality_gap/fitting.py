@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,9 @@ from reality_gap.whitening import Whitening
 from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+Asking = Generator[list[Hypothesis], list[Array], T]
+"""A computation that asks for the residuals of hypotheses, some at a time; see `together`."""
 
 STEP = 0.1
 """Finite difference of a fit, in scales of a parameter."""
@@ -79,21 +84,51 @@ def held_price(suspect: Suspect) -> float:
     return float(sum(np.log(len(p.starts)) for p in suspect.parameters if p.starts))
 
 
+def together(bench: Workbench, asking: Sequence[Asking[T]]) -> list[T]:
+    """Run computations side by side: what all of them ask for next is replayed at once."""
+    found: dict[int, T] = {}
+    asked: dict[int, list[Hypothesis]] = {}
+
+    def go_on(i: int, answers: list[Array] | None) -> None:
+        try:
+            asked[i] = asking[i].send(answers) if answers is not None else next(asking[i])
+        except StopIteration as end:
+            found[i] = end.value
+
+    for i in range(len(asking)):
+        go_on(i, None)
+    while asked:
+        now, asked = asked, {}
+        answers = iter(bench.residuals([one for some in now.values() for one in some]))
+        for i, some in now.items():
+            go_on(i, [next(answers) for _ in some])
+    return [found[i] for i in range(len(asking))]
+
+
 def fit(
     bench: Workbench,
     start: Hypothesis,
     white: Whitening,
     null: Array,
     jacobian: Array | None = None,
-    polish: bool = True,
 ) -> Fit:
+    """Fit one hypothesis; see `fitting`."""
+    return together(bench, [fitting(start, white, null, jacobian)])[0]
+
+
+def fitting(
+    start: Hypothesis,
+    white: Whitening,
+    null: Array,
+    jacobian: Array | None = None,
+    polish: bool = True,
+) -> Asking[Fit]:
     """Fit a hypothesis to the readings that ``white`` uses, by Gauss-Newton within bounds.
 
     A replay costs far more than anything else here, so that a step is taken whole and mended only
     if it fails, and the fit ends when the next step promises less than `ENOUGH`.
 
     Args:
-        bench: replays.
         start: suspects with the values to start from.
         white: what residuals are measured in.
         null: (n,) residual of the model without the suspects.
@@ -103,23 +138,23 @@ def fit(
     pull = penalty_scale(start)
     low, high = _bounds(start)
     theta = np.clip(to_theta(start), low, high)
-    residual = bench.residual(at(start, theta))
+    [residual] = yield [at(start, theta)]
     if not np.all(np.isfinite(residual)):
         theta = np.clip(theta / 4, low, high)
-        residual = bench.residual(at(start, theta))
+        [residual] = yield [at(start, theta)]
     if not np.all(np.isfinite(residual)):
         return Fit(at(start, 0 * theta), null, np.zeros((len(null), len(theta))), 0 * theta, 0.0)
     slopes = jacobian
     if slopes is not None:
         for _ in range(ROUNDS):
-            moved = _advance(bench, start, theta, white, residual, slopes, pull)
+            moved = yield from _advance(start, theta, white, residual, slopes, pull)
             if moved is None:
                 break
             theta, residual = moved
     if slopes is None or polish:
         for _ in range(ROUNDS):
-            slopes = _differences(bench, start, theta, residual)
-            moved = _advance(bench, start, theta, white, residual, slopes, pull)
+            slopes = yield from _differences(start, theta, residual)
+            moved = yield from _advance(start, theta, white, residual, slopes, pull)
             if moved is None:
                 break
             theta, residual = moved
@@ -128,7 +163,7 @@ def fit(
     return Fit(at(start, theta), residual, slopes, theta, evidence)
 
 
-def resized(bench: Workbench, old: Fit, white: Whitening, null: Array, first: int) -> Fit:
+def resizing(old: Fit, white: Whitening, null: Array, first: int) -> Asking[Fit]:
     """The fit with its causes from the ``first`` on smaller or larger, where that fits better.
 
     What sticks and slips has several minima; differences see the nearest only.
@@ -139,7 +174,7 @@ def resized(bench: Workbench, old: Fit, white: Whitening, null: Array, first: in
     )
     pull, (low, high) = penalty_scale(old.hypothesis), _bounds(old.hypothesis)
     sizes = [np.clip(np.where(own, f, 1.0) * old.theta, low, high) for f in FACTORS]
-    found = bench.residuals([at(old.hypothesis, theta) for theta in sizes])
+    found = yield [at(old.hypothesis, theta) for theta in sizes]
     best, theta = old.residual, old.theta
     for residual, there in zip(found, sizes, strict=True):
         better = _cost(white, best, pull, theta) - ENOUGH
@@ -148,23 +183,22 @@ def resized(bench: Workbench, old: Fit, white: Whitening, null: Array, first: in
     if best is old.residual:
         return old
     start = at(old.hypothesis, theta)
-    return fit(bench, start, white, null, old.jacobian, polish=False)
+    return (yield from fitting(start, white, null, old.jacobian, polish=False))
 
 
 def _advance(
-    bench: Workbench,
     start: Hypothesis,
     theta: Array,
     white: Whitening,
     residual: Array,
     slopes: Array,
     pull: Array,
-) -> tuple[Array, Array] | None:
+) -> Asking[tuple[Array, Array] | None]:
     """One step of Gauss-Newton: theta and residual after it; None if it is not worth it."""
     step, promise = _step(white, residual, slopes, theta, pull, _bounds(start))
     if promise < ENOUGH:
         return None
-    return _try(bench, start, theta, step, white, residual, pull)
+    return (yield from _try(start, theta, step, white, residual, pull))
 
 
 def _step(
@@ -187,19 +221,18 @@ def _step(
 
 
 def _try(
-    bench: Workbench,
     start: Hypothesis,
     theta: Array,
     step: Array,
     white: Whitening,
     residual: Array,
     pull: Array,
-) -> tuple[Array, Array] | None:
+) -> Asking[tuple[Array, Array] | None]:
     """Theta and residual after the step, or after a quarter of it; None if neither is better."""
     before = _cost(white, residual, pull, theta)
     for share in (1.0, 0.25):
         there = theta + share * step
-        found = bench.residual(at(start, there))
+        [found] = yield [at(start, there)]
         if np.all(np.isfinite(found)) and _cost(white, found, pull, there) < before:
             return there, found
     return None
@@ -234,10 +267,9 @@ def _bounds(hypothesis: Hypothesis) -> tuple[Array, Array]:
     return low, high
 
 
-def _differences(bench: Workbench, start: Hypothesis, theta: Array, residual: Array) -> Array:
+def _differences(start: Hypothesis, theta: Array, residual: Array) -> Asking[Array]:
     """Change of the prediction per scale (n, p), one-sided, away from the nearer bound."""
     steps = np.where(theta + STEP <= _bounds(start)[1], STEP, -STEP)
-    trials = [at(start, theta + change) for change in np.diag(steps)]
-    moved = bench.residuals(trials)
+    moved = yield [at(start, theta + change) for change in np.diag(steps)]
     columns = [(residual - other) / step for other, step in zip(moved, steps, strict=True)]
     return np.nan_to_num(np.column_stack(columns))

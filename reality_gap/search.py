@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.evidence import fit_normal, occam
-from reality_gap.fitting import Fit, fit, held_price, log_evidence, penalty_scale, resized
+from reality_gap.fitting import (
+    Asking,
+    Fit,
+    fit,
+    fitting,
+    held_price,
+    log_evidence,
+    penalty_scale,
+    resizing,
+    together,
+)
 from reality_gap.measured import Measured
 from reality_gap.plant import Suspect
 from reality_gap.screening import Sensitivity
@@ -180,32 +190,45 @@ def try_next(
     ranked = rank(found, rule, base)
     if base is not None:
         ranked = [item for item in ranked if item[0] > PROMISE]
-    fits = []
-    for sensitivity, theta in _diverse(ranked, refits):
-        start = _start(bench, sensitivity, theta, rule, base)
-        known = _slopes(sensitivity)
-        if base is not None:
-            known = np.hstack([base.jacobian, known])
-        whole = len(sensitivity.names) == len(sensitivity.suspect.parameters)
-        fits.append((fit(bench, start, rule.learn, rule.null, known, polish=False), whole))
+    fits = together(
+        bench,
+        [
+            _attempt(sensitivity, theta, rule, base)
+            for sensitivity, theta in _diverse(ranked, refits)
+        ],
+    )
     floor = 0.0 if base is None else again(rule, base).evidence
     best = max((f.evidence for f, _ in fits), default=floor)
     close = floor + WORTH * max(best - floor, 0.0)
     first = 0 if base is None else len(base.hypothesis)
-    done = []
-    for fitted, whole in fits:
-        if fitted.evidence < close:
-            done.append(fitted)
-        elif whole:
-            done.append(resized(bench, fitted, rule.learn, rule.null, first))
-        else:
-            done.append(fit(bench, fitted.hypothesis, rule.learn, rule.null))
+    done = together(bench, [_finish(*one, rule, close, first) for one in fits])
     return tuple(sorted(done, key=lambda f: -f.evidence))
 
 
+def _attempt(
+    sensitivity: Sensitivity, theta: Array, rule: Ruler, base: Fit | None
+) -> Asking[tuple[Fit, bool]]:
+    """A quick fit with known slopes, and whether these are slopes in all parameters."""
+    start = yield from _start(sensitivity, theta, rule, base)
+    known = _slopes(sensitivity)
+    if base is not None:
+        known = np.hstack([base.jacobian, known])
+    fitted = yield from fitting(start, rule.learn, rule.null, known, polish=False)
+    return fitted, len(sensitivity.names) == len(sensitivity.suspect.parameters)
+
+
+def _finish(fitted: Fit, whole: bool, rule: Ruler, close: float, first: int) -> Asking[Fit]:
+    """The full fit of whoever is ``close`` to the best."""
+    if fitted.evidence < close:
+        return fitted
+    if whole:
+        return (yield from resizing(fitted, rule.learn, rule.null, first))
+    return (yield from fitting(fitted.hypothesis, rule.learn, rule.null))
+
+
 def _start(
-    bench: Workbench, sensitivity: Sensitivity, theta: Array, rule: Ruler, base: Fit | None
-) -> Hypothesis:
+    sensitivity: Sensitivity, theta: Array, rule: Ruler, base: Fit | None
+) -> Asking[Hypothesis]:
     """A suspect beside ``base`` at ``theta``, or of another size where lines promise too much."""
     known = tuple(base.hypothesis) if base else ()
     residual = base.residual if base else rule.null
@@ -219,13 +242,15 @@ def _start(
     before = cost(residual)
     promise = before - cost(residual - sensitivity.columns @ theta)
     best, least = of_size(1.0), before - KEPT * promise
-    if cost(np.nan_to_num(bench.residual(best), nan=np.inf)) < least:
+    [there] = yield [best]
+    if cost(np.nan_to_num(there, nan=np.inf)) < least:
         return best
     trials = [of_size(size) for size in OTHER_SIZES]
     if len(sensitivity.suspect.parameters) == 1:
         lone = sensitivity.suspect.parameters[0]
         trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in lone.starts]
-    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in bench.residuals([best, *trials])]
+    others = yield trials
+    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in (there, *others)]
     return [best, *trials][int(np.argmin(costs))]
 
 
