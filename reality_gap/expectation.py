@@ -13,6 +13,8 @@ from reality_gap.system import look_at
 
 FAR = 20.0
 """A channel that moves so many times more, or less, than the replay makes no fault of a machine."""
+EDGE = 0.05
+"""Share of an actuator's range by which a median may lie outside: noise and offsets."""
 
 
 def surprises(study: Study) -> list[str]:
@@ -32,7 +34,8 @@ def _signs(study: Study) -> list[str]:
         low, high = model.actuator_forcerange[target]
         values = np.concatenate([episode.readings[i].value for episode in study.episodes])
         middle = float(np.median(values))
-        if not model.actuator_forcelimited[target] or low <= middle <= high:
+        slack = EDGE * (high - low)
+        if not model.actuator_forcelimited[target] or low - slack <= middle <= high + slack:
             continue
         range_ = f"the model's actuator gives {low:.3g} to {high:.3g}"
         text = f"{channel.name} is {middle:.3g} {channel.unit} at its median, but {range_}"

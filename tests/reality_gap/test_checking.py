@@ -52,6 +52,14 @@ def test_wrong_sign(study_folder: Any) -> None:
     assert "scale: -1" in sentences
 
 
+def test_a_wire_at_its_least_tension_is_not_suspicious(study_folder: Any) -> None:
+    """The motor pulls with 10 N at least; an offset of the sensor reads 3 N less."""
+    for log in ("robot_0.csv", "robot_1.csv"):
+        cells = study_folder.logs[log]["tension_flexor"]
+        study_folder.logs[log]["tension_flexor"] = [7.0 + 0.1 * (i % 7) for i in range(len(cells))]
+    assert "at its median" not in sentences_of(study_folder)
+
+
 def test_gap_in_time(study_folder: Any) -> None:
     log = study_folder.logs["robot_0.csv"]
     log["time"] = [t + 2.0 * (t > 1.5) for t in log["time"]]
