@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import CATALOGUE, cause
+from reality_gap.extension import load_extended
 from reality_gap.groups import find_groups, noise_at_rest, positions_at
 from reality_gap.measured import channel_noise, measured
 from reality_gap.moments import Moments, find_moments
+from reality_gap.output import write_diagnosis
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import replay
 from reality_gap.settled import Settled, fit_at_rest
 from reality_gap.statics import Statics
 from reality_gap.study import Channel, Episode, Initial, Reading, Study
 from reality_gap.system import System, look_at
-from reality_gap.whole_machine import explain, power
+from reality_gap.whole_machine import explain, of_groups, power
 from reality_gap.workbench import Part, Workbench
 
 WIRES = ("front", "back", "upper", "lower")
@@ -191,6 +193,24 @@ def test_the_whole_log_is_explained(bench: Workbench) -> None:
     assert low < ZERO["shoulder"] < high
     assert len(named["length_offset"].parameters) == len(WIRES)
     assert told
+
+
+def test_groups_survive_their_files(
+    bench: Workbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a diagnosis of groups wrote replays as what was diagnosed."""
+    monkeypatch.setattr("reality_gap.output.write_report", lambda *_: None)
+    null, study = bench.residual([]), bench.system.study
+    whole = explain(bench, list(CATALOGUE.values()), null, 5.0)
+    assert whole is not None
+    write_diagnosis(of_groups(bench, whole, null, 0.0), study, tmp_path / "out")
+
+    replayed = load_extended(tmp_path / "out").replay(study).prediction
+
+    expected = bench.look(whole.hypothesis).prediction
+    assert np.max(np.abs(replayed - expected) / bench.measured.noise) < 0.2
+    without = bench.look([]).prediction
+    assert np.max(np.abs(without - expected) / bench.measured.noise) > 20.0
 
 
 def test_a_small_gap_is_left_to_the_search(bench: Workbench) -> None:
