@@ -16,11 +16,10 @@ from reality_gap.workbench import Workbench
 
 Array = NDArray[np.float64]
 
-NEAR = 8.0
-"""Two refits whose predictions are nearer than this cannot be told apart [squared deviations of
-noise and tolerances, over all readings]: the likelier is then right in nine of ten cases only."""
-BEHIND = 3.0
-"""Evidence by which an equivalent may lie behind [nats]."""
+CHANCE = 0.05
+"""Probability from which on a rival is declared equivalent."""
+NEAR = 1.0
+"""Mean square of the difference of two refits under which they predict the same [noise^2]."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Alternatives:
         tried: fits with the suspect or another in its place, best first.
         confidence: probability of each of ``tried``.
         evidence: of each over the hypothesis without (k,) [nats].
-        equivalent: who predicts the same.
+        equivalent: who predicts the same to within the noise, and may well be the one.
     """
 
     suspect: Suspect
@@ -73,7 +72,7 @@ def alternatives(
         floor = 0.0 if base is None else again(rule, base).evidence
         chances = probabilities(floor, fits)
         more = np.array([f.evidence for f in fits]) - floor
-        alike = _equivalent(rule, best, fits)
+        alike = _equivalent(best, fits, chances)
         everyone.append(Alternatives(suspect, fits, chances, more, alike))
     return tuple(everyone)
 
@@ -83,12 +82,11 @@ def _with_best(rule: Ruler, tried: Sequence[Fit], best: Fit, suspect: Suspect) -
     return tuple(sorted([again(rule, best), *others], key=lambda f: -f.evidence))
 
 
-def _equivalent(rule: Ruler, best: Fit, fits: Sequence[Fit]) -> tuple[Suspect, ...]:
+def _equivalent(best: Fit, fits: Sequence[Fit], chances: Array) -> tuple[Suspect, ...]:
     found = []
-    for other in fits:
-        if other.hypothesis is best.hypothesis:
+    for other, chance in zip(fits, chances, strict=True):
+        if other.hypothesis is best.hypothesis or chance < CHANCE:
             continue
-        apart = float(np.sum(rule.learn(other.residual - best.residual) ** 2))
-        if apart < NEAR and best.evidence - other.evidence < BEHIND:
+        if float(np.mean((other.residual - best.residual) ** 2)) < NEAR:
             found.append(other.suspects[-1])
     return tuple(found)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from reality_gap import evidence
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.equivalence import alternatives
 from reality_gap.evidence import PRIOR
 from reality_gap.fitting import Fit, fit
 from reality_gap.plant import Suspect
@@ -316,6 +317,39 @@ def test_a_likelier_one_takes_the_place_of_an_earlier_cause(tmp_path: Path) -> N
     assert ids(found.steps[0].tried[0]) == ["mixture"]
     assert found.revised[0].accepted
     assert ids(found.best) == ["b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("likeness", "expected"), [(1.0, ["twin"]), (0.999, ["twin"]), (0.9, []), (0.0, [])]
+)
+def test_who_does_nearly_the_same_is_declared(
+    tmp_path: Path, likeness: float, expected: list[str]
+) -> None:
+    """A twin of which 0.1 % differs costs 0.2 nats of the 200 that the truth explains."""
+    other = likeness * SHAPES[:, 0] + np.sqrt(1 - likeness**2) * SHAPES[:, 1]
+    chosen = [suspect("truth", 0.99 * SHAPES[:, 0]), suspect("twin", other)]
+    case = Case(tmp_path, 0.9 * SHAPES[:, 0], chosen)
+
+    [named] = alternatives(case.bench, case.search(), Settings())
+
+    assert named.confidence[0] >= 0.5
+    assert {named.suspect.cause.id, *(s.cause.id for s in named.equivalent)} >= {"truth"}
+    others = {"truth", "twin"} - {named.suspect.cause.id}
+    assert sorted(s.cause.id for s in named.equivalent) == sorted(others if expected else [])
+
+
+def test_the_likely_is_not_declared_if_it_predicts_something_else(tmp_path: Path) -> None:
+    """Two that differ where nothing is learned are equally likely, yet not the same."""
+    elsewhere = SHAPES[:, 0].copy()
+    case = Case(tmp_path, 0.9 * SHAPES[:, 0], [])
+    elsewhere[~case.learned] = 50.0
+    chosen = [suspect("truth", SHAPES[:, 0]), suspect("wild", elsewhere)]
+    case = Case(tmp_path, 0.9 * SHAPES[:, 0], chosen)
+
+    [named] = alternatives(case.bench, case.search(), Settings())
+
+    assert named.confidence.min() > 0.3
+    assert named.equivalent == ()
 
 
 @pytest.mark.usefixtures("one_size")
