@@ -122,7 +122,7 @@ class Search:
     best: Fit | None
     ruler: Ruler
     found: tuple[Sensitivity, ...]
-    revised: tuple[Step, ...] = ()
+    revised: tuple[Step, ...]
 
 
 def search(
@@ -162,10 +162,10 @@ def search(
             best = base
             break
         best = fit(bench, tried[0].hypothesis, rule.learn, null, tried[0].jacobian)
+    revised: tuple[Step, ...] = ()
     if best is not None and len(best.hypothesis) > 1:
-        best, again_tried = _revise(bench, found, rule, best, steps, settings)
-        return Search(tuple(steps), best, rule, tuple(found), again_tried)
-    return Search(tuple(steps), best, rule, tuple(found))
+        best, revised = _revise(bench, found, rule, best, steps, settings)
+    return Search(tuple(steps), best, rule, tuple(found), revised)
 
 
 def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
