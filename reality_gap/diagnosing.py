@@ -152,6 +152,7 @@ def diagnose(
                 "evidence": 0.0 if best is None else best.evidence,
                 "causes": float(len(best.hypothesis)) if best else 0.0,
                 "first": result.steps[0].tried[0].evidence if result.steps else 0.0,
+                "refused": _refused(result),
                 "learned": left.learned.evidence,
                 "instead": left.instead.evidence,
             },
@@ -242,6 +243,14 @@ def _rivals(result: Search, places: Sequence[Alternatives], null: Array) -> tupl
                 )
             )
     return tuple(listed)
+
+
+def _refused(result: Search) -> float:
+    """What the best of those who were not accepted would have added [nats]."""
+    last = result.steps[-1] if result.steps else None
+    if last is None or last.accepted:
+        return 0.0
+    return last.tried[0].evidence - (0.0 if last.base is None else last.base.evidence)
 
 
 def _explainable(null: Array, after: Array, left: Remainder, bench: Workbench) -> float:
