@@ -69,6 +69,7 @@ def diagnose(command: Diagnose, console: Console) -> None:
     from reality_gap.diagnosing import diagnose as find
     from reality_gap.output import check_out, write_diagnosis
     from reality_gap.reading import load_study
+    from reality_gap.shelf import forget
     from reality_gap.simulation import silence
 
     if command.jobs < 1:
@@ -80,6 +81,7 @@ def diagnose(command: Diagnose, console: Console) -> None:
     study = load_study(command.study)
     for sentence in check_study(study):
         console.print(f"note: {sentence}", markup=False, highlight=False)
+    work = command.out.absolute().with_name(f".{command.out.name}.work")
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
         diagnosis = find(
@@ -87,8 +89,10 @@ def diagnose(command: Diagnose, console: Console) -> None:
             jobs=command.jobs,
             options=Options(tolerance=command.tolerance),
             progress=lambda share, what: bar.update(task, completed=share, description=what),
+            work=work,
         )
     write_diagnosis(diagnosis, study, command.out)
+    forget(work)
     _show(diagnosis, console)
     console.print(f"See {command.out / 'report.html'}", markup=False, highlight=False)
 
@@ -188,6 +192,9 @@ def main(arguments: list[str]) -> int:
     except (RealityGapError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from there", file=sys.stderr)
+        return 130
     return 0
 
 

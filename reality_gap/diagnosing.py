@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,10 @@ from reality_gap.intervals import intervals
 from reality_gap.next_experiment import next_experiment
 from reality_gap.plant import Suspect, build
 from reality_gap.remainder import Remainder, examine
-from reality_gap.screening import Sensitivity, screen, suspects, tolerances
+from reality_gap.screening import NO_SHELF, Sensitivity, screen, suspects, tolerances
 from reality_gap.search import Search, Settings, predictive, same, search
 from reality_gap.sentences import sentence
+from reality_gap.shelf import Shelf, digest
 from reality_gap.splits import REPORT, split
 from reality_gap.study import Study
 from reality_gap.traces import traces
@@ -75,6 +77,7 @@ def diagnose(
     causes: Sequence[Cause] | None = None,
     options: Options | None = None,
     watch: Watch = lambda bench, null, found: None,
+    work: Path | None = None,
 ) -> Diagnosis:
     """Find out what a study's model gets wrong.
 
@@ -85,6 +88,8 @@ def diagnose(
         causes: the catalogue by default.
         options: thresholds.
         watch: called once all suspects were looked at; for whoever compares.
+        work: a folder of its own, in which an interrupted diagnosis finds what it had done; to be
+            removed by `reality_gap.shelf.forget`.
 
     Returns:
         Diagnosis: verdict, causes, evidence and the extended model.
@@ -100,8 +105,12 @@ def diagnose(
             return of_groups(bench, whole, null, begin)
         chosen = suspects(bench.system, catalogue)
         first, later = parted(bench.system, chosen)
-        progress(0.02, f"looking at {len(first)} suspects")
-        found = screen(bench, first, [], null)
+        what = f"looking at {len(first)} suspects"
+        progress(0.02, what)
+        shelf = NO_SHELF if work is None else Shelf(work, digest(bench.system.study, first))
+        found = screen(
+            bench, first, [], null, shelf, lambda share: progress(0.02 + 0.58 * share, what)
+        )
         watch(bench, null, found)
         judged, not_judged = _judge(chosen, first, found, options)
         progress(0.6, "fitting the likeliest")

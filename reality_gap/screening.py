@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Parameter
 from reality_gap.plant import Suspect
+from reality_gap.shelf import Columns, Shelf
 from reality_gap.system import System
 from reality_gap.workbench import Hypothesis, Workbench
 
@@ -19,6 +21,11 @@ Array = NDArray[np.float64]
 
 STEP = 0.25
 """Finite difference, in scales of a parameter: of what can just be seen."""
+PART = 32
+"""Suspects that are looked at between two notes of how far it is."""
+
+NO_SHELF = Shelf(None, "")
+_Trial = tuple[Suspect, dict[str, float], tuple[str, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -29,13 +36,14 @@ class Sensitivity:
         suspect: a cause at a place.
         names: parameters that the columns belong to.
         fixed: values of the others, as the time of an event.
-        columns: (n, p) change of the prediction in units of noise, per ``scale`` of a parameter.
+        columns: (n, p) change of the prediction in units of noise, per ``scale`` of a parameter;
+            in single precision, for there are thousands.
     """
 
     suspect: Suspect
     names: tuple[str, ...]
     fixed: dict[str, float]
-    columns: Array
+    columns: NDArray[np.float32]
 
     @property
     def change(self) -> float:
@@ -75,7 +83,12 @@ def suspects(system: System, causes: Sequence[Cause], most: int = 8) -> tuple[Su
 
 
 def screen(
-    bench: Workbench, chosen: Sequence[Suspect], base: Hypothesis, before: Array
+    bench: Workbench,
+    chosen: Sequence[Suspect],
+    base: Hypothesis,
+    before: Array,
+    shelf: Shelf = NO_SHELF,
+    tell: Callable[[float], None] = lambda share: None,
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of all suspects, added to a hypothesis.
 
@@ -84,37 +97,48 @@ def screen(
         chosen: whom to look at.
         base: what is in the model already.
         before: (n,) residual of ``base``.
+        shelf: keeps what was done, for after an interruption.
+        tell: called with the share that is done.
     """
-    trials = [trial for suspect in chosen for trial in _trials(suspect)]
+    # Differences between replays forgive a coarse time step.
+    if bench.coarse:
+        before = bench.residuals([base], True)[0]
+    found = []
+    for i in range(0, len(chosen), PART):
+        trials = [trial for suspect in chosen[i : i + PART] for trial in _trials(suspect)]
+        columns = shelf.get(i // PART, partial(_columns, bench, trials, base, before))
+        for (suspect, fixed, names, _), own in zip(trials, columns, strict=True):
+            if np.all(np.isfinite(own)):
+                found.append(Sensitivity(suspect, names, fixed, own))
+        tell(min(1.0, (i + PART) / len(chosen)))
+    return tuple(found)
+
+
+def _columns(
+    bench: Workbench, trials: Sequence[_Trial], base: Hypothesis, before: Array
+) -> Columns:
+    """Columns of each trial (n, p); what is idle costs no replay."""
     hypotheses = [
         [*base, (suspect, fixed | {name: value})]
         for suspect, fixed, names, values in trials
         for name, value in zip(names, values, strict=True)
         if not parameter(suspect, name).idle
     ]
-    # Differences between replays forgive a coarse time step.
-    coarse = bench.coarse
-    if coarse:
-        before = bench.residuals([base], coarse)[0]
-    residuals = iter(bench.residuals(hypotheses, coarse))
+    residuals = iter(bench.residuals(hypotheses, bench.coarse))
     found = []
-    for suspect, fixed, names, values in trials:
-        columns = np.zeros((len(before), len(names)))
+    for suspect, _, names, values in trials:
+        columns = np.zeros((len(before), len(names)), dtype=np.float32)
         for i, (name, value) in enumerate(zip(names, values, strict=True)):
             if not parameter(suspect, name).idle:
                 columns[:, i] = (before - next(residuals)) / _scales(suspect, name, value)
-        if np.all(np.isfinite(columns)):
-            found.append(Sensitivity(suspect, names, fixed, columns))
-    return tuple(found)
+        found.append(columns)
+    return found
 
 
 def _scales(suspect: Suspect, name: str, value: float) -> float:
     """How many scales a value is from the null."""
     p = parameter(suspect, name)
     return (value - p.null) / p.scale
-
-
-_Trial = tuple[Suspect, dict[str, float], tuple[str, ...], tuple[float, ...]]
 
 
 def _trials(suspect: Suspect) -> list[_Trial]:
@@ -160,5 +184,6 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
         for i, name in enumerate(sensitivity.names):
             p = parameter(suspect, name)
             if p.tolerance > 0 and (alone or p.common):
-                columns.append(sensitivity.columns[:, i] * (p.tolerance / abs(p.scale)))
+                own = sensitivity.columns[:, i].astype(np.float64)
+                columns.append(own * (p.tolerance / abs(p.scale)))
     return np.column_stack(columns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property
@@ -151,6 +152,7 @@ def _open(study: Study, causes: Sequence[Cause]) -> None:
     """In a worker: one workbench for all tasks, and the user's own causes in the catalogue."""
     global _bench
     silence()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the answers is interrupted
     for cause in causes:
         if cause.id not in CATALOGUE:
             register(cause)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from reality_gap.__main__ import main
@@ -15,6 +16,7 @@ from reality_gap.causes import cause
 from reality_gap.diagnosing import Options
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
 from reality_gap.plant import Suspect
+from reality_gap.shelf import Shelf
 from reality_gap.study import Study
 from reality_gap.system import look_at
 
@@ -56,9 +58,16 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     asked: dict[str, Any] = {}
 
     def diagnose(
-        study: Study, jobs: int, options: Options, progress: Callable[[float, str], None]
+        study: Study,
+        jobs: int,
+        options: Options,
+        progress: Callable[[float, str], None],
+        work: Path,
     ) -> Diagnosis:
         progress(0.5, "fitting")
+        Shelf(work, "k").get(0, lambda: [np.zeros((1, 1), dtype=np.float32)])
+        if asked.get("interrupt"):
+            raise KeyboardInterrupt
         asked.update(study=study, jobs=jobs, options=options)
         return diagnosis_of(study)
 
@@ -128,6 +137,23 @@ def test_a_rough_machine_may_be_off_by_more(
     out = str(tmp_path / "d")
     assert main(["diagnose", str(study_folder.path), "--out", out, "--tolerance", "3"]) == 0
     assert found["options"] == Options(tolerance=3.0)
+
+
+def test_what_an_interrupted_diagnosis_did_is_kept_until_it_is_written(
+    study_folder: Any, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["diagnose", str(study_folder.path), "--out", str(tmp_path / "new" / "d")]
+    work = tmp_path / "new" / ".d.work"
+    found["interrupt"] = True
+    assert main(arguments) == 130
+    assert capsys.readouterr().err == "interrupted; the same command goes on from there\n"
+    assert {path.name for path in work.iterdir()} == {"KEY", "00000.npz"}
+    assert "written" not in found
+
+    found["interrupt"] = False
+    assert main(arguments) == 0
+    assert "written" in found
+    assert not work.exists()
 
 
 @pytest.mark.parametrize("tolerance", ["0", "-1", "nan", "inf"])
