@@ -156,12 +156,15 @@ def search(
         rule = ruler(bench.measured, null, tolerances, tried[0].residual)
         tried = tuple(sorted((again(rule, f) for f in tried), key=lambda f: -f.evidence))
         base = None if best is None else again(rule, best)
-        accepted = _accept(base, tried[0], settings)
+        best = tried[0]
+        if _accept(base, best, settings):
+            # Slopes where it stands may price it higher than those that it was found with.
+            best = fit(bench, best.hypothesis, rule.learn, null, best.jacobian)
+        accepted = _accept(base, best, settings)
         steps.append(Step(base, tried, accepted))
         if not accepted:
             best = base
             break
-        best = fit(bench, tried[0].hypothesis, rule.learn, null, tried[0].jacobian)
     revised: tuple[Step, ...] = ()
     if best is not None and len(best.hypothesis) > 1:
         best, revised = _revise(bench, found, rule, best, steps, settings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -264,6 +265,22 @@ def test_what_was_planted_is_found_and_nothing_else(tmp_path: Path) -> None:
     assert found.best is not None
     assert size_of(found.best, "e") == pytest.approx(1.0, abs=0.15)
     assert size_of(found.best, "c") == pytest.approx(-0.6, abs=0.15)
+
+
+def test_a_cause_that_the_full_fit_prices_below_the_threshold_is_not_accepted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = Case(tmp_path, 1.0 * SHAPES[:, 4], crowd(6))
+    assert ids(case.search().best) == ["e"]
+
+    def dearer(*args: Any) -> Fit:
+        return replace(fit(*args), evidence=4.0)
+
+    monkeypatch.setattr("reality_gap.search.fit", dearer)
+    found = case.search()
+
+    assert found.best is None
+    assert [step.accepted for step in found.steps] == [False]
 
 
 def test_no_more_causes_than_the_most(tmp_path: Path) -> None:
