@@ -119,6 +119,7 @@ def check(command: Check, console: Console) -> None:
 def init(command: Init, console: Console) -> None:
     """Write a draft of a study, never over a file that exists."""
     from reality_gap.drafting import draft_study
+    from reality_gap.whole import write_whole
 
     out = command.out
     if out.exists():
@@ -126,12 +127,7 @@ def init(command: Init, console: Console) -> None:
     if not out.parent.is_dir():
         raise StudyError(f"there is no folder {out.parent} to write {out.name} to")
     text = draft_study(command.model, command.logs, out.parent)
-    beside = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.rename(out)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_whole(out, lambda beside: beside.write_text(text, encoding="utf-8"))
     console.print(
         f"wrote {out}; edit it, then: python -m reality_gap check {out}",
         markup=False,
@@ -193,7 +189,8 @@ def main(arguments: list[str]) -> int:
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted; the same command goes on from there", file=sys.stderr)
+        more = "; the same command goes on from there" if isinstance(command, Diagnose) else ""
+        print(f"interrupted{more}", file=sys.stderr)
         return 130
     return 0
 

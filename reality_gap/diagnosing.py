@@ -17,10 +17,11 @@ from reality_gap.equivalence import Alternatives, alternatives
 from reality_gap.gain import Score, score
 from reality_gap.intervals import intervals
 from reality_gap.next_experiment import next_experiment
-from reality_gap.plant import Suspect, build
+from reality_gap.plant import Suspect, build, same
 from reality_gap.remainder import Remainder, examine
+from reality_gap.ruler import predictive
 from reality_gap.screening import NO_SHELF, Sensitivity, screen, suspects, tolerances
-from reality_gap.search import Search, Settings, predictive, same, search
+from reality_gap.search import Search, Settings, search
 from reality_gap.sentences import sentence
 from reality_gap.shelf import Shelf, digest
 from reality_gap.splits import REPORT, split
@@ -133,7 +134,7 @@ def diagnose(
         stands = [] if best is None else best.hypothesis
         left = examine(bench, result.ruler, stands, after, null)
         scored = score(bench.system.study, bench.measured, null, after)
-        verdict = _verdict(result, left, scored, options)
+        verdict = decide(result, left, scored, options)
         certain = verdict is Verdict.NAMED
         rivals = alternatives(bench, result, options.search, certain)
         named = _name(bench, result, rivals) if certain else ()
@@ -203,7 +204,7 @@ def _judge(
     return judged, tuple(reasons)
 
 
-def _verdict(result: Search, left: Remainder, scored: Score, options: Options) -> Verdict:
+def decide(result: Search, left: Remainder, scored: Score, options: Options) -> Verdict:
     """Named if the causes leave little that could still be learned, and hold where not fitted."""
     if result.best is None:
         found = left.learned.evidence > options.certain

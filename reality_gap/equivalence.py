@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from reality_gap.confidence import probabilities
 from reality_gap.fitting import Fit, fit
-from reality_gap.plant import Suspect
-from reality_gap.search import Ruler, Search, Settings, again, same, tried_beside, try_next
+from reality_gap.plant import Suspect, same
+from reality_gap.ruler import Ruler
+from reality_gap.search import Search, Settings, again, tried_beside, try_next
 from reality_gap.workbench import Workbench
 
 Array = NDArray[np.float64]

@@ -14,16 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.cause import Record
 from reality_gap.measured import Measured
-from reality_gap.plant import Suspect, build
-from reality_gap.search import Ruler
+from reality_gap.plant import build
+from reality_gap.pushes import FORCE, push
+from reality_gap.ruler import Ruler
 from reality_gap.splits import REPORT, split
 from reality_gap.system import System, Wire
 from reality_gap.workbench import Hypothesis, Workbench
@@ -38,8 +37,6 @@ PITCH = 0.003
 """Shortest wave over a wire's length [m]."""
 MOST = 200
 """Replays at most; with many joints, fewer waves."""
-FORCE = {"joint": 0.1, "tendon": 1.0}
-"""Size of a force that nobody commanded [N m or N]: small beside what a machine does."""
 SIZE = 3.0
 """Prior deviation of a weight; with weight 1, a column has the size of the noise."""
 MOST_COLUMNS = 6
@@ -127,7 +124,7 @@ def _forces(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> li
     moving = _moving(system, records)
     pushes = {
         f"position of {name}": [
-            _push("joint", name, records, series)
+            push("joint", name, records, series)
             for series in _functions(records, name, _waves(moving))
         ]
         for name in moving
@@ -135,9 +132,9 @@ def _forces(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> li
     along = {wire: _by_length(records, wire, len(system.wires)) for wire in system.wires}
     for wire, series in along.items():
         pushes[f"length of {wire.tendon}"] = [
-            _push("tendon", wire.tendon, records, one) for one in series
+            push("tendon", wire.tendon, records, one) for one in series
         ]
-    trials = [[*quick, (push, {"size": 1.0})] for some in pushes.values() for push in some]
+    trials = [[*quick, (one, {"size": 1.0})] for some in pushes.values() for one in some]
     moved = iter(bench.residuals(trials, bench.coarse))
     columns = {name: [before - next(moved) for _ in some] for name, some in pushes.items()}
     found = [_bank(name, some) for name, some in columns.items() if some]
@@ -200,38 +197,6 @@ def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[A
         bump = [np.exp(-0.5 * ((x - centre) * count) ** 2) for x in phase]
         found.append([b * w for b, w in zip(bump, way, strict=True)])
     return found
-
-
-def _push(kind: str, name: str, records: Sequence[Record], series: list[Array]) -> Suspect:
-    """A force on a joint or tendon that follows a series, as a cause without a name."""
-    clock = np.concatenate([r.time for r in records])
-    force = FORCE[kind] * np.concatenate(series)
-    attach = partial(_attach_push, clock, force)
-    cause = Cause("", "", "", _nowhere, _no_parameters, _edit_push, attach)
-    return Suspect(cause, Place(kind, (name,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
-
-
-def _nowhere(system: System) -> tuple[Place, ...]:
-    return ()
-
-
-def _no_parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return ()
-
-
-def _edit_push(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    kinds = {"joint": mujoco.mjtTrn.mjTRN_JOINT, "tendon": mujoco.mjtTrn.mjTRN_TENDON}
-    name = place.elements[0]
-    spec.add_actuator(name=f"unnamed/{name}", trntype=kinds[place.kind], target=name)
-
-
-def _attach_push(
-    clock: Array, force: Array, effects: Effects, system: System, place: Place, values: Values
-) -> None:
-    def add(model: mujoco.MjModel, time: Array, command: Array) -> Array:
-        return np.column_stack([command, np.interp(time, clock, force)])
-
-    effects.commands.append(add)
 
 
 def _unit(columns: Array) -> Array:

@@ -16,7 +16,7 @@ from reality_gap.fitting import STEP, Fit, at
 from reality_gap.measured import channel_noise, measured
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import replay
-from reality_gap.screening import Sensitivity, parameter
+from reality_gap.screening import Sensitivity, allowances
 from reality_gap.study import Episode, Reading, Study
 from reality_gap.system import System
 from reality_gap.workbench import Hypothesis
@@ -141,18 +141,7 @@ _Slack = list[tuple[Suspect, Parameter]]
 
 def _confusing(found: Sequence[Sensitivity], gap: Array) -> _Slack:
     """What every drawing is off by that looks most like the gap (n,) between two rivals."""
-    scored, seen = [], set()
-    for sensitivity in found:
-        suspect = sensitivity.suspect
-        if len(suspect.place.elements) > 1:
-            continue
-        for i, name in enumerate(sensitivity.names):
-            p = parameter(suspect, name)
-            key = (suspect.cause.id, suspect.place, name)
-            if p.tolerance > 0 and not p.idle and key not in seen:
-                seen.add(key)
-                size = abs(float(sensitivity.columns[:, i] @ gap)) * p.tolerance / abs(p.scale)
-                scored.append((size, suspect, p))
+    scored = [(abs(float(column @ gap)), suspect, p) for suspect, p, column in allowances(found)]
     scored.sort(key=lambda item: -item[0])
     return [(suspect, p) for _, suspect, p in scored[:SLACK]]
 

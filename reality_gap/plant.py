@@ -28,6 +28,11 @@ class Suspect:
         return {parameter.name: parameter.null for parameter in self.parameters}
 
 
+def same(a: Suspect, b: Suspect) -> bool:
+    """Whether two suspects are the same cause at the same place."""
+    return a.cause.id == b.cause.id and a.place == b.place
+
+
 @dataclass(frozen=True)
 class Plant:
     """A machine: its model, and what acts beside it.

@@ -12,7 +12,7 @@ from reality_gap.cause import Record
 from reality_gap.diagnosis import Dependence
 from reality_gap.flexible import Bank, Learned, banks, learn
 from reality_gap.measured import Measured
-from reality_gap.search import Ruler
+from reality_gap.ruler import Ruler
 from reality_gap.splits import CHOOSE, FIT, REPORT, split
 from reality_gap.whitening import tolerated
 from reality_gap.workbench import Hypothesis, Workbench

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -173,7 +173,13 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
     free, is in all of them at once.
     """
     steps = DRIFT_TOLERANCE * bench.drift, bench.drift_error
-    columns, seen = [step / bench.measured.noise for step in steps], set()
+    columns = [step / bench.measured.noise for step in steps]
+    return np.column_stack([*columns, *(column for _, _, column in allowances(found))])
+
+
+def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Suspect, Parameter, Array]]:
+    """Everything that has a tolerance, with what it may do to the readings (n,) [noise]."""
+    seen = set()
     for sensitivity in found:
         suspect = sensitivity.suspect
         key = (suspect.cause.id, suspect.place)
@@ -185,5 +191,4 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
             p = parameter(suspect, name)
             if p.tolerance > 0 and (alone or p.common):
                 own = sensitivity.columns[:, i].astype(np.float64)
-                columns.append(own * (p.tolerance / abs(p.scale)))
-    return np.column_stack(columns)
+                yield suspect, p, own * (p.tolerance / abs(p.scale))

@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.evidence import fit_normal, occam
-from reality_gap.fitting import (
-    Asking,
-    Fit,
-    fit,
-    fitting,
-    held_price,
-    log_evidence,
-    penalty_scale,
-    resizing,
-    together,
-)
-from reality_gap.measured import Measured
-from reality_gap.plant import Suspect
+from reality_gap.fitting import Asking, Fit, fit, fitting, log_evidence, resizing, together
+from reality_gap.plant import same
+from reality_gap.ranking import diverse, rank
+from reality_gap.ruler import Ruler, ruler
 from reality_gap.screening import Sensitivity
-from reality_gap.splits import CHOOSE, FIT, split
 from reality_gap.waiting import Waiting
-from reality_gap.whitening import Whitening, inflation, whitening
 from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
@@ -62,39 +50,6 @@ class Settings:
     further: float = 12.0
     share: float = 0.02
     most: int = 3
-
-
-@dataclass(frozen=True)
-class Ruler:
-    """What evidence is measured in.
-
-    Attributes:
-        learn: whitening of the fit and choose splits together.
-        fit: of the fit split alone.
-        null: (n,) residual of the study's model.
-        tolerances: (n, p).
-    """
-
-    learn: Whitening
-    fit: Whitening
-    null: Array
-    tolerances: Array
-
-
-def ruler(measured: Measured, null: Array, tolerances: Array, remainder: Array | None) -> Ruler:
-    """Make a ruler; readings count for less where ``remainder`` (n,) wanders."""
-    role = split(measured)
-    ones = np.ones(len(null))
-    learn = whitening(tolerances, ones, role <= CHOOSE)
-    spread = ones
-    if remainder is not None:
-        group = measured.channel[learn.use]
-        spread = np.ones(len(null))
-        found = inflation(learn(remainder), group)
-        for channel in np.unique(group):
-            spread[measured.channel == channel] = found[group == channel][0]
-        learn = whitening(tolerances, spread, role <= CHOOSE)
-    return Ruler(learn, whitening(tolerances, spread, role == FIT), null, tolerances)
 
 
 @dataclass(frozen=True)
@@ -147,7 +102,7 @@ def search(
     best: Fit | None = None
     steps: list[Step] = []
     while len(steps) < settings.most:
-        if waiting is not None:
+        if waiting:
             found = [*found, *waiting.call(rank(found, rule, best))]
         refits = settings.refits if best is None else settings.more_refits
         tried = try_next(bench, found, rule, best, refits)
@@ -197,7 +152,7 @@ def try_next(
         bench,
         [
             _attempt(sensitivity, theta, rule, base)
-            for sensitivity, theta in _diverse(ranked, refits)
+            for sensitivity, theta in diverse(ranked, refits)
         ],
     )
     floor = 0.0 if base is None else again(rule, base).evidence
@@ -266,62 +221,6 @@ def _slopes(sensitivity: Sensitivity) -> Array:
     return slopes
 
 
-Ranked = list[tuple[float, Sensitivity, Array]]
-
-
-def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
-    """Linear evidence of every suspect beside ``base``, with its theta; best first."""
-    residual = rule.learn(rule.null if base is None else base.residual)
-    known = np.zeros((len(residual), 0)) if base is None else rule.learn(base.jacobian)
-    inside = set() if base is None else {(s.cause.id, s.place) for s in base.suspects}
-    k = known.shape[1]
-    free = np.full(k, np.inf)
-    others = [s for s in found if (s.suspect.cause.id, s.suspect.place) not in inside]
-    ranked = []
-    for sensitivity, own in _whitened(rule, others):
-        columns = np.hstack([known, own])
-        low, high = sensitivity.bounds()
-        linear = fit_normal(
-            columns.T @ columns,
-            columns.T @ residual,
-            np.concatenate([-free, low]),
-            np.concatenate([free, high]),
-            np.concatenate([np.full(k, -1), np.zeros(len(low), dtype=int)]),
-        )
-        # What is in already was fitted: all evidence here is that of the newcomer.
-        evidence = linear.evidence + (occam(known.T @ known) if k else 0.0)
-        evidence -= held_price(sensitivity.suspect)
-        ranked.append((evidence, sensitivity, linear.theta[k:]))
-    return sorted(ranked, key=lambda item: -item[0])
-
-
-def _whitened(
-    rule: Ruler, found: Sequence[Sensitivity], most: int = 128
-) -> Iterator[tuple[Sensitivity, Array]]:
-    """Each sensitivity with its whitened columns; many columns at once are quicker."""
-    for i in range(0, len(found), most):
-        part = found[i : i + most]
-        ends = np.cumsum([s.columns.shape[1] for s in part])
-        white = rule.learn(np.hstack([s.columns for s in part]))
-        yield from zip(part, np.split(white, ends[:-1], axis=1), strict=True)
-
-
-def _diverse(ranked: Ranked, count: int) -> list[tuple[Sensitivity, Array]]:
-    """The best, no cause more than three times and no place twice for one cause."""
-    chosen: list[tuple[Sensitivity, Array]] = []
-    used: dict[str, list[object]] = {}
-    for _, sensitivity, theta in ranked:
-        suspect = sensitivity.suspect
-        places = used.setdefault(suspect.cause.id, [])
-        if suspect.place in places or len(places) >= 3:
-            continue
-        places.append(suspect.place)
-        chosen.append((sensitivity, theta))
-        if len(chosen) == count:
-            break
-    return chosen
-
-
 def _revise(
     bench: Workbench,
     found: Sequence[Sensitivity],
@@ -361,26 +260,3 @@ def tried_beside(steps: Sequence[Step], others: Hypothesis) -> Step | None:
         if len(base) == len(beside) and all(any(same(s, b) for b in base) for s in beside):
             return step
     return None
-
-
-def predictive(rule: Ruler, null: Array, fitted: Fit) -> float:
-    """How much likelier the choose split is than under the null, fitted on the fit split [nats].
-
-    The parameters are moved from their fit on both splits to that on one by a linear step.
-    """
-    # What one split does not show at all must not run away.
-    pull = np.maximum(penalty_scale(fitted.hypothesis), 0.1)
-    columns, left = rule.fit(fitted.jacobian), rule.fit(fitted.residual)
-    matrix = np.vstack([columns, np.diag(pull)])
-    step = np.linalg.lstsq(matrix, np.concatenate([left, -pull * fitted.theta]), rcond=None)[0]
-    residual = fitted.residual - fitted.jacobian @ step
-
-    def held_out(r: Array) -> float:
-        return float(np.sum(rule.learn(r) ** 2) - np.sum(rule.fit(r) ** 2))
-
-    return 0.5 * (held_out(null) - held_out(residual))
-
-
-def same(a: Suspect, b: Suspect) -> bool:
-    """Whether two suspects are the same cause at the same place."""
-    return a.cause.id == b.cause.id and a.place == b.place

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import zipfile
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from reality_gap.plant import Suspect
 from reality_gap.study import Study
+from reality_gap.whole import PART, write_whole
 
 Columns = list[NDArray[np.float32]]
 PACKAGE = Path(__file__).parent
@@ -45,8 +45,9 @@ class Shelf:
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
             made = make()
         self._folder.mkdir(parents=True, exist_ok=True)
-        _write(self._folder / KEY, lambda beside: beside.write_text(self._key, encoding="utf-8"))
-        _write(path, lambda beside: _save(beside, made))
+        key = self._key
+        write_whole(self._folder / KEY, lambda beside: beside.write_text(key, encoding="utf-8"))
+        write_whole(path, lambda beside: _save(beside, made))
         return made
 
 
@@ -54,7 +55,7 @@ def forget(folder: Path) -> None:
     """Remove what a shelf kept in ``folder``, and the folder if nothing else is in it."""
     if not folder.is_dir():
         return
-    for path in (folder / KEY, *folder.glob("[0-9]*.npz"), *folder.glob(".*.part")):
+    for path in (folder / KEY, *folder.glob("[0-9]*.npz"), *folder.glob(f".*{PART}")):
         path.unlink(missing_ok=True)
     if not any(folder.iterdir()):
         folder.rmdir()
@@ -103,9 +104,3 @@ def _read(path: Path) -> str | None:
 def _save(path: Path, columns: Columns) -> None:
     with path.open("wb") as file:
         np.savez(file, *columns)
-
-
-def _write(path: Path, write: Callable[[Path], object]) -> None:
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    write(beside)
-    beside.replace(path)

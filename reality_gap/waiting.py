@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.plant import Suspect
+from reality_gap.ranking import Ranked
 from reality_gap.screening import Sensitivity, screen
 from reality_gap.system import System
 from reality_gap.workbench import Workbench
@@ -63,14 +64,17 @@ class Waiting:
         self._bench, self._null, self._visible = bench, null, visible
         self._waiting = {s: spots(bench.system, s) for s in suspects}
 
-    def call(self, ranked: Sequence[tuple[float, Sensitivity, Array]]) -> tuple[Sensitivity, ...]:
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def call(self, ranked: Ranked) -> tuple[Sensitivity, ...]:
         """Look at those who wait where the best of ``ranked`` act.
 
         Args:
             ranked: evidence [nats], sensitivity and size of everybody else, best first.
         """
         there: list[str] = []
-        for evidence, sensitivity, _ in ranked if self._waiting else ():
+        for evidence, sensitivity, _ in ranked:
             here = spots(self._bench.system, sensitivity.suspect)
             if evidence > 0 and len(here) == 1 and not here & set(there):
                 there += here

@@ -2,7 +2,7 @@
 
 The hider, `hidden_plants`, shares no code with the seeker, `reality_gap`; here they meet. A few
 causes are sought in `make test`, all of them in `make test-all`. On the whole arm the logs are
-short, for time: its 36 wires have two thousand suspects.
+short, for time: with 36 wires there are many suspects.
 """
 
 from __future__ import annotations

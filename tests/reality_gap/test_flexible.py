@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
 from reality_gap.flexible import Bank, Learned, banks, learn
 from reality_gap.plant import Suspect
-from reality_gap.search import Ruler, ruler
+from reality_gap.ruler import Ruler, ruler
 from reality_gap.simulating import simulate
 from reality_gap.splits import REPORT, split
 from reality_gap.study import Episode, Reading, Study

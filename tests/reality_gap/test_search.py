@@ -17,18 +17,10 @@ from reality_gap.equivalence import alternatives
 from reality_gap.evidence import PRIOR
 from reality_gap.fitting import Fit, fit
 from reality_gap.plant import Suspect
+from reality_gap.ranking import rank
+from reality_gap.ruler import Ruler, predictive, ruler
 from reality_gap.screening import screen
-from reality_gap.search import (
-    Ruler,
-    Search,
-    Settings,
-    again,
-    predictive,
-    rank,
-    ruler,
-    search,
-    try_next,
-)
+from reality_gap.search import Search, Settings, again, search, try_next
 from reality_gap.splits import CHOOSE, FIT, split
 from reality_gap.study import Channel, Episode, Reading, Study
 from reality_gap.system import System

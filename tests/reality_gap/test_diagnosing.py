@@ -1,0 +1,75 @@
+"""Tests of how a verdict is decided."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from reality_gap.diagnosing import Options, decide
+from reality_gap.diagnosis import Verdict
+
+
+def decided(
+    evidence: float | None,
+    learned: float = 0.0,
+    instead: float = 0.0,
+    before: float = 5.0,
+    after: float = 1.0,
+) -> Verdict:
+    """For causes of this evidence, or none; what could be learned beside and instead [nats]."""
+    best = None if evidence is None else SimpleNamespace(evidence=evidence)
+    result: Any = SimpleNamespace(best=best)
+    left: Any = SimpleNamespace(
+        learned=SimpleNamespace(evidence=learned), instead=SimpleNamespace(evidence=instead)
+    )
+    scored: Any = SimpleNamespace(before=before, after=after)
+    return decide(result, left, scored, Options())
+
+
+@pytest.mark.parametrize(
+    ("learned", "expected"),
+    [(0.0, Verdict.NOTHING_WRONG), (5.9, Verdict.NOTHING_WRONG), (6.1, Verdict.UNEXPLAINED)],
+)
+def test_without_a_cause_it_is_what_can_be_learned_that_counts(
+    learned: float, expected: Verdict
+) -> None:
+    assert decided(None, learned, after=5.0) is expected
+
+
+@pytest.mark.parametrize(
+    ("evidence", "learned", "expected"),
+    [
+        (20.0, 5.9, Verdict.NAMED),
+        (20.0, 6.1, Verdict.UNEXPLAINED),
+        (1000.0, 149.0, Verdict.NAMED),
+        (1000.0, 151.0, Verdict.UNEXPLAINED),
+    ],
+)
+def test_causes_may_leave_a_share_to_be_learned(
+    evidence: float, learned: float, expected: Verdict
+) -> None:
+    assert decided(evidence, learned) is expected
+
+
+@pytest.mark.parametrize(
+    ("instead", "expected"), [(105.0, Verdict.NAMED), (107.0, Verdict.UNEXPLAINED)]
+)
+def test_what_has_no_name_may_explain_it_better(instead: float, expected: Verdict) -> None:
+    assert decided(100.0, instead=instead) is expected
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [
+        (1.4, 2.7, Verdict.UNEXPLAINED),  # a hard stop as an external force
+        (16.5, 35.7, Verdict.UNEXPLAINED),
+        (4.0, 2.6, Verdict.NAMED),
+        (1.3, 1.5, Verdict.NAMED),  # tolerances make as much
+    ],
+)
+def test_a_name_must_hold_where_it_was_not_fitted(
+    before: float, after: float, expected: Verdict
+) -> None:
+    assert decided(1000.0, before=before, after=after) is expected
