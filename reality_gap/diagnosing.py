@@ -14,7 +14,7 @@ from reality_gap.cause import Cause
 from reality_gap.causes import CATALOGUE
 from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict
 from reality_gap.equivalence import Alternatives, alternatives
-from reality_gap.gain import Score, score
+from reality_gap.gain import score
 from reality_gap.intervals import intervals
 from reality_gap.next_experiment import next_experiment
 from reality_gap.plant import Suspect, build, same
@@ -50,8 +50,8 @@ class Options:
         unexplained: share of what could be learned of the gap that may remain, at most.
         certain: what a learner must find in the remainder to call it unexplained [nats].
         better: by how much a learner must beat the causes without them [nats].
-        worse: RMS on the report split that named causes may leave, though it was less without them:
-            tolerances make as much [noise].
+        worse: RMS on the report split that named causes may leave beside tolerances, though it was
+            less without them [noise].
         tolerance: how much more than usual an honest drawing of this machine may be off.
         visible: change of the readings by three typical faults, in noise, that can be judged.
         suggest: whether to look for the next experiment.
@@ -65,7 +65,7 @@ class Options:
     unexplained: float = 0.15
     certain: float = 6.0
     better: float = 6.0
-    worse: float = 2.0
+    worse: float = 1.2
     tolerance: float = 1.0
     visible: float = 3.0
     suggest: bool = True
@@ -134,7 +134,7 @@ def diagnose(
         stands = [] if best is None else best.hypothesis
         left = examine(bench, result.ruler, stands, after, null)
         scored = score(bench.system.study, bench.measured, null, after)
-        verdict = decide(result, left, scored, options)
+        verdict = decide(result, left, options)
         certain = verdict is Verdict.NAMED
         rivals = alternatives(bench, result, options.search, certain)
         named = _name(bench, result, rivals) if certain else ()
@@ -204,7 +204,7 @@ def _judge(
     return judged, tuple(reasons)
 
 
-def decide(result: Search, left: Remainder, scored: Score, options: Options) -> Verdict:
+def decide(result: Search, left: Remainder, options: Options) -> Verdict:
     """Named if the causes leave little that could still be learned, and hold where not fitted."""
     if result.best is None:
         found = left.learned.evidence > options.certain
@@ -212,7 +212,7 @@ def decide(result: Search, left: Remainder, scored: Score, options: Options) -> 
     named = result.best.evidence
     much = left.learned.evidence > max(options.certain, options.unexplained * named)
     better = left.instead.evidence > named + options.better
-    worse = scored.after > max(scored.before, options.worse)
+    worse = left.after > max(left.before, options.worse)
     return Verdict.UNEXPLAINED if much or better or worse else Verdict.NAMED
 
 

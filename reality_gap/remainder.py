@@ -33,11 +33,15 @@ class Remainder:
         learned: of what it leaves, by the bank that explains most.
         instead: of the whole gap, by the bank that explains most without any named cause.
         depends_on: single quantities that explain most of what it leaves, strongest first.
+        before, after: RMS of the null's residual and of the hypothesis' on the report split,
+            without what tolerances make of them [noise].
     """
 
     learned: Learned
     instead: Learned
     depends_on: tuple[Dependence, ...]
+    before: float
+    after: float
 
 
 def examine(
@@ -50,10 +54,17 @@ def examine(
     instead = learned
     if hypothesis:
         instead = max((learn(bench, rule, null, b) for b in found), key=lambda x: x.evidence)
-    ones = np.ones(len(residual))
-    use = split(bench.measured) <= CHOOSE
-    value = residual - tolerated(rule.tolerances, ones, use, residual)
-    return Remainder(learned, instead, dependences(bench, value, records))
+    role, ones = split(bench.measured), np.ones(len(residual))
+
+    def left(found: Array) -> Array:
+        return found - tolerated(rule.tolerances, ones, role <= CHOOSE, found)
+
+    def rms(found: Array) -> float:
+        return float(np.sqrt(np.mean(found[role == REPORT] ** 2)))
+
+    before, after = left(null), left(residual)
+    depends_on = dependences(bench, after, records)
+    return Remainder(learned, instead, depends_on, rms(before), rms(after))
 
 
 def dependences(
