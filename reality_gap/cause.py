@@ -35,6 +35,8 @@ class Parameter:
         low, high: bounds.
         null: the value at which the cause does nothing.
         starts: other values to start a fit from, for what is not smooth, as the onset of an event.
+        secants: sizes of a lone parameter at which it is looked at, too, for what looks different
+            from near the null, as a wire that is too long or too short for its antagonist.
         idle: whether it does nothing while the others are at their null: a shape, not a size.
         common: whether no machine is free of it, so that its tolerance is one to the same side in
             all elements of a group.
@@ -48,6 +50,7 @@ class Parameter:
     high: float
     null: float = 0.0
     starts: tuple[float, ...] = ()
+    secants: tuple[float, ...] = ()
     idle: bool = False
     common: bool = False
 

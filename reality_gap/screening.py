@@ -144,7 +144,8 @@ def _scales(suspect: Suspect, name: str, value: float) -> float:
 def _trials(suspect: Suspect) -> list[_Trial]:
     """Which parameters to change, with which others held at one of their starts.
 
-    A lone parameter with starts is looked at in secants to each of them.
+    A lone parameter with starts is looked at in secants to each of them, one with secants in these,
+    too.
     """
     held = [p for p in suspect.parameters if p.starts]
     free = [p for p in suspect.parameters if not p.starts]
@@ -159,6 +160,9 @@ def _trials(suspect: Suspect) -> list[_Trial]:
         rest = {p.name: p.null for p in free}
         names = tuple(p.name for p in free)
         trials.append((suspect, rest | fixed, names, tuple(p.null + STEP * p.scale for p in free)))
+    if len(suspect.parameters) == 1:
+        lone = suspect.parameters[0]
+        trials += [(suspect, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.secants]
     return trials
 
 

@@ -19,7 +19,8 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return (Parameter("scale", "1", 0.02, 0.0002, -0.5, 0.5),)
+    # A wire that is held too short fights the others, one that is too long goes slack: no line.
+    return (Parameter("scale", "1", 0.02, 0.0002, -0.5, 0.5, secants=(0.012, -0.012)),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
