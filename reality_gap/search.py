@@ -206,9 +206,10 @@ def _start(
     trials = [of_size(size) for size in OTHER_SIZES]
     if len(sensitivity.suspect.parameters) == 1:
         lone = sensitivity.suspect.parameters[0]
-        trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in (*lone.starts, *lone.secants)]
-    others = yield trials
-    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in (there, *others)]
+        others = (*lone.starts, *lone.secants)
+        trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in others]
+    found = yield trials
+    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in (there, *found)]
     return [best, *trials][int(np.argmin(costs))]
 
 

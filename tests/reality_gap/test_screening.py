@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes import cause
+from reality_gap.plant import Suspect
 from reality_gap.screening import Sensitivity, screen, suspects, tolerances
 from reality_gap.study import Study
 from reality_gap.workbench import Workbench
@@ -63,10 +64,13 @@ def test_what_no_wire_is_free_of_may_be_in_all_of_them(lever_study: Study) -> No
 def test_other_tolerances_are_those_of_each_element(lever_study: Study, id: str) -> None:
     look = Look(lever_study, id)
     columns = look.columns()
+    first: dict[Suspect, Sensitivity] = {}
+    for sensitivity in look.alone():
+        first.setdefault(sensitivity.suspect, sensitivity)
 
     assert look.group() is not None
-    assert len(columns) == len(look.alone()) == 2
-    for column, sensitivity in zip(columns, look.alone(), strict=True):
+    assert len(columns) == len(first) == 2
+    for column, sensitivity in zip(columns, first.values(), strict=True):
         p = sensitivity.suspect.parameters[0]
         expected = sensitivity.columns[:, 0] * p.tolerance / p.scale
         np.testing.assert_allclose(column, expected, rtol=1e-5)
@@ -83,3 +87,17 @@ def test_the_change_that_typical_faults_make(lever_study: Study) -> None:
 
     # Three typical faults of an offset move every reading of the one sensor by as much.
     assert sensitivity.change == pytest.approx(3 * p.scale / noise * np.sqrt(count), rel=1e-6)
+
+
+def test_what_looks_different_from_afar_is_looked_at_from_there_too(lever_study: Study) -> None:
+    """An encoder that counts too little makes the servo hold its wire short: slopes differ."""
+    look = Look(lever_study, "length_scale")
+    secants = look.found[0].suspect.parameters[0].secants
+    one = [s.columns[:, 0] for s in look.found if s.suspect == look.found[0].suspect]
+
+    assert len(one) == 1 + len(secants) == 3
+    assert look.replays == len(look.found)
+    # All are slopes, per scale and of the same sign, whatever the size of the step.
+    for other in one[1:]:
+        assert np.dot(one[0], other) > 0.5 * np.linalg.norm(one[0]) * np.linalg.norm(other)
+        assert not np.allclose(one[0], other, rtol=1e-3)
