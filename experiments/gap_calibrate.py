@@ -123,12 +123,14 @@ def _hidden(rng: np.random.Generator, known: Sequence[Suspect]) -> tuple[Suspect
     places = [suspect for suspect in known if suspect.cause.id == name]
     suspect = places[int(rng.integers(len(places)))]
     size = np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST)))
+    # Not all the same: friction as large in both directions has another name.
+    way = rng.standard_normal(len(suspect.parameters))
     values = {}
-    for p in suspect.parameters:
+    for p, share in zip(suspect.parameters, way / np.abs(way).max(), strict=True):
         if p.starts:
             values[p.name] = float(rng.choice(p.starts))
         else:
-            value = p.null + size * p.scale * rng.choice([-1.0, 1.0])
+            value = p.null + size * share * p.scale
             values[p.name] = float(value if p.low <= value <= p.high else 2 * p.null - value)
     return suspect, values
 
