@@ -23,7 +23,10 @@ from reality_gap.workbench import Hypothesis
 
 Array = NDArray[np.float64]
 
-SECONDS = 6.0
+SECONDS = 20.0
+"""How long a suggested motion lasts."""
+TRIED = 6.0
+"""How much of each candidate is replayed, to choose among them [s]."""
 PERIOD = 0.02
 RIVALS = 3
 SLACK = 20
@@ -117,22 +120,22 @@ def next_experiment(
     fits = [unsure.tried[i] for i in order]
     weights = unsure.confidence[order]
     slack = _confusing(found, fits[0].residual - fits[1].residual)
-    before = _separation(system, system.study, fits, weights, slack)
-    best: tuple[float, Motion] | None = None
-    for motion in motions(system.study):
-        apart = _separation(system, _as_study(system.study, motion), fits, weights, slack)
-        if best is None or apart > best[0]:
-            best = (apart, motion)
-    assert best is not None
-    apart, motion = best
+
+    def apart(study: Study) -> float:
+        return _separation(system, study, fits, weights, slack)
+
+    def beginning(motion: Motion) -> float:
+        return apart(_as_study(system.study, motion, TRIED))
+
+    motion = max(motions(system.study), key=beginning)
     one, two = (str(fits[i].suspects[-1]) for i in (0, 1))
     return Experiment(
         title=motion.title,
         sentence=f"Command {motion.title} for {SECONDS:.0f} s: it best tells {one} from {two}.",
         time=PERIOD * np.arange(len(motion.command), dtype=np.float64),
         command=motion.command,
-        separation=apart,
-        separation_before=before,
+        separation=apart(_as_study(system.study, motion, SECONDS)),
+        separation_before=apart(system.study),
     )
 
 
@@ -146,18 +149,19 @@ def _confusing(found: Sequence[Sensitivity], gap: Array) -> _Slack:
     return [(suspect, p) for _, suspect, p in scored[:SLACK]]
 
 
-def _as_study(study: Study, motion: Motion) -> Study:
-    """The motion as an episode, read as often as the study's channels were."""
-    time = PERIOD * np.arange(len(motion.command), dtype=np.float64)
+def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
+    """The motion's first seconds as an episode, read as often as the study's channels were."""
+    command = motion.command[: round(seconds / PERIOD)]
+    time = PERIOD * np.arange(len(command), dtype=np.float64)
     longest = max(study.episodes, key=lambda e: e.duration)
     readings = []
     for reading in longest.readings:
-        period = float(np.median(np.diff(reading.time))) if len(reading.time) > 1 else SECONDS
+        period = float(np.median(np.diff(reading.time))) if len(reading.time) > 1 else seconds
         times = np.arange(0.0, time[-1], period)
         readings.append(Reading(times, np.zeros(len(times))))
     noise = [float(n) for n in channel_noise(study)]
     channels = tuple(replace(c, noise=n) for c, n in zip(study.channels, noise, strict=True))
-    episode = Episode(motion.title, time, motion.command, tuple(readings), longest.joints)
+    episode = Episode(motion.title, time, command, tuple(readings), longest.joints)
     return replace(study, channels=channels, episodes=(episode,))
 
 
