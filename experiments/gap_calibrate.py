@@ -107,7 +107,7 @@ def trial(seed: int, seconds: float) -> dict[str, Any]:
         study = load_study(Path(name) / "STUDY.yaml")
         system = look_at(study)
         known = suspects(system, list(CATALOGUE.values()))
-        hidden = _hidden(rng, known)
+        hidden = hide(rng, known)
         honest = [part for part in _honest(rng, known) if part[0] is not hidden[0]]
         told = simulate(study, [*honest, hidden], rng, FINER)
         found = outcome(diagnose(told, options=Options(suggest=False)))
@@ -116,7 +116,7 @@ def trial(seed: int, seconds: float) -> dict[str, Any]:
     return {"seed": seed, "truth": truth} | found
 
 
-def _hidden(rng: np.random.Generator, known: Sequence[Suspect]) -> tuple[Suspect, dict[str, float]]:
+def hide(rng: np.random.Generator, known: Sequence[Suspect]) -> tuple[Suspect, dict[str, float]]:
     """A cause, each as likely as any other, somewhere, of a size that is uniform in its log."""
     ids = sorted({suspect.cause.id for suspect in known})
     name = str(rng.choice(ids))

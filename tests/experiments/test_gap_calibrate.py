@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.gap_calibrate import calibrated, evidence_and_right
+from experiments.gap_calibrate import LARGEST, SMALLEST, calibrated, evidence_and_right, hide
+from reality_gap.cause import Parameter, Place
+from reality_gap.causes import cause
 from reality_gap.confidence import tempered
+from reality_gap.plant import Suspect
 
 NAMES = ("delay", "payload", "slack")
 
@@ -51,3 +54,16 @@ def test_rivals_of_later_steps_do_not_count() -> None:
 
 def test_without_evidence_nobody_is_likelier_than_none() -> None:
     np.testing.assert_allclose(tempered(np.zeros(3), 1.5, 0.02), 0.25)
+
+
+def test_what_is_hidden_is_of_a_drawn_size_and_not_the_same_in_all_its_numbers() -> None:
+    """As large in both directions, friction by direction would be plain friction."""
+    ways = tuple(Parameter(way, "N", 3.0, 0.05, 0.0, 200.0) for way in ("forward", "backward"))
+    wire = Suspect(cause("direction_dependent_friction"), Place("tendon", ("flexor",)), ways)
+
+    for seed in range(20):
+        _, values = hide(np.random.default_rng(seed), [wire])
+        small, large = sorted(values.values())
+
+        assert 3.0 * SMALLEST <= large <= 3.0 * LARGEST
+        assert 0.0 <= small < 0.999 * large
