@@ -1,7 +1,7 @@
 """How sure a diagnosis may be: causes are hidden in the drawing's own replays, and found again.
 
-The confidence divides evidence by a temper of two numbers (`reality_gap.confidence`). Here they are
-set so that confidences keep their word on machines that `reality_gap` simulates itself: the drawing
+The confidence divides evidence by a temper (`reality_gap.confidence`). Here it is set so that
+confidences keep their word on machines that `reality_gap` simulates itself: the drawing
 with every tolerance drawn at random, one cause in it, half the time step, and noise. Only the
 motion is that of the bench; nothing of its machines is.
 """
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from scipy.optimize import minimize
+from scipy.optimize import minimize_scalar
 
 from experiments import gap_bench
 from experiments.common import core_seconds, make_summary, run_tasks, write_json
@@ -28,7 +28,7 @@ from experiments.gap_trial import Case, outcome, write_case
 from experiments.report import Table, print_table
 from reality_gap import Options, diagnose, load_study
 from reality_gap.causes import CATALOGUE
-from reality_gap.confidence import FLAT, SHARE, tempered
+from reality_gap.confidence import TEMPER, tempered
 from reality_gap.plant import Suspect
 from reality_gap.screening import suspects
 from reality_gap.simulating import simulate
@@ -40,6 +40,8 @@ SMALLEST, LARGEST = 0.03, 1.5
 """Size of a hidden cause, in scales of its parameters."""
 FINER = 0.5
 """Time step of what is simulated, over the model's."""
+SHARPEST, DULLEST = 0.2, 100.0
+"""Tempers between which the best is looked for."""
 LEAST = 1e-6
 """Probability that nothing is less likely than: a sure error must not count for all."""
 
@@ -64,7 +66,7 @@ class Args:
 
 
 def main(args: Args) -> dict[str, Any]:
-    """Hide, diagnose, and set the two numbers; writes summary.json and the trials."""
+    """Hide, diagnose, and set the temper; writes summary.json and the trials."""
     if args.trials < 1:
         raise ExperimentError(f"Trials are {args.trials}, but at least 1 is needed.")
     begin = time.perf_counter()
@@ -73,14 +75,14 @@ def main(args: Args) -> dict[str, Any]:
     key = gap_bench.digest(gap_bench.Args(seconds=seconds, kind=NAME))
     found = run_tasks(trial, tasks, args.jobs, args.out / "trials", key)
     trials = [t for t in found.values() if t["rivals"]]
-    before, after = (FLAT, SHARE), calibrated(trials)
+    best = calibrated(trials)
     rows = [
-        (name, f"{flat:.2f}", f"{share:.3f}", *_told(trials, flat, share))
-        for name, (flat, share) in (("as it is", before), ("calibrated", after))
+        (name, f"{temper:.2f}", *_told(trials, temper))
+        for name, temper in (("as it is", TEMPER), ("calibrated", best))
     ]
     table = Table(
         "Temper of the confidences",
-        ("", "flat", "share", "log loss [nats]", "calibration error"),
+        ("", "temper", "log loss [nats]", "calibration error"),
         rows,
         f"{len(trials)} of {len(found)} hidden causes were looked for further.",
     )
@@ -91,7 +93,7 @@ def main(args: Args) -> dict[str, Any]:
         core_s=core_seconds(args.out / "trials", tasks),
         quick=args.quick,
         settings={**asdict(args), "out": args.out.name},
-        calibrated={"flat": after[0], "share": after[1]},
+        calibrated=best,
         tables=[table.plain()],
     )
     write_json(args.out / "summary.json", summary)
@@ -160,26 +162,25 @@ def evidence_and_right(trial: Mapping[str, Any]) -> tuple[Array, NDArray[np.bool
     return np.array([e for _, e in first]), np.array([r[1] == truth["cause"] for r, _ in first])
 
 
-def calibrated(trials: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
-    """The two numbers of the temper under which what was hidden is likeliest."""
+def calibrated(trials: Sequence[Mapping[str, Any]]) -> float:
+    """The temper under which what was hidden is likeliest."""
     known = [evidence_and_right(t) for t in trials]
 
-    def loss(x: Array) -> float:
-        return log_loss(known, float(np.exp(x[0])), float(np.exp(x[1])))
+    def loss(x: float) -> float:
+        return log_loss(known, float(np.exp(x)))
 
-    start = np.log([FLAT, SHARE])
-    found = minimize(loss, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 1e-4}).x
-    return float(np.exp(found[0])), float(np.exp(found[1]))
+    ends = tuple(np.log([SHARPEST, DULLEST]))
+    return float(np.exp(minimize_scalar(loss, bounds=ends, method="bounded").x))
 
 
-def log_loss(known: Sequence[tuple[Array, NDArray[np.bool_]]], flat: float, share: float) -> float:
+def log_loss(known: Sequence[tuple[Array, NDArray[np.bool_]]], temper: float) -> float:
     """Mean of minus the log probability of what was hidden [nats]."""
-    chances = [float(tempered(e, flat, share)[right].sum()) for e, right in known]
+    chances = [float(tempered(e, temper)[right].sum()) for e, right in known]
     return float(-np.mean(np.log(np.maximum(chances, LEAST))))
 
 
-def _told(trials: Sequence[Mapping[str, Any]], flat: float, share: float) -> tuple[str, str]:
+def _told(trials: Sequence[Mapping[str, Any]], temper: float) -> tuple[str, str]:
     known = [evidence_and_right(t) for t in trials]
-    told = np.array([tempered(e, flat, share).max() for e, _ in known])
+    told = np.array([tempered(e, temper).max() for e, _ in known])
     right = np.array([bool(r[np.argmax(e)]) for e, r in known])
-    return f"{log_loss(known, flat, share):.3f}", f"{expected_error(told, right):.3f}"
+    return f"{log_loss(known, temper):.3f}", f"{expected_error(told, right):.3f}"
