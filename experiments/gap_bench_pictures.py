@@ -100,7 +100,7 @@ def _reliability(trials: Sequence[Trial]) -> Figure:
             ax.annotate(f"{own.sum()}", (x, share), xytext=(6, 2), textcoords="offset points")
     ax.set_xlabel("confidence, mean of its bin [1]")
     ax.set_ylabel("share of named causes that were there [1]")
-    ax.set_xlim(-0.02, 1.04)
+    ax.set_xlim(-0.02, 1.1)  # room for a number beside 1
     ax.set_ylim(-0.02, 1.04)
     ax.legend(loc="upper left")
     return figure
