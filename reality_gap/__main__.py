@@ -1,4 +1,4 @@
-"""`python -m reality_gap diagnose|check|init`: what a simulation gets wrong, from measured data."""
+"""What a simulation gets wrong, from measured data: diagnose, check, init, unpack."""
 
 from __future__ import annotations
 
@@ -53,10 +53,25 @@ class Init:
     """Where to write; the model and the logs must lie in its folder or below."""
 
 
+@dataclass(frozen=True)
+class Unpack:
+    """Write the topics of a ROS bag or an MCAP file as CSV files, for init."""
+
+    bag: tyro.conf.Positional[Path]
+    """A .bag file, the folder of a ROS 2 bag, or an .mcap file."""
+    out: Path
+    """Folder to make."""
+    topics: tuple[str, ...] = ()
+    """Which topics; by default all that hold numbers."""
+    arrival: bool = False
+    """Take the time at which messages were recorded, not that of their stamps."""
+
+
 Command = (
     Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Init, tyro.conf.subcommand("init")]
+    | Annotated[Unpack, tyro.conf.subcommand("unpack")]
 )
 
 
@@ -135,6 +150,28 @@ def init(command: Init, console: Console) -> None:
     )
 
 
+def unpack(command: Unpack, console: Console) -> None:
+    """Write a bag's topics as CSV files."""
+    from rich.progress import Progress
+
+    from reality_gap.bags import unpack as write
+
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("reading", total=1.0)
+        paths = write(
+            command.bag,
+            command.out,
+            command.topics,
+            command.arrival,
+            lambda share: bar.update(task, completed=share),
+        )
+    for path in paths:
+        console.print(f"wrote {command.out / path.name}", markup=False, highlight=False)
+    console.print(
+        f"now: python -m reality_gap init MODEL {command.out}/*.csv", markup=False, highlight=False
+    )
+
+
 def _show(diagnosis: Diagnosis, console: Console) -> None:
     """The verdict, and its causes as a table."""
     from rich.table import Table
@@ -185,6 +222,8 @@ def main(arguments: list[str]) -> int:
                 check(command, console)
             case Init():
                 init(command, console)
+            case Unpack():
+                unpack(command, console)
     except (RealityGapError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
