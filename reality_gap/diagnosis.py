@@ -166,7 +166,7 @@ class Diagnosis:
         explainable_fraction: of the power above the floor, what a learned residual, which is no
             name, would explain on held-out data: the upper bound.
         depends_on: of what remains, strongest first.
-        next_experiment: None where there is nothing to tell apart.
+        next_experiment: None where there is nothing to tell apart, or no motion is likely to.
         not_judged: causes that this motion says nothing about, with the reason.
         traces: measured and replayed signals.
         effects: what `extended.xml` cannot hold: (cause id, elements, values).

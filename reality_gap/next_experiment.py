@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.cause import Parameter
+from reality_gap.confidence import TEMPER
 from reality_gap.diagnosis import Experiment
 from reality_gap.equivalence import Alternatives
 from reality_gap.fitting import STEP, Fit, at
@@ -23,12 +24,14 @@ from reality_gap.workbench import Hypothesis
 
 Array = NDArray[np.float64]
 
-SECONDS = 20.0
+SECONDS = 60.0
 """How long a suggested motion lasts."""
 TRIED = 6.0
 """How much of each candidate is replayed, to choose among them [s]."""
 PERIOD = 0.02
 RIVALS = 3
+HELD = 0.5
+"""Share of the evidence that a motion promises which real ones hold, about: it is linear."""
 SLACK = 20
 """How much of what every drawing is off by is weighed: that which looks most like the rivals."""
 PEAK = 1.875
@@ -46,12 +49,14 @@ class Motion:
 def motions(study: Study, seed: int = 0) -> tuple[Motion, ...]:
     """Motions through commands that the study gave already, so that the machine can do them.
 
-    No actuator's command moves faster than it did in the study: faster than that, the machine may
-    break, and what every honest drawing is off by grows beyond what was judged harmless.
+    No actuator's command moves faster than it did in the study, nor all of them by more in the root
+    mean square: faster than that, the machine may break, and what every honest drawing is off by
+    grows beyond what was judged harmless.
     """
     rng = np.random.default_rng(seed)
     rows = np.concatenate([episode.command for episode in study.episodes])
     spread, fastest = np.ptp(rows, axis=0), _fastest(study)
+    usual = _liveliness([(e.time, e.command) for e in study.episodes], spread)
     found = []
     for title, hold, travel in (
         ("slow sweeps", 0.0, 2.0),
@@ -62,6 +67,11 @@ def motions(study: Study, seed: int = 0) -> tuple[Motion, ...]:
         for tighter in (0.0, 0.15):
             points = _far_apart(rows, round(SECONDS / (hold + travel)) + 2, rng)
             command = _through(points, hold, travel, fastest)
+            time = PERIOD * np.arange(len(command), dtype=np.float64)
+            haste = _liveliness([(time, command)], spread)
+            if haste > usual > 0.0:
+                slower = haste / usual
+                command = _through(points, slower * hold, slower * travel, fastest / slower)
             word = ", wires tighter" if tighter else ""
             low = rows.min(axis=0)
             found.append(Motion(title + word, np.maximum(command - tighter * spread, low)))
@@ -89,6 +99,21 @@ def _fastest(study: Study) -> Array:
     return np.asarray(np.max(np.concatenate(speeds), axis=0, initial=0.0), dtype=np.float64)
 
 
+def _liveliness(told: Sequence[tuple[Array, Array]], spread: Array) -> float:
+    """Root mean square of the commands' speeds, each in its ``spread`` (nu,) [1/s].
+
+    Args:
+        told: times (n,) [s] and commands (n, nu) of each episode.
+        spread: range of each command.
+    """
+    unit, power, seconds = np.where(spread > 0, spread, 1.0), 0.0, 0.0
+    for time, command in told:
+        steps = np.diff(time)
+        power += float(np.sum((np.diff(command, axis=0) / unit) ** 2 / steps[:, None]))
+        seconds += float(steps.sum())
+    return float(np.sqrt(power / seconds))
+
+
 def _through(points: Array, hold: float, travel: float, fastest: Array) -> Array:
     """Smooth moves between points of ``travel`` s, or slower; ``hold`` s at each."""
     speed = np.where(fastest > 0, fastest, np.inf)
@@ -105,7 +130,9 @@ def _through(points: Array, hold: float, travel: float, fastest: Array) -> Array
 def next_experiment(
     system: System, rivals: Sequence[Alternatives], found: Sequence[Sensitivity]
 ) -> Experiment | None:
-    """The motion that best separates the two likeliest rivals of the least certain cause.
+    """The motion that best separates the likeliest rivals of the least certain cause.
+
+    None where there are no rivals, or no motion is likely to halve the doubt between them.
 
     Args:
         system: the machine.
@@ -121,22 +148,44 @@ def next_experiment(
     weights = unsure.confidence[order]
     slack = _confusing(found, fits[0].residual - fits[1].residual)
 
-    def apart(study: Study) -> float:
-        return _separation(system, study, fits, weights, slack)
+    def apart(study: Study) -> Array:
+        return _separations(system, study, fits, slack)
+
+    def mean(distances: Array) -> float:
+        return float(np.average(distances, weights=np.maximum(weights[1:], 1e-12)))
 
     def beginning(motion: Motion) -> float:
-        return apart(_as_study(system.study, motion, TRIED))
+        return mean(apart(_as_study(system.study, motion, TRIED)))
 
     motion = max(motions(system.study), key=beginning)
+    there = apart(_as_study(system.study, motion, SECONDS))
+    if not halves(weights, there):
+        return None
     one, two = (str(fits[i].suspects[-1]) for i in (0, 1))
     return Experiment(
         title=motion.title,
         sentence=f"Command {motion.title} for {SECONDS:.0f} s: it best tells {one} from {two}.",
         time=PERIOD * np.arange(len(motion.command), dtype=np.float64),
         command=motion.command,
-        separation=apart(_as_study(system.study, motion, SECONDS)),
-        separation_before=apart(system.study),
+        separation=mean(there),
+        separation_before=mean(apart(system.study)),
     )
+
+
+def halves(chances: Array, distances: Array) -> bool:
+    """Whether an experiment is likely to halve the entropy of the confidences.
+
+    Args:
+        chances: confidence of each rival (k,), the likeliest first.
+        distances: of the others from the likeliest on the experiment (k - 1,) [noise].
+    """
+    promised = np.concatenate([[0.0], HELD * distances**2 / 2])
+    return _entropy(chances * np.exp(-promised / TEMPER)) <= 0.5 * _entropy(chances)
+
+
+def _entropy(weights: Array) -> float:
+    shares = weights[weights > 0] / weights.sum()
+    return float(-np.sum(shares * np.log(shares)))
 
 
 _Slack = list[tuple[Suspect, Parameter]]
@@ -165,10 +214,8 @@ def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
     return replace(study, channels=channels, episodes=(episode,))
 
 
-def _separation(
-    system: System, study: Study, fits: Sequence[Fit], weights: Array, slack: _Slack
-) -> float:
-    """Expected distance of the likeliest rival from the others [noise].
+def _separations(system: System, study: Study, fits: Sequence[Fit], slack: _Slack) -> Array:
+    """Distance of each other rival from the likeliest (k - 1,) [noise]; 0 where a replay fails.
 
     The others' parameters adapt, and so does what every drawing is off by, at the price of its
     tolerance.
@@ -184,8 +231,8 @@ def _separation(
         * (p.tolerance / abs(STEP * p.scale))
         for suspect, p in slack
     ]
-    total, mass = 0.0, 0.0
-    for fit, weight in zip(fits[1:], weights[1:], strict=True):
+    distances = []
+    for fit in fits[1:]:
         other = predict(fit.hypothesis)
         slopes = [
             (predict(at(fit.hypothesis, fit.theta + STEP * axis)) - other) / STEP
@@ -193,9 +240,9 @@ def _separation(
         ]
         columns, gap = np.column_stack([*slopes, *off]), first - other
         if not (np.all(np.isfinite(gap)) and np.all(np.isfinite(columns))):
-            return 0.0
+            return np.zeros(len(fits) - 1)
         price = np.diag(np.r_[np.zeros(len(slopes)), np.ones(len(off))])
         matrix, right = np.vstack([columns, price]), np.r_[gap, np.zeros(len(price))]
         left = right - matrix @ np.linalg.lstsq(matrix, right, rcond=None)[0]
-        total, mass = total + weight * float(np.linalg.norm(left)), mass + weight
-    return total / max(mass, 1e-12)
+        distances.append(float(np.linalg.norm(left)))
+    return np.array(distances)

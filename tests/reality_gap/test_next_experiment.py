@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.next_experiment import PERIOD, SECONDS, motions
+from reality_gap.next_experiment import PERIOD, SECONDS, halves, motions
 from reality_gap.study import Channel, Episode, Reading, Study
 
 TIME = np.arange(0.0, 4.0, 0.02)
@@ -60,3 +60,34 @@ def test_an_actuator_that_never_moved_stays_where_it_was() -> None:
 
     for motion in motions(study(still)):
         np.testing.assert_array_equal(motion.command[:, 1], 7.0)
+
+
+@pytest.mark.parametrize(
+    ("chances", "distances", "expected"),
+    [
+        ([0.6, 0.4], [8.0], True),
+        ([0.6, 0.4], [1.0], False),
+        ([0.6, 0.2, 0.2], [8.0, 8.0], True),
+        ([0.6, 0.2, 0.2], [8.0, 1.0], False),  # one rival stays as near as it is
+        ([1.0, 0.0], [0.0], True),  # no doubt is left to halve
+    ],
+)
+def test_an_experiment_has_to_promise_half_the_doubt(
+    chances: list[float], distances: list[float], expected: bool
+) -> None:
+    assert halves(np.array(chances), np.array(distances)) is expected
+
+
+def liveliness(time: np.ndarray, command: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((np.diff(command, axis=0) / np.diff(time)[:, None]) ** 2)))
+
+
+def test_no_motion_is_livelier_than_the_study_as_a_whole() -> None:
+    """The study swings for a second and rests for three; reversals all the time are gentler."""
+    known = swings(1.0)
+    known[TIME > 1.0] = known[0]
+
+    for motion in motions(study(known)):
+        time = PERIOD * np.arange(len(motion.command))
+
+        assert liveliness(time, motion.command) < 1.1 * liveliness(TIME, known), motion.title
