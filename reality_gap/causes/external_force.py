@@ -1,37 +1,53 @@
 """A push from outside on the last body of a limb, for a while.
 
 The force is constant in the world frame, acts on the body's centre of mass, and comes and goes
-over about 0.1 s. The time counts over all episodes laid end to end.
+over about 0.1 s. It comes once, at a time that counts over all episodes laid end to end, or in each
+episode at the same time from its begin, as where the machine passes something that it touches.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Values
 from reality_gap.causes import links, sizes
 from reality_gap.system import System
 
+Array = NDArray[np.float64]
+
 EDGE = 0.025
 """Time constant of a push's begin and end [s]."""
 
-STARTS = 24
-"""At most as many begins to start a fit from, else one a second."""
+STARTS = 48
+"""At most as many begins to start a fit from, else two a second."""
+EACH = "in each episode"
+"""Note of a place that is pushed again and again."""
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    found = (links.link(system, root).heaviest for root in links.ends(system))
-    return tuple(Place("body", (name,)) for name in found if name)
+    found = [links.link(system, root).heaviest for root in links.ends(system)]
+    notes = ("", EACH) if len(system.study.episodes) > 1 else ("",)
+    return tuple(Place("body", (name,), note) for name in found if name for note in notes)
+
+
+def _durations(system: System, place: Place) -> list[float]:
+    """Of what the times of a push count in [s]: each episode, or all of them as one."""
+    if place.note == EACH:
+        return [episode.duration for episode in system.study.episodes]
+    return [sizes.study_duration(system)]
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    total = sizes.study_duration(system)
-    count = min(STARTS, max(1, round(total)))
+    total = max(_durations(system, place))
+    count = min(STARTS, max(1, round(2 * total)))
     starts = tuple(total * (i + 0.25) / count for i in range(count))
-    while_ = max(0.5, 0.75 * total / count)
+    while_ = max(0.4, 0.75 * total / count)
     return (
         *(Parameter(axis, "N", 5.0, 0.0, -200.0, 200.0) for axis in ("x", "y", "z")),
         Parameter("start", "s", 0.2, 0.0, 0.0, total, null=starts[0], starts=starts),
@@ -43,14 +59,35 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
     force = np.array([values["x"], values["y"], values["z"]])
     if not force.any():
         return
-    begin, end = values["start"], values["start"] + values["duration"]
-    body = system.model.body(place.elements[0]).name
+    body, origin = system.model.body(place.elements[0]).name, 0.0
+    for duration in _durations(system, place):
+        begin = origin + values["start"]
+        end = begin + values["duration"]
+        hook = _Push(body, force, begin, end)
+        first, last = begin - 15 * EDGE, end + 15 * EDGE
+        if place.note == EACH:
+            first, last = max(first, origin), min(last, origin + duration)
+        effects.act(partial(_always, hook), first, last)
+        origin += duration
 
-    def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        rise = math.tanh((data.time - begin) / EDGE) - math.tanh((data.time - end) / EDGE)
-        data.xfrc_applied[model.body(body).id, :3] += 0.5 * rise * force
 
-    effects.act(lambda model: push, begin - 15 * EDGE, end + 15 * EDGE)
+def _always(push: _Push, model: mujoco.MjModel) -> _Push:
+    return push
+
+
+@dataclass(frozen=True)
+class _Push:
+    """A force (3,) [N] on a body from begin to end [s]."""
+
+    body: str
+    force: Array
+    begin: float
+    end: float
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        since, left = (data.time - self.begin) / EDGE, (data.time - self.end) / EDGE
+        share = 0.5 * (math.tanh(since) - math.tanh(left))
+        data.xfrc_applied[model.body(self.body).id, :3] += share * self.force
 
 
 CAUSE = Cause(
