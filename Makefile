@@ -7,6 +7,7 @@ PY := $(VENV)/bin/python
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 INSTALLED := $(VENV)/.installed
 RENDERS := $(VENV)/.renders
+PARALLEL := -n auto --maxprocesses 4 --dist worksteal
 PACKAGES := kengoro_env jmm_agent reality_gap hidden_plants experiments benchmarks
 
 .PHONY: demo test test-all check clean
@@ -15,10 +16,10 @@ demo: $(INSTALLED) $(RENDERS)
 	$(PY) -m experiments can-grasping --seeds 100-100 --out out/can-grasping
 
 test: $(INSTALLED) $(RENDERS)
-	$(PY) -m pytest -m "not slow"
+	$(PY) -m pytest -m "not slow" $(PARALLEL)
 
 test-all: $(INSTALLED) $(RENDERS)
-	$(PY) -m pytest
+	$(PY) -m pytest $(PARALLEL)
 
 check: $(INSTALLED)
 	$(PY) -m ruff check .

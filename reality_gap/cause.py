@@ -183,6 +183,8 @@ class Cause:
         attach: adds the rest to the effects beside the model.
         fine: whether simpler causes at the same wire or joint promise something where this one
             acts, so that in a machine of many wires it is looked at there only.
+        event: whether it comes from outside at a time of its own; what the machine's own posture
+            explains nearly as well is none.
     """
 
     id: str
@@ -193,3 +195,4 @@ class Cause:
     edit: Callable[[mujoco.MjSpec, System, Place, Values], None] | None = None
     attach: Callable[[Effects, System, Place, Values], None] | None = None
     fine: bool = False
+    event: bool = False

@@ -50,6 +50,7 @@ class Options:
         unexplained: share of what could be learned of the gap that may remain, at most.
         certain: what a learner must find in the remainder to call it unexplained [nats].
         better: by how much a learner must beat the causes without them [nats].
+        by_chance: share of an event's evidence that a learner who knows no time may have, at most.
         worse: RMS on the report split that named causes may leave beside tolerances, though it was
             less without them [noise].
         tolerance: how much more than usual an honest drawing of this machine may be off.
@@ -65,6 +66,7 @@ class Options:
     unexplained: float = 0.15
     certain: float = 6.0
     better: float = 6.0
+    by_chance: float = 0.5
     worse: float = 1.2
     tolerance: float = 1.0
     visible: float = 3.0
@@ -213,7 +215,10 @@ def decide(result: Search, left: Remainder, options: Options) -> Verdict:
     much = left.learned.evidence > max(options.certain, options.unexplained * named)
     better = left.instead.evidence > named + options.better
     worse = left.after > max(left.before, options.worse)
-    return Verdict.UNEXPLAINED if much or better or worse else Verdict.NAMED
+    # A stop that the machine runs into in each episode looks like a push.
+    events = all(suspect.cause.event for suspect in result.best.suspects)
+    no_event = events and left.instead.evidence > options.by_chance * named
+    return Verdict.UNEXPLAINED if much or better or worse or no_event else Verdict.NAMED
 
 
 def _name(

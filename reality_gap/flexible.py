@@ -33,6 +33,8 @@ WAVES = 28
 """Half waves over the range of a joint, at most."""
 BUMPS = 8
 """Places along the range where the direction of motion may matter."""
+EDGES = (0.8, 0.9, 0.96)
+"""Shares of the range from which on something may be in the way, from either end."""
 PITCH = 0.003
 """Shortest wave over a wire's length [m]."""
 MOST = 200
@@ -180,7 +182,10 @@ def _travel(records: Sequence[Record], joint: str) -> float:
 
 
 def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[Array]]:
-    """Series of torque by episode [N m or N]: waves, and bumps by direction of motion."""
+    """Series of torque by episode [N m or N].
+
+    Waves, what grows from somewhere near an end of the range on, and bumps by direction of motion.
+    """
     model = records[0].model
     at, dof = model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]
     position = [r.qpos[:, at] for r in records]
@@ -192,6 +197,9 @@ def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[A
     found = []
     for m in range(1, waves + 1):
         found.append([np.cos(np.pi * m * x) for x in phase])
+    for edge in EDGES:
+        found.append([np.maximum(0.0, x - edge) for x in phase])
+        found.append([np.maximum(0.0, (1.0 - edge) - x) for x in phase])
     count = max(2, BUMPS * waves // WAVES)
     for centre in (np.arange(count) + 0.5) / count:
         bump = [np.exp(-0.5 * ((x - centre) * count) ** 2) for x in phase]

@@ -97,4 +97,5 @@ CAUSE = Cause(
     places=_places,
     parameters=_parameters,
     attach=_attach,
+    event=True,
 )

@@ -17,9 +17,11 @@ def decided(
     instead: float = 0.0,
     before: float = 5.0,
     after: float = 1.0,
+    events: tuple[bool, ...] = (False,),
 ) -> Verdict:
     """For causes of this evidence, or none; what could be learned beside and instead [nats]."""
-    best = None if evidence is None else SimpleNamespace(evidence=evidence)
+    suspects = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
+    best = None if evidence is None else SimpleNamespace(evidence=evidence, suspects=suspects)
     result: Any = SimpleNamespace(best=best)
     left: Any = SimpleNamespace(
         learned=SimpleNamespace(evidence=learned),
@@ -75,3 +77,18 @@ def test_a_name_must_hold_where_it_was_not_fitted(
     before: float, after: float, expected: Verdict
 ) -> None:
     assert decided(1000.0, before=before, after=after) is expected
+
+
+@pytest.mark.parametrize(
+    ("events", "instead", "expected"),
+    [
+        ((True,), 22.0, Verdict.NAMED),
+        ((True,), 82.0, Verdict.UNEXPLAINED),  # a hard stop, touched in each episode
+        ((False,), 82.0, Verdict.NAMED),
+        ((True, False), 82.0, Verdict.NAMED),  # the learner explains the other one
+    ],
+)
+def test_what_the_posture_explains_nearly_as_well_is_no_event(
+    events: tuple[bool, ...], instead: float, expected: Verdict
+) -> None:
+    assert decided(100.0, instead=instead, events=events) is expected
