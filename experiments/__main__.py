@@ -24,6 +24,7 @@ RUNNERS = {
     "record": ("experiments.record", "a log of a robot that moves, as a study for reality_gap"),
     "emps": ("experiments.emps", "a measured drive: what a mass alone gets wrong of its force"),
     "davinci": ("experiments.davinci", "a measured cable drive: what its transmission does"),
+    "remote-robot": ("experiments.remote_robot", "an agent drives a robot in another process"),
     "learnability": ("experiments.learnability", "what can be learned, from what, and the floor"),
 }
 """Module and one line for each experiment."""

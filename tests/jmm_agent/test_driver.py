@@ -1,0 +1,79 @@
+"""The loop between an agent and whatever robot it drives."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from jmm_agent.agent import Agent, Senses
+from jmm_agent.driver import drive
+from jmm_agent.errors import AgentError
+
+
+class Robot:
+    """Counts; its clock began long ago."""
+
+    def __init__(self) -> None:
+        self.time, self.commands, self.stopped = 1000.0, list[np.ndarray](), 0
+
+    def read(self) -> Senses:
+        self.time += 0.02
+        return Senses(self.time, np.full(2, self.time), np.zeros(2))
+
+    def write(self, target_lengths: np.ndarray) -> None:
+        self.commands.append(target_lengths)
+
+    def stop(self) -> None:
+        self.stopped += 1
+
+
+class Mind:
+    """Answers with what it felt; falls over when told to."""
+
+    def __init__(self, falls_at: float = np.inf) -> None:
+        self.falls_at = falls_at
+
+    def step(self, senses: Senses) -> np.ndarray:
+        if senses.time > self.falls_at:
+            raise AgentError("Agent: lengths must be finite.")
+        return senses.lengths + 1.0
+
+
+def driven(mind: Mind, robot: Robot, **more: Any) -> None:
+    drive(cast(Agent, mind), robot, 0.1, **more)
+
+
+def test_every_reading_is_answered_for_as_long_as_asked() -> None:
+    robot, seen = Robot(), list[float]()
+
+    driven(Mind(), robot, watch=lambda senses, targets: seen.append(senses.time))
+
+    assert seen == pytest.approx(1000.02 + 0.02 * np.arange(6))
+    np.testing.assert_array_equal([c[0] - 1.0 for c in robot.commands], seen)
+    assert robot.stopped == 0
+
+
+def test_it_goes_on_where_it_was() -> None:
+    robot = Robot()
+
+    driven(Mind(), robot)
+    driven(Mind(), robot)
+
+    assert len(robot.commands) == 12
+
+
+@pytest.mark.parametrize("by", ["mind", "watcher"])
+def test_the_robot_is_stopped_when_anything_goes_wrong(by: str) -> None:
+    robot = Robot()
+    mind = Mind(falls_at=1000.07 if by == "mind" else np.inf)
+
+    def watch(senses: Senses, targets: np.ndarray) -> None:
+        if by == "watcher" and senses.time > 1000.07:
+            raise KeyboardInterrupt
+
+    with pytest.raises((AgentError, KeyboardInterrupt)):
+        driven(mind, robot, watch=watch)
+
+    assert robot.stopped == 1
