@@ -57,7 +57,7 @@ CAUSES = (
 )
 """What a cable drive on a bench may have; masses and cameras it has not."""
 
-OPTIONS = Options(search=Settings(share=0.01, most=6, refits=5), unexplained=1.0, suggest=False)
+OPTIONS = Options(search=Settings(most=6, refits=5), unexplained=1.0, suggest=False)
 """Several causes are there at once, the weakest a hundredth of the evidence; and what remains,
 which the ladder shows, is no reason to name none."""
 

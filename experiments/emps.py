@@ -49,7 +49,7 @@ DIRECTION, SPRING = "direction_dependent_friction", "joint_stiffness"
 
 TEXTBOOK = [cause for name, cause in CATALOGUE.items() if name != DIRECTION]
 
-OPTIONS = Options(search=Settings(share=0.002, most=4), unexplained=1.0, suggest=False)
+OPTIONS = Options(search=Settings(most=4), unexplained=1.0, suggest=False)
 """The offset is a twentieth of the force, so that a cause may add little to the evidence; and what
 remains, a few per cent, is no reason to name none."""
 

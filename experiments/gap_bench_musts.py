@@ -202,8 +202,11 @@ def _after(single: Sequence[Trial]) -> list[Row]:
         before, after = entropy(t), entropy({**t["followup"], "truth": t["truth"]})
         halved.append(before is not None and after is not None and after <= 0.5 * before)
     then = (said(t["followup"]) == truth(t) for t in done)
+    doubts = [t for t in single if (entropy(t) or 0.0) > AMBIGUOUS]
+    advised = (t["followup"] is not None for t in doubts)
     return [
+        share(f"an experiment is advised where entropy > {AMBIGUOUS:g} nats", advised),
         share("entropy halved by the suggested experiment", halved, least=80.0),
-        share(f"right first where entropy > {AMBIGUOUS:g} nats", map(right_first, done)),
-        share("... after the suggested experiment", then),
+        share("right first before the suggested experiment", map(right_first, done)),
+        share("... after it", then),
     ]

@@ -224,10 +224,10 @@ def decide(result: Search, left: Remainder, options: Options) -> Verdict:
 def _name(
     bench: Workbench, result: Search, rivals: Sequence[Alternatives]
 ) -> tuple[NamedCause, ...]:
-    """Causes of the best hypothesis with intervals, the most certain first."""
+    """Causes of the best hypothesis with intervals, the one that explains most first."""
     assert result.best is not None
     estimates = intervals(bench, result.best, result.ruler.learn)
-    named = []
+    named = list[tuple[float, NamedCause]]()
     for place, numbers in zip(rivals, estimates, strict=True):
         # The best hypothesis keeps its causes' order; others have the newcomer last.
         right = [
@@ -239,8 +239,9 @@ def _name(
         name = place.suspect.cause.id
         ids = dict.fromkeys(s.cause.id for s in place.equivalent if s.cause.id != name)
         elsewhere = tuple(s.place for s in place.equivalent if s.cause.id == name)
-        named.append(NamedCause(place.suspect, numbers, confidence, tuple(ids), elsewhere))
-    return tuple(sorted(named, key=lambda cause: -cause.confidence))
+        cause = NamedCause(place.suspect, numbers, confidence, tuple(ids), elsewhere)
+        named.append((place.own, cause))
+    return tuple(cause for _, cause in sorted(named, key=lambda item: -item[0]))
 
 
 def _rivals(result: Search, places: Sequence[Alternatives], null: Array) -> tuple[Rival, ...]:

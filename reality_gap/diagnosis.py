@@ -139,8 +139,8 @@ class Experiment:
     Attributes:
         title, sentence: for people: what to do, and which rivals it separates.
         time, command: (n,) [s], (n, nu), within the range of what was commanded in the study.
-        separation: expected distance between the two likeliest rivals on it [standard deviations
-            of the noise], and ``separation_before``: on the data at hand.
+        separation: mean distance of the others from the likeliest rival on it, as likely as they
+            are [standard deviations of the noise], and ``separation_before``: on the data at hand.
     """
 
     title: str
@@ -158,7 +158,7 @@ class Diagnosis:
     Attributes:
         study: its name.
         verdict: see `Verdict`; ``sentence`` says it to people, with advice.
-        causes: the most certain first; empty unless the verdict is "named".
+        causes: the one that explains most first; empty unless the verdict is "named".
         rivals: every suspect that was fitted, best first in each step.
         rms_before, rms_after, noise_floor: RMS of the whitened residual on the report split.
         gain: None when before is not surely above the floor.

@@ -32,6 +32,7 @@ class Alternatives:
         tried: fits with the suspect or another in its place, best first.
         confidence: probability of each of ``tried``.
         evidence: of each over the hypothesis without (k,) [nats].
+        own: the same of the cause itself.
         equivalent: who predicts the same to within the noise, and may well be the one.
     """
 
@@ -39,6 +40,7 @@ class Alternatives:
     tried: tuple[Fit, ...]
     confidence: Array
     evidence: Array
+    own: float
     equivalent: tuple[Suspect, ...]
 
 
@@ -74,7 +76,8 @@ def alternatives(
         chances = probabilities(floor, fits)
         more = np.array([f.evidence for f in fits]) - floor
         alike = _equivalent(best, fits, chances)
-        everyone.append(Alternatives(suspect, fits, chances, more, alike))
+        own = again(rule, best).evidence - floor
+        everyone.append(Alternatives(suspect, fits, chances, more, own, alike))
     return tuple(everyone)
 
 

@@ -240,7 +240,8 @@ def _separations(system: System, study: Study, fits: Sequence[Fit], slack: _Slac
         ]
         columns, gap = np.column_stack([*slopes, *off]), first - other
         if not (np.all(np.isfinite(gap)) and np.all(np.isfinite(columns))):
-            return np.zeros(len(fits) - 1)
+            distances.append(0.0)
+            continue
         price = np.diag(np.r_[np.zeros(len(slopes)), np.ones(len(off))])
         matrix, right = np.vstack([columns, price]), np.r_[gap, np.zeros(len(price))]
         left = right - matrix @ np.linalg.lstsq(matrix, right, rcond=None)[0]

@@ -24,8 +24,10 @@ PROMISE = 3.0
 
 KEPT = 0.5
 """Share of what a line through small faults promises that a start must keep."""
-OTHER_SIZES = (2.0, 0.5, 0.2, 0.05)
-"""Sizes that are tried if it does not."""
+TWICE = 2.0
+"""The size that is tried beside it: what sticks may be far larger than its slope tells."""
+OTHER_SIZES = (4.0, 0.5, 0.2, 0.05)
+"""Sizes that are tried if it keeps less, or if twice is better."""
 WORTH = 0.4
 """Share of the best evidence from which on other sizes of a suspect are tried."""
 SWAP = 1.0
@@ -40,7 +42,8 @@ class Settings:
         refits, more_refits: how many suspects are fitted fully in the first step, in later ones.
         threshold: evidence that the first cause needs [nats].
         further: evidence that each further cause needs [nats].
-        share: of the evidence so far that each further cause must add.
+        root: of the evidence so far; so many of it each further cause must add. What the right name
+            leaves over, as its form is not quite right, grows with it.
         most: number of causes at most.
     """
 
@@ -48,7 +51,7 @@ class Settings:
     more_refits: int = 5
     threshold: float = 5.0
     further: float = 12.0
-    share: float = 0.02
+    root: float = 0.5
     most: int = 3
 
 
@@ -130,7 +133,7 @@ def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
     if base is None:
         return best.evidence > settings.threshold
     more = best.evidence - base.evidence
-    return more > max(settings.further, settings.share * base.evidence)
+    return more > max(settings.further, settings.root * base.evidence**0.5)
 
 
 def again(rule: Ruler, old: Fit) -> Fit:
@@ -199,18 +202,17 @@ def _start(
 
     before = cost(residual)
     promise = before - cost(residual - sensitivity.columns @ theta)
-    best, least = of_size(1.0), before - KEPT * promise
-    [there] = yield [best]
-    if cost(np.nan_to_num(there, nan=np.inf)) < least:
-        return best
+    first, least = [of_size(1.0), of_size(TWICE)], before - KEPT * promise
+    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in (yield first)]
+    if costs[0] < min(least, costs[1]):
+        return first[0]
     trials = [of_size(size) for size in OTHER_SIZES]
     if len(sensitivity.suspect.parameters) == 1:
         lone = sensitivity.suspect.parameters[0]
         others = (*lone.starts, *lone.secants)
         trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in others]
-    found = yield trials
-    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in (there, *found)]
-    return [best, *trials][int(np.argmin(costs))]
+    costs += [cost(np.nan_to_num(r, nan=np.inf)) for r in (yield trials)]
+    return [*first, *trials][int(np.argmin(costs))]
 
 
 def _slopes(sensitivity: Sensitivity) -> Array:

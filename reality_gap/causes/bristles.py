@@ -110,9 +110,11 @@ class Brakes:
 
     def __init__(self, model: mujoco.MjModel, system: System, cause: str, place: Place) -> None:
         self._bristles: list[tuple[Extra, Array]] = []
+        self._bend: NDArray[np.int64] | None = None
         if possible(system):
             names = [_name(cause, place, element) for element in place.elements]
             at = np.array([model.actuator(name).id for name in names])
+            self._bend = model.actuator_actadr[at]
             self._levels = [Extra(model.actuator_biasprm[:, k], at) for k in (SLIDING, RESTING)]
             for k in (STIFFNESS, DAMPING):
                 cells = Extra(model.actuator_dynprm[:, k], at)
@@ -123,6 +125,21 @@ class Brakes:
         else:
             at = np.array([model.joint(name).dofadr[0] for name in place.elements])
             self._levels = [Extra(model.dof_frictionloss, at)]
+
+    def ways(self, data: mujoco.MjData, velocity: Array, creep: float) -> Array:
+        """Which way each element slides, or slid before it came to rest (k,), -1 to 1.
+
+        A wire at rest still hangs on bristles that are bent the way it came. Where there are none,
+        only the velocity tells.
+
+        Args:
+            data: the state.
+            velocity: of the elements (k,).
+            creep: velocity at which the way counts as clear.
+        """
+        if self._bend is not None:
+            return np.sign(data.act[self._bend])
+        return np.tanh(velocity / creep)
 
     def press(self, force: float, factor: float | Array) -> None:
         """Press bristles that were given ``force`` [N] so many times harder, one number or (k,)."""

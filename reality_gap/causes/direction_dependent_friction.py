@@ -1,9 +1,9 @@
 """Friction that depends on the direction of the motion: of a wire, or of a joint such as a screw's.
 
-The size of the dry friction (and, of joints, of the viscous one) changes with the sign of the
-velocity, over a velocity so low that the replay stays smooth. Forward is the way in which a wire
-gets longer, or the joint's position grows. MuJoCo's frictions know no direction: the model gets
-their mean, and a hook adds what the direction changes.
+The size of the dry friction (and, of joints, of the viscous one) changes with the direction of the
+motion; at rest, the dry one's with the direction in which its bristles are bent. Forward is the way
+in which a wire gets longer, or the joint's position grows. MuJoCo's frictions know no direction:
+the model gets their mean, and a hook adds what the direction changes.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ def _on_wire(model: mujoco.MjModel, system: System, place: Place, values: Values
 
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if brakes is not None:
-            brakes.press(mean, 1 + more / mean * math.tanh(data.ten_velocity[wire] / creep))
+            way = brakes.ways(data, data.ten_velocity[[wire]], creep)
+            brakes.press(mean, 1 + more / mean * way)
 
     return hook
 
@@ -87,10 +88,10 @@ def _on_joint(model: mujoco.MjModel, system: System, place: Place, values: Value
     damping, creep = Extra(model.dof_damping, dof), CREEP * sizes.joint_speed(system, place)
 
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        way = math.tanh(data.qvel[dof] / creep)
         if brakes is not None:
+            way = brakes.ways(data, data.qvel[[dof]], creep)
             brakes.press(mean, 1 + more / mean * way)
-        damping.write(drag * way)
+        damping.write(drag * math.tanh(data.qvel[dof] / creep))
 
     return hook
 

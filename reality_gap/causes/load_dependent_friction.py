@@ -81,7 +81,7 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
                 friction.press(mu * USUAL, tension / USUAL)
                 return
             angle = mu * bends.angle(data)
-            outward = np.tanh(data.ten_velocity[tendons] / CREEP)
+            outward = friction.ways(data, data.ten_velocity[tendons], CREEP)
             share = np.sinh(angle) + outward * (np.cosh(angle) - 1)
             friction.press(mu * USUAL, share * tension / (mu * USUAL))
 

@@ -234,7 +234,10 @@ def test_a_doubt_that_an_experiment_ends_is_counted() -> None:
     sure = [[0, "coulomb_friction", ["biceps"], 1.0, 1.0]]
     ended = made(named=(FRICTION,), rivals=torn, followup=made(named=(FRICTION,), rivals=sure))
     lasting = made(named=(FRICTION,), rivals=torn, followup=made(named=(FRICTION,), rivals=torn))
-    rows = {row.name: row for row in musts([ended, lasting])}
+    hopeless, clear = made(named=(FRICTION,), rivals=torn), made(named=(FRICTION,), rivals=sure)
+    rows = {row.name: row for row in musts([ended, lasting, hopeless, clear])}
+    advised = rows["an experiment is advised where entropy > 0.1 nats"]
+    assert (advised.cases, advised.value) == (3, pytest.approx(200 / 3))
     assert rows["entropy halved by the suggested experiment"].value == pytest.approx(50.0)
 
 

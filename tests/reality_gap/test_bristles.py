@@ -11,7 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.cause import Place
-from reality_gap.causes import bristles
+from reality_gap.causes import CATALOGUE, bristles
+from reality_gap.plant import Suspect, build
+from reality_gap.simulation import Task, compile_with_probes, simulate
 from reality_gap.study import Channel, Episode, Reading, Study
 from reality_gap.system import System, look_at
 
@@ -249,6 +251,28 @@ def test_elements_are_pressed_each_by_itself(tmp_path: Path) -> None:
     load = ramp(0.0, 2.25 * LEVEL)
     # Both bend alike, for their stiffness grows with their level: together, 2.5 times one's.
     np.testing.assert_allclose(pull(model, load)[-1], law(load[-1] / 2.5), rtol=0.05)
+
+
+@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+def test_at_rest_it_holds_as_in_the_direction_that_it_came(tmp_path: Path, place: Place) -> None:
+    """Friction of 6 N forward and 2 N backward; the car slides, and comes to rest under a load."""
+    system = car(tmp_path)
+    cause = CATALOGUE["direction_dependent_friction"]
+    suspect = Suspect(cause, place, cause.parameters(system, place))
+    values = suspect.nulls() | {"forward": 6.0, "backward": 2.0, "presliding": BEND}
+
+    def position(*corners: float) -> Array:
+        plant = build(system, [(suspect, values)])
+        plant.spec.joint("rail").frictionloss = 0.0
+        task = Task(0.0, ramp(*corners)[:, None], {}, 0.0)
+        model = compile_with_probes(plant.spec, fuse=False)
+        return simulate(model, task, plant.effects.hooks).qpos[:, 0]
+
+    forward, backward = position(0.0, 9.0, 5.4, 5.4), position(0.0, -3.0, -1.8, -1.8)
+    for found, slid in ((forward, 0.05), (backward, -0.02)):
+        assert found[8000] / slid > 1.0
+        assert np.ptp(found[-4000:]) < 0.02 * BEND  # more than the mean of both, forward
+    assert np.ptp(position(0.0, -3.0, -2.4, -2.4)[-4000:]) > 0.02  # less than that, backward
 
 
 @pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])

@@ -222,9 +222,8 @@ def test_a_heavier_link_turns_about_the_same_centre(tmp_path: Path, compiler: st
     system = system_of(path)
     drawn = at(system.model)
     rigid = float(system.model.body("jib").mass[0] + system.model.body("tip").mass[0])
-    model = plant_with(
-        system, "link_mass", Place("body", ("jib",)), mass=0.3 * rigid
-    ).spec.compile()
+    link = Place("body", ("jib",))
+    model = plant_with(system, "link_mass", link, mass=0.3 * rigid).spec.compile()
     found = at(model)
     assert model.body("tassel").mass == pytest.approx(system.model.body("tassel").mass)
     for name in ("jib", "tip"):
@@ -236,6 +235,16 @@ def test_a_heavier_link_turns_about_the_same_centre(tmp_path: Path, compiler: st
     assert moved.body_mass == pytest.approx(system.model.body_mass)
 
 
+def test_a_part_of_a_link_is_heavier_alone(elbow: System) -> None:
+    model = plant_with(
+        elbow, "link_mass", Place("body", ("hand",), "alone"), mass=0.2
+    ).spec.compile()
+    change = model.body_mass - elbow.model.body_mass
+    assert change[model.body("hand").id] == pytest.approx(0.2)
+    assert np.count_nonzero(change) == 1
+    assert at(model).body("hand").xipos == pytest.approx(at(elbow.model).body("hand").xipos)
+
+
 def centre(data: mujoco.MjData, model: mujoco.MjModel) -> Array:
     """Centre of mass of the crane's jib with its tip (3,) [m]."""
     bodies = [model.body(name).id for name in ("jib", "tip")]
@@ -243,10 +252,18 @@ def centre(data: mujoco.MjData, model: mujoco.MjModel) -> Array:
 
 
 def test_links_are_what_moves_as_one(crane: System, elbow: System, arm: System) -> None:
-    assert [p.elements for p in cause("link_mass").places(crane)] == [("jib",), ("tassel",)]
-    assert [p.elements for p in cause("link_mass").places(elbow)] == [("ulna",)]
-    links = [p.elements[0] for p in cause("link_mass").places(arm)]
-    assert links == ["head", "clavicle", "scapula", "humerus", "ulna", "radius", "hand"]
+    def places(id: str, system: System) -> list[str]:
+        return [str(p) for p in cause(id).places(system)]
+
+    assert places("link_mass", crane) == ["jib", "jib (alone)", "tip (alone)", "tassel"]
+    assert places("link_mass", elbow) == [
+        "ulna",
+        "ulna (alone)",
+        "radius (alone)",
+        "hand (alone)",
+    ]
+    whole = ["head", "clavicle", "scapula", "humerus", "ulna", "radius", "hand"]
+    assert places("centre_of_mass", arm) == whole
 
 
 def test_a_payload_hangs_in_the_hand(tmp_path: Path, crane: System, arm: System) -> None:

@@ -223,6 +223,24 @@ def test_where_a_line_promises_too_much_the_start_is_smaller(tmp_path: Path) -> 
     assert best.evidence > 1000.0
 
 
+def test_what_sticks_at_small_sizes_is_tried_at_large_ones(tmp_path: Path) -> None:
+    """From where the line leads, the next step up is worse: the nearest minimum is a wrong one."""
+
+    def sticking(size: float) -> float:
+        return float(
+            np.interp(size, [0.0, 1.0, 2.0, 3.0, 6.0, 10.0], [0.0, 1.0, 1.2, 1.1, 2.0, 3.0])
+        )
+
+    sticks = suspect("sticks", SHAPES[:, 0], answer=sticking, low=0.0)
+    case = Case(tmp_path, 2.0 * SHAPES[:, 0], [sticks])
+    near = fit(case.bench, [(sticks, {"size": 2.0})], case.rule.learn, case.null)
+
+    best = case.next()[0]
+
+    assert near.hypothesis[0][1]["size"] == pytest.approx(2.0, abs=0.2)
+    assert size_of(best, "sticks") == pytest.approx(6.0, abs=1.0)
+
+
 def test_where_a_large_start_diverges_a_smaller_one_is_tried(tmp_path: Path) -> None:
     """A little larger than the truth, the replay breaks down; a line leads beyond that."""
     brittle = suspect(
@@ -288,16 +306,16 @@ def test_no_more_causes_than_the_most(tmp_path: Path) -> None:
     ("settings", "expected"),
     [
         (Settings(), ["a"]),
-        (Settings(share=0.0), ["a", "b"]),
-        (Settings(share=0.0, further=1000.0), ["a"]),
+        (Settings(root=0.0), ["a", "b"]),
+        (Settings(root=0.0, further=1000.0), ["a"]),
         (Settings(threshold=1e6), []),
     ],
 )
 def test_what_adds_little_to_much_is_not_accepted(
     tmp_path: Path, settings: Settings, expected: list[str]
 ) -> None:
-    """600 readings: the first explains 600 * 2.5^2 / 2 nats, the second 600 * 0.3^2 / 2."""
-    case = Case(tmp_path, 2.5 * SHAPES[:, 0] + 0.3 * SHAPES[:, 1], crowd(2))
+    """600 readings: the first explains 600 * 5^2 / 2 nats, the second 600 * 0.3^2 / 2."""
+    case = Case(tmp_path, 5.0 * SHAPES[:, 0] + 0.3 * SHAPES[:, 1], crowd(2))
 
     assert ids(case.search(settings).best) == expected
 
@@ -345,6 +363,20 @@ def test_who_does_nearly_the_same_is_declared(
     assert {named.suspect.cause.id, *(s.cause.id for s in named.equivalent)} >= {"truth"}
     others = {"truth", "twin"} - {named.suspect.cause.id}
     assert sorted(s.cause.id for s in named.equivalent) == sorted(others if expected else [])
+
+
+def test_a_cause_has_for_its_own_what_the_others_cannot_explain(tmp_path: Path) -> None:
+    chosen = [suspect("weak", SHAPES[:, 0]), suspect("strong", SHAPES[:, 1])]
+    case = Case(tmp_path, 0.5 * SHAPES[:, 0] + 2.0 * SHAPES[:, 1], chosen)
+    found = case.search()
+    assert found.best is not None
+
+    named = {a.suspect.cause.id: a.own for a in alternatives(case.bench, found, Settings())}
+
+    alone = {one.cause.id: again(found.ruler, case.fit(one)).evidence for one in chosen}
+    assert named["weak"] == pytest.approx(found.best.evidence - alone["strong"], abs=0.5)
+    assert named["strong"] == pytest.approx(found.best.evidence - alone["weak"], abs=0.5)
+    assert named["strong"] > 5 * named["weak"]
 
 
 def test_the_likely_is_not_declared_if_it_predicts_something_else(tmp_path: Path) -> None:
