@@ -12,15 +12,18 @@ from kengoro_env import gl_backend
 gl_backend.choose()
 
 _ENTRY_POINT = "kengoro_env.env:KengoroEnv"
+_MANY = "kengoro_env.vector:KengoroVectorEnv"
 
 # 4 approaches of 15 s and 60 postures of 4 s, and as much again to look and to settle.
 gymnasium.register(
     "Kengoro/CanGrasp-v0", _ENTRY_POINT, max_episode_steps=20_000, kwargs={"task": "can_grasp"}
 )
 # 5 targets of 4 s.
-gymnasium.register(
-    "Kengoro/Posture-v0", _ENTRY_POINT, max_episode_steps=1000, kwargs={"task": "posture"}
-)
-gymnasium.register(
-    "Kengoro/Elbow-v0", _ENTRY_POINT, max_episode_steps=1000, kwargs={"task": "elbow"}
-)
+for _id, _task in (("Kengoro/Posture-v0", "posture"), ("Kengoro/Elbow-v0", "elbow")):
+    gymnasium.register(
+        _id,
+        _ENTRY_POINT,
+        max_episode_steps=1000,
+        kwargs={"task": _task},
+        vector_entry_point=_MANY,
+    )

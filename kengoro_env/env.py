@@ -84,6 +84,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     Attributes:
         robot: the simulated robot.
+        task: what is to be done with it.
+        bounds: of the wires' lengths.
         muscles, joints: names, in the order of (m,) and (n,) arrays.
 
     Raises:
@@ -105,8 +107,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise UnknownNameError("task", task, TASKS)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UnknownNameError("render_mode", render_mode, self.metadata["render_modes"])
-        self._task = TASKS[task]()
-        scene = asset_path(self._task.scene)
+        self.task = TASKS[task]()
+        scene = asset_path(self.task.scene)
         self.robot = robot = Robot(
             scene, chosen_departures(robot_seed, departures), gains, CONTROL_PERIOD
         )
@@ -115,12 +117,12 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._painter = Painter(robot.model)
         self._window: Any = None
         self._camera = None
-        if camera and not self._task.has_camera:
+        if camera and not self.task.has_camera:
             raise KengoroError(f"the task {task!r} has no camera: leave camera out or False")
-        if self._task.has_camera and camera is not False:
+        if self.task.has_camera and camera is not False:
             self._camera = HeadCamera(self._painter, robot.frame_delay)
-        self._bounds = length_bounds(scene)
-        self._entries = (*robot.muscles, "fingers") if self._task.fingers else robot.muscles
+        self.bounds = length_bounds(scene)
+        self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._entries),), dtype=np.float32)
         self.observation_space = self._make_observation_space()
         self._ended: str | None = "none has begun"
@@ -128,13 +130,13 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def _make_observation_space(self) -> spaces.Dict:
         muscles = (len(self.muscles),)
         entries: dict[str, spaces.Space[Any]] = {
-            "lengths": box(self._bounds.low, self._bounds.high, muscles),
+            "lengths": box(self.bounds.low, self.bounds.high, muscles),
             "tensions": box(0.0, TENSION_RANGE, muscles),
         }
         if self._camera is not None:
             entries["frame"] = spaces.Box(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
             entries["frame_time"] = box(0.0, LATEST, (1,))
-        if self._task.shows_target:
+        if self.task.shows_target:
             entries["target"] = box(self.robot.lower, self.robot.upper, (len(self.joints),))
         return spaces.Dict(entries)
 
@@ -146,14 +148,14 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             fingers: from -1 (open) to +1 (closed); only where there are fingers.
         """
         array = _finite("lengths", lengths, len(self.muscles))
-        action = self._bounds.to_action(array)
-        if self._task.fingers:
+        action = self.bounds.to_action(array)
+        if self.task.fingers:
             action = np.append(action, np.float32(fingers))
         return checked_action(action, self._entries).astype(np.float32)
 
     def action_to_lengths(self, action: object) -> Array:
         """The target lengths (m,) [m] that an action commands."""
-        return self._bounds.to_lengths(checked_action(action, self._entries)[: len(self.muscles)])
+        return self.bounds.to_lengths(checked_action(action, self._entries)[: len(self.muscles)])
 
     def set_stiffness(self, stiffness: object, bias: object) -> None:
         """Set K_stiff [N/m] and T_bias [N], each a number or (m,); until the next reset."""
@@ -161,9 +163,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def put_can_back(self) -> None:
         """Put the can back where it stood at the reset, as a person would (CanGrasp only)."""
-        if not isinstance(self._task, CanGrasp):
+        if not isinstance(self.task, CanGrasp):
             raise KengoroError("there is no can to put back: only CanGrasp has one")
-        self._task.tidy_up(self.robot)
+        self.task.tidy_up(self.robot)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -178,7 +180,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         super().reset(seed=seed)
         checked = self._checked_options(options or {})
         rng, noise = self.np_random.spawn(2)
-        self._task.start(self.robot, checked, rng, noise)
+        self.task.start(self.robot, checked, rng, noise)
         self._ended = None
         if self._camera is not None:
             self._camera.reset(self.robot.data)
@@ -188,7 +190,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         return self._last
 
     def _checked_options(self, options: Mapping[str, Any]) -> dict[str, Array]:
-        sizes = {"posture": None, **self._task.options}
+        sizes = {"posture": None, **self.task.options}
         checked = {}
         for name, value in options.items():
             if name not in sizes:
@@ -214,13 +216,13 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if self._ended is not None:
             raise KengoroError(f"there is no episode to step ({self._ended}): call reset")
         try:
-            self.robot.close_fingers(float(checked[-1]) if self._task.fingers else -1.0)
-            self.robot.step(self._bounds.to_lengths(checked[: len(self.muscles)]))
+            self.robot.close_fingers(float(checked[-1]) if self.task.fingers else -1.0)
+            self.robot.step(self.bounds.to_lengths(checked[: len(self.muscles)]))
         except DivergedError as error:
             self._ended = str(error)
             observation, info = deepcopy(self._last)
             return observation, 0.0, True, False, {**info, "success": False, "reason": str(error)}
-        outcome = self._task.judge(self.robot)
+        outcome = self.task.judge(self.robot)
         if self._camera is not None:
             self._camera.update(self.robot.data)
         self._ended = outcome.ended
@@ -232,7 +234,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         return observation, outcome.reward, outcome.ended is not None, False, info
 
     def _observe(self) -> Observation:
-        space, robot = self._bounds, self.robot
+        space, robot = self.bounds, self.robot
         observation: Observation = {
             "lengths": np.clip(robot.sense_lengths(), space.low, space.high),
             "tensions": np.minimum(robot.sense_tensions(), TENSION_RANGE),
@@ -241,8 +243,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             time, frame = self._camera.newest()
             observation["frame"] = frame
             observation["frame_time"] = np.array([min(time, LATEST)])
-        if self._task.shows_target:
-            observation["target"] = self._task.target()
+        if self.task.shows_target:
+            observation["target"] = self.task.target()
         return observation
 
     def _info(self, success: bool) -> dict[str, Any]:
@@ -255,7 +257,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             "time": robot.time,
             "slack_paid_out": paid_out,
             "slack_target": target,
-            **self._task.truth(robot),
+            **self.task.truth(robot),
         }
 
     def render(self) -> Image | None:

@@ -6,7 +6,9 @@ affine actuator of MuJoCo, cut at T_bias and T_max; it runs at the physics rate 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,11 +40,15 @@ DEFAULT_GAINS = Gains()
 
 
 class Motors:
-    """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles."""
+    """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles.
+
+    Of many robots at once (`of_many`) they have the robots as a leading axis.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, draft: Draft, gains: Gains):
         self.muscles = tuple(draft.wires)
-        self._model, self._data = model, data
+        self._model: Any = model
+        self._data: Any = data
         self._limit = gains.limit
         wires = list(draft.wires.values())
         self._tendon = np.array([model.tendon(name).id for name in self.muscles])
@@ -65,6 +71,19 @@ class Motors:
         self._lay_out()
         self.set_stiffness(gains.stiffness, gains.bias)
 
+    def of_many(self, count: int, model: Any, data: Any) -> Motors:
+        """These motors in ``count`` robots.
+
+        Args:
+            count: of robots.
+            model: has the arrays of an `MjModel` that motors write, with an axis of robots before.
+            data: the same of an `MjData`.
+        """
+        many = copy(self)
+        many._model, many._data = model, data
+        many._elongation = np.tile(self._elongation, (count, 1))
+        return many
+
     def _lay_out(self) -> None:
         """Choose each wire's length such that its spool's travel stays beyond the guide."""
         path = self.paths()
@@ -73,7 +92,8 @@ class Motors:
 
     def _write_slack_lengths(self) -> None:
         spooled = self._tendon[self._spooled]
-        self._model.tendon_lengthspring[spooled, 1] = (self._drum + self._elongation)[self._spooled]
+        longest = (self._drum + self._elongation)[..., self._spooled]
+        self._model.tendon_lengthspring[..., spooled, 1] = longest
 
     def set_stiffness(self, stiffness: object, bias: object) -> None:
         """Set K_stiff [N/m] and T_bias [N], each a number or (m,); `KengoroError` if not valid."""
@@ -106,17 +126,17 @@ class Motors:
 
     def paths(self) -> Array:
         """Lengths of the wires' paths from guide to end [m], true."""
-        lengths = self._data.ten_length[self._tendon]
+        lengths: Array = self._data.ten_length[..., self._tendon]
         if self._has_spools:
-            lengths[self._spooled] -= self._data.qpos[self._spool_position]
+            lengths[..., self._spooled] -= self._data.qpos[..., self._spool_position]
         return lengths
 
     def paid_out(self) -> Array:
         """What an encoder without error reads [m]: path minus stretch minus elongation."""
-        lengths = self._data.ten_length[self._tendon] - self._elongation
+        lengths: Array = self._data.ten_length[..., self._tendon] - self._elongation
         if self._has_spools:
-            turned = self._data.qpos[self._spool_position]
-            lengths[self._spooled] = self._drum[self._spooled] - turned
+            turned = self._data.qpos[..., self._spool_position]
+            lengths[..., self._spooled] = self._drum[self._spooled] - turned
         return lengths
 
     def tensions(self) -> Array:
@@ -132,9 +152,9 @@ class Motors:
 
     def _motor_pull(self) -> Array:
         data = self._data
-        excess = data.ten_length[self._tendon] - data.ctrl[self._actuator]
+        excess = data.ten_length[..., self._tendon] - data.ctrl[..., self._actuator]
         pull = (self.bias + self.stiffness * excess).clip(self.bias, self._limit)
-        return np.maximum(0.0, pull + MOTOR_DAMPING * data.ten_velocity[self._tendon])
+        return np.maximum(0.0, pull + MOTOR_DAMPING * data.ten_velocity[..., self._tendon])
 
     def _pull(self, stretch: Array) -> Array:
         x = np.maximum(stretch, 0.0)
@@ -159,12 +179,18 @@ class Motors:
     def command(self, paid_out: Array) -> None:
         """Set the target of what is paid out [m] (m,) for the stiffness control."""
         target = np.where(self._spooled, paid_out, paid_out + self._elongation)
-        self._data.ctrl[self._actuator] = target
+        self._data.ctrl[..., self._actuator] = target
 
     def elongate(self, elongation: Array) -> None:
         """Let wires give for good, in all by ``elongation`` [m] (m,) since they were mounted."""
         self._elongation = elongation.copy()
         self._write_slack_lengths()
+
+    def elongate_one(self, i: int, elongation: Array) -> None:
+        """The same (m,) [m] in the ``i``-th of many robots."""
+        if not np.array_equal(self._elongation[i], elongation):
+            self._elongation[i] = elongation
+            self._write_slack_lengths()
 
     @property
     def elongation(self) -> Array:
@@ -174,7 +200,8 @@ class Motors:
     def update_friction(self) -> None:
         """Let the dry friction follow the tension, as a rope's over a pulley does."""
         loss = self._friction + self._friction_ratio * np.abs(
-            self._data.actuator_force[self._actuator]
+            self._data.actuator_force[..., self._actuator]
         )
-        self._model.tendon_frictionloss[self._tendon[~self._spooled]] = loss[~self._spooled]
-        self._model.dof_frictionloss[self._spool_velocity] = loss[self._spooled]
+        straight = ~self._spooled
+        self._model.tendon_frictionloss[..., self._tendon[straight]] = loss[..., straight]
+        self._model.dof_frictionloss[..., self._spool_velocity] = loss[..., self._spooled]

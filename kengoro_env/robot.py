@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.draft import Departure, Draft, UnknownNameError
+from kengoro_env.draft import Departure, Draft, Senses, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
 from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors
@@ -22,7 +23,7 @@ from kengoro_env.wires import wind
 
 Array = NDArray[np.float64]
 
-_DIVERGENCE = [
+DIVERGENCE = [
     int(kind)
     for kind in (
         mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -37,7 +38,81 @@ class DivergedError(KengoroError):
     """The simulation left the realm of finite numbers."""
 
 
-class Robot:
+class Body:
+    """What can be measured of a robot: of one, or with a leading axis of many of one model.
+
+    Attributes:
+        model: of MuJoCo.
+        data: an `MjData`, or the fields of one with an axis of robots before theirs.
+        motors: of the wires.
+    """
+
+    model: mujoco.MjModel
+    data: Any
+    motors: Motors
+    _senses: Senses
+    _position: NDArray[np.int64]
+    _zero: Array
+    _offset: Array
+    _tension_offset: Array
+
+    @property
+    def joint_angles(self) -> Array:
+        """True joint angles (n,) [rad]."""
+        angles: Array = self.data.qpos[..., self._position]
+        return angles
+
+    @property
+    def lengths(self) -> Array:
+        """What encoders without offset, noise and quantum would read (m,) [m]."""
+        return self.motors.paid_out() - self._zero
+
+    @property
+    def tensions(self) -> Array:
+        """True tensions (m,) [N]."""
+        return self.motors.tensions()
+
+    def slack(self, target: Array) -> tuple[Array, Array]:
+        """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
+        paid_out = self.motors.paid_out() + self.motors.elongation
+        return (
+            np.maximum(0.0, paid_out - self.motors.paths()),
+            np.maximum(0.0, target - self.lengths - self._offset),
+        )
+
+    def site_pose(self, name: str) -> Array:
+        """Pose of a site in the world (4, 4), true."""
+        index = self.model.site(name).id
+        return _pose(self.data.site_xpos[..., index, :], self.data.site_xmat[..., index, :])
+
+    def body_pose(self, name: str) -> Array:
+        """Pose of a body in the world (4, 4), true."""
+        index = self.model.body(name).id
+        return _pose(self.data.xpos[..., index, :], self.data.xmat[..., index, :])
+
+    def sense_lengths(self) -> Array:
+        """What the encoders read (m,) [m]: with offset, noise and quantum."""
+        senses = self._senses
+        lengths = self.lengths + self._offset
+        if senses.length_noise:
+            lengths += senses.length_noise * self._noise()
+        if senses.length_quantum:
+            lengths = np.round(lengths / senses.length_quantum) * senses.length_quantum
+        return lengths
+
+    def sense_tensions(self) -> Array:
+        """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
+        tensions = self.tensions + self._tension_offset
+        if self._senses.tension_noise:
+            tensions += self._senses.tension_noise * self._noise()
+        return np.maximum(tensions, 0.0)
+
+    def _noise(self) -> Array:
+        """Standard normal noise of the sensors (m,)."""
+        raise NotImplementedError
+
+
+class Robot(Body):
     """The arm with its wires, motors and sensors.
 
     Args:
@@ -51,6 +126,8 @@ class Robot:
         joints: names of arm and head joints that the scene has, in the order of every (n,) array.
         lower, upper: joint limits (n,) [rad].
         target: lengths that the motors hold (m,) [m], as the encoders call them.
+        random: where the sensors' noise comes from.
+        events: what will happen to wires in this episode, the next first.
     """
 
     def __init__(
@@ -92,8 +169,8 @@ class Robot:
         self._mounted = self.motors.elongation
         fingers = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, FINGERS)
         self._fingers = fingers if fingers >= 0 else None
-        self._rng = np.random.default_rng(0)
-        self.reset(np.zeros(len(self.joints)), self._rng)
+        self.random = np.random.default_rng(0)
+        self.reset(np.zeros(len(self.joints)), self.random)
 
     def _length_at_zero_posture(self) -> Array:
         """What each wire, not yet given, has paid out at T_bias in the posture called zero."""
@@ -102,6 +179,16 @@ class Robot:
         mujoco.mj_forward(self.model, self.data)
         stretch = self.motors.stretch_at(self.motors.bias)
         return self.motors.paths() - stretch
+
+    @property
+    def changing_fields(self) -> tuple[str, ...]:
+        """Names of the model's arrays that change while the robot moves."""
+        found: list[str] = []
+        if self.motors.friction_grows:
+            found += ["tendon_frictionloss", "dof_frictionloss"]
+        if self._planned:
+            found += ["tendon_lengthspring"]
+        return tuple(found)
 
     @property
     def frame_delay(self) -> float:
@@ -113,46 +200,13 @@ class Robot:
         """Simulated time since the last reset [s]."""
         return float(self.data.time)
 
-    @property
-    def joint_angles(self) -> Array:
-        """True joint angles (n,) [rad]."""
-        return self.data.qpos[self._position].copy()
-
-    @property
-    def lengths(self) -> Array:
-        """What encoders without offset, noise and quantum would read (m,) [m]."""
-        return self.motors.paid_out() - self._zero
-
-    @property
-    def tensions(self) -> Array:
-        """True tensions (m,) [N]."""
-        return self.motors.tensions()
-
-    def slack(self, target: Array) -> tuple[Array, Array]:
-        """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
-        paid_out = self.motors.paid_out() + self.motors.elongation
-        return (
-            np.maximum(0.0, paid_out - self.motors.paths()),
-            np.maximum(0.0, target - self.lengths - self._offset),
-        )
-
-    def site_pose(self, name: str) -> Array:
-        """Pose of a site in the world (4, 4), true."""
-        site = self.data.site(name)
-        return _pose(site.xpos, site.xmat)
-
-    def body_pose(self, name: str) -> Array:
-        """Pose of a body in the world (4, 4), true."""
-        body = self.data.body(name)
-        return _pose(body.xpos, body.xmat)
-
     def reset(self, posture: Array, rng: np.random.Generator) -> None:
         """Put the arm at ``posture`` (n,) [rad], at rest, fingers open, wires at T_bias."""
-        self._rng = rng
+        self.random = rng
         mujoco.mj_resetData(self.model, self.data)
         self.motors.elongate(self._mounted)
         self.motors.update_friction()
-        self._events = sorted(self._planned, key=lambda event: event.time)
+        self.events = sorted(self._planned, key=lambda event: event.time)
         self.motors.set_stiffness(self._gains.stiffness, self._gains.bias)
         self.data.qpos[self._position] = np.clip(posture, self.lower, self.upper)
         mujoco.mj_forward(self.model, self.data)
@@ -169,8 +223,8 @@ class Robot:
         Raises:
             DivergedError: the simulation is no longer finite.
         """
-        while self._events and self._events[0].time <= self.time:
-            event = self._events.pop(0)
+        while self.events and self.events[0].time <= self.time:
+            event = self.events.pop(0)
             self.elongate(event.muscle, event.elongation)
         self.target = target.copy()
         # The controller works on what encoders read, so their offsets move the wires.
@@ -194,7 +248,7 @@ class Robot:
     def _check_finite(self) -> None:
         """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
         data = self.data
-        warned = data.warning.number[_DIVERGENCE].any()
+        warned = data.warning.number[DIVERGENCE].any()
         # A sum is finite if and only if, short of overflow, all its parts are.
         if warned or not np.isfinite(data.qpos.sum() + data.qvel.sum()):
             raise DivergedError("the simulation diverged: its state is no longer finite")
@@ -212,23 +266,8 @@ class Robot:
         elongation[self.muscles.index(muscle)] += length
         self.motors.elongate(elongation)
 
-    def sense_lengths(self) -> Array:
-        """What the encoders read (m,) [m]: with offset, noise and quantum."""
-        senses = self._senses
-        lengths = self.lengths + self._offset
-        if senses.length_noise:
-            lengths += senses.length_noise * self._rng.standard_normal(len(lengths))
-        if senses.length_quantum:
-            lengths = np.round(lengths / senses.length_quantum) * senses.length_quantum
-        return lengths
-
-    def sense_tensions(self) -> Array:
-        """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
-        tensions = self.tensions + self._tension_offset
-        if self._senses.tension_noise:
-            noise = self._rng.standard_normal(len(tensions))
-            tensions += self._senses.tension_noise * noise
-        return np.maximum(tensions, 0.0)
+    def _noise(self) -> Array:
+        return self.random.standard_normal(len(self.muscles))
 
 
 def load_spec(path: Path) -> mujoco.MjSpec:
@@ -243,6 +282,7 @@ def load_spec(path: Path) -> mujoco.MjSpec:
 
 
 def _pose(position: Array, rotation: Array) -> Array:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), position
+    pose = np.zeros((*position.shape[:-1], 4, 4))
+    pose[..., :3, :3] = rotation.reshape(*position.shape[:-1], 3, 3)
+    pose[..., :3, 3], pose[..., 3, 3] = position, 1.0
     return pose

@@ -30,6 +30,15 @@ REWARD_SCALE = radians(20.0)
 EFFORT, EFFORT_SCALE = 0.05, 500.0
 
 
+def judged(angles: Array, target: Array, tensions: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Reward and success of joint angles (..., n) and tensions (..., m), of one robot or many."""
+    # Sums along what does not lie side by side have another order, and end in other bits.
+    squares = np.ascontiguousarray((angles - target) ** 2)
+    error = np.sqrt(squares.mean(axis=-1))
+    effort = np.minimum(np.ascontiguousarray(tensions).mean(axis=-1) / EFFORT_SCALE, 1.0)
+    return np.exp(-error / REWARD_SCALE) - EFFORT * effort, error < TOLERANCE
+
+
 class Reach:
     """Targets drawn one after the other; a target given as an option stays for the episode.
 
@@ -71,13 +80,15 @@ class Reach:
 
     def judge(self, robot: Robot) -> Outcome:
         """Reward and success for the present target; then a new one if it is time."""
-        error = float(np.sqrt(np.mean((robot.joint_angles - self._target) ** 2)))
-        effort = float(np.mean(robot.tensions)) / EFFORT_SCALE
-        reward = float(np.exp(-error / REWARD_SCALE)) - EFFORT * min(effort, 1.0)
-        if not self._stays and robot.time + 1e-6 >= self._targets * TARGET_PERIOD:
+        reward, success = judged(robot.joint_angles, self._target, robot.tensions)
+        self.go_on(robot.time)
+        return Outcome(float(reward), bool(success))
+
+    def go_on(self, time: float) -> None:
+        """Choose a new target if it is time [s]."""
+        if not self._stays and time + 1e-6 >= self._targets * TARGET_PERIOD:
             self._target = self._draw(self._rng)
             self._targets += 1
-        return Outcome(reward, error < TOLERANCE)
 
     def truth(self, robot: Robot) -> dict[str, Any]:
         """Nothing beside what every task has."""

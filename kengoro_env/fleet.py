@@ -1,0 +1,103 @@
+"""Many robots of one model, stepped on all cores by `mujoco.batch`, each as if it were alone."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from kengoro_env.robot import DIVERGENCE, Body, Robot
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class Fleet(Body):
+    """``count`` robots like ``robot``, which is the one that each of them begins as (`take`).
+
+    Args:
+        robot: drawing or actual robot; the fleet resets and reads through it.
+        count: how many.
+        threads: how many threads step them; 0: one a core.
+
+    Attributes:
+        target: lengths that the motors hold (count, m) [m], as the encoders call them.
+    """
+
+    muscles: tuple[str, ...]
+    _substeps: int
+
+    def __init__(self, robot: Robot, count: int, threads: int = 0) -> None:
+        vars(self).update(vars(robot))  # what they have in common
+        self._robot = robot
+        self._batch = self.data = Batch(robot.model, count, threads, persistent=True)
+        fields = robot.changing_fields
+        self._fields = SimpleNamespace(**{name: self._batch.expand(name) for name in fields})
+        self.motors = robot.motors.of_many(count, self._fields, self._batch)
+        self.target = np.zeros((count, len(robot.muscles)))
+        self._random = [np.random.default_rng(0)] * count
+        self._coming = [list(robot.events)] * count
+        self._state = np.empty(mujoco.mj_stateSize(robot.model, _STATE))
+
+    @property
+    def time(self) -> Array:
+        """Simulated time since each one's last reset (count,) [s]."""
+        return self._batch.bind("time").copy()
+
+    def take(self, i: int) -> None:
+        """Let the ``i``-th robot be where ``robot`` is: to be called after each of its resets."""
+        robot, batch = self._robot, self._batch
+        mujoco.mj_getState(robot.model, robot.data, self._state, _STATE)
+        for name, values in vars(self._fields).items():
+            values[i] = getattr(robot.model, name)
+        self.motors.elongate_one(i, robot.motors.elongation)
+        batch.state[i], batch.warning[i] = self._state, 0
+        batch.forward([i])
+        batch.state[i] = self._state
+        self.target[i] = robot.target
+        self._random[i], self._coming[i] = robot.random, list(robot.events)
+
+    def step(self, target: Array, moving: Mask) -> Mask:
+        """Hold ``target`` lengths (count, m) [m] for one control period.
+
+        Args:
+            target: of every robot.
+            moving: (count,) which robots go on; the others wait to be reset.
+
+        Returns:
+            (count,): which of these diverged.
+        """
+        batch, motors, ids = self._batch, self.motors, np.flatnonzero(moving)
+        for i in ids:
+            self._let_wires_give(int(i))
+        self.target[ids] = target[ids]
+        motors.command(self.target + self._zero - self._offset)
+        # Paths, poses and cameras follow the joints, which mj_step leaves a time step behind.
+        stage = int(mujoco.mjtStage.mjSTAGE_POS)
+        if motors.friction_grows:
+            for _ in range(self._substeps - 1):
+                motors.update_friction()
+                batch.step(ids)
+            motors.update_friction()
+            batch.step(ids, stage=stage)
+        else:
+            batch.step(ids, self._substeps, stage)
+        warned = batch.warning[:, DIVERGENCE, 1]  # (last info, number)
+        finite = np.isfinite(batch.bind("qpos").sum(axis=1) + batch.bind("qvel").sum(axis=1))
+        return moving & (~finite | warned.any(axis=1))
+
+    def _let_wires_give(self, i: int) -> None:
+        coming, now = self._coming[i], self._batch.bind("time")[i]
+        while coming and coming[0].time <= now:
+            event = coming.pop(0)
+            elongation = self.motors.elongation[i]
+            elongation[self.muscles.index(event.muscle)] += event.elongation
+            self.motors.elongate_one(i, elongation)
+
+    def _noise(self) -> Array:
+        return np.stack([one.standard_normal(len(self.muscles)) for one in self._random])

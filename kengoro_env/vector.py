@@ -1,0 +1,233 @@
+"""Many environments at once: what ``gymnasium.make_vec`` makes of Posture and Elbow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from kengoro_env.draft import Departure
+from kengoro_env.env import METADATA, KengoroEnv
+from kengoro_env.errors import KengoroError
+from kengoro_env.fleet import Fleet
+from kengoro_env.motors import DEFAULT_GAINS, Gains
+from kengoro_env.spaces import TENSION_RANGE, InvalidActionError, checked_action
+from kengoro_env.tasks.reach import Reach, judged
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Observations = dict[str, NDArray[Any]]
+Infos = dict[str, Any]
+
+MANY: dict[str, Any] = {
+    **METADATA,
+    "render_modes": [],
+    "autoreset_mode": AutoresetMode.NEXT_STEP,
+}
+
+DIVERGED = "the simulation diverged: its state is no longer finite"
+
+
+class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
+    """``num_envs`` times `KengoroEnv` without a camera, stepped on all cores by `mujoco.batch`.
+
+    Bit for bit what as many single environments give, whatever the number of threads; an
+    environment that ended is reset by the next step (`AutoresetMode.NEXT_STEP`). Observations,
+    actions and infos are those of `KengoroEnv` with an axis of environments before theirs.
+
+    Args:
+        num_envs: how many.
+        task: "posture" or "elbow".
+        robot_seed: the actual robot of this seed, in all of them; None for the drawing.
+        departures: what else makes the robot depart from its drawing; not with ``robot_seed``.
+        camera: must be False: frames are drawn one after the other; ``vectorization_mode="async"``
+            has them.
+        gains: muscle stiffness control.
+        max_episode_steps: after so many steps an episode is truncated; None: never.
+        threads: how many threads step; 0: one a core.
+
+    Attributes:
+        fleet: the simulated robots.
+        muscles, joints: names, in the order of (num_envs, m) and (num_envs, n) arrays.
+
+    Raises:
+        KengoroError: in one sentence, what was wrong and what would be valid.
+    """
+
+    metadata = MANY
+
+    def __init__(
+        self,
+        num_envs: int,
+        task: str,
+        robot_seed: int | None = None,
+        departures: Sequence[Departure] | None = None,
+        camera: bool = False,
+        gains: Gains = DEFAULT_GAINS,
+        max_episode_steps: int | None = None,
+        threads: int = 0,
+    ) -> None:
+        if camera:
+            raise KengoroError(
+                "many environments at once have no camera: leave camera out, or ask for "
+                'vectorization_mode="async"'
+            )
+        if num_envs < 1:
+            raise KengoroError(f"num_envs must be 1 or more, got {num_envs}")
+        self._env = KengoroEnv(task, robot_seed, departures, camera=False, gains=gains)
+        if not isinstance(self._env.task, Reach):
+            raise KengoroError("only posture and elbow can be many at once")
+        self._task = self._env.task
+        self.num_envs = num_envs
+        self.single_action_space = self._env.action_space
+        self.single_observation_space = self._env.observation_space
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.muscles, self.joints = self._env.muscles, self._env.joints
+        self.fleet = Fleet(self._env.robot, num_envs, threads)
+        self._most = np.inf if max_episode_steps is None else max_episode_steps
+        self._randoms: list[np.random.Generator | None] = [None] * num_envs
+        self._tasks: list[Reach] = []
+        self._ended = np.ones(num_envs, dtype=bool)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observations, Infos]:
+        """Start an episode in each environment.
+
+        Args:
+            seed: of the first, the others follow; or one for each.
+            options: of `KengoroEnv.reset`, for all of them; ``reset_mask`` (num_envs,) bool: reset
+                these only.
+        """
+        options = dict(options or {})
+        which = options.pop("reset_mask", np.ones(self.num_envs, dtype=bool))
+        if seed is None or isinstance(seed, int):
+            seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
+        else:
+            seeds = list(seed)
+        if len(seeds) != self.num_envs or np.shape(which) != (self.num_envs,):
+            raise KengoroError(
+                f"seed and reset_mask must have an entry for each of {self.num_envs} environments"
+            )
+        if not self._tasks:
+            if not np.all(which):
+                raise KengoroError("the first reset must be one of all environments")
+            self._make_room(seeds[0], options)
+        for i in np.flatnonzero(which):
+            self._begin(int(i), seeds[i], options)
+        return self._told(which)
+
+    def _make_room(self, seed: int | None, options: dict[str, Any]) -> None:
+        """Arrays of the shapes that an episode has."""
+        observation, info = self._env.reset(seed=seed, options=options)
+        count = self.num_envs
+        self._observed = {k: np.stack([v] * count) for k, v in observation.items()}
+        self._known = {k: np.stack([v] * count) for k, v in info.items()}
+        self._tasks = [self._task] * count
+        self._steps = np.zeros(count, dtype=int)
+
+    def _begin(self, i: int, seed: int | None, options: dict[str, Any]) -> None:
+        env = self._env
+        random = self._randoms[i]
+        if random is not None:
+            env.np_random = random
+        elif seed is None:
+            env.np_random = np.random.default_rng()
+        observation, info = env.reset(seed=seed, options=options)
+        self._randoms[i] = env.np_random
+        self._tasks[i] = copy(self._task)
+        self.fleet.take(i)
+        self._steps[i], self._ended[i] = 0, False
+        _write(self._observed, i, observation)
+        _write(self._known, i, info)
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[Observations, NDArray[Any], NDArray[Any], NDArray[Any], Infos]:
+        """Hold the commanded lengths (num_envs, m) for `CONTROL_PERIOD`, and reset who ended."""
+        checked = self._checked(actions)
+        if not self._tasks:
+            raise KengoroError("there is no episode to step (none has begun): call reset")
+        fleet, begins = self.fleet, self._ended.copy()
+        diverged = fleet.step(self._env.bounds.to_lengths(checked), ~begins)
+        moved = ~begins & ~diverged
+        targets = self._observed["target"]
+        reward, success = judged(fleet.joint_angles, targets, fleet.tensions)
+        reward = np.where(moved, reward, 0.0)
+        self._observe(moved, success)
+        self._steps += 1
+        truncated = moved & (self._steps >= self._most)
+        for i in np.flatnonzero(begins):
+            self._begin(int(i), None, {})
+        self._ended = diverged | truncated
+        self._known["success"][diverged] = False
+        observed, infos = self._told(np.ones(self.num_envs, dtype=bool))
+        if diverged.any():
+            infos["reason"] = np.full(self.num_envs, None, dtype=object)
+            infos["reason"][diverged] = DIVERGED
+            infos["_reason"] = diverged.copy()
+        return observed, reward, diverged, truncated, infos
+
+    def _checked(self, actions: object) -> Array:
+        array = np.asarray(actions, dtype=float)
+        if array.shape != self.action_space.shape:
+            raise InvalidActionError(
+                f"actions must have the shape {self.action_space.shape}, one row an environment "
+                f"and one column a muscle, got {array.shape}"
+            )
+        for i in np.flatnonzero(~(np.abs(array) <= 1.0).all(axis=1)):
+            try:
+                checked_action(array[i], self.muscles)
+            except InvalidActionError as error:
+                raise InvalidActionError(f"environment {i}: {error}") from None
+        return array
+
+    def _observe(self, moved: Mask, success: Mask) -> None:
+        """Write what those that moved sense, and the truth about them."""
+        fleet, bounds = self.fleet, self._env.bounds
+        time = fleet.time
+        for i in np.flatnonzero(moved):
+            self._tasks[i].go_on(float(time[i]))
+        paid_out, target = fleet.slack(fleet.target)
+        told: Observations = {
+            "lengths": np.clip(fleet.sense_lengths(), bounds.low, bounds.high),
+            "tensions": np.minimum(fleet.sense_tensions(), TENSION_RANGE),
+            "target": np.stack([task.target() for task in self._tasks]),
+        }
+        known: Infos = {
+            "joint_angles": fleet.joint_angles,
+            "hand_pose": fleet.site_pose("grip"),
+            "success": success,
+            "time": time,
+            "slack_paid_out": paid_out,
+            "slack_target": target,
+        }
+        _write(self._observed, moved, {name: values[moved] for name, values in told.items()})
+        _write(self._known, moved, {name: values[moved] for name, values in known.items()})
+
+    def _told(self, which: Mask) -> tuple[Observations, Infos]:
+        """Copies of what is observed by now and of the truth, which is known of ``which``."""
+        infos: Infos = {}
+        for name, values in self._known.items():
+            shape = (self.num_envs,) + (1,) * (values.ndim - 1)
+            infos[name] = np.where(which.reshape(shape), values, np.zeros_like(values))
+            infos[f"_{name}"] = which.copy()
+        return {name: values.copy() for name, values in self._observed.items()}, infos
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what the template holds."""
+        self._env.close()
+
+
+def _write(arrays: Mapping[str, NDArray[Any]], rows: Any, values: Mapping[str, Any]) -> None:
+    for name, array in arrays.items():
+        array[rows] = values[name]
