@@ -5,30 +5,18 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import multiprocessing
 import os
 import re
 import shlex
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from experiments.errors import ExperimentError
 from jmm_agent.drawing import Drawing
@@ -53,6 +41,7 @@ class Args:
         seeds: robots, as A-B or A; seeds below 100 are for tuning.
         out: folder of the results.
         jobs: processes that work at the same time; the result does not depend on it.
+        cluster: address of a Ray cluster that does it instead; "auto": the one that runs here.
         cache: folder of trained maps; the user's cache folder if left out.
         quick: do little, to see that it works; the numbers mean nothing then.
     """
@@ -60,6 +49,7 @@ class Args:
     seeds: str
     out: Path
     jobs: int = 2
+    cluster: str | None = None
     cache: Path | None = None
     quick: bool = False
 
@@ -201,82 +191,3 @@ def log_reported(seeds: Sequence[int], root: Path = ROOT) -> None:
         if new:
             writer.writerow(["date", "commit", "command", "seed"])
         writer.writerows([date, commit, command_line(), seed] for seed in reported)
-
-
-@contextmanager
-def progress_bar(title: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A bar of ``total`` steps; call what it gives with a line on what was just done."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[done]}"),
-    )
-    with Progress(*columns) as bar:
-        task = bar.add_task(title, total=total, done="")
-        yield lambda done: bar.update(task, advance=1, done=done)
-
-
-def run_tasks(
-    work: Callable[..., Any],
-    tasks: Mapping[str, tuple[Any, ...]],
-    jobs: int,
-    folder: Path,
-    key: str,
-) -> dict[str, Any]:
-    """Results of ``work(*arguments)`` by the tasks' names, each kept in a file as soon as it ends.
-
-    Args:
-        work: a function of a module; gives what JSON can hold.
-        tasks: arguments by name; names are file names.
-        jobs: processes at the same time.
-        folder: where results are kept; one that is there with the same ``key`` is not run again.
-        key: stands for all that results depend on beside the arguments.
-    """
-    check_jobs(jobs)
-    results: dict[str, Any] = {}
-    with progress_bar(folder.name, len(tasks)) as tell:
-
-        def keep(name: str, result: Any, seconds: float) -> None:
-            results[name] = result
-            if seconds:
-                kept = {"key": key, "seconds": round(seconds, 1), "result": result}
-                write_json(folder / f"{name}.json", kept)
-            tell(name)
-
-        for name in tasks:
-            kept = _kept(folder / f"{name}.json", key)
-            if kept is not None:
-                keep(name, kept["result"], 0.0)
-        missing = {name: arguments for name, arguments in tasks.items() if name not in results}
-        if jobs == 1 or len(missing) < 2:
-            for name, arguments in missing.items():
-                keep(name, *_timed(work, arguments))
-        else:
-            context = multiprocessing.get_context("spawn")
-            with ProcessPoolExecutor(min(jobs, len(missing)), mp_context=context) as pool:
-                futures = {pool.submit(_timed, work, missing[name]): name for name in missing}
-                for future in as_completed(futures):
-                    keep(futures[future], *future.result())
-    return {name: results[name] for name in tasks}
-
-
-def core_seconds(folder: Path, names: Iterable[str]) -> float:
-    """Time that the named tasks of `run_tasks` took in all [s], whenever they ran."""
-    kept = (json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in names)
-    return round(sum(task["seconds"] for task in kept), 1)
-
-
-def _timed(work: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, float]:
-    begin = time.perf_counter()
-    return json.loads(json.dumps(work(*arguments))), time.perf_counter() - begin
-
-
-def _kept(path: Path, key: str) -> dict[str, Any] | None:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) and content.get("key") == key else None

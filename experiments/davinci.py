@@ -18,7 +18,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from experiments.common import Summary, check_jobs, make_summary, progress_bar, write_json
+from experiments.common import Summary, check_jobs, make_summary, write_json
 from experiments.davinci_fit import Fitted, errors, fit, held_out, intervals
 from experiments.davinci_log import RATE, Runs, read_runs
 from experiments.davinci_models import ABLATIONS, LADDER, RIVALS
@@ -34,6 +34,7 @@ from experiments.davinci_tables import (
 )
 from experiments.errors import ExperimentError
 from experiments.report import Table, print_table, write_report
+from experiments.running import progress_bar
 from experiments.study import LEAST_WIDTH
 from reality_gap import CATALOGUE, Diagnosis, Options, RealityGapError, diagnose
 from reality_gap.output import check_out, write_diagnosis

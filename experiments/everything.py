@@ -86,6 +86,8 @@ def options(args: Args, name: str) -> list[str]:
     """What one experiment is started with."""
     out = args.out / name
     given = shlex.split(f"--seeds {args.seeds} --out {shlex.quote(str(out))} --jobs {args.jobs}")
+    if args.cluster is not None:
+        given += ["--cluster", args.cluster]
     if args.cache is not None:
         given += ["--cache", str(args.cache)]
     return [*given, "--quick"] if args.quick else given

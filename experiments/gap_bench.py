@@ -15,10 +15,8 @@ from rich.console import Console
 from experiments.common import (
     ROOT,
     check_jobs,
-    core_seconds,
     log_reported,
     make_summary,
-    run_tasks,
     write_json,
 )
 from experiments.errors import ExperimentError
@@ -34,6 +32,7 @@ from experiments.gap_bench_tables import (
 )
 from experiments.gap_trial import KINDS, Case, compared_trial
 from experiments.report import print_table, write_report
+from experiments.running import core_seconds, run_tasks
 
 NAME = "gap-bench"
 SHARES = {"single": 0.5, "pair": 0.1, "null": 0.2, "outside": 0.2}
@@ -55,6 +54,7 @@ class Args:
         seed: of the first trial; the others follow. Seeds below 100 are for tuning.
         out: folder of the results.
         jobs: trials at the same time; the result does not depend on it.
+        cluster: address of a Ray cluster that does it instead; "auto": the one that runs here.
         machine: "elbow" or "arm".
         seconds: length of each log [s].
         kind: hide this only: single, pair, null or outside. Left out: 50, 10, 20 and 20 %.
@@ -68,6 +68,7 @@ class Args:
     seed: int = 0
     out: Path = Path("out") / NAME
     jobs: int = 2
+    cluster: str | None = None
     machine: str = "elbow"
     seconds: float = 20.0
     kind: str | None = None
@@ -86,7 +87,8 @@ def main(args: Args) -> dict[str, Any]:
         freed = i < args.freed
         tasks[f"trial_{case.seed}" + freed * "_freed"] = (case, args.followup, freed)
     key = digest(args)
-    found = run_tasks(compared_trial, tasks, args.jobs, args.out / "trials", key)
+    kept = args.out / "trials"
+    found = run_tasks(compared_trial, tasks, args.jobs, kept, key, args.cluster)
     log_reported([task[0].seed for task in tasks.values()])
     spent = core_seconds(args.out / "trials", tasks)
     return conclude(args, list(found.values()), time.perf_counter() - begin, spent)

@@ -21,11 +21,12 @@ from rich.console import Console
 from scipy.optimize import minimize_scalar
 
 from experiments import gap_bench
-from experiments.common import core_seconds, make_summary, run_tasks, write_json
+from experiments.common import make_summary, write_json
 from experiments.errors import ExperimentError
 from experiments.gap_bench_musts import expected_error
 from experiments.gap_trial import Case, outcome, write_case
 from experiments.report import Table, print_table
+from experiments.running import core_seconds, run_tasks
 from reality_gap import Options, diagnose, load_study
 from reality_gap.causes import CATALOGUE
 from reality_gap.confidence import TEMPER, tempered
@@ -55,6 +56,7 @@ class Args:
         seed: of the first trial; the others follow.
         out: folder of the results.
         jobs: trials at the same time; the result does not depend on it.
+        cluster: address of a Ray cluster that does it instead; "auto": the one that runs here.
         quick: short logs, to see that it works; the numbers mean nothing then.
     """
 
@@ -62,6 +64,7 @@ class Args:
     seed: int = 0
     out: Path = Path("out") / NAME
     jobs: int = 2
+    cluster: str | None = None
     quick: bool = False
 
 
@@ -73,7 +76,7 @@ def main(args: Args) -> dict[str, Any]:
     seconds = gap_bench.QUICK_SECONDS if args.quick else 20.0
     tasks = {f"trial_{s}": (s, seconds) for s in range(args.seed, args.seed + args.trials)}
     key = gap_bench.digest(gap_bench.Args(seconds=seconds, kind=NAME))
-    found = run_tasks(trial, tasks, args.jobs, args.out / "trials", key)
+    found = run_tasks(trial, tasks, args.jobs, args.out / "trials", key, args.cluster)
     trials = [t for t in found.values() if t["rivals"]]
     best = calibrated(trials)
     rows = [

@@ -32,7 +32,6 @@ from experiments.common import (
     make_summary,
     median_and_worst,
     parse_seeds,
-    run_tasks,
     source_digest,
     trained_map,
     write_json,
@@ -40,6 +39,7 @@ from experiments.common import (
 from experiments.learnability_robot import Body, Rest, Sizes, World
 from experiments.learnability_trial import examine, floor, learn
 from experiments.learnability_watchers import Variant
+from experiments.running import run_tasks
 from jmm_agent.drawing import Floats, Indices
 from kengoro_env.departures import actual, drawing
 
@@ -205,7 +205,7 @@ def main(args: Args) -> Summary:
         for trial in TRIALS
     }
     key = f"{source_digest(*MODULES)} {asdict(args.sizes)}"
-    results = run_tasks(run_trial, tasks, args.jobs, args.out / "trials", key)
+    results = run_tasks(run_trial, tasks, args.jobs, args.out / "trials", key, args.cluster)
     return conclude(args, seeds, results, begin)
 
 

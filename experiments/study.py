@@ -18,16 +18,15 @@ from experiments.common import (
     Args,
     Summary,
     check_jobs,
-    core_seconds,
     log_reported,
     make_summary,
     parse_seeds,
-    run_tasks,
     source_digest,
     trained_map,
     write_json,
 )
 from experiments.report import Picture, Table, metric_table, print_table, write_report
+from experiments.running import core_seconds, run_tasks
 
 Results = dict[int, dict[str, Any]]
 """What each condition brought, by seed and condition."""
@@ -104,7 +103,7 @@ def run_study(study: Study, args: Args) -> Summary:
         for condition in study.conditions
     }
     key = f"{source_digest(*COMMON, *study.modules)} {asdict(sizes)}"
-    kept = run_tasks(study.run, tasks, args.jobs, args.out / "robots", key)
+    kept = run_tasks(study.run, tasks, args.jobs, args.out / "robots", key, args.cluster)
     results: Results = {
         seed: {name: kept[f"{seed:03d}-{name}"] for name in study.conditions} for seed in seeds
     }

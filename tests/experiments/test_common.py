@@ -17,11 +17,11 @@ from experiments.common import (
     make_summary,
     median_and_worst,
     parse_seeds,
-    run_tasks,
     write_json,
 )
 from experiments.errors import ExperimentError
 from experiments.report import Picture, Table, png, write_report
+from experiments.running import run_tasks
 
 ROOT = Path(__file__).resolve().parents[2]
 
