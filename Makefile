@@ -6,11 +6,12 @@ VENV := .venv
 PY := $(VENV)/bin/python
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 INSTALLED := $(VENV)/.installed
+DOCS := $(VENV)/.docs
 RENDERS := $(VENV)/.renders
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
 PACKAGES := kengoro_env jmm_agent reality_gap hidden_plants experiments benchmarks
 
-.PHONY: demo test test-all check clean
+.PHONY: demo test test-all check docs clean
 
 demo: $(INSTALLED) $(RENDERS)
 	$(PY) -m experiments can-grasping --seeds 100-100 --out out/can-grasping
@@ -27,6 +28,9 @@ check: $(INSTALLED)
 	$(PY) -m mypy $(PACKAGES)
 	$(VENV)/bin/lint-imports
 
+docs: $(DOCS)
+	$(VENV)/bin/mkdocs build --strict
+
 clean:
 	rm -rf $(VENV) out dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -39,6 +43,10 @@ $(INSTALLED): pyproject.toml
 	  || { echo "Python's venv module is missing: apt-get install python3-venv"; exit 1; }
 	@echo "Installing the dependencies into $(VENV) (minutes the first time) ..."
 	@$(PIP) install --editable '.[dev]'
+	@touch $@
+
+$(DOCS): $(INSTALLED)
+	@$(PIP) install --editable '.[docs]'
 	@touch $@
 
 $(RENDERS): tools/ensure_rendering.py | $(INSTALLED)

@@ -1,0 +1,119 @@
+"""What the documentation says is so: its Python runs, and its tables are those of the results."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.__main__ import RUNNERS
+from experiments.common import trained_map
+from reality_gap.causes import CATALOGUE, joint_stiffness, places
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SKIP = "<!-- no test: "
+"""A comment that begins so, right before a block, says why the block cannot run here."""
+
+TABLE = re.compile(r"<!-- (results/\S+\.json): (.+) -->\n((?:\|.*\n)+)")
+"""A table of a result: file, title, rows."""
+
+
+def blocks(page: Path) -> Iterator[tuple[int, str]]:
+    """Number of the line before each block of Python, and its code."""
+    lines = page.read_text(encoding="utf-8").splitlines()
+    start = None
+    for number, line in enumerate(lines):
+        if line == "```python":
+            start = number + 1
+        elif line == "```" and start is not None:
+            if not (start > 1 and lines[start - 2].startswith(SKIP)):
+                yield start, "\n".join(lines[start:number])
+            start = None
+
+
+def small_study() -> dict[str, Any]:
+    """A study in this folder, and the parts of a cause."""
+    Path("rod.xml").write_text(
+        """<mujoco><option integrator="implicitfast"/><worldbody><body>
+        <joint name="hinge" axis="0 1 0" damping="0.05"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.5" size="0.02" mass="1"/></body></worldbody>
+        <actuator><position name="motor" joint="hinge" kp="10" kv="1"/></actuator>
+        <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>""",
+        encoding="utf-8",
+    )
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 2.0, 0.02)
+    rows = np.column_stack([time, 0.0 * time, 1e-3 * rng.standard_normal(len(time))])
+    np.savetxt("log.csv", rows, delimiter=",", header="t,target,angle", comments="")
+    Path("STUDY.yaml").write_text(
+        """{name: rod, model: rod.xml, episodes: [{commands: log.csv}], time: {column: t, unit: s},
+        actuators: {motor: {column: target, unit: rad}},
+        sensors: {angle: {column: angle, unit: rad, noise: 1.0e-3}}}""",
+        encoding="utf-8",
+    )
+    spring = joint_stiffness.CAUSE
+    return {"places": places.each_joint, "parameters": spring.parameters, "edit": spring.edit}
+
+
+GIVEN: dict[str, Callable[[], dict[str, Any]]] = {"docs/reality_gap.md": small_study}
+"""What the blocks of a page find beside themselves, where it is the user's own."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=page.relative_to(ROOT).as_posix())
+        for page in PAGES
+        if any(blocks(page))
+    ],
+)
+def test_python_in_the_documentation_runs(
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name = page.relative_to(ROOT).as_posix()
+    code = list(blocks(page))
+    if any("trained_map" in block for _, block in code):  # trained once for all tests
+        maps = request.config.cache.mkdir("maps")
+        trained_map(maps)
+        monkeypatch.setattr("experiments.common.default_cache", lambda: maps)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    if name in GIVEN:
+        namespace |= GIVEN[name]()
+    catalogue = dict(CATALOGUE)
+    try:
+        for line, block in code:
+            exec(compile("\n" * line + block, str(page), "exec"), namespace)
+    finally:
+        CATALOGUE.clear()
+        CATALOGUE.update(catalogue)
+
+
+def test_tables_of_results_are_those_of_the_files() -> None:
+    found = 0
+    for page in PAGES:
+        for file, title, shown in TABLE.findall(page.read_text(encoding="utf-8")):
+            summary = json.loads((ROOT / "docs" / file).read_text(encoding="utf-8"))
+            tables = [*summary.get("tables", []), *filter(None, [summary.get("table")])]
+            (table,) = (table for table in tables if table["title"] == title)
+            rows = [table["head"], ["---"] * len(table["head"]), *table["rows"]]
+            said = [line.strip("|").split("|") for line in shown.splitlines()]
+            assert [[cell.strip() for cell in row] for row in said] == rows, f"{page}: {title}"
+            found += 1
+    assert found
+
+
+def test_every_experiment_has_its_place_in_the_documentation() -> None:
+    page = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
+    assert [
+        name for name in RUNNERS if not re.search(rf"`{name}`|^## .*\b{name}\b", page, re.M)
+    ] == []

@@ -1,0 +1,39 @@
+"""Hook of mkdocs: pages of the site that lie outside docs/, each at its own path in the project.
+
+Links between them and the pages in docs/ then lead to the same places as in the checkout.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import (  # type: ignore[import-not-found,unused-ignore]
+    File,
+    Files,
+)
+
+ROOT = Path(__file__).resolve().parents[1]
+OUTSIDE = (
+    "CONTRIBUTING.md",
+    "assets/mjcf/kengoro_arm/README.md",
+    "experiments/README.md",
+    "experiments/figures/*.png",
+)
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add what lies outside docs/."""
+    for pattern in OUTSIDE:
+        for path in sorted(ROOT.glob(pattern)):
+            uri = path.relative_to(ROOT).as_posix()
+            files.append(File.generated(config, uri, abs_src_path=str(path)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
+    """Let links out of docs/, and from outside into it, lead to where the site has the page."""
+    if page.file.generated_by is not None:
+        return re.sub(r"\]\(docs/", "](", markdown)
+    return re.sub(r"\]\(\.\./", "](", markdown) if "/" not in page.file.src_uri else markdown
