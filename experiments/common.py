@@ -23,7 +23,7 @@ from jmm_agent.drawing import Drawing
 from jmm_agent.mapping import JointMuscleMap
 from kengoro_env.assets import asset_path, assets_root
 from kengoro_env.drawing import ArmDrawing
-from kengoro_env.names import GROUP_JOINTS
+from kengoro_env.names import GROUP_JOINTS, JOINTS
 
 ARM = "mjcf/kengoro_arm/arm.xml"
 FIRST_REPORTED_SEED = 100
@@ -130,14 +130,16 @@ def median_and_worst(values: Iterable[float]) -> dict[str, float | None]:
 
 
 def drawing_for_agent(scene: Path | None = None) -> Drawing:
-    """What the agent is told of the robot in ``scene`` (the arm if left out)."""
+    """What the agent is told of the robot in ``scene`` (the arm if left out).
+
+    The map has a group for each of the arm's; of another robot's joints it has one for all.
+    """
     arm = ArmDrawing(asset_path(ARM) if scene is None else scene)
-    groups = {
-        name: tuple(joint for joint in joints if joint in arm.joints)
-        for name, joints in GROUP_JOINTS.items()
-    }
-    owned = {name: joints for name, joints in groups.items() if joints}
-    return Drawing(arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, owned)
+    groups = {"all": arm.joints}
+    if set(arm.joints) <= set(JOINTS):
+        shared = {n: tuple(j for j in own if j in arm.joints) for n, own in GROUP_JOINTS.items()}
+        groups = {name: joints for name, joints in shared.items() if joints}
+    return Drawing(arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, groups)
 
 
 def default_cache() -> Path:

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.names import JOINTS
 from kengoro_env.robot import load_spec
+from kengoro_env.wires import wired_joints
 
 Array = NDArray[np.float64]
 
@@ -26,8 +26,7 @@ class ArmDrawing:
     def __init__(self, scene: Path) -> None:
         self._model = model = load_spec(scene).compile()
         self._data = mujoco.MjData(model)
-        names = [model.joint(i).name for i in range(model.njnt)]
-        self.joints = tuple(joint for joint in JOINTS if joint in names)
+        self.joints = wired_joints(model)
         self.muscles = tuple(model.tendon(i).name for i in range(model.ntendon))
         addresses = [model.joint(joint) for joint in self.joints]
         self._position = np.array([joint.qposadr[0] for joint in addresses])

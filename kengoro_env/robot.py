@@ -18,8 +18,7 @@ from kengoro_env.draft import Departure, Draft, Senses, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
 from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors
-from kengoro_env.names import JOINTS
-from kengoro_env.wires import wind
+from kengoro_env.wires import wind, wired_joints
 
 Array = NDArray[np.float64]
 
@@ -123,7 +122,7 @@ class Robot(Body):
 
     Attributes:
         muscles: names, in the order of every (m,) array.
-        joints: names of arm and head joints that the scene has, in the order of every (n,) array.
+        joints: names of the joints that wires cross, in the order of every (n,) array.
         lower, upper: joint limits (n,) [rad].
         target: lengths that the motors hold (m,) [m], as the encoders call them.
         random: where the sensors' noise comes from.
@@ -152,8 +151,7 @@ class Robot(Body):
                 f"{self.model.opt.timestep} s"
             )
         self._gains, self._senses, self._planned = gains, draft.senses, tuple(draft.events)
-        names = [self.model.joint(i).name for i in range(self.model.njnt)]
-        self.joints = tuple(joint for joint in JOINTS if joint in names)
+        self.joints = wired_joints(self.model)
         addresses = [self.model.joint(joint) for joint in self.joints]
         self._position = np.array([joint.qposadr[0] for joint in addresses])
         self._velocity = np.array([joint.dofadr[0] for joint in addresses])

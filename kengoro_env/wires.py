@@ -29,6 +29,30 @@ def spool_joint(muscle: str) -> str:
     return f"spool_{muscle}"
 
 
+def wired_joints(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Hinges and slides that a wire through sites crosses, in the model's order, without spools.
+
+    A wire crosses a joint if some of its points move with it and others do not.
+    """
+    moved = np.eye(model.nbody, dtype=bool)  # [a, b]: body b hangs on body a, or is it
+    for body in range(1, model.nbody):
+        moved[:, body] |= moved[:, model.body_parentid[body]]
+    at_site = model.wrap_type == int(mujoco.mjtWrap.mjWRAP_SITE)
+    crossed = np.zeros(model.nbody, dtype=bool)
+    for start, count in zip(model.tendon_adr, model.tendon_num, strict=True):
+        part = slice(start, start + count)
+        bodies = model.site_bodyid[model.wrap_objid[part][at_site[part]]]
+        crossed |= moved[:, bodies].any(axis=1) & ~moved[:, bodies].all(axis=1)
+    scalar = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    found = [
+        model.joint(j).name
+        for j in range(model.njnt)
+        if model.jnt_type[j] in scalar and crossed[model.jnt_bodyid[j]]
+    ]
+    spools = {spool_joint(model.tendon(i).name) for i in range(model.ntendon)}
+    return tuple(name for name in found if name not in spools)
+
+
 def wind(draft: Draft) -> None:
     """Write the draft's wires and their motors into its spec; `Motors` sets the gains."""
     for tendon in list(draft.spec.tendons):

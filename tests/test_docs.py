@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -61,8 +62,38 @@ def small_study() -> dict[str, Any]:
     return {"places": places.each_joint, "parameters": spring.parameters, "edit": spring.edit}
 
 
-GIVEN: dict[str, Callable[[], dict[str, Any]]] = {"docs/reality_gap.md": small_study}
+def small_robot() -> dict[str, Any]:
+    """The drawing that the page shows, and a marker for it."""
+    [drawing] = re.findall(r"```xml\n(.*?)```", (ROOT / "docs/own_robot.md").read_text(), re.S)
+    Path("arm3.xml").write_text(drawing, encoding="utf-8")
+    shutil.copy(ROOT / "assets/mjcf/kengoro_arm/textures/marker_hand.png", "marker.png")
+    return {}
+
+
+GIVEN: dict[str, Callable[[], dict[str, Any]]] = {
+    "docs/reality_gap.md": small_study,
+    "docs/own_robot.md": small_robot,
+}
 """What the blocks of a page find beside themselves, where it is the user's own."""
+
+
+def learned_and_named(namespace: dict[str, Any], said: str) -> None:
+    """It missed before it learned and not after, and the cause was named."""
+    lines = [line.split() for line in said.splitlines()]
+    drawn, learned = (
+        [float(line[1]) for line in lines if line[0] == learning] for learning in ("False", "True")
+    )
+    assert (len(drawn), len(learned)) == (5, 4)
+    assert max(learned) < 0.3 < 1.0 < max(drawn)
+    assert "Displaced attachment at lift_1" in said
+    code = [line for _, block in blocks(ROOT / "docs/own_robot.md") for line in block.splitlines()]
+    assert sum(bool(line.strip()) for line in code) < 60  # as promised
+
+
+EXPECTED: dict[str, Callable[[dict[str, Any], str], None]] = {
+    "docs/own_robot.md": learned_and_named
+}
+"""What the blocks of a page must have done."""
 
 
 @pytest.mark.parametrize(
@@ -78,6 +109,7 @@ def test_python_in_the_documentation_runs(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     request: pytest.FixtureRequest,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     name = page.relative_to(ROOT).as_posix()
@@ -93,6 +125,8 @@ def test_python_in_the_documentation_runs(
     try:
         for line, block in code:
             exec(compile("\n" * line + block, str(page), "exec"), namespace)
+        if name in EXPECTED:
+            EXPECTED[name](namespace, capsys.readouterr().out)
     finally:
         CATALOGUE.clear()
         CATALOGUE.update(catalogue)

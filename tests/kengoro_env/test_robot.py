@@ -9,13 +9,21 @@ import numpy as np
 import pytest
 
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import EncoderError, TensionSensorError, WireStretch, ZeroPosture
+from kengoro_env.departures import (
+    EncoderError,
+    TensionSensorError,
+    WireStretch,
+    ZeroPosture,
+    actual,
+)
 from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.drawing import ArmDrawing
 from kengoro_env.errors import KengoroError
 from kengoro_env.motors import Gains
+from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot import Robot
+from kengoro_env.wires import wired_joints
 
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
 ELBOW = asset_path("mjcf/kengoro_arm/elbow.xml")
@@ -24,6 +32,33 @@ ELBOW = asset_path("mjcf/kengoro_arm/elbow.xml")
 def settle(robot: Robot, target: np.ndarray, steps: int = 100) -> None:
     for _ in range(steps):
         robot.step(target)
+
+
+@pytest.mark.parametrize("seed", [None, 1])
+@pytest.mark.parametrize(("scene", "joints"), [("can_grasp", JOINTS), ("elbow", ("elbow",))])
+def test_joints_are_those_that_wires_cross(
+    scene: str, joints: tuple[str, ...], seed: int | None
+) -> None:
+    """Neither the can, nor fingers, nor spools."""
+    path = asset_path(f"mjcf/kengoro_arm/{scene}.xml")
+    assert Robot(path, () if seed is None else actual(seed)).joints == joints
+    assert ArmDrawing(path).joints == joints
+
+
+def test_a_wire_within_one_body_crosses_nothing() -> None:
+    model = mujoco.MjModel.from_xml_string("""
+    <mujoco><worldbody>
+      <body><joint name="inner"/><geom size="0.1"/><site name="a"/><site name="b" pos="1 0 0"/>
+        <body pos="1 0 0"><joint name="slide" type="slide"/><geom size="0.1"/><site name="c"/>
+          <body pos="1 0 0"><joint name="outer"/><geom size="0.1"/><site name="d"/></body>
+        </body>
+      </body></worldbody>
+      <tendon>
+        <spatial name="still"><site site="a"/><site site="b"/></spatial>
+        <spatial name="moved"><site site="a"/><site site="c"/></spatial>
+      </tendon>
+    </mujoco>""")
+    assert wired_joints(model) == ("slide",)
 
 
 @pytest.mark.parametrize("departures", [(), (WireStretch(1e-5, 4e6),)], ids=["ideal", "stretch"])
