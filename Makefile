@@ -11,7 +11,7 @@ RENDERS := $(VENV)/.renders
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
 PACKAGES := kengoro_env jmm_agent reality_gap hidden_plants experiments benchmarks
 
-.PHONY: demo test test-all check docs clean
+.PHONY: demo test test-all check docs distributions clean
 
 demo: $(INSTALLED) $(RENDERS)
 	$(PY) -m experiments can-grasping --seeds 100-100 --out out/can-grasping
@@ -30,6 +30,9 @@ check: $(INSTALLED)
 
 docs: $(DOCS)
 	$(VENV)/bin/mkdocs build --strict
+
+distributions: $(INSTALLED)
+	$(PY) tools/try_distributions.py python3.11 python3.12 python3.13
 
 clean:
 	rm -rf $(VENV) out dist build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

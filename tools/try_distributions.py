@@ -1,0 +1,77 @@
+"""Build wheel and sdist, install each in an empty environment of each Python, and use it there.
+
+``python tools/try_distributions.py python3.11 python3.12 python3.13``; `make distributions` has the
+interpreters that it finds. The checkout is out of sight: everything runs in an empty folder.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+USES = (
+    (
+        "-c",
+        "import gymnasium as gym, numpy as np\n"
+        "envs = gym.make_vec('kengoro_env:Kengoro/Elbow-v0', 2, robot_seed=1)\n"
+        "envs.reset(seed=0)\n"
+        "print(envs.step(envs.action_space.sample())[1])",
+    ),
+    ("-m", "experiments", "record", "--arm", "elbow", "--duration", "4", "--out", "log"),
+    ("-m", "reality_gap", "check", "log/STUDY.yaml"),
+)
+"""What each environment is asked to do; every one must end with 0."""
+
+
+def run(*command: str | Path, cwd: Path) -> float:
+    """Seconds that a command takes; ends the program with what it said if it fails."""
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    begin = time.perf_counter()
+    done = subprocess.run(command, cwd=cwd, env=clean, capture_output=True, text=True)
+    if done.returncode:
+        words = " ".join(map(str, command))
+        sys.exit(f"{words}\n{done.stdout}{done.stderr}\nended with {done.returncode}.")
+    return time.perf_counter() - begin
+
+
+def size_mb(folder: Path) -> float:
+    """What lies in a folder [MB]."""
+    return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file()) / 1e6
+
+
+def main(interpreters: list[str]) -> None:
+    """Try each distribution with each interpreter."""
+    found = [name for name in interpreters if shutil.which(name)]
+    missing = [name for name in interpreters if name not in found]
+    if not found:
+        sys.exit(f"None of these interpreters is here: {', '.join(interpreters) or 'none given'}.")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        run(sys.executable, "-m", "build", "--outdir", folder / "dist", ROOT, cwd=folder)
+        for interpreter in found:
+            for built in sorted((folder / "dist").iterdir()):
+                place, empty = folder / "venv", folder / "empty"
+                empty.mkdir()
+                run(interpreter, "-m", "venv", place, cwd=folder)
+                python = place / "bin" / "python"
+                installed = run(python, "-m", "pip", "install", "--quiet", built, cwd=empty)
+                used = sum(run(python, *use, cwd=empty) for use in USES)
+                print(
+                    f"{interpreter}: {built.name} installed in {installed:.0f} s "
+                    f"({size_mb(place):.0f} MB with dependencies), used for {used:.0f} s"
+                )
+                shutil.rmtree(place)
+                shutil.rmtree(empty)
+    for name in missing:
+        print(f"{name}: not here, not tried")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
