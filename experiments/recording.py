@@ -5,7 +5,7 @@ Nothing else is known to it: no true joint angles, and nothing of how the robot 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -94,8 +94,8 @@ class Recording:
     lengths: Floats
     tensions: Floats
     start: Floats
-    look_time: Floats
-    markers: Floats
+    look_time: Floats = field(default_factory=lambda: np.zeros(0))
+    markers: Floats = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
 
 def record(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
