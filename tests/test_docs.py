@@ -21,6 +21,9 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SKIP = "<!-- no test: "
 """A comment that begins so, right before a block, says why the block cannot run here."""
 
+SLOW = ("own_robot.md",)
+"""Pages whose code takes longer than 20 s."""
+
 TABLE = re.compile(r"<!-- (results/\S+\.json): (.+) -->\n((?:\|.*\n)+)")
 """A table of a result: file, title, rows."""
 
@@ -99,7 +102,11 @@ EXPECTED: dict[str, Callable[[dict[str, Any], str], None]] = {
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, id=page.relative_to(ROOT).as_posix())
+        pytest.param(
+            page,
+            id=page.relative_to(ROOT).as_posix(),
+            marks=pytest.mark.slow if page.name in SLOW else (),
+        )
         for page in PAGES
         if any(blocks(page))
     ],
