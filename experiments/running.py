@@ -80,6 +80,8 @@ def run_tasks(
 
 
 def _run(work: Work, tasks: Tasks, jobs: int, cluster: str | None) -> Iterator[Done]:
+    if not tasks:
+        return
     if cluster is not None:
         yield from on_cluster(cluster, timed, work, tasks)
     elif jobs == 1 or len(tasks) < 2:

@@ -21,8 +21,15 @@ from kengoro_env.errors import KengoroError
 from kengoro_env.head_camera import HeadCamera
 from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_window
-from kengoro_env.robot import DivergedError, Robot
-from kengoro_env.spaces import LATEST, TENSION_RANGE, box, checked_action, length_bounds
+from kengoro_env.robot import Body, DivergedError, Robot
+from kengoro_env.spaces import (
+    LATEST,
+    TENSION_RANGE,
+    LengthBounds,
+    box,
+    checked_action,
+    length_bounds,
+)
 from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.posture import posture_task
@@ -234,11 +241,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         return observation, outcome.reward, outcome.ended is not None, False, info
 
     def _observe(self) -> Observation:
-        space, robot = self.bounds, self.robot
-        observation: Observation = {
-            "lengths": np.clip(robot.sense_lengths(), space.low, space.high),
-            "tensions": np.minimum(robot.sense_tensions(), TENSION_RANGE),
-        }
+        observation = felt(self.robot, self.bounds)
         if self._camera is not None:
             time, frame = self._camera.newest()
             observation["frame"] = frame
@@ -249,14 +252,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def _info(self, success: bool) -> dict[str, Any]:
         robot = self.robot
-        paid_out, target = robot.slack(robot.target)
-        return {
-            "joint_angles": robot.joint_angles,
-            "hand_pose": robot.site_pose("grip"),
+        return known(robot) | {
             "success": success,
             "time": robot.time,
-            "slack_paid_out": paid_out,
-            "slack_target": target,
             **self.task.truth(robot),
         }
 
@@ -287,6 +285,25 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __getstate__(self) -> dict[str, Any]:
         """A copied or unpickled environment goes on where this one stands, without its window."""
         return {**self.__dict__, "_window": None}
+
+
+def felt(body: Body, bounds: LengthBounds) -> Observation:
+    """What is observed of any robot, or of many at once: lengths and tensions, within bounds."""
+    return {
+        "lengths": np.clip(body.sense_lengths(), bounds.low, bounds.high),
+        "tensions": np.minimum(body.sense_tensions(), TENSION_RANGE),
+    }
+
+
+def known(body: Body) -> dict[str, Any]:
+    """What ``info`` says of the state of any robot, or of many at once."""
+    paid_out, target = body.slack(body.target)
+    return {
+        "joint_angles": body.joint_angles,
+        "hand_pose": body.site_pose("grip"),
+        "slack_paid_out": paid_out,
+        "slack_target": target,
+    }
 
 
 def _finite(name: str, value: object, size: int) -> Array:

@@ -6,6 +6,7 @@ call them: relative to the posture at which somebody zeroed them.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -36,19 +37,24 @@ DIVERGENCE = [
 class DivergedError(KengoroError):
     """The simulation left the realm of finite numbers."""
 
+    def __init__(self) -> None:
+        super().__init__("the simulation diverged: its state is no longer finite")
 
-class Body:
+
+class Body(ABC):
     """What can be measured of a robot: of one, or with a leading axis of many of one model.
 
     Attributes:
         model: of MuJoCo.
         data: an `MjData`, or the fields of one with an axis of robots before theirs.
         motors: of the wires.
+        target: lengths that the motors hold (m,) [m], as the encoders call them.
     """
 
     model: mujoco.MjModel
     data: Any
     motors: Motors
+    target: Array
     _senses: Senses
     _position: NDArray[np.int64]
     _zero: Array
@@ -106,9 +112,9 @@ class Body:
             tensions += self._senses.tension_noise * self._noise()
         return np.maximum(tensions, 0.0)
 
+    @abstractmethod
     def _noise(self) -> Array:
         """Standard normal noise of the sensors (m,)."""
-        raise NotImplementedError
 
 
 class Robot(Body):
@@ -249,7 +255,7 @@ class Robot(Body):
         warned = data.warning.number[DIVERGENCE].any()
         # A sum is finite if and only if, short of overflow, all its parts are.
         if warned or not np.isfinite(data.qpos.sum() + data.qvel.sum()):
-            raise DivergedError("the simulation diverged: its state is no longer finite")
+            raise DivergedError
 
     def close_fingers(self, command: float) -> None:
         """Command the fingers, from -1 (open) to +1 (closed); nothing where there are none."""

@@ -12,11 +12,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from kengoro_env.draft import Departure
-from kengoro_env.env import METADATA, KengoroEnv
+from kengoro_env.env import METADATA, KengoroEnv, felt, known
 from kengoro_env.errors import KengoroError
 from kengoro_env.fleet import Fleet
 from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.spaces import TENSION_RANGE, InvalidActionError, checked_action
+from kengoro_env.robot import DivergedError
+from kengoro_env.spaces import InvalidActionError, checked_action
 from kengoro_env.tasks.reach import Reach, judged
 
 Array = NDArray[np.float64]
@@ -29,8 +30,6 @@ MANY: dict[str, Any] = {
     "render_modes": [],
     "autoreset_mode": AutoresetMode.NEXT_STEP,
 }
-
-DIVERGED = "the simulation diverged: its state is no longer finite"
 
 
 class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
@@ -93,6 +92,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
+        self._steps = np.zeros(num_envs, dtype=int)
         self._ended = np.ones(num_envs, dtype=bool)
 
     def reset(
@@ -118,22 +118,11 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             raise KengoroError(
                 f"seed and reset_mask must have an entry for each of {self.num_envs} environments"
             )
-        if not self._tasks:
-            if not np.all(which):
-                raise KengoroError("the first reset must be one of all environments")
-            self._make_room(seeds[0], options)
+        if not self._tasks and not np.all(which):
+            raise KengoroError("the first reset must be one of all environments")
         for i in np.flatnonzero(which):
             self._begin(int(i), seeds[i], options)
         return self._told(which)
-
-    def _make_room(self, seed: int | None, options: dict[str, Any]) -> None:
-        """Arrays of the shapes that an episode has."""
-        observation, info = self._env.reset(seed=seed, options=options)
-        count = self.num_envs
-        self._observed = {k: np.stack([v] * count) for k, v in observation.items()}
-        self._known = {k: np.stack([v] * count) for k, v in info.items()}
-        self._tasks = [self._task] * count
-        self._steps = np.zeros(count, dtype=int)
 
     def _begin(self, i: int, seed: int | None, options: dict[str, Any]) -> None:
         env = self._env
@@ -144,6 +133,12 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             env.np_random = np.random.default_rng()
         observation, info = env.reset(seed=seed, options=options)
         self._randoms[i] = env.np_random
+        if not self._tasks:
+            self._observed, self._known = (
+                {name: np.stack([value] * self.num_envs) for name, value in first.items()}
+                for first in (observation, info)
+            )
+            self._tasks = [self._task] * self.num_envs
         self._tasks[i] = copy(self._task)
         self.fleet.take(i)
         self._steps[i], self._ended[i] = 0, False
@@ -173,7 +168,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         observed, infos = self._told(np.ones(self.num_envs, dtype=bool))
         if diverged.any():
             infos["reason"] = np.full(self.num_envs, None, dtype=object)
-            infos["reason"][diverged] = DIVERGED
+            infos["reason"][diverged] = str(DivergedError())
             infos["_reason"] = diverged.copy()
         return observed, reward, diverged, truncated, infos
 
@@ -197,22 +192,10 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         time = fleet.time
         for i in np.flatnonzero(moved):
             self._tasks[i].go_on(float(time[i]))
-        paid_out, target = fleet.slack(fleet.target)
-        told: Observations = {
-            "lengths": np.clip(fleet.sense_lengths(), bounds.low, bounds.high),
-            "tensions": np.minimum(fleet.sense_tensions(), TENSION_RANGE),
-            "target": np.stack([task.target() for task in self._tasks]),
-        }
-        known: Infos = {
-            "joint_angles": fleet.joint_angles,
-            "hand_pose": fleet.site_pose("grip"),
-            "success": success,
-            "time": time,
-            "slack_paid_out": paid_out,
-            "slack_target": target,
-        }
+        told = felt(fleet, bounds) | {"target": np.stack([task.target() for task in self._tasks])}
+        truth = known(fleet) | {"success": success, "time": time}
         _write(self._observed, moved, {name: values[moved] for name, values in told.items()})
-        _write(self._known, moved, {name: values[moved] for name, values in known.items()})
+        _write(self._known, moved, {name: values[moved] for name, values in truth.items()})
 
     def _told(self, which: Mask) -> tuple[Observations, Infos]:
         """Copies of what is observed by now and of the truth, which is known of ``which``."""

@@ -73,6 +73,11 @@ def test_what_a_cluster_did_is_kept_like_anything_else(cluster: Cluster, tmp_pat
         run_tasks(refuse, {"t0": (0,)}, 1, tmp_path, "another key", cluster.address)
 
 
+def test_where_all_is_done_no_cluster_is_asked(tmp_path: Path) -> None:
+    done = run_tasks(pow, {"t": (2, 3)}, 1, tmp_path, "key")
+    assert run_tasks(pow, {"t": (2, 3)}, 1, tmp_path, "key", "nowhere") == done
+
+
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:1", "nowhere"])
 def test_no_cluster_is_one_sentence(address: str) -> None:
     with pytest.raises(ExperimentError, match=f"No Ray cluster answers at '{address}': .*"):

@@ -440,15 +440,6 @@ def test_human_with_a_display_shows_each_step(monkeypatch: pytest.MonkeyPatch) -
     assert (window.shown, window.closed) == (3, 1)
 
 
-def test_vectorised() -> None:
-    envs = gym.make_vec("Kengoro/Elbow-v0", num_envs=2, robot_seed=4)
-    observations, _ = envs.reset(seed=1)
-    assert observations["lengths"].shape == (2, 3)
-    observations, rewards, *_ = envs.step(np.zeros((2, 3), np.float32))
-    assert rewards.shape == (2,)
-    envs.close()
-
-
 def test_a_closed_painter_draws_again() -> None:
     env = make("Kengoro/Elbow-v0")
     env.reset(seed=0)
