@@ -58,7 +58,6 @@ class Fleet(Body):
         self.motors.elongate_one(i, robot.motors.elongation)
         batch.state[i], batch.warning[i] = self._state, 0
         batch.forward([i])
-        batch.state[i] = self._state
         self.target[i] = robot.target
         self._random[i], self._coming[i] = robot.random, list(robot.events)
 
