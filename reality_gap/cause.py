@@ -185,6 +185,8 @@ class Cause:
             acts, so that in a machine of many wires it is looked at there only.
         event: whether it comes from outside at a time of its own; what the machine's own posture
             explains nearly as well is none.
+        sticky: whether a large one looks different from a small one, as what sticks until it slips;
+            where one such cause explains much, others are fitted whatever their slopes promise.
     """
 
     id: str
@@ -196,3 +198,4 @@ class Cause:
     attach: Callable[[Effects, System, Place, Values], None] | None = None
     fine: bool = False
     event: bool = False
+    sticky: bool = False

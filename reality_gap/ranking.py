@@ -15,6 +15,7 @@ from reality_gap.screening import Sensitivity
 
 Array = NDArray[np.float64]
 Ranked = list[tuple[float, Sensitivity, Array]]
+Starts = list[tuple[Sensitivity, Array]]
 
 
 def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
@@ -55,14 +56,14 @@ def _whitened(
         yield from zip(part, np.split(white, ends[:-1], axis=1), strict=True)
 
 
-def diverse(ranked: Ranked, count: int) -> list[tuple[Sensitivity, Array]]:
-    """The best, no cause more than three times and no place twice for one cause."""
-    chosen: list[tuple[Sensitivity, Array]] = []
+def diverse(ranked: Ranked, count: int, most: int = 3) -> Starts:
+    """The best, no cause more than ``most`` times and no place twice for one cause."""
+    chosen: Starts = []
     used: dict[str, list[object]] = {}
     for _, sensitivity, theta in ranked:
         suspect = sensitivity.suspect
         places = used.setdefault(suspect.cause.id, [])
-        if suspect.place in places or len(places) >= 3:
+        if suspect.place in places or len(places) >= most:
             continue
         places.append(suspect.place)
         chosen.append((sensitivity, theta))

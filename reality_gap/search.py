@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.fitting import Asking, Fit, fit, fitting, log_evidence, resizing, together
-from reality_gap.plant import same
+from reality_gap.plant import Suspect, same
 from reality_gap.ranking import diverse, rank
 from reality_gap.ruler import Ruler, ruler
 from reality_gap.screening import Sensitivity
@@ -30,6 +30,8 @@ OTHER_SIZES = (4.0, 0.5, 0.2, 0.05)
 """Sizes that are tried if it keeps less, or if twice is better."""
 WORTH = 0.4
 """Share of the best evidence from which on other sizes of a suspect are tried."""
+MORE_STICKY = 8
+"""How many more of what sticks are fitted where one of it explains much."""
 SWAP = 1.0
 """Evidence by which another must be better to take the place of an earlier cause [nats]."""
 
@@ -149,21 +151,31 @@ def try_next(
 ) -> tuple[Fit, ...]:
     """Fit the most promising suspects beside ``base``, best first."""
     ranked = rank(found, rule, base)
-    if base is not None:
-        ranked = [item for item in ranked if item[0] > PROMISE]
-    fits = together(
-        bench,
-        [
-            _attempt(sensitivity, theta, rule, base)
-            for sensitivity, theta in diverse(ranked, refits)
-        ],
-    )
+    worth = ranked if base is None else [item for item in ranked if item[0] > PROMISE]
+    chosen = diverse(worth, refits)
+    fits = together(bench, [_attempt(*one, rule, base) for one in chosen])
     floor = 0.0 if base is None else again(rule, base).evidence
+    if _sticks(fits, floor):
+        tried = [sensitivity.suspect for sensitivity, _ in chosen]
+        rest = [item for item in ranked if _untried(item[1].suspect, tried)]
+        more = diverse(rest, MORE_STICKY, most=MORE_STICKY)
+        fits += together(bench, [_attempt(*one, rule, base) for one in more])
     best = max((f.evidence for f, _ in fits), default=floor)
     close = floor + WORTH * max(best - floor, 0.0)
     first = 0 if base is None else len(base.hypothesis)
     done = together(bench, [_finish(*one, rule, close, first) for one in fits])
     return tuple(sorted(done, key=lambda f: -f.evidence))
+
+
+def _sticks(fits: Sequence[tuple[Fit, bool]], floor: float) -> bool:
+    """Whether a newcomer that sticks explains much, beside the best."""
+    best = max((f.evidence - floor for f, _ in fits), default=0.0)
+    enough = max(PROMISE, WORTH * best)
+    return any(f.suspects[-1].cause.sticky and f.evidence - floor > enough for f, _ in fits)
+
+
+def _untried(suspect: Suspect, tried: Sequence[Suspect]) -> bool:
+    return suspect.cause.sticky and not any(same(suspect, one) for one in tried)
 
 
 def _attempt(
@@ -195,7 +207,8 @@ def _start(
     residual = base.residual if base else rule.null
 
     def cost(there: Array) -> float:
-        return 0.5 * float(np.sum(rule.learn(there) ** 2))
+        diverged = not np.all(np.isfinite(there))
+        return np.inf if diverged else 0.5 * float(np.sum(rule.learn(there) ** 2))
 
     def of_size(size: float) -> Hypothesis:
         return [*known, (sensitivity.suspect, sensitivity.values(size * theta))]
@@ -203,7 +216,7 @@ def _start(
     before = cost(residual)
     promise = before - cost(residual - sensitivity.columns @ theta)
     first, least = [of_size(1.0), of_size(TWICE)], before - KEPT * promise
-    costs = [cost(np.nan_to_num(r, nan=np.inf)) for r in (yield first)]
+    costs = [cost(r) for r in (yield first)]
     if costs[0] < min(least, costs[1]):
         return first[0]
     trials = [of_size(size) for size in OTHER_SIZES]
@@ -211,7 +224,7 @@ def _start(
         lone = sensitivity.suspect.parameters[0]
         others = (*lone.starts, *lone.secants)
         trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in others]
-    costs += [cost(np.nan_to_num(r, nan=np.inf)) for r in (yield trials)]
+    costs += [cost(r) for r in (yield trials)]
     return [*first, *trials][int(np.argmin(costs))]
 
 

@@ -35,4 +35,5 @@ CAUSE = Cause(
     places=_places,
     parameters=_parameters,
     edit=_edit,
+    sticky=True,
 )

@@ -9,13 +9,18 @@ the model gets their mean, and a hook adds what the direction changes.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
 from reality_gap.causes import bristles, places, sizes
 from reality_gap.causes.extra import Extra
 from reality_gap.system import System
+
+Array = NDArray[np.float64]
 
 PERIOD = 0.004
 """Time between changes of the friction [s]."""
@@ -69,31 +74,44 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
 
 
 def _on_wire(model: mujoco.MjModel, system: System, place: Place, values: Values) -> Hook:
-    wire, mean, more = model.tendon(place.elements[0]).id, _mean(values), _half(values)
-    brakes = bristles.Brakes(model, system, CAUSE.id, place) if mean else None
-    creep = CREEP * sizes.WIRE_SPEED
+    wire, creep = model.tendon(place.elements[0]).id, CREEP * sizes.WIRE_SPEED
+    turn = _turning(model, system, place, values)
 
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if brakes is not None:
-            way = brakes.ways(data, data.ten_velocity[[wire]], creep)
-            brakes.press(mean, 1 + more / mean * way)
+        turn(data, data.ten_velocity[[wire]], creep)
 
     return hook
 
 
 def _on_joint(model: mujoco.MjModel, system: System, place: Place, values: Values) -> Hook:
-    dof = int(model.joint(place.elements[0]).dofadr[0])
-    mean, more, drag = _mean(values), _half(values), _half(values, "_viscous")
-    brakes = bristles.Brakes(model, system, CAUSE.id, place) if mean else None
+    dof, drag = int(model.joint(place.elements[0]).dofadr[0]), _half(values, "_viscous")
     damping, creep = Extra(model.dof_damping, dof), CREEP * sizes.joint_speed(system, place)
+    turn = _turning(model, system, place, values)
 
     def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if brakes is not None:
-            way = brakes.ways(data, data.qvel[[dof]], creep)
-            brakes.press(mean, 1 + more / mean * way)
+        turn(data, data.qvel[[dof]], creep)
         damping.write(drag * math.tanh(data.qvel[dof] / creep))
 
     return hook
+
+
+def _turning(
+    model: mujoco.MjModel, system: System, place: Place, values: Values
+) -> Callable[[mujoco.MjData, Array, float], None]:
+    """Gives the dry friction that of the direction, when it turns; nothing where there is none."""
+    mean, half = _mean(values), _half(values)
+    if not mean:
+        return lambda data, velocity, creep: None
+    brakes, before = bristles.Brakes(model, system, CAUSE.id, place), np.nan
+
+    def turn(data: mujoco.MjData, velocity: Array, creep: float) -> None:
+        nonlocal before
+        way = float(brakes.ways(data, velocity, creep)[0])
+        if way != before:
+            brakes.press(mean, 1 + half / mean * way)
+            before = way
+
+    return turn
 
 
 CAUSE = Cause(
@@ -105,4 +123,5 @@ CAUSE = Cause(
     edit=_edit,
     attach=_attach,
     fine=True,
+    sticky=True,
 )

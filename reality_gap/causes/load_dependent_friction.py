@@ -131,4 +131,5 @@ CAUSE = Cause(
     edit=_edit,
     attach=_attach,
     fine=True,
+    sticky=True,
 )

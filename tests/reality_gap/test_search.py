@@ -48,7 +48,12 @@ def proportional(size: float) -> float:
 
 
 def suspect(
-    id: str, shape: Array, where: str = "rail", answer: Answer = proportional, low: float = -100.0
+    id: str,
+    shape: Array,
+    where: str = "rail",
+    answer: Answer = proportional,
+    low: float = -100.0,
+    sticky: bool = False,
 ) -> Suspect:
     """A cause that adds ``answer(size)`` times a shape (n,) to what the sensor reads."""
 
@@ -61,7 +66,7 @@ def suspect(
 
         effects.senses.append(sense)
 
-    cause = Cause(id, "", "", lambda s: (), lambda s, p: (), None, attach)
+    cause = Cause(id, "", "", lambda s: (), lambda s, p: (), None, attach, sticky=sticky)
     return Suspect(cause, Place("joint", (where,)), (Parameter("size", "1", 1.0, 0, low, 100.0),))
 
 
@@ -241,12 +246,45 @@ def test_what_sticks_at_small_sizes_is_tried_at_large_ones(tmp_path: Path) -> No
     assert size_of(best, "sticks") == pytest.approx(6.0, abs=1.0)
 
 
-def test_where_a_large_start_diverges_a_smaller_one_is_tried(tmp_path: Path) -> None:
+def slipping(size: float) -> float:
+    """What hardly shows until it is large."""
+    return float(np.interp(size, [0.0, 1.0, 2.0, 8.0], [0.0, 0.2, 1.0, 7.0]))
+
+
+def test_what_sticks_is_fitted_beside_what_sticks_whatever_its_slope_promises(
+    tmp_path: Path,
+) -> None:
+    loud = suspect("loud", SHAPES[:, 0] + 0.8 * SHAPES[:, 1], sticky=True)
+    quiet = suspect("quiet", SHAPES[:, 0], answer=slipping, low=0.0, sticky=True)
+    smooth = suspect("smooth", SHAPES[:, 0], answer=slipping, low=0.0)
+    case = Case(tmp_path, SHAPES[:, 0], [loud, quiet, smooth])
+
+    tried = case.next(refits=1)
+
+    assert [ids(one) for one in tried] == [["quiet"], ["loud"]]
+
+
+def test_where_what_sticks_explains_little_no_other_is_fitted_for_it(tmp_path: Path) -> None:
+    right = suspect("right", SHAPES[:, 0])
+    sticking = [suspect(id, SHAPES[:, 0] + 2 * SHAPES[:, 1], sticky=True) for id in ("x", "y")]
+    case = Case(tmp_path, SHAPES[:, 0], [right, *sticking])
+
+    tried = case.next(refits=2)
+
+    assert [ids(one) for one in tried] == [["right"], ["x"]]
+
+
+@pytest.mark.parametrize("tolerances", [0, 1])
+def test_where_a_large_start_diverges_a_smaller_one_is_tried(
+    tmp_path: Path, tolerances: int
+) -> None:
     """A little larger than the truth, the replay breaks down; a line leads beyond that."""
     brittle = suspect(
         "brittle", SHAPES[:, 0], answer=lambda s: np.nan if s > 0.6 else s**1.5, low=0.0
     )
     case = Case(tmp_path, 0.5**1.5 * SHAPES[:, 0], [brittle])
+    allowed = SHAPES[:, 1 : 1 + tolerances]
+    case.rule = ruler(case.bench.measured, case.null, allowed, None)
     _, sensitivity, theta = rank(case.found, case.rule, None)[0]
     beyond = case.bench.residual([(brittle, sensitivity.values(theta))])
 
