@@ -136,12 +136,15 @@ class Acting:
         make: makes it; called with the compiled model at the start of each episode.
         start, end: outside of this time of the study it does nothing [s].
         period: it is called this often at least [s]; 0 for every step.
+        wrenches: where it does nothing but push bodies, by the clock alone: what it does to all of
+            them (k, nbody, 6) [N, N m] at times (k,) [s]. Such a replay needs no Python.
     """
 
     make: Callable[[mujoco.MjModel], Hook]
     start: float = -math.inf
     end: float = math.inf
     period: float = 0.0
+    wrenches: Callable[[mujoco.MjModel, Array], Array] | None = None
 
 
 @dataclass
@@ -164,9 +167,10 @@ class Effects:
         start: float = -math.inf,
         end: float = math.inf,
         period: float = 0.0,
+        wrenches: Callable[[mujoco.MjModel, Array], Array] | None = None,
     ) -> None:
         """Add a hook that acts from ``start`` to ``end`` [s] of the study; see `Acting`."""
-        self.hooks.append(Acting(make, start, end, period))
+        self.hooks.append(Acting(make, start, end, period, wrenches))
 
 
 @dataclass(frozen=True)

@@ -118,36 +118,61 @@ def _advance(
     command: Array,
     record: Record | None,
 ) -> None:
-    """Simulate a command (k, nu) step by step: in C where no hook acts, else in Python."""
+    """Simulate a command (k, nu): in C where hooks act by the clock at most, else in Python."""
     if not len(command):
         return
     end = data.time + len(command) * model.opt.timestep
     acting = [r for r in running if r.acting.start < end and r.acting.end > data.time]
-    if not acting:
-        _advance_in_c(model, data, command, record)
+    wrenches = _wrenches(model, data, acting, len(command))
+    if not acting or (wrenches is not None and record is not None):
+        _advance_in_c(model, data, command, wrenches, record)
         return
     every = max(1, min(round(r.acting.period / model.opt.timestep) for r in acting))
     due = np.arange(len(command)) % every == 0
     due[1:] |= np.any(command[1:] != command[:-1], axis=1)
     calls = [(r.hook, r.acting.start, r.acting.end) for r in acting]
+    ctrl, qpos, qvel, sensors = data.ctrl, data.qpos, data.qvel, data.sensordata
+    applied, pushed = data.qfrc_applied, data.xfrc_applied
     for k, call in enumerate(due.tolist()):
         if record is not None:
-            record.qpos[k], record.qvel[k] = data.qpos, data.qvel
+            record.qpos[k], record.qvel[k] = qpos, qvel
         if call:
-            data.ctrl[:] = command[k]
-            data.qfrc_applied[:] = 0.0
-            data.xfrc_applied[:] = 0.0
+            ctrl[:] = command[k]
+            applied[:] = 0.0
+            pushed[:] = 0.0
             now = data.time
             for hook, start, end in calls:
                 if start < now < end:
                     hook(model, data)
         mujoco.mj_step(model, data)
         if record is not None:
-            record.sensors[k] = data.sensordata
+            record.sensors[k] = sensors
+
+
+def _wrenches(
+    model: mujoco.MjModel, data: mujoco.MjData, acting: Sequence[_Running], steps: int
+) -> Array | None:
+    """What hooks that act by the clock do to all bodies at each step (k, 6 nbody).
+
+    None if there are no hooks, or one that needs to see more than the clock.
+    """
+    time = data.time + model.opt.timestep * np.arange(steps)
+    total = None
+    for one in (r.acting for r in acting):
+        if one.wrenches is None:
+            return None
+        within = (one.start < time) & (time < one.end)
+        own = np.where(within[:, None, None], one.wrenches(model, time), 0.0)
+        total = own if total is None else total + own
+    return None if total is None else total.reshape(steps, -1)
 
 
 def _advance_in_c(
-    model: mujoco.MjModel, data: mujoco.MjData, command: Array, record: Record | None
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    command: Array,
+    wrenches: Array | None,
+    record: Record | None,
 ) -> None:
     data.qfrc_applied[:] = 0.0
     data.xfrc_applied[:] = 0.0
@@ -155,10 +180,15 @@ def _advance_in_c(
         data.ctrl[:] = command[0]
         mujoco.mj_step(model, data, len(command))
         return
-    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    kind, given = mujoco.mjtState.mjSTATE_FULLPHYSICS, mujoco.mjtState.mjSTATE_CTRL
+    if wrenches is not None:
+        given |= mujoco.mjtState.mjSTATE_XFRC_APPLIED
+        command = np.hstack([command, wrenches])
     first = np.empty(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, first, kind)
-    states, sensors = rollout.rollout(model, data, first[None], command[None])
+    states, sensors = rollout.rollout(
+        model, data, first[None], command[None], control_spec=int(given)
+    )
     record.sensors[:] = sensors[0]
     # States are those after each step; sensors those before it.
     at = np.vstack([first, states[0, :-1]])

@@ -7,7 +7,6 @@ episode at the same time from its begin, as where the machine passes something t
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import partial
 
@@ -67,7 +66,7 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
         first, last = begin - 15 * EDGE, end + 15 * EDGE
         if place.note == EACH:
             first, last = max(first, origin), min(last, origin + duration)
-        effects.act(partial(_always, hook), first, last)
+        effects.act(partial(_always, hook), first, last, wrenches=hook.wrenches)
         origin += duration
 
 
@@ -85,9 +84,15 @@ class _Push:
     end: float
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        since, left = (data.time - self.begin) / EDGE, (data.time - self.end) / EDGE
-        share = 0.5 * (math.tanh(since) - math.tanh(left))
-        data.xfrc_applied[model.body(self.body).id, :3] += share * self.force
+        data.xfrc_applied[:] += self.wrenches(model, np.array([data.time]))[0]
+
+    def wrenches(self, model: mujoco.MjModel, time: Array) -> Array:
+        """On all bodies (k, nbody, 6) [N, N m] at times (k,) [s]."""
+        since, left = (time - self.begin) / EDGE, (time - self.end) / EDGE
+        share = 0.5 * (np.tanh(since) - np.tanh(left))
+        found = np.zeros((len(time), model.nbody, 6))
+        found[:, model.body(self.body).id, :3] = share[:, None] * self.force
+        return found
 
 
 CAUSE = Cause(

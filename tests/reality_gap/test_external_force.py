@@ -9,15 +9,19 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes.external_force import CAUSE, EACH
-from reality_gap.plant import Suspect
+from reality_gap.measured import measured
+from reality_gap.plant import Suspect, build
+from reality_gap.replay import replay
 from reality_gap.study import Study
 from reality_gap.system import look_at
 from reality_gap.workbench import Workbench
 
+Array = NDArray[np.float64]
+
 START, DURATION = 1.0, 0.5
 
 
-def moved(study: Study, note: str, start: float) -> list[NDArray[np.float64]]:
+def moved(study: Study, note: str, start: float) -> list[Array]:
     """Times since their episode's begin [s] of the readings that a push changes, by episode."""
     with Workbench(study, 1) as bench:
         place = next(p for p in CAUSE.places(bench.system) if p.note == note)
@@ -58,3 +62,25 @@ def test_a_log_of_one_episode_knows_one_kind_only(lever_study: Study) -> None:
     short = replace(lever_study, episodes=lever_study.episodes[:1])
 
     assert [p.note for p in CAUSE.places(look_at(short))] == [""]
+
+
+@pytest.mark.parametrize("note", ["", EACH])
+def test_a_push_by_the_clock_does_in_c_what_its_hook_does(lever_study: Study, note: str) -> None:
+    system = look_at(lever_study)
+    place = next(p for p in CAUSE.places(system) if p.note == note)
+    values = {"x": 3.0, "y": -2.0, "z": 1.0, "start": START, "duration": DURATION}
+    push = Suspect(CAUSE, place, CAUSE.parameters(system, place))
+
+    def replayed(push: list[tuple[Suspect, dict[str, float]]], in_c: bool) -> Array:
+        plant = build(system, push)
+        hooks = plant.effects.hooks
+        assert all(h.wrenches is not None for h in hooks)
+        if not in_c:
+            hooks[:] = [replace(h, wrenches=None) for h in hooks]
+        return replay(plant, lever_study, measured(lever_study)).prediction
+
+    in_c, hooked = (replayed([(push, values)], c) for c in (True, False))
+    moved = np.abs(hooked - replayed([], in_c=True)).max()
+
+    assert moved > 1e-3
+    assert np.abs(in_c - hooked).max() < 1e-9 * moved
