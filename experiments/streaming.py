@@ -163,9 +163,11 @@ class _Handler(BaseHTTPRequestHandler):
         """Send what is new; the panel only where it changed."""
         broadcast, number, panel = self.server.broadcast, 0, ""
         with broadcast.watched():
-            while not broadcast.ended:
+            while True:
                 newer, shown = broadcast.after(number)
                 if newer == number:
+                    if broadcast.ended:
+                        break
                     self.wfile.write(b": nothing new\n\n")
                     continue
                 event = {**shown.texts, "scene": shown.scene}

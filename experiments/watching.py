@@ -28,6 +28,7 @@ from kengoro_env.assets import asset_path
 from kengoro_env.env import OUTSIDE
 from kengoro_env.names import JOINTS
 from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter
+from kengoro_env.wires import spool_joint
 
 NOTE_PERIOD = 0.1
 """Time between two points of the curves [s of the robot's time]."""
@@ -47,6 +48,9 @@ SEEN, BELIEVED = "#00a02c", "#1452ff"
 
 MARK_SIZE = 0.016
 """Half the width of such a mark [m]."""
+
+VIEW_DISTANCE = 1.4
+"""From the camera outside to the robot, about which a moved view turns [m]."""
 
 PANEL_SIZE = (4.6, 6.0)
 PANEL_DPI = 100
@@ -186,11 +190,17 @@ class Scene:
         self.data = mujoco.MjData(self.model)
         self._wires = [self.model.tendon(name).id for name in muscles]
         self.model.tendon_width[self._wires] = WIRE_WIDTH
+        joints = {self.model.joint(j).name for j in range(self.model.njnt)}
+        spooled = [name for name in muscles if spool_joint(name) in joints]
+        self._spooled = [self.model.tendon(name).id for name in spooled]
         self._painter = Painter(self.model, width, height)
 
     def follow(self, data: mujoco.MjData, moment: Moment) -> None:
-        """Take over the robot's state and colour the wires."""
+        """Take over the robot's state, colour the wires, and hide what is wound up of them."""
         mujoco.mj_copyData(self.data, self.model, data)
+        points = self.data.wrap_xpos.reshape(-1, 3)
+        ends = self.data.ten_wrapadr[self._spooled]
+        points[ends] = points[ends + 1]  # from the spool to the guide: no length
         self.model.tendon_rgba[self._wires] = wire_colours(moment.tensions)
 
     def draw(self, marks: Marks) -> Image:
@@ -200,6 +210,17 @@ class Scene:
     def close(self) -> None:
         """Free the GL context, in the thread that drew."""
         self._painter.close()
+
+
+def look_from_outside(camera: mujoco.MjvCamera, data: mujoco.MjData) -> None:
+    """Put a camera that can be moved where the one is that looks from outside."""
+    outside = data.camera(OUTSIDE)
+    forward = -outside.xmat.reshape(3, 3)[:, 2]
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.distance = VIEW_DISTANCE
+    camera.lookat[:] = outside.xpos + VIEW_DISTANCE * forward
+    camera.azimuth = np.degrees(np.arctan2(forward[1], forward[0]))
+    camera.elevation = np.degrees(np.arcsin(forward[2]))
 
 
 def wire_colours(tensions: Floats) -> Floats:

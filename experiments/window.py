@@ -18,7 +18,7 @@ from rich import get_console
 
 from experiments.session import Session
 from experiments.streaming import Broadcast, PageServer, Shown, data_url
-from experiments.watching import Curves, Moment, Panel, Scene, Story, add_marks
+from experiments.watching import Curves, Moment, Panel, Scene, Story, add_marks, look_from_outside
 from kengoro_env.rendering import RenderingError, has_display, open_viewer
 
 PERIOD = 0.1
@@ -165,6 +165,8 @@ class Viewer:
         self._scene, self._next = scene, 0.0
         others = set(threading.enumerate())
         self._viewer = open_viewer(scene.model, scene.data)
+        with self._viewer.lock():
+            look_from_outside(self._viewer.cam, scene.data)
         self._threads = set(threading.enumerate()) - others  # MuJoCo does not hand them out
 
     @property
