@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 RUNNERS = {
@@ -28,6 +29,18 @@ RUNNERS = {
     "learnability": ("experiments.learnability", "what can be learned, from what, and the floor"),
 }
 """Module and one line for each experiment."""
+
+WATCHABLE = (
+    "muscle-jacobian",
+    "vision-update",
+    "posture-accuracy",
+    "can-grasping",
+    "adaptation",
+    "ablation",
+    "baselines",
+    "gap-to-skill",
+)
+"""Experiments whose agents move a robot before the eyes of who gives --view."""
 
 USAGE = "\n".join(
     [
@@ -67,16 +80,22 @@ def main(arguments: list[str]) -> int:
 
     runner = importlib.import_module(RUNNERS[name][0])
     program = f"python -m experiments {name}"
+    if hasattr(runner, "main"):
+        run, args = runner.main, tyro.cli(runner.Args, args=rest, prog=program)
+    else:
+        usual = Args(seeds="0-9", out=Path("out") / name)
+        told = runner.STUDY.introduction
+        run = partial(run_study, runner.STUDY)
+        args = tyro.cli(Args, args=rest, prog=program, default=usual, description=told)
     try:
-        if hasattr(runner, "main"):
-            runner.main(tyro.cli(runner.Args, args=rest, prog=program))
-        else:
-            usual = Args(seeds="0-9", out=Path("out") / name)
-            told = runner.STUDY.introduction
-            run_study(
-                runner.STUDY,
-                tyro.cli(Args, args=rest, prog=program, default=usual, description=told),
+        if getattr(args, "view", False) and name not in WATCHABLE:
+            raise ExperimentError(
+                f"{name} cannot be watched: leave out --view. These can: {', '.join(WATCHABLE)}."
             )
+        run(args)
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        return 130
     except (ExperimentError, AgentError, KengoroError, RealityGapError) as error:
         print(error, file=sys.stderr)
         return 2

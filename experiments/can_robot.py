@@ -24,7 +24,7 @@ LOG_PERIOD = 0.2
 SWEEP_DEG = np.arange(-120.0, 31.0, 2.0)
 """Shoulder pitch at which the map is compared before and after, all other joints at zero."""
 
-Watch = Callable[[Session, str], None]
+Watch = Callable[[Session], None]
 
 
 class CanRobot:
@@ -52,17 +52,12 @@ class CanRobot:
 
     def run_trial(self, watch: Watch | None = None, render_mode: str | None = None) -> None:
         """Look, reach, miss, learn, grasp."""
-
-        def tell(session: Session) -> None:
-            if watch is not None:
-                watch(session, trial.stage)
-
-        self.session, trial = self._begin(self.agent, tell, render_mode)
+        self.session, trial = self._begin(self.agent, watch, render_mode)
         self.trial = trial.trial
         try:
             trial.run()
         except EpisodeEndedError as end:
-            self.trial.notes.append(f"{trial.stage}: {end}")
+            self.trial.notes.append(f"{self.session.stage}: {end}")
         self.session.env.close()
 
     def run_control(self) -> bool:
@@ -82,7 +77,7 @@ class CanRobot:
     def _begin(
         self,
         agent: Agent,
-        watch: Callable[[Session], None] | None = None,
+        watch: Watch | None = None,
         render_mode: str | None = None,
     ) -> tuple[Session, GraspTrial]:
         robot = self.seed if self._condition == ACTUAL else None

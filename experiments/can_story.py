@@ -22,18 +22,18 @@ Tell = Callable[[str, float], None]
 """(stage, simulated time [s])"""
 
 
-def watcher(film: Video | None, tell: Tell) -> Callable[[Session, str], None]:
+def watcher(film: Video | None, tell: Tell) -> Callable[[Session], None]:
     """Passes on what the robot does, every `VIDEO_PERIOD`."""
 
-    def watch(session: Session, stage: str) -> None:
+    def watch(session: Session) -> None:
         steps = round(session.time / VIDEO_PERIOD, 6)
         if not steps.is_integer():
             return
-        tell(stage, session.time)
+        tell(session.stage, session.time)
         if film is not None:
             outside = session.env.render()
             frame = session.observation["frame"]
-            film.add(frame, np.asarray(outside), stage, f"{session.time:5.1f} s")
+            film.add(frame, np.asarray(outside), session.stage, f"{session.time:5.1f} s")
 
     return watch
 

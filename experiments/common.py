@@ -44,6 +44,8 @@ class Args:
         cluster: address of a Ray cluster that does it instead; "auto": the one that runs here.
         cache: folder of trained maps; the user's cache folder if left out.
         quick: do little, to see that it works; the numbers mean nothing then.
+        view: watch the robots, one at a time: in MuJoCo's viewer where there is a display, else on
+            a page for a browser on this computer. What is kept already runs again.
     """
 
     seeds: str
@@ -52,6 +54,7 @@ class Args:
     cluster: str | None = None
     cache: Path | None = None
     quick: bool = False
+    view: bool = False
 
 
 def parse_seeds(text: str) -> list[int]:

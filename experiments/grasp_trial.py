@@ -97,7 +97,6 @@ class GraspTrial:
         self._rng, self._options = rng, options or TrialOptions()
         self._can: Floats | None = None
         self.trial = Trial()
-        self.stage = ""
 
     def run(self) -> Trial:
         """The whole experiment, to the first success after learning or the last approach.
@@ -107,12 +106,12 @@ class GraspTrial:
         options = self._options
         for number in range(options.approaches):
             if number == 1:
-                self.stage = "moves its hand before its eyes"
+                self._session.stage = "moves its hand before its eyes"
                 self._explore(self._random_postures(options.postures))
             elif number > 1:
-                self.stage = "looks once more at its arm"
+                self._session.stage = "looks once more at its arm"
                 self._explore(self._near_postures())
-            self.stage = f"approach {number + 1}"
+            self._session.stage = f"approach {number + 1}"
             grasped = self._approach()
             if grasped and number > 0:
                 break
@@ -178,12 +177,12 @@ class GraspTrial:
         session = self._session
         self._can = pose = self._look_for_can()
         if pose is None:
-            self.trial.notes.append(f"{self.stage}: the can was not found")
+            self.trial.notes.append(f"{session.stage}: the can was not found")
             return False
         plan = self._planner.plan(pose, session.agent.target)
         if not plan.reachable:
             self.trial.notes.append(
-                f"{self.stage}: not made, the can is out of reach by {1e3 * plan.worst:.0f} mm"
+                f"{session.stage}: not made, the can is out of reach by {1e3 * plan.worst:.0f} mm"
             )
             return False
         self.trial.plan = plan

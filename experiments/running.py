@@ -46,7 +46,13 @@ def progress_bar(title: str, total: int) -> Iterator[Callable[[str], None]]:
 
 
 def run_tasks(
-    work: Work, tasks: Tasks, jobs: int, folder: Path, key: str, cluster: str | None = None
+    work: Work,
+    tasks: Tasks,
+    jobs: int,
+    folder: Path,
+    key: str,
+    cluster: str | None = None,
+    again: bool = False,
 ) -> dict[str, Any]:
     """Results of ``work(*arguments)`` by the tasks' names, each kept in a file as soon as it ends.
 
@@ -57,6 +63,7 @@ def run_tasks(
         folder: where results are kept; one that is there with the same ``key`` is not run again.
         key: stands for all that results depend on beside the arguments.
         cluster: address of a Ray cluster that does the work in place of processes.
+        again: whether what is kept is run again.
     """
     check_jobs(jobs)
     results: dict[str, Any] = {}
@@ -70,7 +77,7 @@ def run_tasks(
             tell(name)
 
         for name in tasks:
-            kept = _kept(folder / f"{name}.json", key)
+            kept = None if again else _kept(folder / f"{name}.json", key)
             if kept is not None:
                 keep(name, kept["result"], 0.0)
         missing = {name: arguments for name, arguments in tasks.items() if name not in results}

@@ -6,7 +6,9 @@ The environment's ``info`` holds the truth. It is stripped here, before the agen
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -47,6 +49,23 @@ class Log:
     look_error: list[Floats] = field(default_factory=list)
 
 
+_onlooker: ContextVar[Callable[[Session], None] | None] = ContextVar("onlooker", default=None)
+
+
+@contextmanager
+def looked_on(onlooker: Callable[[Session], None]) -> Iterator[None]:
+    """Sessions that begin here show themselves to ``onlooker`` after every step.
+
+    Experiments make their sessions deep inside; so none has to pass the onlooker on. It must not
+    change anything.
+    """
+    token = _onlooker.set(onlooker)
+    try:
+        yield
+    finally:
+        _onlooker.reset(token)
+
+
 class Session:
     """One episode of an environment, driven by an agent.
 
@@ -56,6 +75,9 @@ class Session:
         seed: of the episode.
         watch: called with the session after every step, for videos and progress.
         options: of the reset.
+
+    Attributes:
+        stage: what the robot is doing, in a few words, for those who watch.
     """
 
     def __init__(
@@ -70,7 +92,8 @@ class Session:
             raise ExperimentError(f"A session needs a Kengoro environment, not {env.unwrapped}.")
         self.env, self.world = env, env.unwrapped
         self.agent, self.log = agent, Log()
-        self._watch = watch
+        self._watch, self._onlooker = watch, _onlooker.get()
+        self.stage = ""
         self.fingers = OPEN
         self._seen: object = None
         self.observation, self.truth = env.reset(seed=seed, options=options)
@@ -113,6 +136,8 @@ class Session:
         self._write()
         if self._watch is not None:
             self._watch(self)
+        if self._onlooker is not None:
+            self._onlooker(self)
         if ended or cut:
             raise EpisodeEndedError(str(self.truth.get("reason", "the time is up")))
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,10 @@ from experiments.common import (
     trained_map,
     write_json,
 )
+from experiments.errors import ExperimentError
 from experiments.report import Picture, Table, metric_table, print_table, write_report
-from experiments.running import core_seconds, run_tasks
+from experiments.running import Tasks, core_seconds, run_tasks
+from experiments.session import looked_on
 
 Results = dict[int, dict[str, Any]]
 """What each condition brought, by seed and condition."""
@@ -103,7 +106,8 @@ def run_study(study: Study, args: Args) -> Summary:
         for condition in study.conditions
     }
     key = f"{source_digest(*COMMON, *study.modules)} {asdict(sizes)}"
-    kept = run_tasks(study.run, tasks, args.jobs, args.out / "robots", key, args.cluster)
+    run = run_watched if args.view else run_unseen
+    kept = run(study, tasks, args, key)
     results: Results = {
         seed: {name: kept[f"{seed:03d}-{name}"] for name in study.conditions} for seed in seeds
     }
@@ -123,6 +127,34 @@ def run_study(study: Study, args: Args) -> Summary:
     )
     conclude_run(args.out, study, summary, found)
     return summary
+
+
+def run_unseen(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
+    """Results of the tasks by name, in parallel."""
+    return run_tasks(study.run, tasks, args.jobs, args.out / "robots", key, args.cluster)
+
+
+def run_watched(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
+    """The same results, one task after the other while a window shows the robots.
+
+    Raises:
+        ExperimentError: the work is to be done elsewhere.
+    """
+    from experiments.window import Window, open_window  # matplotlib takes a second to load
+
+    if args.cluster is not None:
+        raise ExperimentError(
+            "What a cluster runs cannot be watched: leave out --view or --cluster."
+        )
+
+    def run(window: Window, condition: str, seed: int, *more: Any) -> dict[str, Any]:
+        window.title = f"{study.title}: robot {seed}, {condition}"
+        with looked_on(window.look):
+            return study.run(condition, seed, *more)
+
+    with open_window(study.title) as window:
+        folder = args.out / "robots"
+        return run_tasks(partial(run, window), tasks, 1, folder, key, again=True)
 
 
 def conclude_run(out: Path, study: Study, summary: Summary, found: Findings) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import warnings
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -69,33 +70,49 @@ def _draw_something() -> None:
 
 
 class Painter:
-    """Draws a model offscreen, 640 x 480; opens its GL context with the first picture.
+    """Draws a model offscreen; opens its GL context with the first picture.
 
     A copied or unpickled painter opens a context of its own.
+
+    Args:
+        model: what is drawn.
+        width, height: of each picture [pixels].
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model = model
+    def __init__(self, model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT) -> None:
+        self._model, self._width, self._height = model, width, height
         self._renderer: mujoco.Renderer | None = None
         self._spooled = {
             i for i in range(model.ntendon) if _has_joint(model, spool_joint(model.tendon(i).name))
         }
 
-    def draw(self, data: mujoco.MjData, camera: str) -> Image:
-        """What a camera sees, (480, 640, 3) uint8, RGB; a new array.
+    def draw(
+        self,
+        data: mujoco.MjData,
+        camera: str,
+        decorate: Callable[[mujoco.MjvScene], None] | None = None,
+    ) -> Image:
+        """What a camera sees, (height, width, 3) uint8, RGB; a new array.
+
+        Args:
+            data: the state that is drawn.
+            camera: a camera of the model.
+            decorate: adds geoms to the scene that are not in the model.
 
         Raises:
             RenderingError: there is no way to draw here.
         """
         if self._renderer is None:
             working_backend()
-            self._renderer = mujoco.Renderer(self._model, HEIGHT, WIDTH)
+            self._renderer = mujoco.Renderer(self._model, self._height, self._width)
         scene = self._renderer.scene
         self._renderer.update_scene(data, camera)
         # Shadows and reflections cost most of the time, and markers are read better without.
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._hide_spools(scene)
+        if decorate is not None:
+            decorate(scene)
         return self._renderer.render()
 
     def _hide_spools(self, scene: mujoco.MjvScene) -> None:
@@ -122,19 +139,33 @@ def _has_joint(model: mujoco.MjModel, name: str) -> bool:
 
 def open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     """MuJoCo's viewer on a running model, or None with one warning where there is no display."""
+    try:
+        return open_viewer(model, data)
+    except RenderingError as error:
+        logger.warn(f'render_mode "human" opens no window: {error}; drawing offscreen instead')
+        return None
+
+
+def has_display() -> bool:
+    """Whether windows can be opened here."""
     import glfw
-    import mujoco.viewer
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        has_display = bool(glfw.init())
-    reason = "no display was found"
-    if has_display:
-        try:
-            return mujoco.viewer.launch_passive(
-                model, data, show_left_ui=False, show_right_ui=False
-            )
-        except RuntimeError as error:  # on macOS, when Python was not started as mjpython
-            reason = str(error).splitlines()[0]
-    logger.warn(f'render_mode "human" opens no window: {reason}; drawing offscreen instead')
-    return None
+        return bool(glfw.init())
+
+
+def open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
+    """MuJoCo's viewer on a running model.
+
+    Raises:
+        RenderingError: no window can be opened here, and why.
+    """
+    import mujoco.viewer
+
+    if not has_display():
+        raise RenderingError("no display was found")
+    try:
+        return mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
+    except RuntimeError as error:  # on macOS, when Python was not started as mjpython
+        raise RenderingError(str(error).splitlines()[0]) from error
