@@ -75,7 +75,7 @@ class Fleet(Body):
         for i in ids:
             self._let_wires_give(int(i))
         self.target[ids] = target[ids]
-        motors.command(self.target + self._zero - self._offset)
+        motors.command(self._commanded(self.target))
         # Paths, poses and cameras follow the joints, which mj_step leaves a time step behind.
         stage = int(mujoco.mjtStage.mjSTAGE_POS)
         if motors.friction_grows:
@@ -87,7 +87,8 @@ class Fleet(Body):
         else:
             batch.step(ids, self._substeps, stage)
         warned = batch.warning[:, DIVERGENCE, 1]  # (last info, number)
-        finite = np.isfinite(batch.bind("qpos").sum(axis=1) + batch.bind("qvel").sum(axis=1))
+        velocity = batch.bind("qvel")
+        finite = np.isfinite(np.vecdot(velocity, velocity))  # as `Robot` looks at its own
         return moving & (~finite | warned.any(axis=1))
 
     def _let_wires_give(self, i: int) -> None:
