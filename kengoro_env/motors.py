@@ -68,7 +68,8 @@ class _Friction(NamedTuple):
     Attributes:
         field: the array's name in the model.
         actuator: whose force counts at each place (k,); any where the friction is constant.
-        ratio: friction per force (k,) [1]; 0 where the friction is constant.
+        ratio: friction per force (k,) [1], with the sign that the force of a pull has; 0 where the
+            friction is constant.
         constant: friction without force (k,) [N or N m].
     """
 
@@ -90,6 +91,10 @@ class Motors:
         self._data: Any = data
         self._limit = gains.limit
         wires = list(draft.wires.values())
+        # NumPy is faster with an array than with a number.
+        self._limits, self._damping, self._none = (
+            np.full(len(wires), value) for value in (gains.limit, MOTOR_DAMPING, 0.0)
+        )
         tendons = np.array([model.tendon(name).id for name in self.muscles])
         self._tendon = index_of(tendons)
         actuators = np.array([model.actuator(name).id for name in self.muscles])
@@ -105,11 +110,13 @@ class Motors:
         self._spool_velocity = np.array([joint.dofadr[0] for joint in spools], dtype=int)
         self._spooled_tendon = tendons[self._spooled]
         self._polynomial = np.array([wire.stiffness or (0.0, 0.0, 0.0) for wire in wires]).T.copy()
+        # A tendon pulls by a negative force on its length, a spool by a positive one on its travel.
+        self._sign = np.where(self._spooled, 1.0, -1.0)
         ratio = np.array([wire.friction_ratio for wire in wires])
         self.friction_grows = bool(np.any(ratio > 0.0))
         straight = ~self._spooled
         self._frictions = tuple(
-            _friction(model, field, places, actuators[these], ratio[these])
+            _friction(model, field, places, actuators[these], (self._sign * ratio)[these])
             for field, places, these in (
                 ("tendon_frictionloss", tendons[straight], straight),
                 ("dof_frictionloss", self._spool_velocity, self._spooled),
@@ -163,8 +170,7 @@ class Motors:
         if np.any(values[1] > self._limit):
             raise KengoroError(f"set_stiffness: bias must be at most T_max = {self._limit} N")
         self.stiffness, self.bias = values
-        # A tendon pulls by a negative force on its length, a spool by a positive one on its travel.
-        sign = np.where(self._spooled, 1.0, -1.0)
+        sign = self._sign
         low, high = np.sort([sign * self.bias, sign * self._limit], axis=0)
         model, index = self._model, self._actuator
         model.actuator_gainprm[index, 0] = -sign * self.stiffness
@@ -212,9 +218,9 @@ class Motors:
         pull *= self.stiffness
         pull += self.bias
         np.maximum(pull, self.bias, out=pull)
-        np.minimum(pull, self._limit, out=pull)
-        pull += data.ten_velocity[..., self._tendon] * MOTOR_DAMPING
-        return np.maximum(pull, 0.0, out=pull)
+        np.minimum(pull, self._limits, out=pull)
+        pull += data.ten_velocity[..., self._tendon] * self._damping
+        return np.maximum(pull, self._none, out=pull)
 
     def _pull(self, stretch: Array) -> Array:
         x = np.maximum(stretch, 0.0)
@@ -280,7 +286,6 @@ class Motors:
         for field, actuator, ratio, constant in self._frictions:
             loss = getattr(self._model, field)
             force.take(actuator, -1, loss, "clip")
-            np.abs(loss, out=loss)
             loss *= ratio
             loss += constant
 

@@ -207,7 +207,7 @@ class Robot(Body):
         add_fingers(draft.spec)
         self.model = draft.spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._warnings = self.data.warning.number  # it keeps the count
+        self._warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
         self.control_period = control_period
         self._substeps = round(control_period / self.model.opt.timestep)
         if not np.isclose(self._substeps * self.model.opt.timestep, control_period):
@@ -331,7 +331,7 @@ class Robot(Body):
         data = self.data
         # Velocities that are finite leave positions finite, and so does the sum of their squares.
         finite = isfinite(data.qvel.dot(data.qvel))
-        if not finite or any(self._warnings[DIVERGENCE].tolist()):
+        if not finite or any(self._warnings.tolist()):
             raise DivergedError
 
     def close_fingers(self, command: float) -> None:
@@ -356,7 +356,7 @@ class Robot(Body):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._warnings = self.data.warning.number
+        self._warnings = self.data.warning.number[DIVERGENCE]
 
 
 def load_spec(path: Path) -> mujoco.MjSpec:

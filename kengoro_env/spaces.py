@@ -61,7 +61,7 @@ class LengthBounds:
 
     def to_lengths(self, action: NDArray[Any]) -> Array:
         """The lengths (m,) [m] that an action (m,) commands."""
-        return self.low + np.add(action, 1.0, dtype=float) * self._half
+        return self.low + (np.asarray(action, dtype=float) + 1.0) * self._half
 
 
 @cache
