@@ -35,8 +35,8 @@ class Fleet(Body):
     def __init__(self, robot: Robot, count: int, threads: int = 0) -> None:
         vars(self).update(vars(robot))  # what they have in common
         self._robot = robot
-        # Robots whose friction follows tension are stepped one time step a call. Then one `MjData` a
-        # thread, which stays in its core's cache, is faster than one a robot; else it is slower.
+        # Where friction follows tension, a call is one time step only. Then one `MjData` a thread,
+        # which stays in its core's cache, is faster than one a robot; else it is slower.
         alone = not robot.motors.friction_grows
         self._batch = self.data = Batch(robot.model, count, threads, persistent=alone)
         for name in ("actuator_force", "ten_length", "ten_velocity", "site_xpos", "site_xmat"):

@@ -296,7 +296,6 @@ class Robot(Body):
         self.target = target.copy()
         self.motors.command(self._commanded(target))
         self._advance()
-        self._check_finite()
 
     def _advance(self) -> None:
         """Step the physics for one control period, and let paths and poses follow the joints.
@@ -304,7 +303,11 @@ class Robot(Body):
         `mj_step` computes all that follows from the joint angles, then moves them, and so leaves
         paths and poses a time step behind. Here that first half of the next time step is done at
         the end, and not again when the next control period begins, unless somebody moved the
-        robot by hand in between. The bits are those of `mj_step` alone.
+        robot by hand in between. The bits are those of `mj_step` alone. Who edits the geometry of
+        `model` in between calls `mj_forward`.
+
+        Raises:
+            DivergedError: the simulation is no longer finite.
         """
         model, data, motors = self.model, self.data, self.motors
         left = self._substeps
@@ -319,6 +322,7 @@ class Robot(Body):
             motors.update_friction()
         else:
             mujoco.mj_step(model, data, left)
+        self._check_finite()
         mujoco.mj_fwdPosition(model, data)
         self._left_at = self._state()
 
