@@ -21,7 +21,7 @@ from kengoro_env.errors import KengoroError
 from kengoro_env.head_camera import HeadCamera
 from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_window
-from kengoro_env.robot import Body, DivergedError, Robot
+from kengoro_env.robot import Body, DivergedError, Moment, Robot
 from kengoro_env.spaces import (
     LATEST,
     TENSION_RANGE,
@@ -191,7 +191,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._ended = None
         if self._camera is not None:
             self._camera.reset(self.robot.data)
-        self._last = self._observe(), self._info(success=False)
+        now = self.robot.measure()
+        self._last = self._observe(now), self._info(now, success=False)
         if self.render_mode == "human":
             self.render()
         return self._last
@@ -229,19 +230,20 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             self._ended = str(error)
             observation, info = deepcopy(self._last)
             return observation, 0.0, True, False, {**info, "success": False, "reason": str(error)}
-        outcome = self.task.judge(self.robot)
+        now = self.robot.measure()
+        outcome = self.task.judge(self.robot, now)
         if self._camera is not None:
             self._camera.update(self.robot.data)
         self._ended = outcome.ended
-        observation, info = self._last = self._observe(), self._info(outcome.success)
+        observation, info = self._last = self._observe(now), self._info(now, outcome.success)
         if outcome.ended is not None:
             info["reason"] = outcome.ended
         if self.render_mode == "human":
             self.render()
         return observation, outcome.reward, outcome.ended is not None, False, info
 
-    def _observe(self) -> Observation:
-        observation = felt(self.robot, self.bounds)
+    def _observe(self, now: Moment) -> Observation:
+        observation = felt(self.robot, now, self.bounds)
         if self._camera is not None:
             time, frame = self._camera.newest()
             observation["frame"] = frame
@@ -250,13 +252,13 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             observation["target"] = self.task.target()
         return observation
 
-    def _info(self, success: bool) -> dict[str, Any]:
+    def _info(self, now: Moment, success: bool) -> dict[str, Any]:
         robot = self.robot
-        return known(robot) | {
-            "success": success,
-            "time": robot.time,
-            **self.task.truth(robot),
-        }
+        info = known(robot, now)
+        info["success"] = success
+        info["time"] = robot.time
+        info.update(self.task.truth(robot))
+        return info
 
     def render(self) -> Image | None:
         """The outside view (480, 640, 3) uint8, or None where a window shows it.
@@ -287,19 +289,20 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         return {**self.__dict__, "_window": None}
 
 
-def felt(body: Body, bounds: LengthBounds) -> Observation:
+def felt(body: Body, now: Moment, bounds: LengthBounds) -> Observation:
     """What is observed of any robot, or of many at once: lengths and tensions, within bounds."""
-    return {
-        "lengths": np.clip(body.sense_lengths(), bounds.low, bounds.high),
-        "tensions": np.minimum(body.sense_tensions(), TENSION_RANGE),
-    }
+    lengths, tensions = body.sense(now)
+    np.maximum(lengths, bounds.low, out=lengths)
+    np.minimum(lengths, bounds.high, out=lengths)
+    np.minimum(tensions, TENSION_RANGE, out=tensions)
+    return {"lengths": lengths, "tensions": tensions}
 
 
-def known(body: Body) -> dict[str, Any]:
+def known(body: Body, now: Moment) -> dict[str, Any]:
     """What ``info`` says of the state of any robot, or of many at once."""
-    paid_out, target = body.slack(body.target)
+    paid_out, target = body.slack(body.target, now)
     return {
-        "joint_angles": body.joint_angles,
+        "joint_angles": now.joint_angles,
         "hand_pose": body.site_pose("grip"),
         "slack_paid_out": paid_out,
         "slack_target": target,

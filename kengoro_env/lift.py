@@ -5,8 +5,6 @@ from __future__ import annotations
 from math import cos, radians
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
 LIFT_HEIGHT = 0.03
 """How far the can must rise [m]."""
@@ -31,10 +29,9 @@ class LiftMonitor:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._can = model.body("can").id
         self._can_geom = model.geom("can").id
-        hand = _subtree(model, model.body("hand").id)
-        fingers = _subtree(model, model.body("fingers_proximal").id)
-        self._hand = np.isin(model.geom_bodyid, hand)
-        self._fingers = np.isin(model.geom_bodyid, fingers)
+        self._hand = _geoms(model, model.body("hand").id)
+        self._fingers = _geoms(model, model.body("fingers_proximal").id)
+        self._palm_and_thumb = self._hand - self._fingers
         self.reset(data)
 
     def reset(self, data: mujoco.MjData) -> None:
@@ -47,9 +44,10 @@ class LiftMonitor:
     def update(self, data: mujoco.MjData) -> None:
         """Look at the can's pose and at what touches it now."""
         touching = self._touching(data)
-        by_hand = bool(touching.size) and bool(self._hand[touching].all())
-        fingers = self._fingers[touching]
-        self.grasped = bool(fingers.any()) and bool((self._hand[touching] & ~fingers).any())
+        by_hand = bool(touching) and touching <= self._hand
+        self.grasped = not (
+            touching.isdisjoint(self._fingers) or touching.isdisjoint(self._palm_and_thumb)
+        )
         self.rise = float(data.xpos[self._can][2]) - self._height
         upright = data.xmat[self._can][8] > cos(UPRIGHT)
         if not (by_hand and upright and self.rise >= LIFT_HEIGHT):
@@ -57,17 +55,21 @@ class LiftMonitor:
         self.held = float(data.time) - self._up_since
         self.lifted = self.lifted or self.held >= LIFT_TIME
 
-    def _touching(self, data: mujoco.MjData) -> NDArray[np.intp]:
-        """Geoms (k,) that touch the can."""
-        pairs = data.contact.geom[data.contact.exclude == 0]
-        pairs = pairs[np.any(pairs == self._can_geom, axis=1)]
-        return np.where(pairs[:, 0] == self._can_geom, pairs[:, 1], pairs[:, 0])
+    def _touching(self, data: mujoco.MjData) -> set[int]:
+        """Geoms that touch the can."""
+        contacts, can = data.contact, self._can_geom
+        pairs = zip(contacts.geom.tolist(), contacts.exclude.tolist(), strict=True)
+        return {
+            second if first == can else first
+            for (first, second), excluded in pairs
+            if not excluded and can in (first, second)
+        }
 
 
-def _subtree(model: mujoco.MjModel, root: int) -> list[int]:
-    """A body and all bodies that hang on it."""
-    bodies = [root]
+def _geoms(model: mujoco.MjModel, root: int) -> frozenset[int]:
+    """Geoms of a body and of all bodies that hang on it."""
+    bodies = {root}
     for body in range(root + 1, model.nbody):  # a child's number is larger than its parent's
         if model.body_parentid[body] in bodies:
-            bodies.append(body)
-    return bodies
+            bodies.add(body)
+    return frozenset(g for g in range(model.ngeom) if model.geom_bodyid[g] in bodies)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -38,6 +38,46 @@ class Gains:
 
 DEFAULT_GAINS = Gains()
 
+Index = slice | NDArray[np.int64]
+
+
+def index_of(numbers: NDArray[np.int64]) -> Index:
+    """An index of entries of an array: a slice, which is faster, where one follows the other."""
+    if len(numbers) and np.all(np.diff(numbers) == 1):
+        return slice(int(numbers[0]), int(numbers[-1]) + 1)
+    return numbers
+
+
+class WireState(NamedTuple):
+    """Where the wires are and how they pull, true; of many robots with an axis of robots before.
+
+    Attributes:
+        paths: lengths from guide to end (m,) [m].
+        paid_out: what an encoder without error reads (m,) [m]: path minus stretch minus elongation.
+        tensions: never negative (m,) [N].
+    """
+
+    paths: Array
+    paid_out: Array
+    tensions: Array
+
+
+class _Friction(NamedTuple):
+    """Dry friction that follows tension, for one of the arrays (k,) in which MuJoCo holds it.
+
+    Attributes:
+        field: the array's name in the model.
+        actuator: whose force counts at each place (k,); any where the friction is constant.
+        ratio: friction per force (k,) [1], with the sign that the force of a pull has; 0 where the
+            friction is constant.
+        constant: friction without force (k,) [N or N m].
+    """
+
+    field: str
+    actuator: NDArray[np.int64]
+    ratio: Array
+    constant: Array
+
 
 class Motors:
     """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles.
@@ -51,10 +91,16 @@ class Motors:
         self._data: Any = data
         self._limit = gains.limit
         wires = list(draft.wires.values())
-        self._tendon = np.array([model.tendon(name).id for name in self.muscles])
-        self._actuator = np.array([model.actuator(name).id for name in self.muscles])
+        # NumPy is faster with an array than with a number.
+        self._limits, self._damping, self._none = (
+            np.full(len(wires), value) for value in (gains.limit, MOTOR_DAMPING, 0.0)
+        )
+        tendons = np.array([model.tendon(name).id for name in self.muscles])
+        self._tendon = index_of(tendons)
+        actuators = np.array([model.actuator(name).id for name in self.muscles])
+        self._actuator = index_of(actuators)
         self._spooled = np.array([wire.stiffness is not None for wire in wires])
-        self._has_spools = bool(self._spooled.any())
+        self._has_spools, self._all_spooled = bool(self._spooled.any()), bool(self._spooled.all())
         spools = [
             model.joint(spool_joint(name))
             for name, spooled in zip(self.muscles, self._spooled, strict=True)
@@ -62,11 +108,23 @@ class Motors:
         ]
         self._spool_position = np.array([joint.qposadr[0] for joint in spools], dtype=int)
         self._spool_velocity = np.array([joint.dofadr[0] for joint in spools], dtype=int)
-        self._polynomial = np.array([wire.stiffness or (0.0, 0.0, 0.0) for wire in wires])
-        self._friction = np.array([wire.friction for wire in wires])
-        self._friction_ratio = np.array([wire.friction_ratio for wire in wires])
-        self.friction_grows = bool(np.any(self._friction_ratio > 0.0))
+        self._spooled_tendon = tendons[self._spooled]
+        self._polynomial = np.array([wire.stiffness or (0.0, 0.0, 0.0) for wire in wires]).T.copy()
+        # A tendon pulls by a negative force on its length, a spool by a positive one on its travel.
+        self._sign = np.where(self._spooled, 1.0, -1.0)
+        ratio = np.array([wire.friction_ratio for wire in wires])
+        self.friction_grows = bool(np.any(ratio > 0.0))
+        straight = ~self._spooled
+        self._frictions = tuple(
+            _friction(model, field, places, actuators[these], (self._sign * ratio)[these])
+            for field, places, these in (
+                ("tendon_frictionloss", tendons[straight], straight),
+                ("dof_frictionloss", self._spool_velocity, self._spooled),
+            )
+            if np.any(ratio[these] > 0.0)
+        )
         self._elongation = np.array([wire.elongation for wire in wires])
+        self._elongated = bool(self._elongation.any())
         self._drum = np.zeros(len(wires))  # paid out when the spool stands at zero
         self._lay_out()
         self.set_stiffness(gains.stiffness, gains.bias)
@@ -91,9 +149,8 @@ class Motors:
         self._write_slack_lengths()
 
     def _write_slack_lengths(self) -> None:
-        spooled = self._tendon[self._spooled]
         longest = (self._drum + self._elongation)[..., self._spooled]
-        self._model.tendon_lengthspring[..., spooled, 1] = longest
+        self._model.tendon_lengthspring[..., self._spooled_tendon, 1] = longest
 
     def set_stiffness(self, stiffness: object, bias: object) -> None:
         """Set K_stiff [N/m] and T_bias [N], each a number or (m,); `KengoroError` if not valid."""
@@ -113,8 +170,7 @@ class Motors:
         if np.any(values[1] > self._limit):
             raise KengoroError(f"set_stiffness: bias must be at most T_max = {self._limit} N")
         self.stiffness, self.bias = values
-        # A tendon pulls by a negative force on its length, a spool by a positive one on its travel.
-        sign = np.where(self._spooled, 1.0, -1.0)
+        sign = self._sign
         low, high = np.sort([sign * self.bias, sign * self._limit], axis=0)
         model, index = self._model, self._actuator
         model.actuator_gainprm[index, 0] = -sign * self.stiffness
@@ -124,47 +180,70 @@ class Motors:
         model.actuator_biasprm[index, 1] = -self.stiffness
         model.actuator_forcerange[index] = np.column_stack([low, high])
 
-    def paths(self) -> Array:
-        """Lengths of the wires' paths from guide to end [m], true."""
-        lengths: Array = self._data.ten_length[..., self._tendon]
-        if self._has_spools:
-            lengths[..., self._spooled] -= self._data.qpos[..., self._spool_position]
-        return lengths
-
-    def paid_out(self) -> Array:
-        """What an encoder without error reads [m]: path minus stretch minus elongation."""
-        lengths: Array = self._data.ten_length[..., self._tendon] - self._elongation
-        if self._has_spools:
-            turned = self._data.qpos[..., self._spool_position]
-            lengths[..., self._spooled] = self._drum[self._spooled] - turned
-        return lengths
-
-    def tensions(self) -> Array:
-        """Tensions of the wires [N], true, never negative.
+    def measure(self) -> WireState:
+        """Where the wires are and how they pull now.
 
         A wire that stretches pulls with its spring's force, another one with its motor's.
         """
-        tensions = self._motor_pull()
-        if self._has_spools:
-            stretch = self.paths() - self.paid_out() - self._elongation
-            tensions = np.where(self._spooled, self._pull(stretch), tensions)
-        return tensions
+        lengths = self._data.ten_length[..., self._tendon]
+        if not self._has_spools:
+            paths = lengths.copy()
+            paid_out = paths - self._elongation if self._elongated else paths
+            return WireState(paths, paid_out, self._motor_pull(lengths))
+        turned = self._turned()
+        paths, paid_out = lengths - turned, self._drum - turned
+        tensions = self._pull(paths - paid_out - self._elongation)
+        if not self._all_spooled:
+            paid_out = np.where(self._spooled, paid_out, lengths - self._elongation)
+            tensions = np.where(self._spooled, tensions, self._motor_pull(lengths))
+        return WireState(paths, paid_out, tensions)
 
-    def _motor_pull(self) -> Array:
+    def paths(self) -> Array:
+        """Lengths of the wires' paths from guide to end [m], true."""
+        lengths: Array = self._data.ten_length[..., self._tendon] - self._turned()
+        return lengths
+
+    def _turned(self) -> Array:
+        """How far spools have turned from where they stand at zero [m]; 0 without a spool."""
+        positions: Array = self._data.qpos[..., self._spool_position]
+        if self._all_spooled:
+            return positions
+        turned = np.zeros((*positions.shape[:-1], len(self.muscles)))
+        turned[..., self._spooled] = positions
+        return turned
+
+    def _motor_pull(self, lengths: Array) -> Array:
         data = self._data
-        excess = data.ten_length[..., self._tendon] - data.ctrl[..., self._actuator]
-        pull = (self.bias + self.stiffness * excess).clip(self.bias, self._limit)
-        return np.maximum(0.0, pull + MOTOR_DAMPING * data.ten_velocity[..., self._tendon])
+        pull: Array = lengths - data.ctrl[..., self._actuator]
+        pull *= self.stiffness
+        pull += self.bias
+        np.maximum(pull, self.bias, out=pull)
+        np.minimum(pull, self._limits, out=pull)
+        pull += data.ten_velocity[..., self._tendon] * self._damping
+        return np.maximum(pull, self._none, out=pull)
 
     def _pull(self, stretch: Array) -> Array:
         x = np.maximum(stretch, 0.0)
-        k1, k2, k3 = self._polynomial.T
-        return x * (k1 + x * (k2 + x * k3))
+        k1, k2, k3 = self._polynomial
+        pull: Array = k3 * x
+        pull += k2
+        pull *= x
+        pull += k1
+        pull *= x
+        return pull
+
+    def slack(self, paths: Array, paid_out: Array) -> Array:
+        """How much more of each wire is paid out (m,) [m] than its path takes (m,) [m]."""
+        if not self._has_spools and not self._elongated:
+            return np.zeros(paths.shape)
+        beyond = paid_out + self._elongation
+        beyond -= paths
+        return np.maximum(beyond, 0.0, out=beyond)
 
     def stretch_at(self, tension: Array) -> Array:
         """Stretch [m] of each wire at a tension [N] (m,), by Newton's method; 0 without stretch."""
         x = np.zeros(len(self.muscles))
-        k1, k2, k3 = self._polynomial.T
+        k1, k2, k3 = self._polynomial
         for _ in range(30):
             slope = np.where(self._spooled, k1 + x * (2 * k2 + 3 * k3 * x), 1.0)
             x = np.where(self._spooled, x - (self._pull(x) - tension) / slope, 0.0)
@@ -178,18 +257,22 @@ class Motors:
 
     def command(self, paid_out: Array) -> None:
         """Set the target of what is paid out [m] (m,) for the stiffness control."""
-        target = np.where(self._spooled, paid_out, paid_out + self._elongation)
+        target = paid_out + self._elongation if self._elongated else paid_out
+        if self._has_spools:
+            target = np.where(self._spooled, paid_out, target)
         self._data.ctrl[..., self._actuator] = target
 
     def elongate(self, elongation: Array) -> None:
         """Let wires give for good, in all by ``elongation`` [m] (m,) since they were mounted."""
         self._elongation = elongation.copy()
+        self._elongated = bool(elongation.any())
         self._write_slack_lengths()
 
     def elongate_one(self, i: int, elongation: Array) -> None:
         """The same (m,) [m] in the ``i``-th of many robots."""
         if not np.array_equal(self._elongation[i], elongation):
             self._elongation[i] = elongation
+            self._elongated = True
             self._write_slack_lengths()
 
     @property
@@ -199,9 +282,23 @@ class Motors:
 
     def update_friction(self) -> None:
         """Let the dry friction follow the tension, as a rope's over a pulley does."""
-        loss = self._friction + self._friction_ratio * np.abs(
-            self._data.actuator_force[..., self._actuator]
-        )
-        straight = ~self._spooled
-        self._model.tendon_frictionloss[..., self._tendon[straight]] = loss[..., straight]
-        self._model.dof_frictionloss[..., self._spool_velocity] = loss[..., self._spooled]
+        force = self._data.actuator_force
+        for field, actuator, ratio, constant in self._frictions:
+            loss = getattr(self._model, field)
+            force.take(actuator, -1, loss, "clip")
+            loss *= ratio
+            loss += constant
+
+
+def _friction(
+    model: mujoco.MjModel,
+    field: str,
+    places: NDArray[np.int64],
+    actuators: NDArray[np.int64],
+    ratios: Array,
+) -> _Friction:
+    """Friction at ``places`` of a model's array that follows the force of ``actuators``."""
+    constant = getattr(model, field).copy()
+    actuator, ratio = np.zeros(len(constant), dtype=np.int64), np.zeros(len(constant))
+    actuator[places], ratio[places] = actuators, ratios
+    return _Friction(field, actuator, ratio, constant)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 import os
 import warnings
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import mujoco
@@ -29,9 +29,20 @@ class RenderingError(KengoroError):
     """No GL library draws here; the message says what to install."""
 
 
-@cache
-def working_backend() -> str:
-    """Name of a GL backend that draws here; MuJoCo's renderers use it from then on.
+QUALITY = {"numslices": 16, "numstacks": 8, "offsamples": 0, "shadowsize": 0}
+"""Round things are drawn with fewer faces than MuJoCo's 28 x 16, and without anti-aliasing: most
+of a picture's time went there, and the poses of markers are no better for it."""
+
+MOST_GEOMS = 1000
+"""More than any scene of the arm has; MuJoCo's 10,000 take long to make room for."""
+
+
+def open_renderer(
+    model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT
+) -> mujoco.Renderer:
+    """A renderer of a model, with the first of MuJoCo's GL backends that draws here.
+
+    MuJoCo's own renderers use that backend from then on.
 
     Raises:
         RenderingError: there is none.
@@ -43,8 +54,7 @@ def working_backend() -> str:
         try:
             if backend in ("glfw", "egl", "osmesa"):
                 gl_context.GLContext = importlib.import_module(f"mujoco.{backend}").GLContext
-            _draw_something()
-            return backend
+            return _renderer(model, width, height)
         # What a broken driver raises is up to MuJoCo, PyOpenGL and the driver.
         except Exception as error:
             reason = f"{backend or 'default'}: {type(error).__name__}"
@@ -61,12 +71,30 @@ def working_backend() -> str:
     )
 
 
-def _draw_something() -> None:
-    model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    with warnings.catch_warnings():
+def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """A renderer that has drawn a first, empty picture."""
+    with warnings.catch_warnings(), _cheap(model, width, height):
         warnings.simplefilter("ignore")
-        with mujoco.Renderer(model, 16, 16) as renderer:
-            renderer.render()
+        font = mujoco.mjtFontScale.mjFONTSCALE_50
+        renderer = mujoco.Renderer(model, height, width, MOST_GEOMS, font)
+    renderer.render()
+    return renderer
+
+
+@contextmanager
+def _cheap(model: mujoco.MjModel, width: int, height: int) -> Iterator[None]:
+    """Lets a renderer that is made meanwhile draw no finer and no larger than it must."""
+    visual = model.vis
+    wanted = [(visual.quality, name, value) for name, value in QUALITY.items()]
+    wanted += [(visual.global_, "offwidth", width), (visual.global_, "offheight", height)]
+    before = [getattr(group, name) for group, name, _ in wanted]
+    for group, name, value in wanted:
+        setattr(group, name, value)
+    try:
+        yield
+    finally:
+        for (group, name, _), value in zip(wanted, before, strict=True):
+            setattr(group, name, value)
 
 
 class Painter:
@@ -103,14 +131,14 @@ class Painter:
             RenderingError: there is no way to draw here.
         """
         if self._renderer is None:
-            working_backend()
-            self._renderer = mujoco.Renderer(self._model, self._height, self._width)
+            self._renderer = open_renderer(self._model, self._width, self._height)
         scene = self._renderer.scene
         self._renderer.update_scene(data, camera)
         # Shadows and reflections cost most of the time, and markers are read better without.
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        self._hide_spools(scene)
+        if self._spooled:
+            self._hide_spools(scene)
         if decorate is not None:
             decorate(scene)
         return self._renderer.render()

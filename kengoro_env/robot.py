@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -18,20 +19,13 @@ from numpy.typing import NDArray
 from kengoro_env.draft import Departure, Draft, Senses, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
-from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors
+from kengoro_env.motors import DEFAULT_GAINS, Gains, Index, Motors, index_of
 from kengoro_env.wires import wind, wired_joints
 
 Array = NDArray[np.float64]
 
-DIVERGENCE = [
-    int(kind)
-    for kind in (
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-        mujoco.mjtWarning.mjWARN_BADCTRL,
-    )
-]
+DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
+"""MuJoCo's warnings of what is not finite: positions, velocities, accelerations, commands."""
 
 
 class DivergedError(KengoroError):
@@ -39,6 +33,24 @@ class DivergedError(KengoroError):
 
     def __init__(self) -> None:
         super().__init__("the simulation diverged: its state is no longer finite")
+
+
+class Moment(NamedTuple):
+    """What is true of a robot at one time; of many with an axis of robots before.
+
+    Attributes:
+        joint_angles: (n,) [rad].
+        paths: lengths of the wires' paths from guide to end (m,) [m].
+        paid_out: what encoders without error would read if nobody had zeroed them (m,) [m].
+        lengths: what encoders without offset, noise and quantum would read (m,) [m].
+        tensions: (m,) [N].
+    """
+
+    joint_angles: Array
+    paths: Array
+    paid_out: Array
+    lengths: Array
+    tensions: Array
 
 
 class Body(ABC):
@@ -56,61 +68,107 @@ class Body(ABC):
     motors: Motors
     target: Array
     _senses: Senses
-    _position: NDArray[np.int64]
+    _position: Index
+    _sites: dict[str, int]
+    _bodies: dict[str, int]
     _zero: Array
     _offset: Array
+    _has_offset: bool
     _tension_offset: Array
+    _has_tension_offset: bool
 
     @property
     def joint_angles(self) -> Array:
         """True joint angles (n,) [rad]."""
         angles: Array = self.data.qpos[..., self._position]
-        return angles
+        return angles.copy()
 
     @property
     def lengths(self) -> Array:
         """What encoders without offset, noise and quantum would read (m,) [m]."""
-        return self.motors.paid_out() - self._zero
+        return self.measure().lengths
 
     @property
     def tensions(self) -> Array:
         """True tensions (m,) [N]."""
-        return self.motors.tensions()
+        return self.measure().tensions
 
-    def slack(self, target: Array) -> tuple[Array, Array]:
+    def measure(self) -> Moment:
+        """What is true now: once for all that is felt, judged and known of it."""
+        paths, paid_out, tensions = self.motors.measure()
+        return Moment(self.joint_angles, paths, paid_out, paid_out - self._zero, tensions)
+
+    def slack(self, target: Array, now: Moment | None = None) -> tuple[Array, Array]:
         """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
-        paid_out = self.motors.paid_out() + self.motors.elongation
-        return (
-            np.maximum(0.0, paid_out - self.motors.paths()),
-            np.maximum(0.0, target - self.lengths - self._offset),
-        )
+        now = now or self.measure()
+        beyond_path = self.motors.slack(now.paths, now.paid_out)
+        beyond_length = target - now.lengths
+        if self._has_offset:
+            beyond_length -= self._offset
+        return beyond_path, np.maximum(beyond_length, 0.0, out=beyond_length)
+
+    def site_place(self, name: str) -> Array:
+        """Where a site is in the world (3,) [m], true."""
+        place: Array = self.data.site_xpos[..., self._sites[name], :].copy()
+        return place
+
+    def body_place(self, name: str) -> Array:
+        """Where a body is in the world (3,) [m], true."""
+        place: Array = self.data.xpos[..., self._bodies[name], :].copy()
+        return place
 
     def site_pose(self, name: str) -> Array:
         """Pose of a site in the world (4, 4), true."""
-        index = self.model.site(name).id
+        index = self._sites[name]
         return _pose(self.data.site_xpos[..., index, :], self.data.site_xmat[..., index, :])
 
     def body_pose(self, name: str) -> Array:
         """Pose of a body in the world (4, 4), true."""
-        index = self.model.body(name).id
+        index = self._bodies[name]
         return _pose(self.data.xpos[..., index, :], self.data.xmat[..., index, :])
+
+    def _commanded(self, target: Array) -> Array:
+        """What is to be paid out (m,) [m] for target lengths (m,) [m] as the encoders call them.
+
+        The controller works on what encoders read, so their offsets move the wires.
+        """
+        paid_out = target + self._zero
+        if self._has_offset:
+            paid_out -= self._offset
+        return paid_out
+
+    def sense(self, now: Moment) -> tuple[Array, Array]:
+        """What encoders (m,) [m] and tension sensors (m,) [N] read."""
+        return self._read_lengths(now.lengths), self._read_tensions(now.tensions)
 
     def sense_lengths(self) -> Array:
         """What the encoders read (m,) [m]: with offset, noise and quantum."""
-        senses = self._senses
-        lengths = self.lengths + self._offset
-        if senses.length_noise:
-            lengths += senses.length_noise * self._noise()
-        if senses.length_quantum:
-            lengths = np.round(lengths / senses.length_quantum) * senses.length_quantum
-        return lengths
+        return self._read_lengths(self.lengths)
 
     def sense_tensions(self) -> Array:
         """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
-        tensions = self.tensions + self._tension_offset
+        return self._read_tensions(self.tensions)
+
+    def _read_lengths(self, lengths: Array) -> Array:
+        senses = self._senses
+        reading = lengths + self._offset if self._has_offset else lengths.copy()
+        if senses.length_noise:
+            reading += senses.length_noise * self._noise()
+        if senses.length_quantum:
+            reading /= senses.length_quantum
+            np.rint(reading, out=reading)
+            reading *= senses.length_quantum
+        return reading
+
+    def _read_tensions(self, tensions: Array) -> Array:
+        reading = tensions.copy()
+        if self._has_tension_offset:
+            reading += self._tension_offset
         if self._senses.tension_noise:
-            tensions += self._senses.tension_noise * self._noise()
-        return np.maximum(tensions, 0.0)
+            reading += self._senses.tension_noise * self._noise()
+        if self._has_tension_offset or self._senses.tension_noise:
+            np.maximum(reading, 0.0, out=reading)
+        return reading
 
     @abstractmethod
     def _noise(self) -> Array:
@@ -149,6 +207,7 @@ class Robot(Body):
         add_fingers(draft.spec)
         self.model = draft.spec.compile()
         self.data = mujoco.MjData(self.model)
+        self._warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
         self.control_period = control_period
         self._substeps = round(control_period / self.model.opt.timestep)
         if not np.isclose(self._substeps * self.model.opt.timestep, control_period):
@@ -159,8 +218,9 @@ class Robot(Body):
         self._gains, self._senses, self._planned = gains, draft.senses, tuple(draft.events)
         self.joints = wired_joints(self.model)
         addresses = [self.model.joint(joint) for joint in self.joints]
-        self._position = np.array([joint.qposadr[0] for joint in addresses])
-        self._velocity = np.array([joint.dofadr[0] for joint in addresses])
+        self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
+        self._sites = {self.model.site(i).name: i for i in range(self.model.nsite)}
+        self._bodies = {self.model.body(i).name: i for i in range(self.model.nbody)}
         self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
         mujoco.mj_forward(self.model, self.data)
         self.motors = Motors(self.model, self.data, draft, gains)
@@ -168,8 +228,10 @@ class Robot(Body):
         self._zero = self._length_at_zero_posture()
         offset = self._senses.length_offset
         self._offset = np.array([offset.get(muscle, 0.0) for muscle in self.muscles])
+        self._has_offset = bool(self._offset.any())
         tension_offset = self._senses.tension_offset
         self._tension_offset = np.array([tension_offset.get(m, 0.0) for m in self.muscles])
+        self._has_tension_offset = bool(self._tension_offset.any())
         self._mounted = self.motors.elongation
         fingers = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, FINGERS)
         self._fingers = fingers if fingers >= 0 else None
@@ -216,10 +278,11 @@ class Robot(Body):
         mujoco.mj_forward(self.model, self.data)
         self.motors.wind_up()
         mujoco.mj_forward(self.model, self.data)
-        self.motors.command(self.motors.paid_out())
+        self.motors.command(self.motors.measure().paid_out)
         self.close_fingers(-1.0)
         mujoco.mj_forward(self.model, self.data)
         self.target = self.lengths + self._offset
+        self._left_at = b""
 
     def step(self, target: Array) -> None:
         """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
@@ -231,30 +294,48 @@ class Robot(Body):
             event = self.events.pop(0)
             self.elongate(event.muscle, event.elongation)
         self.target = target.copy()
-        # The controller works on what encoders read, so their offsets move the wires.
-        self.motors.command(target + self._zero - self._offset)
-        if self.motors.friction_grows:
-            for _ in range(self._substeps):
-                self.motors.update_friction()
-                mujoco.mj_step(self.model, self.data)
-        else:
-            mujoco.mj_step(self.model, self.data, self._substeps)
-        self._check_finite()
-        self._catch_up()
+        self.motors.command(self._commanded(target))
+        self._advance()
 
-    def _catch_up(self) -> None:
-        """Let paths, poses and cameras follow the joints: MuJoCo leaves them a time step behind."""
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_camlight(self.model, self.data)
-        mujoco.mj_tendon(self.model, self.data)
+    def _advance(self) -> None:
+        """Step the physics for one control period, and let paths and poses follow the joints.
+
+        `mj_step` computes all that follows from the joint angles, then moves them, and so leaves
+        paths and poses a time step behind. Here that first half of the next time step is done at
+        the end, and not again when the next control period begins, unless somebody moved the
+        robot by hand in between. The bits are those of `mj_step` alone. Who edits the geometry of
+        `model` in between calls `mj_forward`.
+
+        Raises:
+            DivergedError: the simulation is no longer finite.
+        """
+        model, data, motors = self.model, self.data, self.motors
+        left = self._substeps
+        if self._left_at == self._state():
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_step2(model, data)
+            left -= 1
+        if motors.friction_grows:
+            for _ in range(left):
+                motors.update_friction()
+                mujoco.mj_step(model, data)
+            motors.update_friction()
+        else:
+            mujoco.mj_step(model, data, left)
+        self._check_finite()
+        mujoco.mj_fwdPosition(model, data)
+        self._left_at = self._state()
+
+    def _state(self) -> bytes:
+        """Positions and velocities, to be compared."""
+        return self.data.qpos.tobytes() + self.data.qvel.tobytes()
 
     def _check_finite(self) -> None:
         """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
         data = self.data
-        warned = data.warning.number[DIVERGENCE].any()
-        # A sum is finite if and only if, short of overflow, all its parts are.
-        if warned or not np.isfinite(data.qpos.sum() + data.qvel.sum()):
+        # Velocities that are finite leave positions finite, and so does the sum of their squares.
+        finite = isfinite(data.qvel.dot(data.qvel))
+        if not finite or any(self._warnings.tolist()):
             raise DivergedError
 
     def close_fingers(self, command: float) -> None:
@@ -272,6 +353,14 @@ class Robot(Body):
 
     def _noise(self) -> Array:
         return self.random.standard_normal(len(self.muscles))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What MuJoCo computed for the next time step does not travel with a copy."""
+        return {**self.__dict__, "_left_at": b"", "_warnings": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._warnings = self.data.warning.number[DIVERGENCE]
 
 
 def load_spec(path: Path) -> mujoco.MjSpec:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,11 @@ class LengthBounds:
     low: Array
     high: Array
 
+    @cached_property
+    def _half(self) -> Array:
+        """Half the way from low to high (m,) [m]: what an action of 1 moves a target by."""
+        return (self.high - self.low) / 2.0
+
     def to_action(self, lengths: Array) -> NDArray[np.float32]:
         """The action that commands ``lengths`` (m,) [m]; lengths out of bounds are cut."""
         share = (lengths - self.low) / (self.high - self.low)
@@ -56,7 +61,7 @@ class LengthBounds:
 
     def to_lengths(self, action: NDArray[Any]) -> Array:
         """The lengths (m,) [m] that an action (m,) commands."""
-        return self.low + (action.astype(float) + 1.0) / 2.0 * (self.high - self.low)
+        return self.low + (np.asarray(action, dtype=float) + 1.0) * self._half
 
 
 @cache
@@ -97,7 +102,7 @@ def checked_action(action: object, entries: Sequence[str]) -> NDArray[Any]:
             f"{' and one for the fingers' if entries[-1] == 'fingers' else ''}, got {array.shape}"
         )
     within = np.abs(array) <= 1.0
-    if not within.all():
+    if np.count_nonzero(within) < array.size:
         first = np.flatnonzero(~within)[0]
         raise InvalidActionError(
             f"entry {first} of the action ({entries[first]}) is {array[first]:g}: every entry must "

@@ -16,7 +16,7 @@ from kengoro_env.env import METADATA, KengoroEnv, felt, known
 from kengoro_env.errors import KengoroError
 from kengoro_env.fleet import Fleet
 from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.robot import DivergedError
+from kengoro_env.robot import DivergedError, Moment
 from kengoro_env.spaces import InvalidActionError, checked_action
 from kengoro_env.tasks.reach import Reach, judged
 
@@ -156,9 +156,10 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         diverged = fleet.step(self._env.bounds.to_lengths(checked), ~begins)
         moved = ~begins & ~diverged
         targets = self._observed["target"]
-        reward, success = judged(fleet.joint_angles, targets, fleet.tensions)
+        now = fleet.measure()
+        reward, success = judged(now.joint_angles, targets, now.tensions)
         reward = np.where(moved, reward, 0.0)
-        self._observe(moved, success)
+        self._observe(now, moved, success)
         self._steps += 1
         truncated = moved & (self._steps >= self._most)
         for i in np.flatnonzero(begins):
@@ -186,14 +187,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
                 raise InvalidActionError(f"environment {i}: {error}") from None
         return array
 
-    def _observe(self, moved: Mask, success: Mask) -> None:
+    def _observe(self, now: Moment, moved: Mask, success: Mask) -> None:
         """Write what those that moved sense, and the truth about them."""
         fleet, bounds = self.fleet, self._env.bounds
         time = fleet.time
         for i in np.flatnonzero(moved):
             self._tasks[i].go_on(float(time[i]))
-        told = felt(fleet, bounds) | {"target": np.stack([task.target() for task in self._tasks])}
-        truth = known(fleet) | {"success": success, "time": time}
+        targets = np.stack([task.target() for task in self._tasks])
+        told = felt(fleet, now, bounds) | {"target": targets}
+        truth = known(fleet, now) | {"success": success, "time": time}
         _write(self._observed, moved, {name: values[moved] for name, values in told.items()})
         _write(self._known, moved, {name: values[moved] for name, values in truth.items()})
 

@@ -21,7 +21,7 @@ from kengoro_env.departures.senses import EYE
 from kengoro_env.errors import KengoroError
 from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Robot
+from kengoro_env.robot import Moment, Robot
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]
@@ -106,25 +106,24 @@ class CanGrasp:
         return self._distance(robot) > START_DISTANCE and bool(hand @ can < np.cos(CLEAR_VIEW))
 
     def _distance(self, robot: Robot) -> float:
-        grip, can = robot.site_pose("grip"), robot.body_pose("can")
-        return float(np.linalg.norm(grip[:3, 3] - can[:3, 3]))
+        return float(np.linalg.norm(robot.site_place("grip") - robot.body_place("can")))
 
     def target(self) -> Array:
         """There is none: the agent looks for the can itself."""
         raise KengoroError("CanGrasp has no target posture: the agent looks for the can itself")
 
-    def judge(self, robot: Robot) -> Outcome:
+    def judge(self, robot: Robot, now: Moment) -> Outcome:
         """Reward and success now, and whether the can has left the table."""
         monitor = self._monitor
         monitor.update(robot.data)
-        reach = np.exp(-self._distance(robot) / REACH_SCALE)
-        lift = np.clip(monitor.rise / LIFT_HEIGHT, 0.0, 1.0) if monitor.grasped else 0.0
+        reach = float(np.exp(-self._distance(robot) / REACH_SCALE))
+        lift = min(max(monitor.rise / LIFT_HEIGHT, 0.0), 1.0) if monitor.grasped else 0.0
         reward = (reach + float(monitor.grasped) + lift) / 3.0
         if monitor.rise > -FALLEN:
             self._on_table = robot.time
         fallen = robot.time - self._on_table > FALLEN_TIME
         ended = "the can fell off the table" if fallen else None
-        return Outcome(float(reward), monitor.lifted, ended)
+        return Outcome(reward, monitor.lifted, ended)
 
     def truth(self, robot: Robot) -> dict[str, Any]:
         """Pose of the can (4, 4), whether the hand holds it, and how far it has risen [m]."""

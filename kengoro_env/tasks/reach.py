@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.robot import Robot
+from kengoro_env.robot import Moment, Robot
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]
@@ -32,11 +32,16 @@ EFFORT, EFFORT_SCALE = 0.05, 500.0
 
 def judged(angles: Array, target: Array, tensions: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Reward and success of joint angles (..., n) and tensions (..., m), of one robot or many."""
-    # Sums along what does not lie side by side have another order, and end in other bits.
-    squares = np.ascontiguousarray((angles - target) ** 2)
-    error = np.sqrt(squares.mean(axis=-1))
-    effort = np.minimum(np.ascontiguousarray(tensions).mean(axis=-1) / EFFORT_SCALE, 1.0)
+    error = np.sqrt(_mean((angles - target) ** 2))
+    effort = np.minimum(_mean(tensions) / EFFORT_SCALE, 1.0)
     return np.exp(-error / REWARD_SCALE) - EFFORT * effort, error < TOLERANCE
+
+
+def _mean(values: Array) -> Array:
+    """Mean along the last axis; `numpy.mean` is the same in five times as long."""
+    # Sums along what does not lie side by side have another order, and end in other bits.
+    total: Array = np.add.reduce(np.ascontiguousarray(values), -1)
+    return total / values.shape[-1]
 
 
 class Reach:
@@ -78,9 +83,9 @@ class Reach:
         """Joint angles to reach now (n,) [rad]."""
         return self._target.copy()
 
-    def judge(self, robot: Robot) -> Outcome:
+    def judge(self, robot: Robot, now: Moment) -> Outcome:
         """Reward and success for the present target; then a new one if it is time."""
-        reward, success = judged(robot.joint_angles, self._target, robot.tensions)
+        reward, success = judged(now.joint_angles, self._target, now.tensions)
         self.go_on(robot.time)
         return Outcome(float(reward), bool(success))
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.robot import Robot
+from kengoro_env.robot import Moment, Robot
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """What a control step came to.
 
     Attributes:
@@ -59,8 +57,8 @@ class Task(Protocol):
     def target(self) -> Array:
         """Joint angles to reach (n,) [rad]; only where ``shows_target``."""
 
-    def judge(self, robot: Robot) -> Outcome:
-        """Judge the present state; called once after each control step."""
+    def judge(self, robot: Robot, now: Moment) -> Outcome:
+        """Judge the present state, measured as ``now``; called once after each control step."""
 
     def truth(self, robot: Robot) -> dict[str, Any]:
         """Entries for ``info`` beside those that every task has."""

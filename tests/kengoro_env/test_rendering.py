@@ -68,10 +68,9 @@ def test_a_backend_that_does_not_work_here_is_a_sentence(chosen: str) -> None:
 def test_no_library_at_all_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gl_backend, "candidates", lambda: ())
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    rendering.working_backend.cache_clear()
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
     with pytest.raises(RenderingError, match=r"no GL library found.*apt-get install libegl1"):
-        rendering.working_backend()
-    rendering.working_backend.cache_clear()
+        rendering.open_renderer(model)
 
 
 @pytest.mark.parametrize(
@@ -130,3 +129,16 @@ def test_shadows_are_left_out() -> None:
     assert not flags[mujoco.mjtRndFlag.mjRND_SHADOW]
     assert not flags[mujoco.mjtRndFlag.mjRND_REFLECTION]
     painter.close()
+
+
+def test_a_painter_leaves_the_models_quality_to_others() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><visual><quality numslices='20'/><global offwidth='800'/></visual>"
+        "<worldbody><geom size='1'/><camera name='eye' pos='0 0 4'/></worldbody></mujoco>"
+    )
+    painter, data = Painter(model), mujoco.MjData(model)
+    painter.draw(data, "eye")
+    painter.close()
+    quality = model.vis.quality
+    assert (quality.numslices, quality.offsamples, quality.shadowsize) == (20, 4, 4096)
+    assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (800, 480)

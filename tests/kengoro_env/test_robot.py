@@ -152,6 +152,28 @@ def test_slack_metrics() -> None:
     assert np.all(robot.slack(target)[0][1:] == 0.0)
 
 
+@pytest.mark.parametrize("departures", [(), actual(2)], ids=["drawing", "actual"])
+def test_the_bits_are_those_of_mj_step_alone(departures: tuple[Departure, ...]) -> None:
+    """Also where somebody moves the robot by hand between two control periods."""
+    robot, plain = Robot(ELBOW, departures), Robot(ELBOW, departures)
+    for one in (robot, plain):
+        one.reset(np.array([1.0]), np.random.default_rng(0))
+    hinge = robot.model.joint("elbow").qposadr[0]
+    for k in range(6):
+        target = robot.target - 0.002 * k
+        robot.step(target)
+        plain.motors.command(plain._commanded(target))
+        for _ in range(10):
+            plain.motors.update_friction()
+            mujoco.mj_step(plain.model, plain.data)
+        assert np.array_equal(robot.data.qpos, plain.data.qpos), k
+        assert np.array_equal(robot.data.qvel, plain.data.qvel), k
+        if k == 2:
+            robot.data.qpos[hinge] = plain.data.qpos[hinge] = 0.5
+        if k == 3:
+            robot.data.qvel[hinge] = plain.data.qvel[hinge] = 2.0
+
+
 def test_the_elbow_alone_is_the_arms_elbow() -> None:
     """elbow.xml repeats numbers of arm.xml: places, masses, wires and joint agree."""
     arm, elbow = (mujoco.MjModel.from_xml_path(str(path)) for path in (ARM, ELBOW))

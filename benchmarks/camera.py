@@ -1,0 +1,127 @@
+"""Frames a second of the head camera beside MuJoCo's renderer, and what markers lose by it.
+
+Both draw the same robot from the same camera, 640 x 480, in turns: our painter, and
+`mujoco.Renderer` with MuJoCo's default quality (shadows, reflections, four samples a pixel). Each
+then shows the hand's marker in postures of the posture set. Target: ten times the rate, and the
+same error of the marker's pose.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from collections.abc import Callable
+from copy import deepcopy
+from time import perf_counter
+
+import cv2
+import gymnasium as gym
+import mujoco
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from benchmarks.marker_pose import OPENCV_IN_MUJOCO, SIDE, Tally
+from jmm_agent.camera import Camera
+from jmm_agent.marker import MarkerDetector
+from kengoro_env.departures.senses import EYE
+from kengoro_env.env import KengoroEnv
+from kengoro_env.postures import posture_set
+from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_renderer
+from kengoro_env.robot import Robot
+
+IDS = ("Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
+POSES, PER_POSE = 120, 2
+DEFAULT_SAMPLES, DEFAULT_SHADOW = 4, 4096
+
+
+class DefaultPainter:
+    """`mujoco.Renderer` of a robot's model, at the quality that MuJoCo gives who asks for none."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        plain = deepcopy(model)
+        plain.vis.quality.offsamples = DEFAULT_SAMPLES
+        plain.vis.quality.shadowsize = DEFAULT_SHADOW
+        self._renderer = mujoco.Renderer(plain, HEIGHT, WIDTH)
+
+    def draw(self, data: mujoco.MjData, camera: str) -> Image:
+        """What a camera sees, (480, 640, 3) uint8."""
+        self._renderer.update_scene(data, camera)
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Free the GL context."""
+        self._renderer.close()
+
+
+def pose_marker_in_eye(robot: Robot) -> np.ndarray:
+    """True pose (4, 4) of the hand's marker in the head camera, as OpenCV turns its axes."""
+    eye = robot.data.camera(EYE)
+    pose_eye_in_world = np.eye(4)
+    pose_eye_in_world[:3, :3], pose_eye_in_world[:3, 3] = eye.xmat.reshape(3, 3), eye.xpos
+    in_mujoco = np.linalg.inv(pose_eye_in_world) @ robot.site_pose("marker_hand")
+    return np.asarray(OPENCV_IN_MUJOCO @ in_mujoco)
+
+
+def timed(draw: Callable[[], Image]) -> tuple[float, Image]:
+    """The shortest time of some calls [s], and what the last one drew."""
+    taken = []
+    for _ in range(PER_POSE):
+        begin = perf_counter()
+        frame = draw()
+        taken.append(perf_counter() - begin)
+    return min(taken), frame
+
+
+def compared(env_id: str, poses: int) -> tuple[dict[str, Tally], dict[str, float]]:
+    """What marker poses and how many frames a second each painter gives in one scene."""
+    env = gym.make(env_id, camera=False).unwrapped
+    assert isinstance(env, KengoroEnv)
+    robot = env.robot
+    open_renderer(robot.model).close()  # finds the GL library that draws here
+    painters: dict[str, Painter | DefaultPainter] = {
+        "ours": Painter(robot.model),
+        "MuJoCo's default": DefaultPainter(robot.model),
+    }
+    fovy = np.radians(robot.model.camera(EYE).fovy[0])
+    detector = MarkerDetector(Camera.from_fovy(WIDTH, HEIGHT, fovy), {0: SIDE})
+    tallies = {name: Tally() for name in painters}
+    seconds: dict[str, list[float]] = {name: [] for name in painters}
+    rng = np.random.default_rng(0)
+    order = rng.permutation(len(posture_set()))[:poses]
+    console = Console(stderr=True)
+    for posture in track(posture_set()[order], env_id, console=console):
+        robot.reset(posture, rng)
+        true = pose_marker_in_eye(robot)
+        for name, painter in painters.items():
+            spent, frame = timed(lambda painter=painter: painter.draw(robot.data, EYE))  # type: ignore[misc]
+            seconds[name].append(spent)
+            tallies[name].add(detector.detect(frame), true)
+    for painter in painters.values():
+        painter.close()
+    return tallies, {name: 1.0 / float(np.median(spent)) for name, spent in seconds.items()}
+
+
+def main(poses: int = POSES) -> None:
+    """Print the table."""
+    cv2.setNumThreads(1)
+    table = Table(title=f"Head camera, {WIDTH} x {HEIGHT}, hand's marker in {poses} postures")
+    for column in ("scene", "painter", "frames/s", "times", "mm: median / 95 % / max"):
+        table.add_column(column, justify="left" if column in ("scene", "painter") else "right")
+    table.add_column("deg: median / 95 % / max", justify="right")
+    table.add_column("missed", justify="right")
+    for env_id in IDS:
+        tallies, rates = compared(env_id, poses)
+        slowest = rates["MuJoCo's default"]
+        for name, tally in tallies.items():
+            mm, deg, missed, *_ = tally.row()
+            rate = rates[name]
+            table.add_row(env_id, name, f"{rate:.0f}", f"{rate / slowest:.1f}", mm, deg, missed)
+    Console(width=140).print(table)
+
+
+if __name__ == "__main__":
+    main()
