@@ -9,13 +9,12 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from reality_gap.assets import check_inside
 from reality_gap.errors import StudyError
 from reality_gap.logs import read_episode
 from reality_gap.matching import actuator_names, match, measured_joints
 from reality_gap.plausibility import impossible
 from reality_gap.quaternions import continuous
-from reality_gap.study import Channel, Episode, Initial, Study, load_spec
+from reality_gap.study import Channel, Episode, Initial, Study, load_strange_spec
 from reality_gap.study_file import Line, StudyFile, read_study_file
 
 SUFFIXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
@@ -31,8 +30,7 @@ def load_study(path: Path | str) -> Study:
         StudyError: in one sentence, what is wrong, where, and what would be valid.
     """
     file = read_study_file(Path(path))
-    check_inside(file.model, file.path.parent)
-    model = load_spec(file.model).copy().compile()
+    model = load_strange_spec(file.model, file.path.parent).copy().compile()
     match(file, model)
     channels = _channels(file)
     episodes = _episodes(file, model)
