@@ -40,8 +40,8 @@ DIVERGENCE = [
 class DivergedError(KengoroError):
     """The simulation left the realm of finite numbers."""
 
-    def __init__(self) -> None:
-        super().__init__("the simulation diverged: its state is no longer finite")
+    def __str__(self) -> str:
+        return "the simulation diverged: its state is no longer finite"
 
 
 class Body(ABC):

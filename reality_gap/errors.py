@@ -17,4 +17,8 @@ class UnknownNameError(StudyError):
     """A name that the model or the catalogue of causes does not have."""
 
     def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
-        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
+        super().__init__(kind, name, tuple(known))  # which is what a process sends to another
+
+    def __str__(self) -> str:
+        kind, name, known = self.args
+        return f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}"
