@@ -110,6 +110,7 @@ def timed(work: Work, arguments: tuple[Any, ...]) -> tuple[Any, float]:
 def _kept(path: Path, key: str) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
-    return content if isinstance(content, dict) and content.get("key") == key else None
+    whole = isinstance(content, dict) and {"key", "seconds", "result"} <= content.keys()
+    return content if whole and content["key"] == key else None

@@ -8,6 +8,9 @@ from collections.abc import Iterable
 class RealityGapError(Exception):
     """Root of this package's errors."""
 
+    def __str__(self) -> str:
+        return one_line(super().__str__())
+
 
 class StudyError(RealityGapError):
     """A study, model or log that cannot be used; says what, where, and what would be valid."""
@@ -21,4 +24,10 @@ class UnknownNameError(StudyError):
 
     def __str__(self) -> str:
         kind, name, known = self.args
-        return f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}"
+        return one_line(f"unknown {kind} {name!r}; known: {', '.join(known) or 'none'}")
+
+
+def one_line(text: str) -> str:
+    """For a terminal: whatever names of columns and files hold, no line breaks and no commands."""
+    line = " ".join(text.splitlines())
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from strange_files.errors import StrangeFileError
+from strange_files.errors import FenceError, StrangeFileError
 
 START = (
     "import json, sys; task = json.loads(sys.argv[1]); sys.path[:] = task.pop('path'); "
@@ -32,12 +32,12 @@ class Limits:
 
     Attributes:
         seconds: without any progress [s].
-        cpu: of all its threads together, after its imports [s].
+        cpu: of all its threads together, after its imports [s]; None for as much as it likes.
         memory: beyond what its imports need [bytes].
     """
 
     seconds: float
-    cpu: int
+    cpu: int | None
     memory: int
 
 
@@ -59,7 +59,8 @@ def run(
         tell: called with the share that is done, 0 to 1, whenever it changes.
 
     Raises:
-        StrangeFileError: the function refused the file, crashed or went beyond the limits.
+        FenceError: it crashed or went beyond the limits.
+        StrangeFileError: it refused the file.
     """
     path = [os.path.abspath(folder) for folder in sys.path]
     task = {
@@ -84,7 +85,10 @@ def run(
             child.kill()
             child.wait()
         if child.returncode:
-            raise StrangeFileError(_reason(Path(name) / REASON, child.returncode, limits))
+            reason = Path(name) / REASON
+            if reason.is_file():
+                raise StrangeFileError(reason.read_text(encoding="utf-8"))
+            raise FenceError(_reason(child.returncode, limits))
 
 
 def _wait(
@@ -97,14 +101,12 @@ def _wait(
             share, moved = found, time.monotonic()
             tell(share)
         if time.monotonic() - moved > seconds:
-            raise StrangeFileError(f"takes longer than {seconds:g} s to read")
+            raise FenceError(f"takes longer than {seconds:g} s to read")
         time.sleep(TICK)
 
 
-def _reason(path: Path, code: int, limits: Limits) -> str:
-    """Why the child failed, as it said or as its exit code says."""
-    if path.is_file():
-        return path.read_text(encoding="utf-8")
+def _reason(code: int, limits: Limits) -> str:
+    """Why the child failed, by its exit code."""
     if code == -getattr(signal, "SIGXCPU", 0):
         return f"takes longer than {limits.cpu} s to read"
     if code < 0:
