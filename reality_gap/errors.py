@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+LONGEST = 2000
+"""Characters of a sentence: names may be of any length."""
+
 
 class RealityGapError(Exception):
     """Root of this package's errors."""
@@ -30,4 +33,6 @@ class UnknownNameError(StudyError):
 def one_line(text: str) -> str:
     """For a terminal: whatever names of columns and files hold, no line breaks and no commands."""
     line = " ".join(text.splitlines())
+    if len(line) > LONGEST:
+        line = f"{line[:LONGEST]} ..."
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)

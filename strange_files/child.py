@@ -19,6 +19,7 @@ def main(module: str, arguments: list[str], cpu: int | None, memory: int) -> Non
     reason = Path(REASON).resolve()
     work = importlib.import_module(module).main
     _limit(cpu, memory)
+    tell(0.0)
     try:
         work(*arguments)
     except StrangeFileError as error:

@@ -22,6 +22,8 @@ START = (
 """The child finds modules where its parent does, and nowhere else."""
 REASON, PROGRESS = "reason", "progress"
 """Files in the child's folder: why it refuses, and how far it is."""
+STARTING = 60.0
+"""How long its imports may take on a busy machine [s]."""
 TICK = 0.02
 """How often the child is looked at [s]."""
 
@@ -31,7 +33,7 @@ class Limits:
     """How much a child may take.
 
     Attributes:
-        seconds: without any progress [s].
+        seconds: without any progress, after its imports [s].
         cpu: of all its threads together, after its imports [s]; None for as much as it likes.
         memory: beyond what its imports need [bytes].
     """
@@ -95,12 +97,12 @@ def _wait(
     child: subprocess.Popen[bytes], progress: Path, seconds: float, tell: Callable[[float], None]
 ) -> None:
     """Until the child ends; refused when it stands still for too long."""
-    share, moved = 0.0, time.monotonic()
+    share, moved = None, time.monotonic()
     while child.poll() is None:
         if progress.exists() and (found := progress.stat().st_size / 1000) != share:
             share, moved = found, time.monotonic()
             tell(share)
-        if time.monotonic() - moved > seconds:
+        if time.monotonic() - moved > (STARTING if share is None else seconds):
             raise FenceError(f"takes longer than {seconds:g} s to read")
         time.sleep(TICK)
 

@@ -19,7 +19,9 @@ OUTCOMES = (FINE, REFUSED, CRASH, HANG, OUTSIDE, RAN)
 BAD = (CRASH, HANG, OUTSIDE, RAN)
 
 SECONDS = 10.0
-"""How long a case may take [s]."""
+"""How long a case may compute [s]."""
+PATIENCE = 60.0
+"""How long it may take at all, on a machine that does other things, too [s]."""
 MEMORY = 6 << 30
 """Largest address space of a worker [bytes]."""
 LONGEST = 3000
@@ -49,10 +51,12 @@ class Worker:
         assert self._pipe is not None
         try:
             self._pipe.send(str(folder))
-            if not self._pipe.poll(SECONDS):
-                self.stop()
-                return Outcome(HANG, f"longer than {SECONDS:g} s")
-            return Outcome(*self._pipe.recv())
+            if self._pipe.poll(PATIENCE):
+                what, detail, seconds = self._pipe.recv()
+                if seconds < SECONDS:
+                    return Outcome(what, detail)
+            self.stop()
+            return Outcome(HANG, f"longer than {SECONDS:g} s")
         except (EOFError, ConnectionError):
             self._process.join()
             code = self._process.exitcode
@@ -84,8 +88,15 @@ def _work(kind: str, pipe: Connection) -> None:
     warm_up(kind)
     pipe.send("ready")
     while True:
-        outcome = attempt(kind, Path(pipe.recv()), watch)
-        pipe.send((outcome.what, outcome.detail))
+        folder, begin = Path(pipe.recv()), computed()
+        outcome = attempt(kind, folder, watch)
+        pipe.send((outcome.what, outcome.detail, computed() - begin))
+
+
+def computed() -> float:
+    """Processor time of this process and of its children that ended [s]."""
+    whose = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(use.ru_utime + use.ru_stime for use in map(resource.getrusage, whose))
 
 
 def warm_up(kind: str) -> None:
@@ -98,7 +109,7 @@ def warm_up(kind: str) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "case"
         folder.mkdir()
-        MAKERS[kind](folder)
+        MAKERS[kind.partition(" ")[0]](folder)
         for code, said in TARGETS[kind](folder):
             assert code == 0, said
 

@@ -12,6 +12,8 @@ import numpy as np
 
 KEY = "the same"
 RESULT = {"rms": [1.0, 2.0]}
+BAGS = ("one.bag", "sqlite", "mcap/mcap.mcap")
+FENCED = "bag behind the fence"
 
 
 def reality_gap(*arguments: str | Path) -> tuple[int, str]:
@@ -80,10 +82,25 @@ def result() -> dict[str, Any]:
 
 
 def use_bags(folder: Path) -> list[tuple[int, str]]:
-    """Unpack each bag."""
+    """Unpack each bag as what runs behind the fence does it, so that it can be watched."""
+    from reality_gap.bags import unpack
+    from reality_gap.errors import StudyError
+
+    said = []
+    for name in BAGS:
+        try:
+            unpack(folder / name, folder / f"{Path(name).stem}_out")
+            said.append((0, ""))
+        except StudyError as error:
+            said.append((2, str(error)))
+    return said
+
+
+def unpack_bags(folder: Path) -> list[tuple[int, str]]:
+    """Unpack each bag as users do."""
     return [
-        reality_gap("unpack", folder / name, "--out", folder / f"{Path(name).stem}_out")
-        for name in ("one.bag", "sqlite", "mcap/mcap.mcap")
+        reality_gap("unpack", folder / name, "--out", folder / f"{Path(name).stem}_new")
+        for name in BAGS
     ]
 
 
@@ -94,5 +111,6 @@ TARGETS: dict[str, Callable[[Path], list[tuple[int, str]]]] = {
     "parquet": lambda folder: use_study(folder, "log.parquet"),
     "checkpoint": use_checkpoints,
     "bag": use_bags,
+    FENCED: unpack_bags,
 }
 """By kind: what is done with the files of a folder."""
