@@ -21,7 +21,7 @@ from rich.progress import (
 )
 
 from experiments.cluster import on_cluster
-from experiments.common import check_jobs, write_json
+from experiments.common import check_jobs, remove_parts, write_json
 
 Work = Callable[..., Any]
 Tasks = Mapping[str, tuple[Any, ...]]
@@ -59,6 +59,7 @@ def run_tasks(
         cluster: address of a Ray cluster that does the work in place of processes.
     """
     check_jobs(jobs)
+    remove_parts(folder)
     results: dict[str, Any] = {}
     with progress_bar(folder.name, len(tasks)) as tell:
 
