@@ -237,7 +237,7 @@ class JointMuscleMap:
                 muscles = tuple(str(name) for name in content["muscles"])
             return cls(joints, muscles, groups)
         except Exception as error:  # numpy raises whatever it stumbles over in a damaged file
-            reason = " ".join(str(error).split()) or type(error).__name__
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise CheckpointError(
                 f"Checkpoint {os.fspath(path)}: not a joint-muscle map ({reason})."
             ) from error
