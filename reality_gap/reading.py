@@ -20,6 +20,9 @@ from reality_gap.study_file import Line, StudyFile, read_study_file
 SUFFIXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 """What the components of a sensor are called, by their number; else 0, 1, ..."""
 
+MAX_STEPS = 1e8
+"""Most physics steps of one episode: an hour at 40 us."""
+
 _QUATERNION = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT))
 
 
@@ -39,6 +42,7 @@ def load_study(path: Path | str) -> Study:
     initial = Initial(file.joints or {}, file.settle)
     study = Study(file.name, file.model, channels, episodes, initial)
     _check_alive(file, study)
+    _check_steps(file, study, model)
     fault = impossible(study)
     if fault:
         raise StudyError(f"{file.path}: {fault}")
@@ -112,6 +116,16 @@ def _begin_at_first_readings(
             first[joints[channel.sensor]] = float(reading.value[0])
         begun.append(replace(episode, joints=first | dict(episode.joints)))
     return tuple(begun)
+
+
+def _check_steps(file: StudyFile, study: Study, model: mujoco.MjModel) -> None:
+    """Refuse what nobody could wait for."""
+    longest = study.initial.settle + max(episode.duration for episode in study.episodes)
+    if not longest <= MAX_STEPS * model.opt.timestep:
+        raise StudyError(
+            f"{file.path}: {longest:g} s with settling would be more than {MAX_STEPS:g} steps of "
+            f"{model.opt.timestep:g} s, the model's timestep; shorten settle, or enlarge timestep"
+        )
 
 
 def _check_alive(file: StudyFile, study: Study) -> None:

@@ -134,9 +134,15 @@ def load_strange_spec(path: Path, folder: Path) -> mujoco.MjSpec:
     Raises:
         StudyError: it names files outside of ``folder``, or MuJoCo does not survive it.
     """
-    if path.is_file():
-        try:
-            check_model(path, (folder,))
-        except StrangeFileError as error:
-            raise StudyError(f"the model {path} {error}") from error
+    check_strange_model(path, folder)
     return load_spec(path)
+
+
+def check_strange_model(path: Path, folder: Path) -> None:
+    """Refuse what `load_strange_spec` refuses."""
+    if not path.is_file():
+        raise StudyError(f"no model file at {path}")
+    try:
+        check_model(path, (folder,))
+    except StrangeFileError as error:
+        raise StudyError(f"the model {path} {error}") from error

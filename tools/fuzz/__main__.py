@@ -17,8 +17,10 @@ installed, --guided lets it choose the cases by the lines of our code that they 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -29,52 +31,23 @@ from pathlib import Path
 import numpy as np
 
 from tools.fuzz.cases import BAD, CRASH, HANG, OUTCOMES, Outcome, Worker
+from tools.fuzz.folders import Folders
 from tools.fuzz.mutating import mutate
 from tools.fuzz.seeds import CHANGED, MAKERS
 from tools.fuzz.targets import FENCED
 
-SECRETS = {
-    "secret.xml": "<mujoco><geom size='1'/></mujoco>",
-    "secret.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
-    "secret.csv": "time,target_flexor,length_flexor,angle_elbow\n0,1,2,3\n",
-}
-"""Files beside a case that are nobody's business."""
 TRIES = 60
 """How often a fault is tried to be made smaller."""
 
 
-class Cases:
-    """Folders of one kind, made in a temporary place."""
-
-    def __init__(self, kind: str, place: Path) -> None:
-        self._kind, self._place, self._number = kind, place, 0
-        self._good = place / "good"
-        self._good.mkdir()
-        MAKERS[kind](self._good)
-        for name, text in SECRETS.items():
-            (place / name).write_text(text, encoding="utf-8")
-
-    def good(self, name: str) -> bytes:
-        """A valid file."""
-        return (self._good / name).read_bytes()
-
-    def make(self, name: str, data: bytes) -> Path:
-        """A new folder of valid files, in which one is replaced."""
-        self._number += 1
-        folder = self._place / f"case_{self._number}"
-        shutil.copytree(self._good, folder)
-        (folder / name).write_bytes(data)
-        return folder
-
-
-def smaller(cases: Cases, worker: Worker, name: str, data: bytes, outcome: Outcome) -> bytes:
+def smaller(folders: Folders, worker: Worker, name: str, data: bytes, outcome: Outcome) -> bytes:
     """The file with parts left out, as long as the same becomes of it."""
     size, tries = max(1, len(data) // 2), 0
     while size and tries < TRIES:
         at = 0
         while at < len(data) and tries < TRIES:
             shorter = data[:at] + data[at + size :]
-            folder = cases.make(name, shorter)
+            folder = folders.make(name, shorter)
             tries += 1
             if worker(folder) == outcome:
                 data = shorter
@@ -92,11 +65,11 @@ def fuzz(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
     counts: Counter[str] = Counter()
     faults: dict[Outcome, str] = {}
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
-        cases, end = Cases(kind, Path(name)), time.monotonic() + seconds
+        folders, end = Folders(kind, Path(name)), time.monotonic() + seconds
         while time.monotonic() < end:
             changed = CHANGED[kind][random.integers(len(CHANGED[kind]))]
-            data = mutate(changed, cases.good(changed), random)
-            folder = cases.make(changed, data)
+            data = mutate(changed, folders.good(changed), random)
+            folder = folders.make(changed, data)
             outcome = worker(folder)
             if kind == "bag" and outcome.what in (CRASH, HANG):
                 outcome = fenced(folder)
@@ -104,10 +77,10 @@ def fuzz(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
             shutil.rmtree(folder)
             if outcome.what in BAD and outcome not in faults:
                 print(f"{kind}: {outcome.what}: {outcome.detail}", flush=True)
-                data = smaller(cases, worker, changed, data, outcome)
+                data = smaller(folders, worker, changed, data, outcome)
                 kept = out / f"{kind}_{len(faults)}"
                 shutil.rmtree(kept, ignore_errors=True)
-                shutil.copytree(cases.make(changed, data), kept)
+                shutil.copytree(folders.make(changed, data), kept)
                 faults[outcome] = f"{kept}/{changed}"
         worker.stop()
         fenced.stop()
@@ -115,6 +88,17 @@ def fuzz(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
         "counts": {what: counts[what] for what in OUTCOMES},
         "faults": [{**asdict(outcome), "file": file} for outcome, file in faults.items()],
     }
+
+
+def guided(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
+    """The same with atheris, in a process that it may end."""
+    command = [sys.executable, "-m", "tools.fuzz.guided", kind, str(seconds), str(seed), str(out)]
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    found = json.loads((out / f"{kind}_guided.json").read_text(encoding="utf-8"))
+    faults = [{"detail": detail, "file": file} for detail, file in found["faults"].items()]
+    for path in sorted(out.glob(f"{kind}_guided_*-*")):
+        faults.append({"detail": f"libFuzzer, exit code {done.returncode}", "file": str(path)})
+    return {"counts": found["counts"], "faults": faults}
 
 
 def main(arguments: list[str]) -> int:
@@ -134,9 +118,11 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     kinds = options.kinds or list(MAKERS)
     options.out.mkdir(parents=True, exist_ok=True)
-    found = {}
+    if options.guided and importlib.util.find_spec("atheris") is None:
+        parser.error("--guided needs atheris: pip install atheris")
+    found, run = {}, guided if options.guided else fuzz
     for kind in kinds:
-        found[kind] = fuzz(kind, 60.0 * options.minutes / len(kinds), options.seed, options.out)
+        found[kind] = run(kind, 60.0 * options.minutes / len(kinds), options.seed, options.out)
         (options.out / "summary.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
         print(f"{kind}: {found[kind]['counts']}", flush=True)
     return int(any(result["faults"] for result in found.values()))
