@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ElementTree
+from glob import escape
 from pathlib import Path
 
 import mujoco
@@ -68,7 +69,7 @@ def _find(original: Path, folder: str, name: str) -> Path:
     direct = original.parent / folder / name
     if direct.is_file():
         return direct.resolve()
-    found = sorted(p for p in original.parent.rglob(Path(name).name) if p.is_file())
+    found = sorted(p for p in original.parent.rglob(escape(Path(name).name)) if p.is_file())
     if len(found) != 1:
         how = f"in {len(found)} places" if found else "nowhere"
         raise StudyError(f"{name}, which the model {original} names, is {how} in its folder")

@@ -78,9 +78,9 @@ def test_files_of_an_attached_model_are_found_by_their_names(
 ) -> None:
     part = original.parent / "part"
     (part / "forms").mkdir(parents=True)
-    (part / "forms" / "knob.obj").write_text(TETRAHEDRON.format(0.2))
+    (part / "forms" / "knob[1].obj").write_text(TETRAHEDRON.format(0.2))
     (part / "part.xml").write_text(
-        '<mujoco><compiler meshdir="forms"/><asset><mesh name="knob" file="knob.obj"/></asset>'
+        '<mujoco><compiler meshdir="forms"/><asset><mesh name="knob" file="knob[1].obj"/></asset>'
         '<worldbody><body name="knob"><geom type="mesh" mesh="knob"/></body></worldbody></mujoco>'
     )
     text = MODEL.replace("<asset>", '<asset><model name="part" file="part/part.xml"/>').replace(
@@ -92,7 +92,7 @@ def test_files_of_an_attached_model_are_found_by_their_names(
     xml = mujoco.MjSpec.from_file(str(original)).to_xml()
     write_model(xml, original, tmp_path / "out" / "extended.xml")
 
-    assert (tmp_path / "out" / "assets" / "knob.obj").is_file()
+    assert (tmp_path / "out" / "assets" / "knob[1].obj").is_file()
 
 
 def test_a_missing_file_is_named(original: Path, tmp_path: Path) -> None:

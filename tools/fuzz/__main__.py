@@ -92,8 +92,10 @@ def fuzz(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
 
 def guided(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
     """The same with atheris, in a process that it may end."""
-    command = [sys.executable, "-m", "tools.fuzz.guided", kind, str(seconds), str(seed), str(out)]
-    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as place:
+        arguments = [kind, str(seconds), str(seed), str(out), place]
+        command = [sys.executable, "-m", "tools.fuzz.guided", *arguments]
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     found = json.loads((out / f"{kind}_guided.json").read_text(encoding="utf-8"))
     faults = [{"detail": detail, "file": file} for detail, file in found["faults"].items()]
     for path in sorted(out.glob(f"{kind}_guided_*-*")):

@@ -1,7 +1,7 @@
 """Cases chosen by atheris, by the lines of our Python code that they reach.
 
-``python -m tools.fuzz.guided KIND SECONDS SEED OUT`` is what ``--guided`` starts: libFuzzer owns
-its process, and ends it at a crash or a hang. Counts and faults are in OUT/KIND_guided.json.
+``python -m tools.fuzz.guided KIND SECONDS SEED OUT PLACE`` is what ``--guided`` starts: libFuzzer
+owns its process, and ends it at a crash or a hang. Counts and faults are in OUT/KIND_guided.json.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-import tempfile
 from collections import Counter
 from pathlib import Path
 
@@ -25,11 +24,11 @@ from tools.fuzz.watching import Watch
 OURS = ["reality_gap", "jmm_agent", "kengoro_env", "experiments", "strange_files"]
 
 
-def main(kind: str, seconds: str, seed: str, out: str) -> None:
-    """Fuzz one kind until the time is over, or the process is."""
+def main(kind: str, seconds: str, seed: str, out: str, empty: str) -> None:
+    """Fuzz one kind until the time is over, or the process is, in an empty folder."""
     with atheris.instrument_imports(include=OURS):
         warm_up(kind)
-    place = Path(tempfile.mkdtemp(prefix="fuzz-"))
+    place = Path(empty)
     folders, watch = Folders(kind, place), Watch()
     counts: Counter[str] = Counter()
     faults: dict[str, str] = {}
