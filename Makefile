@@ -9,7 +9,7 @@ INSTALLED := $(VENV)/.installed
 DOCS := $(VENV)/.docs
 RENDERS := $(VENV)/.renders
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
-PACKAGES := kengoro_env jmm_agent reality_gap hidden_plants experiments benchmarks
+PACKAGES := kengoro_env jmm_agent reality_gap strange_files hidden_plants experiments benchmarks tools/fuzz
 
 .PHONY: demo test test-all check docs distributions clean
 

@@ -29,6 +29,8 @@ ARM = "mjcf/kengoro_arm/arm.xml"
 FIRST_REPORTED_SEED = 100
 MAP_SEED = 0
 ROOT = Path(__file__).resolve().parents[1]
+PART = ".tmp"
+"""How the name of a file ends while it is written."""
 
 Summary = dict[str, Any]
 
@@ -85,13 +87,24 @@ def write_json(path: Path, content: object) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file, whole or not at all; makes its folder."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all; makes its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    beside = path.with_name(f"{path.name}.{os.getpid()}{PART}")
     try:
-        beside.write_text(text, encoding="utf-8")
+        beside.write_bytes(content)
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove what a run that was killed had only begun to write."""
+    for path in folder.glob(f"*{PART}"):
+        path.unlink(missing_ok=True)
 
 
 def command_line() -> str:

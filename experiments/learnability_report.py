@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.common import Summary
+from experiments.common import Summary, write_bytes
 from experiments.report import Picture, Table, png, write_report
 from jmm_agent.drawing import Floats
 
@@ -74,7 +74,7 @@ def report(summary: Summary, out: Path) -> None:
     pictures = []
     for name, (title, figure, note) in figures.items():
         pictures.append(Picture(title, png(figure), note))
-        (out / f"{name}.png").write_bytes(pictures[-1].png)
+        write_bytes(out / f"{name}.png", pictures[-1].png)
     tables = [stage_table(summary), group_table(summary), unseen_table(summary)]
     write_report(out / "report.html", "Is it learnable?", INTRODUCTION, summary, tables, pictures)
 

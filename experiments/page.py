@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.common import write_json, write_text
+from experiments.common import write_bytes, write_json, write_text
 
 RESULTS, FIGURES = "results", "figures"
 FIRST = 4
@@ -41,8 +41,7 @@ def write_page(summaries: Sequence[Path], out: Path) -> Path:
         write_json(out / RESULTS / f"{summary['name']}.json", summary)
         picture = path.with_name("figure_1.png")
         if picture.is_file():
-            (out / FIGURES).mkdir(parents=True, exist_ok=True)
-            (out / FIGURES / f"{summary['name']}.png").write_bytes(picture.read_bytes())
+            write_bytes(out / FIGURES / f"{summary['name']}.png", picture.read_bytes())
     page = out / "README.md"
     write_text(page, page_of(found))
     return page

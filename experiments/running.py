@@ -21,7 +21,7 @@ from rich.progress import (
 )
 
 from experiments.cluster import on_cluster
-from experiments.common import check_jobs, write_json
+from experiments.common import check_jobs, remove_parts, write_json
 
 Work = Callable[..., Any]
 Tasks = Mapping[str, tuple[Any, ...]]
@@ -66,6 +66,7 @@ def run_tasks(
         again: whether what is kept is run again.
     """
     check_jobs(jobs)
+    remove_parts(folder)
     results: dict[str, Any] = {}
     with progress_bar(folder.name, len(tasks)) as tell:
 
@@ -117,6 +118,7 @@ def timed(work: Work, arguments: tuple[Any, ...]) -> tuple[Any, float]:
 def _kept(path: Path, key: str) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
-    return content if isinstance(content, dict) and content.get("key") == key else None
+    whole = isinstance(content, dict) and {"key", "seconds", "result"} <= content.keys()
+    return content if whole and content["key"] == key else None

@@ -22,8 +22,10 @@ from experiments.common import (
     log_reported,
     make_summary,
     parse_seeds,
+    remove_parts,
     source_digest,
     trained_map,
+    write_bytes,
     write_json,
 )
 from experiments.errors import ExperimentError
@@ -159,8 +161,9 @@ def run_watched(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, A
 
 def conclude_run(out: Path, study: Study, summary: Summary, found: Findings) -> None:
     """Write figures, report and summary to ``out``, and show the metrics."""
+    remove_parts(out)
     for number, picture in enumerate(found.pictures, start=1):
-        (out / f"figure_{number}.png").write_bytes(picture.png)
+        write_bytes(out / f"figure_{number}.png", picture.png)
     tables = [metric_table(summary["metrics"]), *found.tables]
     report = out / "report.html"
     write_report(report, study.title, study.introduction, summary, tables, found.pictures)

@@ -19,7 +19,11 @@ class UnknownNameError(KengoroError):
     """A muscle, joint, departure or option that does not exist."""
 
     def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
-        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(known)}")
+        super().__init__(kind, name, tuple(known))  # which is what a process sends to another
+
+    def __str__(self) -> str:
+        kind, name, known = self.args
+        return f"unknown {kind} {name!r}; known: {', '.join(known)}"
 
 
 @dataclass

@@ -16,11 +16,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.assets import assets_root
 from kengoro_env.draft import Departure, Draft, Senses, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
 from kengoro_env.motors import DEFAULT_GAINS, Gains, Index, Motors, index_of
 from kengoro_env.wires import wind, wired_joints
+from strange_files.errors import StrangeFileError
+from strange_files.mjcf import check_model
 
 Array = NDArray[np.float64]
 
@@ -31,8 +34,8 @@ DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.
 class DivergedError(KengoroError):
     """The simulation left the realm of finite numbers."""
 
-    def __init__(self) -> None:
-        super().__init__("the simulation diverged: its state is no longer finite")
+    def __str__(self) -> str:
+        return "the simulation diverged: its state is no longer finite"
 
 
 class Moment(NamedTuple):
@@ -364,14 +367,21 @@ class Robot(Body):
 
 
 def load_spec(path: Path) -> mujoco.MjSpec:
-    """The model in ``path``; `KengoroError` in one sentence if it is missing or broken."""
+    """The model in ``path``; `KengoroError` in one sentence if it is missing or broken.
+
+    Models that are not ours may name files in their own folder and in our assets.
+    """
     if not path.is_file():
         raise KengoroError(f"no model file at {path}")
     try:
+        if not path.resolve().is_relative_to(assets_root().resolve()):
+            check_model(path, (path.parent, assets_root()))
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
         reason = str(error).splitlines()[0]
         raise KengoroError(f"the model file {path} is not valid MJCF: {reason}") from error
+    except StrangeFileError as error:
+        raise KengoroError(f"the model file {path} {error}") from error
 
 
 def _pose(position: Array, rotation: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from reality_gap.errors import RealityGapError, StudyError
+from reality_gap.errors import RealityGapError, StudyError, one_line
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -95,7 +95,7 @@ def diagnose(command: Diagnose, console: Console) -> None:
     silence()
     study = load_study(command.study)
     for sentence in check_study(study):
-        console.print(f"note: {sentence}", markup=False, highlight=False)
+        _say(console, f"note: {sentence}")
     work = command.out.absolute().with_name(f".{command.out.name}.work")
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
@@ -109,14 +109,16 @@ def diagnose(command: Diagnose, console: Console) -> None:
     write_diagnosis(diagnosis, study, command.out)
     forget(work)
     _show(diagnosis, console)
-    console.print(f"See {command.out / 'report.html'}", markup=False, highlight=False)
+    _say(console, f"See {command.out / 'report.html'}")
 
 
 def check(command: Check, console: Console) -> None:
     """Print what is wrong with a study, or that nothing is."""
     from reality_gap.checking import check_study, summary, unjudged
     from reality_gap.reading import load_study
+    from reality_gap.simulation import silence
 
+    silence()
     study = load_study(command.study)
     sentences = check_study(study)
     lines = list(sentences)
@@ -128,7 +130,7 @@ def check(command: Check, console: Console) -> None:
             "cannot be judged, as neither model nor log has what they act on: " + ", ".join(missing)
         )
     for line in lines:
-        console.print(line, markup=False, highlight=False)
+        _say(console, line)
 
 
 def init(command: Init, console: Console) -> None:
@@ -143,22 +145,18 @@ def init(command: Init, console: Console) -> None:
         raise StudyError(f"there is no folder {out.parent} to write {out.name} to")
     text = draft_study(command.model, command.logs, out.parent)
     write_whole(out, lambda beside: beside.write_text(text, encoding="utf-8"))
-    console.print(
-        f"wrote {out}; edit it, then: python -m reality_gap check {out}",
-        markup=False,
-        highlight=False,
-    )
+    _say(console, f"wrote {out}; edit it, then: python -m reality_gap check {out}")
 
 
 def unpack(command: Unpack, console: Console) -> None:
     """Write a bag's topics as CSV files."""
     from rich.progress import Progress
 
-    from reality_gap.bags import unpack as write
+    from reality_gap.bag_border import unpack_behind_fence
 
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
-        paths = write(
+        paths = unpack_behind_fence(
             command.bag,
             command.out,
             command.topics,
@@ -166,10 +164,13 @@ def unpack(command: Unpack, console: Console) -> None:
             lambda share: bar.update(task, completed=share),
         )
     for path in paths:
-        console.print(f"wrote {command.out / path.name}", markup=False, highlight=False)
-    console.print(
-        f"now: python -m reality_gap init MODEL {command.out}/*.csv", markup=False, highlight=False
-    )
+        _say(console, f"wrote {command.out / path.name}")
+    _say(console, f"now: python -m reality_gap init MODEL {command.out}/*.csv")
+
+
+def _say(console: Console, line: str) -> None:
+    """Print a line as it is; names in it may be anybody's."""
+    console.print(one_line(line), markup=False, highlight=False)
 
 
 def _show(diagnosis: Diagnosis, console: Console) -> None:
@@ -178,7 +179,7 @@ def _show(diagnosis: Diagnosis, console: Console) -> None:
 
     from reality_gap.display import number, percent, shown
 
-    console.print(diagnosis.sentence, markup=False, highlight=False)
+    _say(console, diagnosis.sentence)
     if not diagnosis.causes:
         return
     table = Table("cause", "where", "parameters (95 % interval)", "confidence", "or else")
@@ -192,7 +193,7 @@ def _show(diagnosis: Diagnosis, console: Console) -> None:
             parameters.append(f"{name} {value} {unit} ({low} to {high})".replace("  ", " "))
         table.add_row(
             cause.suspect.cause.title,
-            str(cause.suspect.place),
+            one_line(str(cause.suspect.place)),
             "\n".join(parameters),
             percent(cause.confidence),
             ", ".join(cause.equivalent),
@@ -225,7 +226,7 @@ def main(arguments: list[str]) -> int:
             case Unpack():
                 unpack(command, console)
     except (RealityGapError, OSError) as error:
-        print(error, file=sys.stderr)
+        print(one_line(str(error)), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         more = "; the same command goes on from there" if isinstance(command, Diagnose) else ""

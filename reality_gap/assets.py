@@ -1,10 +1,10 @@
-"""The files that a model names: where they may lie, and copies of them beside a written model."""
+"""The files that a model names, copied beside a written model."""
 
 from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterator
+from glob import escape
 from pathlib import Path
 
 import mujoco
@@ -20,60 +20,6 @@ NAMED = {
     "texture": ("file", *(f"file{face}" for face in FACES)),
 }
 """Attributes with a file's name, by element."""
-
-PARTS = ("include", "model")
-"""Elements whose ``file`` is more of the model."""
-DIR = "assetdir"
-"""Of meshes and textures alike, where they have no folder of their own."""
-
-
-def check_inside(model: Path, folder: Path) -> None:
-    """Refuse a model that names files outside a folder, before anybody opens them.
-
-    Args:
-        model: an MJCF file; what it includes and attaches is looked at, too.
-        folder: where all of it must lie, or below.
-
-    Raises:
-        StudyError: a file lies elsewhere.
-    """
-
-    def inside(name: Path) -> Path:
-        path = model.parent / name
-        if not path.resolve().is_relative_to(folder.resolve()):
-            raise StudyError(
-                f"the model {model} names {name}, which lies outside {folder}; copy it there"
-            )
-        return path
-
-    elements = list(_elements(model, inside, set()))
-    for kind, attributes in NAMED.items():
-        key = "texturedir" if kind == "texture" else "meshdir"
-        folders = {e.get(k) for e in elements if e.tag == "compiler" for k in (key, DIR)}
-        places = sorted(filter(None, folders)) or [""]
-        for element in elements:
-            names = [element.get(a) for a in attributes if element.tag == kind]
-            for name in filter(None, names):
-                for place in places:
-                    inside(Path(place) / name)
-
-
-def _elements(
-    path: Path, inside: Callable[[Path], Path], seen: set[Path]
-) -> Iterator[ElementTree.Element]:
-    """All elements of a model and of what it includes and attaches; none where it is no XML."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError):
-        return  # MuJoCo says what is wrong
-    seen.add(path.resolve())
-    for element in root.iter():
-        yield element
-        name = element.get("file") if element.tag in PARTS else None
-        if name is not None:
-            part = inside(Path(name))
-            if part.resolve() not in seen:
-                yield from _elements(part, inside, seen)
 
 
 def write_model(xml: str, original: Path, path: Path) -> None:
@@ -123,7 +69,7 @@ def _find(original: Path, folder: str, name: str) -> Path:
     direct = original.parent / folder / name
     if direct.is_file():
         return direct.resolve()
-    found = sorted(p for p in original.parent.rglob(Path(name).name) if p.is_file())
+    found = sorted(p for p in original.parent.rglob(escape(Path(name).name)) if p.is_file())
     if len(found) != 1:
         how = f"in {len(found)} places" if found else "nowhere"
         raise StudyError(f"{name}, which the model {original} names, is {how} in its folder")

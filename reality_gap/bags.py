@@ -84,8 +84,7 @@ def unpack(
         StudyError: the bag cannot be read, holds no numbers, or ``out`` exists.
         UnknownNameError: the bag has no such topic.
     """
-    if out.exists():
-        raise StudyError(f"{out} exists and is left alone; give a new folder")
+    check_new(out)
     found = [topic for topic in read_bag(bag, topics, tell) if any(topic.cells)]
     if not found:
         raise StudyError(f"{bag.name} has no message with a number in it")
@@ -104,6 +103,12 @@ def unpack(
             _write(new / f"{topic.stem}.csv", topic, time - start)
         new.rename(out)
     return tuple(out / f"{stem}.csv" for stem in stems)
+
+
+def check_new(out: Path) -> None:
+    """`StudyError` if there is something at ``out``."""
+    if out.exists():
+        raise StudyError(f"{out} exists and is left alone; give a new folder")
 
 
 def read_bag(

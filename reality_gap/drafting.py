@@ -12,12 +12,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from reality_gap.assets import check_inside
 from reality_gap.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.errors import StudyError
 from reality_gap.guessing import KINDS, Wanted, guess, guess_time, named_unit
 from reality_gap.matching import actuator_names, sensor_names, simple_joints
-from reality_gap.study import load_spec
+from reality_gap.study import load_strange_spec
 from reality_gap.tables import read_header, read_table
 
 HEAD = """\
@@ -56,8 +55,7 @@ def draft_study(
     """
     path = Path(model_path)
     folder = path.parent if folder is None else Path(folder)
-    check_inside(path, folder)
-    model = load_spec(path).copy().compile()
+    model = load_strange_spec(path, folder).copy().compile()
     logs = [_Log(Path(p), read_header(Path(p), Path(p).name)) for p in log_paths]
     if not logs:
         raise StudyError("a study needs at least one log")

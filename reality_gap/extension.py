@@ -18,7 +18,7 @@ from reality_gap.inverse import inverse_replay, ready
 from reality_gap.measured import measured
 from reality_gap.plant import Plant
 from reality_gap.replay import Replay, replay
-from reality_gap.study import Study
+from reality_gap.study import Study, check_strange_model
 from reality_gap.system import look_at
 from reality_gap.verdict import place_json
 
@@ -77,17 +77,15 @@ def load_extended(folder: Path) -> Extended:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         effects = tuple(_effect(entry) for entry in content["effects"])
-        model = folder / content["model"]
-        spec = mujoco.MjSpec.from_file(str(model))
-        spec.compile()
+        named = content["model"]
     except FileNotFoundError as error:
         raise StudyError(f"no {JSON} in {folder}; give the folder of a diagnosis") from error
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise StudyError(f"{path} is not what a diagnosis writes: {error!r}") from error
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise StudyError(f"the model {folder / XML} does not compile: {reason}") from error
-    return Extended(spec, effects)
+    if named != XML:
+        raise StudyError(f"{path} names the model {named!r}; a diagnosis writes {XML}")
+    check_strange_model(folder / XML, folder)
+    return Extended(mujoco.MjSpec.from_file(str(folder / XML)), effects)
 
 
 def extension_json(diagnosis: Diagnosis) -> dict[str, Any]:

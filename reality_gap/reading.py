@@ -9,17 +9,19 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from reality_gap.assets import check_inside
 from reality_gap.errors import StudyError
 from reality_gap.logs import read_episode
 from reality_gap.matching import actuator_names, match, measured_joints
 from reality_gap.plausibility import impossible
 from reality_gap.quaternions import continuous
-from reality_gap.study import Channel, Episode, Initial, Study, load_spec
+from reality_gap.study import Channel, Episode, Initial, Study, load_strange_spec
 from reality_gap.study_file import Line, StudyFile, read_study_file
 
 SUFFIXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 """What the components of a sensor are called, by their number; else 0, 1, ..."""
+
+MAX_STEPS = 1e8
+"""Most physics steps of one episode: an hour at 40 us."""
 
 _QUATERNION = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT))
 
@@ -31,8 +33,7 @@ def load_study(path: Path | str) -> Study:
         StudyError: in one sentence, what is wrong, where, and what would be valid.
     """
     file = read_study_file(Path(path))
-    check_inside(file.model, file.path.parent)
-    model = load_spec(file.model).copy().compile()
+    model = load_strange_spec(file.model, file.path.parent).copy().compile()
     match(file, model)
     channels = _channels(file)
     episodes = _episodes(file, model)
@@ -41,6 +42,7 @@ def load_study(path: Path | str) -> Study:
     initial = Initial(file.joints or {}, file.settle)
     study = Study(file.name, file.model, channels, episodes, initial)
     _check_alive(file, study)
+    _check_steps(file, study, model)
     fault = impossible(study)
     if fault:
         raise StudyError(f"{file.path}: {fault}")
@@ -114,6 +116,16 @@ def _begin_at_first_readings(
             first[joints[channel.sensor]] = float(reading.value[0])
         begun.append(replace(episode, joints=first | dict(episode.joints)))
     return tuple(begun)
+
+
+def _check_steps(file: StudyFile, study: Study, model: mujoco.MjModel) -> None:
+    """Refuse what nobody could wait for."""
+    longest = study.initial.settle + max(episode.duration for episode in study.episodes)
+    if not longest <= MAX_STEPS * model.opt.timestep:
+        raise StudyError(
+            f"{file.path}: {longest:g} s with settling would be more than {MAX_STEPS:g} steps of "
+            f"{model.opt.timestep:g} s, the model's timestep; shorten settle, or enlarge timestep"
+        )
 
 
 def _check_alive(file: StudyFile, study: Study) -> None:

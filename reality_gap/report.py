@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import matplotlib
 import mujoco
 import numpy as np
 import scipy
@@ -153,4 +154,5 @@ def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[s
     if experiment is not None:
         model: Any = study.spec().compile()
         made["experiment"] = lambda: commands(experiment, model)
-    return {name: png(draw()) for name, draw in made.items()}
+    with matplotlib.rc_context({"text.parse_math": False}):  # a name may have dollars in it
+        return {name: png(draw()) for name, draw in made.items()}

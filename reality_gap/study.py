@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.errors import StudyError
+from strange_files.errors import StrangeFileError
+from strange_files.mjcf import check_model
 
 Array = NDArray[np.float64]
 
@@ -124,3 +126,23 @@ def load_spec(path: Path) -> mujoco.MjSpec:
         reason = " ".join(str(error).split())
         raise StudyError(f"the model {path} does not compile: {reason}") from error
     return spec
+
+
+def load_strange_spec(path: Path, folder: Path) -> mujoco.MjSpec:
+    """As `load_spec`, of a model that anybody may have written.
+
+    Raises:
+        StudyError: it names files outside of ``folder``, or MuJoCo does not survive it.
+    """
+    check_strange_model(path, folder)
+    return load_spec(path)
+
+
+def check_strange_model(path: Path, folder: Path) -> None:
+    """Refuse what `load_strange_spec` refuses."""
+    if not path.is_file():
+        raise StudyError(f"no model file at {path}")
+    try:
+        check_model(path, (folder,))
+    except StrangeFileError as error:
+        raise StudyError(f"the model {path} {error}") from error

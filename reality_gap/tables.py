@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -23,6 +24,9 @@ MAX_BYTES = 1 << 29
 
 MAX_CELLS = 100_000_000
 """Most cells that are read from one log; a small Parquet file may unfold into more."""
+
+LARGEST = 1e30
+"""Largest size of a number: no measurement is beyond it, and its square is a number, too."""
 
 _MAX_HEADER = 1 << 20
 
@@ -59,7 +63,10 @@ def read_header(path: Path, name: str) -> tuple[str, ...]:
         raise StudyError(f"{name} is not text in UTF-8, as a CSV file must be") from error
     if not text.strip():
         raise StudyError(f"{name} is empty; a log begins with one line of column names")
-    names = tuple(cell.strip() for cell in next(csv.reader(StringIO(text))))
+    try:
+        names = tuple(cell.strip() for cell in next(csv.reader(StringIO(text))))
+    except csv.Error as error:
+        raise StudyError(f"{name} has no line of column names: {error}") from error
     for separator in (";", "\t"):
         if len(names) == 1 and separator in text:
             raise StudyError(f"{name} is separated by {separator!r}; commas are expected")
@@ -120,26 +127,40 @@ def _read_csv(path: Path, name: str, header: tuple[str, ...], columns: tuple[str
     """Columns as floats, or as text where one of the cells is no number."""
     data = path.read_bytes().rstrip() + b"\n"
     try:
-        return _parse_csv(data, name, header, columns, pa.float64())
+        return _parse_csv(data, header, columns, pa.float64())
     except pa.ArrowInvalid:
         pass
-    try:
-        return _parse_csv(data, name, header, columns, pa.binary())
-    except pa.ArrowInvalid as error:
-        raise StudyError(f"{name} is no CSV file: {' '.join(str(error).split())}") from error
-
-
-def _parse_csv(
-    data: bytes, name: str, header: tuple[str, ...], columns: tuple[str, ...], kind: pa.DataType
-) -> pa.Table:
     uneven: list[pyarrow.csv.InvalidRow] = []
 
     def note(row: pyarrow.csv.InvalidRow) -> str:
         uneven.append(row)
         return "skip"
 
+    data = data.decode("utf-8", "replace").encode()  # pyarrow shows rows only if they are text
+    try:
+        table = _parse_csv(data, header, columns, pa.binary(), note)
+    except pa.ArrowInvalid as error:
+        raise StudyError(f"{name} is no CSV file: {error}") from error
+    if uneven:
+        row, last = uneven[0], table.num_rows + len(uneven) + 1
+        short = row.actual_columns < row.expected_columns and row.number == last
+        raise StudyError(
+            f"line {row.number} of {name} has {row.actual_columns} cells, the header "
+            f"{row.expected_columns}" + ("; the file looks truncated" if short else "")
+        )
+    return table
+
+
+def _parse_csv(
+    data: bytes,
+    header: tuple[str, ...],
+    columns: tuple[str, ...],
+    kind: pa.DataType,
+    note: Callable[[pyarrow.csv.InvalidRow], str] | None = None,
+) -> pa.Table:
+    """Columns of one kind of cell; rows of another length go to ``note``, or are an error."""
     wanted = [str(header.index(column)) for column in columns]
-    table = pyarrow.csv.read_csv(
+    return pyarrow.csv.read_csv(
         pa.BufferReader(data),
         read_options=pyarrow.csv.ReadOptions(
             use_threads=False, skip_rows=1, column_names=[str(i) for i in range(len(header))]
@@ -152,14 +173,6 @@ def _parse_csv(
             strings_can_be_null=True,
         ),
     )
-    if uneven:
-        row, last = uneven[0], table.num_rows + len(uneven) + 1
-        short = row.actual_columns < row.expected_columns and row.number == last
-        raise StudyError(
-            f"line {row.number} of {name} has {row.actual_columns} cells, the header "
-            f"{row.expected_columns}" + ("; the file looks truncated" if short else "")
-        )
-    return table
 
 
 def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Array:
@@ -174,7 +187,7 @@ def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Arra
             raise StudyError(f"column {kind} instead of numbers") from error
         numbers = np.array(floats.to_numpy(), dtype=np.float64)
         empty = pc.is_null(cells).to_numpy().astype(bool)
-    wrong = np.flatnonzero(~np.isfinite(numbers) & ~empty)
+    wrong = np.flatnonzero(~(np.abs(numbers) <= LARGEST) & ~empty)
     if len(wrong):
         raise _no_number(name, column, first, int(wrong[0]), str(numbers[wrong[0]]))
     return numbers
@@ -191,7 +204,7 @@ def _parse_cells(cells: list[bytes | str | None], name: str, column: str, first:
             numbers[row] = float(text)
         except ValueError as error:
             raise _no_number(name, column, first, row, text) from error
-        if not np.isfinite(numbers[row]):
+        if not abs(numbers[row]) <= LARGEST:
             raise _no_number(name, column, first, row, text)
     return numbers
 

@@ -13,7 +13,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ASSETS_IN_WHEEL = "kengoro_env/assets_data"
-PACKAGES = ("kengoro_env", "jmm_agent", "reality_gap", "hidden_plants", "experiments")
+PACKAGES = (
+    "kengoro_env",
+    "jmm_agent",
+    "reality_gap",
+    "strange_files",
+    "hidden_plants",
+    "experiments",
+)
 RESULTS = tuple(
     f"experiments/{name}" for name in ("README.md", "REPORTED.csv", "results", "figures")
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from reality_gap.pictures.canvas import AFTER, BEFORE, FLOOR, QUIET, SPLITS, figure, label_rows
 from reality_gap.pictures.signals import Signal, changed
@@ -40,6 +41,7 @@ def channel_gain(found: list[Signal], total: tuple[float, float], floor: float) 
     ax.set_xscale("log")
     ax.set_xlim(0.7 * min([floor, *before, *after]), 1.3 * max([3.0, *before, *after]))
     ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(LogFormatter(labelOnlyBase=False))  # without mathematics
     ax.grid(axis="x", alpha=0.3)
     ax.set_xlabel("RMS of the residual on held-out data [standard deviations of noise]", fontsize=9)
     label_rows(ax, [row[0] for row in rows])

@@ -119,9 +119,13 @@ def test_tasks_resume_and_do_not_depend_on_jobs(tmp_path: Path) -> None:
     alone = run_tasks(square, tasks, 1, tmp_path / "one", "key")
     assert alone == {f"t{number}": {"square": number**2} for number in range(4)}
     assert list(alone) == list(tasks)
+    (tmp_path / "one" / "t0.json").write_text('{"key": "key"}')
+    (tmp_path / "one" / "t1.json").write_text("[" * 99_999)
     (tmp_path / "one" / "t2.json").write_text("{ broken")
+    (tmp_path / "one" / "t3.json.1.tmp").write_text("{ begun")
     assert run_tasks(square, tasks, 1, tmp_path / "one", "key") == alone
     assert run_tasks(refuse, tasks, 1, tmp_path / "one", "key") == alone
+    assert sorted(p.name for p in (tmp_path / "one").iterdir()) == [f"{n}.json" for n in tasks]
     with pytest.raises(AssertionError, match="0 was run again"):
         run_tasks(refuse, tasks, 1, tmp_path / "one", "another key")
     with pytest.raises(ExperimentError, match="at least 1"):

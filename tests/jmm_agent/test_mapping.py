@@ -1,8 +1,11 @@
 """The mapping: values and Jacobians against closed forms and finite differences, and its file."""
 
+import contextlib
+import zipfile
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jmm_agent.mapping import (
@@ -11,6 +14,7 @@ from jmm_agent.mapping import (
     MappingError,
 )
 from tests.jmm_agent.small_map import JOINTS, MUSCLES, make_map
+from tools.fuzz.mutating import some_member
 
 
 @pytest.fixture
@@ -246,6 +250,19 @@ def damage_directory(path):
     path.mkdir()
 
 
+def replace_member(path, content):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("format.npy", content)
+
+
+def damage_header_without_end(path):
+    replace_member(path, b"\x93NUMPY\x01\x00\x10\x00{'descr': (      \n")
+
+
+def damage_endless_words(path):
+    replace_member(path, b"\x93NUMPY\x02\x00\x00\x80\x00\x00" + b"x" * 0x8000)
+
+
 def damage_missing(path):
     path.unlink()
 
@@ -260,6 +277,25 @@ def test_a_file_that_is_no_map_gives_one_sentence(jmm, tmp_path, damage):
     with pytest.raises(CheckpointError, match=r"Checkpoint .*map\.npz: ") as caught:
         JointMuscleMap.load(path)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+def test_a_map_does_not_unfold_into_everything(jmm, tmp_path, monkeypatch):
+    jmm.save(tmp_path / "map.npz")
+    JointMuscleMap.load(tmp_path / "map.npz")
+    monkeypatch.setattr("jmm_agent.mapping.MAX_BYTES", 1000)
+    with pytest.raises(CheckpointError, match="it unfolds into 0 MiB, and a map has 0"):
+        JointMuscleMap.load(tmp_path / "map.npz")
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32))
+def test_any_change_of_a_member_is_read_or_refused(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("changed") / "map.npz"
+    make_map().save(path)
+    path.write_bytes(some_member(path.read_bytes(), np.random.default_rng(seed)))
+    with contextlib.suppress(CheckpointError):
+        JointMuscleMap.load(path)
 
 
 @given(st.data())

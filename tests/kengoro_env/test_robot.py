@@ -221,7 +221,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         Robot(tmp_path / "nowhere.xml")
     broken = tmp_path / "broken.xml"
     broken.write_text("<mujoco><worldbody><bod/></worldbody></mujoco>")
-    with pytest.raises(KengoroError, match=r"broken\.xml is not valid MJCF"):
+    with pytest.raises(KengoroError, match=r"broken\.xml does not compile: XML Error"):
         Robot(broken)
     with pytest.raises(KengoroError, match=r"control_period 0.003 s is not a multiple"):
         Robot(ELBOW, control_period=0.003)

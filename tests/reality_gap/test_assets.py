@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from reality_gap.assets import check_inside, write_model
+from reality_gap.assets import write_model
 from reality_gap.errors import StudyError
 
 TETRAHEDRON = """v 0 0 0
@@ -78,9 +78,9 @@ def test_files_of_an_attached_model_are_found_by_their_names(
 ) -> None:
     part = original.parent / "part"
     (part / "forms").mkdir(parents=True)
-    (part / "forms" / "knob.obj").write_text(TETRAHEDRON.format(0.2))
+    (part / "forms" / "knob[1].obj").write_text(TETRAHEDRON.format(0.2))
     (part / "part.xml").write_text(
-        '<mujoco><compiler meshdir="forms"/><asset><mesh name="knob" file="knob.obj"/></asset>'
+        '<mujoco><compiler meshdir="forms"/><asset><mesh name="knob" file="knob[1].obj"/></asset>'
         '<worldbody><body name="knob"><geom type="mesh" mesh="knob"/></body></worldbody></mujoco>'
     )
     text = MODEL.replace("<asset>", '<asset><model name="part" file="part/part.xml"/>').replace(
@@ -92,7 +92,7 @@ def test_files_of_an_attached_model_are_found_by_their_names(
     xml = mujoco.MjSpec.from_file(str(original)).to_xml()
     write_model(xml, original, tmp_path / "out" / "extended.xml")
 
-    assert (tmp_path / "out" / "assets" / "knob.obj").is_file()
+    assert (tmp_path / "out" / "assets" / "knob[1].obj").is_file()
 
 
 def test_a_missing_file_is_named(original: Path, tmp_path: Path) -> None:
@@ -101,38 +101,3 @@ def test_a_missing_file_is_named(original: Path, tmp_path: Path) -> None:
 
     with pytest.raises(StudyError, match=r"skin\.png.*nowhere"):
         write_model(xml, original, tmp_path / "extended.xml")
-
-
-def test_a_model_may_name_what_lies_in_its_folder(original: Path) -> None:
-    check_inside(original, original.parent)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "<mujoco><include file='../secret.xml'/></mujoco>",
-        "<mujoco><include file='inner.xml'/></mujoco>",
-        "<mujoco><asset><mesh file='../secret.xml'/></asset></mujoco>",
-        "<mujoco><asset><mesh file='{secret}'/></asset></mujoco>",
-        "<mujoco><compiler meshdir='..'/><asset><mesh file='secret.xml'/></asset></mujoco>",
-        "<mujoco><compiler assetdir='..'/><asset><texture file='secret.xml'/></asset></mujoco>",
-        "<mujoco><asset><texture fileup='../secret.xml'/></asset></mujoco>",
-        "<mujoco><asset><model file='../secret.xml'/></asset></mujoco>",
-    ],
-)
-def test_a_model_may_not_name_what_lies_elsewhere(tmp_path: Path, text: str) -> None:
-    secret, folder = tmp_path / "secret.xml", tmp_path / "study"
-    secret.write_text("<mujoco/>")
-    folder.mkdir()
-    (folder / "inner.xml").write_text("<mujoco><include file='../secret.xml'/></mujoco>")
-    (folder / "model.xml").write_text(text.format(secret=secret))
-
-    with pytest.raises(StudyError, match=r"secret.xml, which lies outside .*; copy it there"):
-        check_inside(folder / "model.xml", folder)
-
-
-def test_a_model_that_includes_itself_is_left_to_mujoco(tmp_path: Path) -> None:
-    model = tmp_path / "model.xml"
-    model.write_text("<mujoco><include file='model.xml'/></mujoco>")
-
-    check_inside(model, tmp_path)

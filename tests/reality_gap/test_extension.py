@@ -96,11 +96,21 @@ def test_a_cause_that_is_not_in_the_catalogue_is_named(folder: Path) -> None:
         load_extended(folder)
 
 
-@pytest.mark.parametrize("text", ["{}", "[]", "not json", '{"model": "extended.xml"}'])
+@pytest.mark.parametrize(
+    "text", ["{}", "[]", "not json", '{"model": "extended.xml"}', '{"effects": [1]}', "[" * 9999]
+)
 def test_a_spoilt_file_is_refused(folder: Path, text: str) -> None:
     (folder / "extended.json").write_text(text)
 
     with pytest.raises(StudyError, match="not what a diagnosis writes"):
+        load_extended(folder)
+
+
+def test_a_model_elsewhere_is_refused(folder: Path) -> None:
+    text = (folder / "extended.json").read_text()
+    (folder / "extended.json").write_text(text.replace("extended.xml", "../lever.xml"))
+
+    with pytest.raises(StudyError, match=r"names the model '../lever.xml'; a diagnosis writes"):
         load_extended(folder)
 
 

@@ -186,6 +186,10 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "zero scale": (_set("sensors", "length_flexor", "scale", value=0), ("scale: 0",)),
     "yes for a column": (_set("time", "column", value=True), ("quotes",)),
     "negative settle": (_set("initial", "settle", value=-1), ("settle", "0 or more")),
+    "settles for ever": (
+        _set("initial", "settle", value=1e9),
+        ("more than 1e+08 steps of 0.002 s", "shorten settle"),
+    ),
     "list for keys": (_set("sensors", value=["length_flexor"]), ("keys and values",)),
     "millimetres as metres": (
         _rescale("length_flexor", 1000.0),

@@ -6,7 +6,9 @@ import base64
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,3 +156,50 @@ def test_the_same_picture_has_the_same_bits(diagnosed: Make) -> None:
     found = signals(diagnosed(Verdict.NAMED).traces)
 
     assert png(residual_map(found)) == png(residual_map(found))
+
+
+BAD_NAME = "<script>alert('{{7*7}}')</script>$\\frac{$&quot;"
+"""What a stranger may call a sensor: it is neither HTML, nor a template, nor mathematics."""
+
+
+@pytest.fixture
+def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagnosis, Study]:
+    """A diagnosis in which everything is called so."""
+    model = tmp_path / "<script>alert(1)<.xml"
+    text = lever_study.model.read_text(encoding="utf-8")
+    model.write_text(text.replace('"flexor"', f'"{escape(BAD_NAME)}"'), encoding="utf-8")
+    study = replace(lever_study, name=BAD_NAME, model=model)
+    good = diagnosed(Verdict.NAMED)
+    assert good.next_experiment is not None
+    place = replace(good.causes[0].suspect.place, elements=(BAD_NAME,), note=BAD_NAME)
+    cause = replace(good.causes[0], suspect=replace(good.causes[0].suspect, place=place))
+    bad = replace(
+        good,
+        study=BAD_NAME,
+        sentence=BAD_NAME,
+        causes=(cause, *good.causes[1:]),
+        rivals=tuple(replace(rival, suspect=cause.suspect) for rival in good.rivals),
+        depends_on=tuple(replace(d, channel=BAD_NAME, quantity=BAD_NAME) for d in good.depends_on),
+        next_experiment=replace(good.next_experiment, title=BAD_NAME, sentence=BAD_NAME),
+        not_judged=((BAD_NAME, BAD_NAME),),
+        traces=tuple(
+            replace(trace, channel=f"{BAD_NAME} {trace.channel}", episode=BAD_NAME)
+            for trace in good.traces
+        ),
+        effects=(cause.suspect,),
+        extended_xml=good.extended_xml + BAD_NAME,
+    )
+    return bad, study
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_names_from_strangers_are_text_and_nothing_else(hostile: tuple[Diagnosis, Study]) -> None:
+    found = read(page(*hostile))
+
+    assert "script" not in found.tags
+    assert found.text.count(BAD_NAME) >= 5
+
+
+@pytest.mark.slow
+def test_names_from_strangers_can_be_drawn(hostile: tuple[Diagnosis, Study]) -> None:
+    page(*hostile)

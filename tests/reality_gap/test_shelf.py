@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -155,3 +156,12 @@ def test_the_key_file_says_whose_it_is(tmp_path: Path) -> None:
     Shelf(tmp_path / "work", "k").get(0, made(1.0))
 
     assert (tmp_path / "work" / KEY).read_text() == "k"
+
+
+def test_whatever_is_broken_is_made_anew(tmp_path: Path) -> None:
+    shelf, path = Shelf(tmp_path / "work", "k"), tmp_path / "work" / "00000.npz"
+    shelf.get(0, made(1.0))
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("arr_0.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': (      \n")
+
+    assert shelf.get(0, made(2.0))[0][0] == 2.0

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from reality_gap import tables
 from reality_gap.errors import StudyError
@@ -111,3 +114,44 @@ def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(tables, "MAX_BYTES", 10)
     with pytest.raises(StudyError, match="MiB"):
         read(tmp_path, "a,b\n1,2\n3,4\n")
+
+
+def test_a_sentence_is_one_line_whatever_names_hold(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"line 2 of log.csv, column 'a': .*is not a number") as e:
+        read(tmp_path, 'a,b\n"1\n\x1b[2J",2\n')
+    assert str(e.value).isprintable()
+    assert str(StudyError("a\r\nb\x1b[2J")) == r"a b\x1b[2J"
+    assert len(str(StudyError("x" * 9999))) < 2100
+
+
+def test_a_short_row_need_not_be_text(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "log.csv").write_bytes(b"a,b\n1,2\n\xff\xfe\n3,4\n")
+    with pytest.raises(StudyError, match=r"line 3 of log.csv has 1 cells, the header 2$"):
+        read_table(tmp_path / "log.csv", "log.csv", ("a",))
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("header", [b"a" * 200_000, b"a\rb,c"])
+def test_a_header_that_is_none(tmp_path: Path, header: bytes) -> None:
+    (tmp_path / "log.csv").write_bytes(header + b"\n1\n")
+    with pytest.raises(StudyError, match=r"^log.csv has no line of column names: "):
+        read_header(tmp_path / "log.csv", "log.csv")
+
+
+@pytest.mark.parametrize("cell", ["1e31", "-1e300"])
+def test_no_measurement_is_so_large(tmp_path: Path, cell: str) -> None:
+    with pytest.raises(StudyError, match="is not a number"):
+        read(tmp_path, f"a,b\n1,2\n{cell},4\n")
+
+
+CELLS = st.sampled_from([b"1", b"", b'"', b"1\n", b",", b"\r", b"\xff", b"nan", b"1e999", b"x\0"])
+
+
+@given(st.lists(CELLS, max_size=12))
+def test_any_csv_file_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, cells: list[bytes]
+) -> None:
+    path = tmp_path_factory.mktemp("any") / "log.csv"
+    path.write_bytes(b"a,b\n" + b"".join(cells))
+    with contextlib.suppress(StudyError):
+        assert len(read_table(path, "log.csv", ("a",)).columns["a"])

@@ -1,0 +1,9 @@
+"""What is wrong with a stranger's file."""
+
+
+class StrangeFileError(Exception):
+    """A file that is refused; the message goes on from the file's name: "is no XML"."""
+
+
+class FenceError(StrangeFileError):
+    """The reader of a file crashed, or took too much time or memory."""

@@ -1,0 +1,1 @@
+"""What builds, checks and tries this repository; nothing of it is shipped."""

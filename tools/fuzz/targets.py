@@ -1,0 +1,116 @@
+"""What users call with files, by kind: each gives an exit code and what it said, or raises."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+KEY = "the same"
+RESULT = {"rms": [1.0, 2.0]}
+BAGS = ("one.bag", "sqlite", "mcap/mcap.mcap")
+FENCED = "bag behind the fence"
+
+
+def reality_gap(*arguments: str | Path) -> tuple[int, str]:
+    """Exit code of the command, and what it wrote to stderr."""
+    from reality_gap.__main__ import main
+
+    said = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+        code = main([str(argument) for argument in arguments])
+    return code, said.getvalue().strip()
+
+
+def kengoro_env(model: Path) -> tuple[int, str]:
+    """A robot's drawing, as an exit code and a sentence."""
+    from kengoro_env.drawing import ArmDrawing
+    from kengoro_env.errors import KengoroError
+
+    try:
+        ArmDrawing(model)
+    except KengoroError as error:
+        return 2, str(error)
+    return 0, ""
+
+
+def use_study(folder: Path, log: str) -> list[tuple[int, str]]:
+    """Check a study, and draft another one from its parts."""
+    return [
+        reality_gap("check", folder / "STUDY.yaml"),
+        reality_gap("init", folder / "model.xml", folder / log, "--out", folder / "DRAFT.yaml"),
+    ]
+
+
+def use_model(folder: Path) -> list[tuple[int, str]]:
+    """The same, and a robot of the environments."""
+    return [*use_study(folder, "log.csv"), kengoro_env(folder / "model.xml")]
+
+
+def use_checkpoints(folder: Path) -> list[tuple[int, str]]:
+    """Load a map, go on with an experiment, and with a diagnosis."""
+    from jmm_agent.errors import AgentError
+    from jmm_agent.mapping import JointMuscleMap
+    from reality_gap.shelf import Shelf
+
+    said = [(0, "")]
+    try:
+        jmm = JointMuscleMap.load(folder / "map.npz")
+        jmm.lengths(np.zeros(len(jmm.joints)))
+    except AgentError as error:
+        said.append((2, str(error)))
+    with contextlib.redirect_stdout(io.StringIO()):
+        _go_on(folder)
+    Shelf(folder / "shelf", KEY).get(0, lambda: [np.arange(3, dtype=np.float32)])
+    return said
+
+
+def _go_on(folder: Path) -> None:
+    from experiments.running import core_seconds, run_tasks
+
+    run_tasks(result, {"task": ()}, 1, folder, KEY)
+    core_seconds(folder, ["task"])
+
+
+def result() -> dict[str, Any]:
+    """Work of an experiment."""
+    return RESULT
+
+
+def use_bags(folder: Path) -> list[tuple[int, str]]:
+    """Unpack each bag as what runs behind the fence does it, so that it can be watched."""
+    from reality_gap.bags import unpack
+    from reality_gap.errors import StudyError
+
+    said = []
+    for name in BAGS:
+        try:
+            unpack(folder / name, folder / f"{Path(name).stem}_out")
+            said.append((0, ""))
+        except StudyError as error:
+            said.append((2, str(error)))
+    return said
+
+
+def unpack_bags(folder: Path) -> list[tuple[int, str]]:
+    """Unpack each bag as users do."""
+    return [
+        reality_gap("unpack", folder / name, "--out", folder / f"{Path(name).stem}_new")
+        for name in BAGS
+    ]
+
+
+TARGETS: dict[str, Callable[[Path], list[tuple[int, str]]]] = {
+    "mjcf": use_model,
+    "yaml": lambda folder: [reality_gap("check", folder / "STUDY.yaml")],
+    "csv": lambda folder: use_study(folder, "log.csv"),
+    "parquet": lambda folder: use_study(folder, "log.parquet"),
+    "checkpoint": use_checkpoints,
+    "bag": use_bags,
+    FENCED: unpack_bags,
+}
+"""By kind: what is done with the files of a folder."""

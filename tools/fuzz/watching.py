@@ -1,0 +1,101 @@
+"""What a process does while it works on a hostile file: what it opens, runs and imports."""
+
+from __future__ import annotations
+
+import os
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+from types import CodeType
+from typing import Any
+
+from strange_files.fence import START
+
+ROOT = Path(__file__).resolve().parents[2]
+GENERATORS = {"dataclasses", "collections", "rosbags", "numpy", "typing", "attr", "ruamel", "tyro"}
+"""Who makes code of strings: names of fields of messages go through grammars there."""
+RUNS = {
+    "os.system",
+    "os.exec",
+    "os.posix_spawn",
+    "os.spawn",
+    "os.startfile",
+    "pty.spawn",
+    "ctypes.dlopen",
+    "pickle.find_class",
+}
+"""Audit events of running something that is not Python's own."""
+SYSTEM = ("/proc", "/sys", "/dev/null", "/dev/urandom", "/usr/share", "/usr/lib", "/etc/mime.types")
+
+
+class Watch:
+    """Notes what goes on in this process, from its making on.
+
+    Attributes:
+        folder: of the case that is worked on; None for not watching.
+        outside: files outside of it that were opened.
+        ran: what was run.
+    """
+
+    def __init__(self) -> None:
+        own = {str(ROOT), sys.prefix, sys.base_prefix, *sysconfig.get_paths().values(), *sys.path}
+        self._own = tuple(os.path.realpath(folder) for folder in own if folder)
+        self._fences = os.path.join(os.path.realpath(tempfile.gettempdir()), "strange_files-")
+        self.folder: str | None = None
+        self.outside: list[str] = []
+        self.ran: list[str] = []
+        sys.addaudithook(self._note)
+
+    def begin(self, folder: Path) -> None:
+        """Watch a case; secrets beside its folder look as if never read."""
+        self.outside, self.ran = [], []
+        self._secrets = [path for path in folder.parent.iterdir() if path.is_file()]
+        for secret in self._secrets:
+            os.utime(secret, (1, 1))
+        self.folder = os.path.realpath(folder)
+
+    def end(self) -> None:
+        """Stop watching; see who read the secrets, and whether anything left its trace."""
+        folder, self.folder = self.folder, None
+        assert folder is not None
+        self.outside += [str(path) for path in self._secrets if path.stat().st_atime != 1]
+        self.ran += [str(path) for path in Path(folder).rglob("PWNED")]
+        for module in list(sys.modules.values()):
+            file = getattr(module, "__file__", None)
+            if file and os.path.realpath(file).startswith(folder + os.sep):
+                self.ran.append(f"import {file}")
+
+    def _note(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if self.folder is None:
+            return
+        if event == "open":
+            self._note_open(arguments[0])
+        elif event == "subprocess.Popen":
+            if START not in (arguments[1] or ()):
+                self.ran.append(f"{event} {arguments[1]}")
+        elif event in RUNS:
+            self.ran.append(f"{event} {arguments}"[:200])
+        elif event == "exec":
+            self._note_exec(arguments[0])
+
+    def _note_open(self, name: Any) -> None:
+        if isinstance(name, int) or name is None:
+            return
+        path = os.path.realpath(os.fsdecode(name))
+        allowed = (self.folder or "", *self._own, *SYSTEM)
+        if not path.startswith(self._fences) and not any(
+            path == place or path.startswith(place.rstrip(os.sep) + os.sep) for place in allowed
+        ):
+            self.outside.append(path)
+
+    def _note_exec(self, code: CodeType) -> None:
+        file = code.co_filename
+        if file.startswith("<frozen") or file.startswith(self._own):
+            return
+        frame = sys._getframe(2)
+        while frame.f_back is not None and frame.f_globals.get("__name__") == __name__:
+            frame = frame.f_back
+        caller = str(frame.f_globals.get("__name__", ""))
+        if caller.partition(".")[0] not in GENERATORS:
+            self.ran.append(f"exec of {file} by {caller}")
