@@ -87,14 +87,16 @@ def main(args: Args) -> Summary:
     check_jobs(args.jobs)
     if args.steps < 1:
         raise ExperimentError(f"Steps are {args.steps}, but at least 1 is needed.")
+    learned_with = versions()
     log_reported(seeds)
     sizes = replace(QUICK if args.quick else Sizes(steps=args.steps), robot=args.robot)
     tasks: dict[str, tuple[Any, ...]] = {OTHERS_TASK: (OTHERS_TASK, 0, sizes)}
     tasks |= {f"{args.algorithm}-{seed:03d}": (args.algorithm, seed, sizes) for seed in seeds}
-    key = f"{source_digest(*MODULES)} {versions()} {asdict(sizes)}"
+    key = f"{source_digest(*MODULES)} {learned_with} {asdict(sizes)}"
     results = run_tasks(run, tasks, args.jobs, args.out / "policies", key)
     others = results.pop(OTHERS_TASK)
-    return conclude(args, sizes, dict(zip(seeds, results.values(), strict=True)), others, begin)
+    learned = dict(zip(seeds, results.values(), strict=True))
+    return conclude(args, sizes, learned_with, learned, others, begin)
 
 
 def versions() -> str:
@@ -114,6 +116,7 @@ def run(what: str, seed: int, sizes: Sizes) -> dict[str, Any]:
 def conclude(
     args: Args,
     sizes: Sizes,
+    learned_with: str,
     learned: dict[int, dict[str, Any]],
     others: dict[str, Any],
     begin: float,
@@ -141,7 +144,7 @@ def conclude(
         time.perf_counter() - begin,
         title=TITLE,
         algorithm=args.algorithm,
-        versions=versions(),
+        versions=learned_with,
         sizes=asdict(sizes),
         metrics=metrics,
         tables=[table.plain()],
