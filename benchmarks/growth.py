@@ -46,7 +46,7 @@ HIDDEN = Case("single", 32)
 
 SECONDS = (2.5, 5.0, 10.0, 20.0)
 CAUSES = (3, 7, 14, 28)
-SHORT = 5.0
+SHORT = 2.5
 """Length of the log that is diagnosed with few causes and with many [s]."""
 
 

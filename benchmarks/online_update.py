@@ -145,7 +145,7 @@ def main() -> None:
         sys.exit("This benchmark needs torch, which is not installed: pip install 'kengoro[rl]'.")
     start = trained_map()
     table = Table(title=f"One update of the map by {BATCH} pairs, torch {torch.__version__}")
-    heads = ("Adam steps", "who", "median us", "99th us", "times ours", "largest difference")
+    heads = ("steps", "who", "median us", "99th us", "times ours", "difference")
     for head in heads:
         table.add_column(head, justify="left" if head == "who" else "right")
     for steps in STEPS:
@@ -154,15 +154,17 @@ def main() -> None:
             ratio = np.median(np.divide(taken, seconds["ours"]))
             table.add_row(
                 f"{steps}",
-                "ours, numpy float64" if who == "ours" else f"torch {who}",
+                "numpy float64" if who == "ours" else f"torch {who}",
                 f"{1e6 * np.median(taken):.0f}",
                 f"{1e6 * np.percentile(taken, 99):.0f}",
                 "" if who == "ours" else f"{ratio:.2f}",
                 "" if who == "ours" else f"{apart[who]:.1e}",
             )
     Console().print(table)
-    print(f"Times ours: median of the ratios. Largest difference: of all weights after {COMPARED}")
-    print("updates; hidden weights are in 1, output weights in mm.")
+    print("Steps: of Adam in an update. Times ours: median of the ratios, update by update.")
+    print(
+        f"Difference: largest of all weights (hidden in 1, output in mm) after {COMPARED} updates."
+    )
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from experiments.common import (
 from experiments.errors import ExperimentError
 from experiments.posture_policies import OTHERS, Sizes, judge_others, learn, libraries
 from experiments.report import Table, print_table, write_report
-from experiments.running import run_tasks
+from experiments.running import core_seconds, run_tasks
 from experiments.statistics import metric
 from experiments.study import LEAST_WIDTH
 
@@ -96,7 +96,11 @@ def main(args: Args) -> Summary:
     results = run_tasks(run, tasks, args.jobs, args.out / "policies", key)
     others = results.pop(OTHERS_TASK)
     learned = dict(zip(seeds, results.values(), strict=True))
-    return conclude(args, sizes, learned_with, learned, others, begin)
+    work_s = core_seconds(args.out / "policies", tasks)
+    wall_s = max(
+        time.perf_counter() - begin, work_s / args.jobs
+    )  # some may have been there already
+    return conclude(args, sizes, learned_with, learned, others, wall_s)
 
 
 def versions() -> str:
@@ -119,9 +123,9 @@ def conclude(
     learned_with: str,
     learned: dict[int, dict[str, Any]],
     others: dict[str, Any],
-    begin: float,
+    wall_s: float,
 ) -> Summary:
-    """Write what came out of policies by seed, beside the others; began at ``begin``."""
+    """Write what came out of policies by seed, beside the others, after ``wall_s`` [s]."""
     from experiments.posture_pictures import learning_curve  # matplotlib takes a second to load
 
     rewards = {seed: float(np.mean(one["whole"]["reward"])) for seed, one in learned.items()}
@@ -141,7 +145,7 @@ def conclude(
     summary = make_summary(
         NAME,
         {seed: {"reward": rewards[seed], "success": successes[seed]} for seed in learned},
-        time.perf_counter() - begin,
+        wall_s,
         title=TITLE,
         algorithm=args.algorithm,
         versions=learned_with,
