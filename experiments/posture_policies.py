@@ -9,6 +9,7 @@ of the whole range of commands the wires fight each other.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -194,9 +195,8 @@ def learn(algorithm: str, seed: int, sizes: Sizes) -> dict[str, Any]:
     arms = many_arms(sizes.robot, sizes.environments, SHORT)
     envs = normalised(Sb3Envs(arms, "target", commanded), gamma=COMMON["gamma"])
     envs.seed(seed * sizes.environments)
-    model = algorithms[algorithm](
-        "MlpPolicy", envs, seed=seed, device="cpu", **COMMON, **MANY[algorithm]
-    )
+    settings = deepcopy({**COMMON, **MANY[algorithm]})  # Stable-Baselines3 writes into them
+    model = algorithms[algorithm]("MlpPolicy", envs, seed=seed, device="cpu", **settings)
 
     def policy(observed: Observations) -> Actions:
         actions, _ = model.predict(envs.normalize_obs(observed["target"]), deterministic=True)

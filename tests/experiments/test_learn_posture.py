@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from experiments.__main__ import main
 from experiments.errors import ExperimentError
 from experiments.learn_posture import Args, conclude
 from experiments.posture_policies import (
+    COMMON,
     ID,
     OTHERS,
     STARTS,
@@ -143,7 +145,9 @@ def test_many_arms_are_to_a_learner_what_as_many_single_ones_are() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_the_same_seed_learns_the_same(algorithm: str) -> None:
+    settings = deepcopy(COMMON)
     first = learn(algorithm, 1, TINY)
+    assert settings == COMMON
     assert first == learn(algorithm, 1, TINY)
     assert first["short"][0] != first["short"][1]  # it did learn something
     assert first["short"][1] != learn(algorithm, 2, TINY)["short"][1]
