@@ -7,6 +7,7 @@ PY := $(VENV)/bin/python
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 INSTALLED := $(VENV)/.installed
 DOCS := $(VENV)/.docs
+RL := $(VENV)/.rl
 RENDERS := $(VENV)/.renders
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
 PACKAGES := kengoro_env jmm_agent reality_gap strange_files hidden_plants experiments benchmarks tools/fuzz
@@ -19,7 +20,7 @@ demo: $(INSTALLED) $(RENDERS)
 test: $(INSTALLED) $(RENDERS)
 	$(PY) -m pytest -m "not slow" $(PARALLEL)
 
-test-all: $(INSTALLED) $(RENDERS)
+test-all: $(RL) $(RENDERS)
 	$(PY) -m pytest $(PARALLEL)
 
 check: $(INSTALLED)
@@ -50,6 +51,10 @@ $(INSTALLED): pyproject.toml
 
 $(DOCS): $(INSTALLED)
 	@$(PIP) install --editable '.[docs]'
+	@touch $@
+
+$(RL): $(INSTALLED)
+	@$(PIP) install --editable '.[dev,rl]'
 	@touch $@
 
 $(RENDERS): tools/ensure_rendering.py | $(INSTALLED)

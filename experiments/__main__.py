@@ -26,6 +26,7 @@ RUNNERS = {
     "emps": ("experiments.emps", "a measured drive: what a mass alone gets wrong of its force"),
     "davinci": ("experiments.davinci", "a measured cable drive: what its transmission does"),
     "remote-robot": ("experiments.remote_robot", "an agent drives a robot in another process"),
+    "learn-posture": ("experiments.learn_posture", "reinforcement learning, from the reward alone"),
     "learnability": ("experiments.learnability", "what can be learned, from what, and the floor"),
 }
 """Module and one line for each experiment."""

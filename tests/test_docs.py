@@ -139,6 +139,23 @@ def test_python_in_the_documentation_runs(
         CATALOGUE.update(catalogue)
 
 
+@pytest.mark.slow  # Stable-Baselines3 comes with the extra [rl]
+@pytest.mark.parametrize("algorithm", ["PPO", "SAC"])
+def test_the_learning_example_learns(
+    algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (ROOT / "docs" / "rl.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"```python\n([^`]*import PPO as Algorithm[^`]*)```", page)
+    assert sum(bool(line.strip()) for line in code.splitlines()) <= 20  # as promised
+    monkeypatch.chdir(tmp_path)
+    few = code.replace("import PPO", f"import {algorithm}").replace("100_000", "300")
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    exec(compile(few, "docs/rl.md", "exec"), namespace)
+    assert namespace["model"].num_timesteps >= 300
+    assert namespace["model"]._n_updates > 0
+    assert (tmp_path / "posture.zip").stat().st_size > 1000
+
+
 def test_tables_of_results_are_those_of_the_files() -> None:
     found = 0
     for page in PAGES:

@@ -1,0 +1,82 @@
+"""Many arms at once, as Stable-Baselines3 wants its environments; extra ``[rl]``.
+
+`gymnasium.make_vec` steps all arms in one call. Stable-Baselines3 has an interface of its own for
+many environments, in which who ended is reset within the step that ended it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from kengoro_env.vector import KengoroVectorEnv
+
+Values = NDArray[Any]
+
+
+class Sb3Envs(VecEnv):
+    """A `KengoroVectorEnv` of which a policy observes one entry, for Stable-Baselines3.
+
+    Args:
+        envs: made by ``gymnasium.make_vec``.
+        observed: name of the entry of the observation, of shape (k,).
+        commanded: from a policy's actions (num_envs, m) in [-1, 1] to those of ``envs``.
+    """
+
+    def __init__(
+        self, envs: KengoroVectorEnv, observed: str, commanded: Callable[[Values], Values]
+    ) -> None:
+        self.envs, self._observed, self._commanded = envs, observed, commanded
+        self._actions = np.zeros(envs.action_space.shape or ())
+        observations = envs.single_observation_space
+        assert isinstance(observations, spaces.Dict)
+        super().__init__(envs.num_envs, observations[observed], envs.single_action_space)
+
+    def reset(self) -> Values:
+        """Start an episode in each environment, with the seeds that `seed` set."""
+        observations, _ = self.envs.reset(seed=self._seeds)
+        self._reset_seeds()
+        return observations[self._observed]
+
+    def step_async(self, actions: Values) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Values, Values, Values, list[dict[str, Any]]]:
+        """Step all; what is observed of who ended is the start of its next episode."""
+        observations, rewards, terminated, truncated, told = self.envs.step(
+            self._commanded(self._actions)
+        )
+        ended = terminated | truncated
+        infos: list[dict[str, Any]] = [{"success": bool(success)} for success in told["success"]]
+        for i in np.flatnonzero(ended):
+            infos[i]["terminal_observation"] = observations[self._observed][i]
+            infos[i]["TimeLimit.truncated"] = bool(truncated[i])
+        if ended.any():
+            observations, _ = self.envs.reset(options={"reset_mask": ended})
+        return observations[self._observed], rewards, ended, infos
+
+    def close(self) -> None:
+        """Free what the environments hold."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute, which all environments have in common."""
+        return [getattr(self.envs, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Not offered: all environments are one object."""
+        raise NotImplementedError("Sb3Envs has no attributes to set: use its envs.")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
+        """Not offered: all environments are one object."""
+        raise NotImplementedError("Sb3Envs has no methods to call: use its envs.")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is wrapped."""
+        return [False for _ in self._get_indices(indices)]
