@@ -77,39 +77,47 @@ class PushWatchOptions:
     Attributes:
         every: number of steps between two estimates of the force.
         average: number of estimates that are averaged.
+        memory: time in which the force of a moment ago is forgotten [s].
+        onset: time in which a push comes and goes [s].
         least: no smaller change of the force is a push [N].
         factor: nor one below this many times its usual change [1].
-        release: share of the threshold below which the push is over [1].
-        memory: time over which the usual force is learned [s].
-        usual_change: what is thought of it at first [N].
+        usual_change: what is thought of that at first [N].
+        usual_memory: time over which it is learned [s].
+        end: share of the push by which the force must go back for the push to be over [1].
+        longest: a force that stays for longer is no push, but a load [s].
     """
 
     every: int = 5
-    average: int = 4
-    least: float = 20.0
+    average: int = 3
+    memory: float = 1.0
+    onset: float = 0.5
+    least: float = 22.0
     factor: float = 2.5
-    release: float = 0.6
-    memory: float = 8.0
     usual_change: float = 14.0
+    usual_memory: float = 8.0
+    end: float = 0.5
+    longest: float = 30.0
 
 
 class PushWatch:
     """Finds the force on the hand that balances tensions and gravity best, and sees it change.
 
     At rest -G' T + g + J' F = 0 with the muscle Jacobian G, gravity's torques g and the hand's
-    Jacobian J. A map with errors shows a force that is not there, but that changes slowly; a push
-    comes at once.
+    Jacobian J. A map with errors shows a force F that is not there, but as the arm moves that
+    changes slowly; a push comes and goes at once.
     """
 
     def __init__(self, options: PushWatchOptions) -> None:
         self._options = options
         self._variance = options.usual_change**2
-        self._usual = np.zeros(3)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the newest estimates; keep the usual force."""
+        """Forget all forces; keep how much they usually change."""
         self._forces: deque[Floats] = deque(maxlen=self._options.average)
+        self._recent: Floats | None = None
+        self._push = np.zeros(3)
+        self._lasted = np.inf
         self.pushed = False
 
     def update(self, dt: float, torques: Floats, hand_jacobian: Floats, rotation: Floats) -> bool:
@@ -124,14 +132,31 @@ class PushWatch:
         options = self._options
         matrix = hand_jacobian @ hand_jacobian.T
         self._forces.append(rotation @ np.linalg.solve(matrix, hand_jacobian @ -torques))
-        if len(self._forces) < options.average:
+        force = np.mean(self._forces, axis=0)
+        if self._recent is None or len(self._forces) < options.average:
+            self._recent = force
             return self.pushed
-        change = np.mean(self._forces, axis=0) - self._usual
-        size = float(np.linalg.norm(change))
-        threshold = max(options.least, options.factor * float(np.sqrt(self._variance)))
-        self.pushed = size > threshold * (options.release if self.pushed else 1.0)
-        if not self.pushed:
-            share = dt / options.memory
-            self._usual = self._usual + share * change
-            self._variance += share * (size**2 - self._variance)
+        self._lasted += dt
+        if self._lasted < options.onset:  # the force is still on its way to what it will be
+            self._push += force - self._recent
+            self._recent = force
+            return self.pushed
+        change = force - self._recent
+        self._recent = self._recent + dt / options.memory * change
+        if self._ends(change) if self.pushed else self._begins(change, dt):
+            self.pushed, self._lasted = not self.pushed, 0.0
+            self._push, self._recent = change, force
         return self.pushed
+
+    def _begins(self, change: Floats, dt: float) -> bool:
+        """Whether a change of the force (3,) [N] is a push; learns how much it usually changes."""
+        options, size = self._options, float(np.linalg.norm(change))
+        if size > max(options.least, options.factor * float(np.sqrt(self._variance))):
+            return True
+        self._variance += dt / options.usual_memory * (size**2 - self._variance)
+        return False
+
+    def _ends(self, change: Floats) -> bool:
+        """Whether a change of the force (3,) [N] takes the push back, or it has been too long."""
+        back = -float(change @ self._push) / float(self._push @ self._push)
+        return back > self._options.end or self._lasted > self._options.longest

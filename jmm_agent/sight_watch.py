@@ -31,7 +31,7 @@ class SightWatchOptions:
         margin: how far inside the frame the marker must be expected to be missed [px].
         facing: and its face at most this far from the line of sight [rad].
         mirrored: least angle between the expected and a mirrored pose [rad].
-        nearer: the other pose must be nearer to the expected one by this factor [1].
+        nearer: one of the two poses is clearly nearer to the expected one by this factor [1].
     """
 
     silence: float = 1.0
@@ -40,7 +40,7 @@ class SightWatchOptions:
     hidden_frames: int = 2
     margin: float = 70.0
     facing: float = 1.0
-    mirrored: float = 0.3
+    mirrored: float = 0.2
     nearer: float = 0.4
 
 
@@ -151,6 +151,8 @@ class MarkerWatch:
         options = self._options
         away = _angle(marker.pose_marker_in_camera, expected)
         other = _angle(marker.flipped_in_camera, expected)
+        if self._mirrored:  # until the pose is clearly the right one
+            return away > options.nearer * other
         return away > options.mirrored and other < options.nearer * away
 
     def _must_be_in_view(self, pose: Floats) -> bool:
