@@ -9,20 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from experiments import common
 from experiments.arm import ACTUAL, CAMERA, NO_END, SIDES, make_env, shuffled_postures
-from experiments.common import ARM, trained_map
+from experiments.common import ARM, Summary, trained_map
+from experiments.errors import ExperimentError
 from experiments.examination import map_error_mm
 from experiments.faults_tables import NO_FAULT, metrics, seed_entry, tables
 from experiments.grasp_trial import READY
 from experiments.injected_faults import MOTORS, FaultyEnv, Injection
 from experiments.session import Session
-from experiments.study import Findings, Results, Study
+from experiments.study import Findings, Results, Study, run_study
 from jmm_agent import faults
 from jmm_agent.agent import Agent
 from jmm_agent.guard import Guard
@@ -62,7 +64,6 @@ class Sizes:
         learning: before anything goes wrong [s].
         fault: with the fault [s].
         after: without it again [s].
-        snapped: time after a wire has snapped for good, beyond ``fault`` [s].
         move: duration of a movement [s].
         patience: longest wait for rest and a look [s].
         tested: number of postures over which the map's error is taken.
@@ -72,14 +73,32 @@ class Sizes:
     learning: float = 45.0
     fault: float = 10.0
     after: float = 60.0
-    snapped: float = 10.0
     move: float = 1.5
     patience: float = 1.0
     tested: int = 50
     trials: tuple[str, ...] = TRIALS
 
 
-QUICK = Sizes(learning=8.0, fault=6.0, after=6.0, snapped=2.0, tested=10)
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Faults in the middle of learning: is each noticed, and does it leave the map as it was?
+
+    Attributes:
+        seeds: robots, as A-B or A; seeds below 100 are for tuning.
+        out: folder of the results.
+        learning: time before anything goes wrong [s].
+        fault: time with each fault [s].
+        after: time without it again [s].
+    """
+
+    seeds: str = "0-9"
+    out: Path = Path("out/faults")
+    learning: float = 45.0
+    fault: float = 10.0
+    after: float = 60.0
+
+
+QUICK = Sizes(learning=8.0, fault=6.0, after=6.0, tested=10)
 
 
 class Life:
@@ -202,9 +221,7 @@ def trial(life: Life, ruler: Ruler, kind: str, seed: int, sizes: Sizes) -> dict[
     life.env.inject(injected)
     life.live(sizes.fault)
     gone = life.session.time
-    if kind == faults.WIRE_SNAPPED:
-        life.live(sizes.snapped)
-    else:
+    if kind != faults.WIRE_SNAPPED:
         life.env.inject(None)
         life.live(sizes.after)
     life.env.close()
@@ -233,18 +250,32 @@ def told(life: Life, begin: float, end: float) -> dict[str, Any]:
     }
 
 
+def main(args: Args) -> Summary:
+    """Run all robots, or what of it is missing; write summary and report.
+
+    Raises:
+        ExperimentError: a duration is not positive.
+    """
+    if min(args.learning, args.fault, args.after) <= 0:
+        raise ExperimentError("learning, fault and after are times in seconds, above 0.")
+    sizes = replace(STUDY.sizes, learning=args.learning, fault=args.fault, after=args.after)
+    return run_study(replace(STUDY, sizes=sizes), args)
+
+
 def conclude(results: Results, sizes: Sizes) -> Findings:
     """How soon each fault was noticed, and what it did to the map and the wires."""
     per_seed = {seed: seed_entry(result[ACTUAL]) for seed, result in results.items()}
-    return Findings(metrics(per_seed), per_seed, tables(per_seed), (), {})
+    told = tables(per_seed)
+    more = {"tables": [table.plain() for table in told[1:]]}
+    return Findings(metrics(per_seed), per_seed, told, (), more)
 
 
 STUDY = Study(
     name="faults",
     title="Faults in the middle of learning",
     introduction=(
-        "A robot learns for 45 s. From there, each time from the same state, one thing goes wrong "
-        "for 10 s, and then it learns for another minute without a fault. The agent must "
+        "A robot learns. From there, each time from the same state, one thing goes wrong for some "
+        "time, and then it goes on learning without a fault. The agent must "
         "notice and name each fault, keep it out of the map, and never command more tension than "
         "the motors may pull with."
     ),

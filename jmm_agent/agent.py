@@ -309,10 +309,16 @@ class Agent:
 
     def _take_back(self, before: Learned) -> None:
         """Unlearn what was learned since."""
-        self.learner.map = before.map
-        self.antagonism.memory, self.vision.memory = before.antagonism, before.vision
+        self.recall(before.map, before.antagonism, before.vision)
         self._before.clear()
         self.taken_back += 1
+
+    def recall(
+        self, jmm: JointMuscleMap, antagonism: AntagonismMemory, vision: VisionMemory
+    ) -> None:
+        """Know what was known at another time: the map, and what both updaters remembered."""
+        self.learner.map = jmm
+        self.antagonism.memory, self.vision.memory = antagonism, vision
         self._map_moved()
 
     def _map_moved(self) -> None:
