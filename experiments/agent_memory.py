@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,7 @@ def load_memory(path: Path, agent: Agent) -> None:
             {name: (content[f"W2_{name}"], content[f"b2_{name}"]) for name in names}
         )
         chance = json.loads(str(content["chance"]))
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise ExperimentError(f"{path} holds no memory of an agent ({error}).") from error
     agent.recall(jmm, AntagonismMemory(last, pairs["antagonism"]), vision)
     agent.learner.rng.bit_generator.state = chance
