@@ -45,6 +45,7 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
         for kind, where, times in trial["named"]
         if (kind, where) == (trial["kind"], trial["where"])
         for time in times
+        if time >= begin
     ]
     healed = gone + LINGERS if trial["kind"] != faults.WIRE_SNAPPED else np.inf
     during, later = [], []
@@ -53,7 +54,7 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
         for time in times:
             if time > healed or trial["kind"] == NO_FAULT:
                 later.append(f"{kind} {where}")
-            elif not same:
+            elif not same or time < begin:
                 during.append(f"{kind} {where}")
     return {
         "where": trial["where"],

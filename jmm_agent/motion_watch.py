@@ -93,8 +93,8 @@ class PushWatchOptions:
     onset: float = 0.5
     least: float = 22.0
     factor: float = 2.5
-    usual_change: float = 14.0
-    usual_memory: float = 8.0
+    usual_change: float = 20.0
+    usual_memory: float = 20.0
     end: float = 0.5
     longest: float = 30.0
 
