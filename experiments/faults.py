@@ -233,7 +233,6 @@ def trial(life: Life, ruler: Ruler, kind: str, seed: int, sizes: Sizes) -> dict[
         "before_mm": before,
         "after_mm": ruler.error_mm(life.agent),
         "still_named": [fault.kind for fault in life.agent.faults],
-        "taken_back": life.agent.taken_back,
         **told(life, begin, life.session.time),
     }
 
@@ -246,7 +245,8 @@ def told(life: Life, begin: float, end: float) -> dict[str, Any]:
         "largest_demand_N": life.env.largest_demand,
         "largest_tension_N": life.largest_tension,
         "not_finite": life.not_finite,
-        "looks": life.agent.vision.fired,
+        "taken_back": life.agent.taken_back,
+        "undone": life.agent.undone,
     }
 
 

@@ -159,6 +159,8 @@ def told(named: list[Any], **more: Any) -> dict[str, Any]:
         "largest_demand_N": 400.0,
         "largest_tension_N": 410.0,
         "not_finite": 0,
+        "taken_back": 0,
+        "undone": 0,
         **more,
     }
 
@@ -166,7 +168,7 @@ def told(named: list[Any], **more: Any) -> dict[str, Any]:
 def trial(kind: str, where: str, named: list[Any], after_mm: float = 3.0) -> dict[str, Any]:
     return told(
         named, kind=kind, where=where, begin=100.0, gone=110.0, before_mm=4.0, after_mm=after_mm,
-        still_named=[], taken_back=0,
+        still_named=[],
     )  # fmt: skip
 
 
