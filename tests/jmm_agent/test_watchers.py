@@ -240,7 +240,7 @@ def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerWatch) -> None:
     assert list(marker.found()) == []
 
 
-@pytest.mark.parametrize("believed", [facing(1.0, x=0.28), facing(1.7)])
+@pytest.mark.parametrize("believed", [facing(1.0, x=0.45), facing(1.7)])
 def test_a_marker_that_leaves_the_view_is_not_missed(
     marker: MarkerWatch, believed: np.ndarray
 ) -> None:
