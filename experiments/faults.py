@@ -246,7 +246,6 @@ def told(life: Life, begin: float, end: float) -> dict[str, Any]:
         "largest_tension_N": life.largest_tension,
         "not_finite": life.not_finite,
         "taken_back": life.agent.taken_back,
-        "undone": life.agent.undone,
     }
 
 

@@ -33,7 +33,6 @@ def seed_entry(result: Mapping[str, Any]) -> dict[str, Any]:
             "false_namings": [f"{kind} {where}" for kind, where, _ in learning["named"]],
             "largest_demand_N": round(learning["largest_demand_N"], 3),
             "not_finite": learning["not_finite"],
-            "undone": learning["undone"],
         },
         **{kind: _trial_entry(trial) for kind, trial in result["trials"].items()},
     }
@@ -70,7 +69,6 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
         "largest_tension_N": round(trial["largest_tension_N"], 1),
         "not_finite": trial["not_finite"],
         "taken_back": trial["taken_back"],
-        "undone": trial["undone"],
     }
 
 

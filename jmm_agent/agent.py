@@ -17,7 +17,6 @@ from jmm_agent.errors import AgentError
 from jmm_agent.estimator import EstimatorOptions, JointEstimator
 from jmm_agent.faults import Fault
 from jmm_agent.guard import Guard
-from jmm_agent.held_back import made_worse
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.learner import BatchOptions, Learner, RidgeRule, Rule
 from jmm_agent.mapping import JointMuscleMap
@@ -158,9 +157,6 @@ class Agent:
         self._look_due = False
         self._frame_time = -np.inf
         self._before: deque[Learned] = deque()
-        self._last_update: Learned | None = None
-        self.undone = 0
-        """How often an update was undone since it made the map worse, as the next look told."""
         self.taken_back = 0
         """How often something was unlearned that was learned just before a fault was noticed."""
         self.learning = True
@@ -305,20 +301,16 @@ class Agent:
         options = self.options
         return self.kinematics.pose(options.marker_site, q, relative_to=options.camera)
 
-    def _learned(self) -> Learned:
-        """What is known now."""
-        return Learned(self._time, self.map, self.antagonism.memory, self.vision.memory)
-
     def _remember(self) -> None:
         """Keep what is known before something is learned, in case that a fault is noticed."""
         if self.guard is not None and self.learning:
-            self._before.append(self._learned())
+            memories = self.antagonism.memory, self.vision.memory
+            self._before.append(Learned(self._time, self.map, *memories))
 
     def _take_back(self, before: Learned) -> None:
         """Unlearn what was learned since."""
         self.recall(before.map, before.antagonism, before.vision)
         self._before.clear()
-        self._last_update = None
         self.taken_back += 1
 
     def recall(
@@ -392,22 +384,8 @@ class Agent:
                 self.vision.drop("the hand's marker was not seen")
             return
         self._remember()
-        before, estimate = self._learned(), self.estimator.q
-        self.seen = self._see(marker, estimate, senses)
-        if not self.seen.learned:
-            return
-        if self.guard is not None and self._last_update is not None:
-            earlier, pair = self._last_update, self.vision.newest_pair
-            if made_worse(earlier.map, before.map, pair, self.guard.options.held_back):
-                self.recall(earlier.map, earlier.antagonism, earlier.vision)
-                self.undone += 1
-                before, self.seen = earlier, self._see(marker, estimate, senses)
-        self._last_update = before
-        self._map_moved()
-
-    def _see(self, marker: MarkerPose, estimate: Floats, senses: Senses) -> Seen:
-        """Learn from a look, or only look."""
-        return self.vision.seen(
+        estimate = self.estimator.q
+        self.seen = self.vision.seen(
             marker.pose_marker_in_camera,
             estimate,
             senses.lengths,
@@ -416,3 +394,5 @@ class Agent:
             self.antagonism.pairs if self.options.learn_antagonism else None,
             learn=self.learning and self.options.learn_vision,
         )
+        if self.seen.learned:
+            self._map_moved()

@@ -15,7 +15,6 @@ import numpy as np
 from jmm_agent.camera import Camera
 from jmm_agent.drawing import Floats
 from jmm_agent.faults import CAMERA_FROZEN, COMMAND_LATE, PUSHED, Fault, MotorControl
-from jmm_agent.held_back import HeldBackOptions
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.marker import MarkerPose, Skip
 from jmm_agent.motion_watch import LateWatch, LateWatchOptions, PushWatch, PushWatchOptions
@@ -34,14 +33,12 @@ class GuardOptions:
         hand: the frame that may be pushed.
         history: for how long estimates are kept, since frames come late [s].
         take_back: what was learned for so long before a fault was noticed is taken back [s].
-        held_back: when an update counts as harmful.
         wires, late, push, sight: of the watchers.
     """
 
     hand: str = "grip"
     history: float = 2.0
     take_back: float = 1.0
-    held_back: HeldBackOptions = field(default_factory=HeldBackOptions)
     wires: WireWatchOptions = field(default_factory=WireWatchOptions)
     late: LateWatchOptions = field(default_factory=LateWatchOptions)
     push: PushWatchOptions = field(default_factory=PushWatchOptions)

@@ -220,14 +220,6 @@ class VisionUpdater:
     def memory(self, earlier: VisionMemory) -> None:
         self._looks, self._commands, self._sound, self._angles, self.gave, self.pairs = earlier
 
-    @property
-    def newest_pair(self) -> Pairs:
-        """The pair of the newest look; no pair if that cannot be learned from."""
-        used = len(self.pairs.postures) and np.array_equal(
-            self.pairs.postures[-1], self._angles[-1]
-        )
-        return self.pairs.last(int(used))
-
     def drop(self, reason: str) -> None:
         """Count a look that brought nothing, and why."""
         self.dropped[reason] = self.dropped.get(reason, 0) + 1

@@ -160,7 +160,6 @@ def told(named: list[Any], **more: Any) -> dict[str, Any]:
         "largest_tension_N": 410.0,
         "not_finite": 0,
         "taken_back": 0,
-        "undone": 0,
         **more,
     }
 
