@@ -1,7 +1,8 @@
 """A robot and a mind together: the loop that every experiment runs.
 
 The environment's ``info`` holds the truth. It is stripped here, before the agent: the agent gets
-`Senses` and nothing else, and the truth goes to the log.
+`Senses` and nothing else, and the truth goes to the log. Faults that a guarded agent notices are
+added to it as ``info["faults"]``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from experiments.errors import ExperimentError
 from jmm_agent.agent import Agent, Senses
+from jmm_agent.faults import faults_for_info
 from kengoro_env.env import KengoroEnv
 
 Floats = NDArray[np.float64]
@@ -133,6 +135,8 @@ class Session:
         action = self.world.lengths_to_action(lengths, self.fingers)
         self.observation, _, ended, cut, self.truth = self.env.step(action)
         self._steps += 1
+        if self.agent.guard is not None:
+            self.truth["faults"] = faults_for_info(self.agent.faults)
         self._write()
         if self._watch is not None:
             self._watch(self)

@@ -6,6 +6,7 @@ on the way to the target posture through the joint-muscle mapping.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -14,17 +15,21 @@ import numpy as np
 from jmm_agent.drawing import Floats
 from jmm_agent.errors import AgentError
 from jmm_agent.estimator import EstimatorOptions, JointEstimator
+from jmm_agent.faults import Fault
+from jmm_agent.guard import Guard
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.learner import BatchOptions, Learner, RidgeRule, Rule
 from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.marker import MarkerDetector, MarkerPose
+from jmm_agent.marker import Eyes, MarkerPose, Skip
 from jmm_agent.prior import MapPrior, PriorOptions
 from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.sight import MarkerSight
 from jmm_agent.updaters import (
+    AntagonismMemory,
     AntagonismOptions,
     AntagonismUpdater,
     Seen,
+    VisionMemory,
     VisionOptions,
     VisionUpdater,
 )
@@ -94,6 +99,15 @@ class Way(NamedTuple):
         return self.points[first] + (place - first) * (self.points[first + 1] - self.points[first])
 
 
+class Learned(NamedTuple):
+    """What was learned until a time [s]: the map, and what both updaters remember."""
+
+    time: float
+    map: JointMuscleMap
+    antagonism: AntagonismMemory
+    vision: VisionMemory
+
+
 class Agent:
     """Estimates, learns and commands.
 
@@ -105,18 +119,21 @@ class Agent:
         start: joint angles (n,) [rad] it believes to start from.
         rng: draws rehearsal pairs.
         rule: how the map is moved; the ridge rule if left out.
+        guard: names faults, keeps them from being learned and commands within the motors' limit;
+            without one every reading must be a number, and all are believed.
     """
 
     def __init__(
         self,
         drawn: JointMuscleMap,
         kinematics: ArmKinematics,
-        detector: MarkerDetector | None,
+        detector: Eyes | None,
         typical: Floats,
         start: Floats,
         rng: np.random.Generator,
         options: AgentOptions | None = None,
         rule: Rule | None = None,
+        guard: Guard | None = None,
     ) -> None:
         if kinematics.joints != drawn.joints:
             raise AgentError(
@@ -124,7 +141,7 @@ class Agent:
                 f"{drawn.joints}."
             )
         self.options = options = options or AgentOptions()
-        self.kinematics, self._detector = kinematics, detector
+        self.kinematics, self._detector, self.guard = kinematics, detector, guard
         prior = MapPrior(drawn, typical, options.prior)
         sight = MarkerSight(kinematics, options.camera, options.marker_site)
         self.learner = Learner(
@@ -139,6 +156,9 @@ class Agent:
         self._target_lengths = drawn.lengths(start)
         self._look_due = False
         self._frame_time = -np.inf
+        self._before: deque[Learned] = deque()
+        self.taken_back = 0
+        """How often something was unlearned that was learned just before a fault was noticed."""
         self.learning = True
         """False while the agent is tested: it looks, but nothing is learned or remembered."""
         self.hand_is_free = True
@@ -169,8 +189,16 @@ class Agent:
         """Whether the lengths have settled and nothing waits to be learned from them."""
         return np.isfinite(self._settling.since) and not self._look_due
 
+    @property
+    def faults(self) -> list[Fault]:
+        """What is wrong now, in the order in which it was noticed; nothing without a guard."""
+        return [] if self.guard is None else list(self.guard.faults)
+
     def begin_episode(self) -> None:
         """Forget where the arm was, as before a new episode; keep what was learned."""
+        if self.guard is not None:
+            self.guard.reset()
+        self._before.clear()
         self._time = self._frame_time = -np.inf
         self._settling.reset()
         self._look_due = False
@@ -208,15 +236,20 @@ class Agent:
 
         Raises:
             AgentError: senses that are not finite or of the wrong shape, and nothing is changed;
-                or a frame of the wrong shape that was to be looked at, and the map stays.
+                or a frame of the wrong shape that was to be looked at, and the map stays. A guard
+                takes care of readings that are not finite, as long as one length is.
         """
         senses = self._checked(senses)
+        if self.guard is not None:
+            senses = self._felt(senses, self.guard)
         if np.isfinite(self._time):
             self.estimator.update(senses.lengths, senses.time - self._time)
         else:
             self._wake(senses)
         self._time = senses.time
-        if not self.hand_is_free:
+        if self.guard is not None:
+            self._look_for_faults(senses, self.guard)
+        if self.faults or not self.hand_is_free:
             self._settling.reset()
         elif self._settling.update(senses.time, senses.lengths):
             self._look_due = self._detector is not None
@@ -226,8 +259,73 @@ class Agent:
         elif self._look_due and senses.frame_time >= self._settling.since:
             self._look_due = False
             self._learn_vision(senses)
-        self._target_lengths = self.map.lengths(self._way.at(senses.time))
-        return self._target_lengths
+        target_lengths = self.map.lengths(self._way.at(senses.time))
+        if self.guard is not None:
+            target_lengths = self.guard.safe(target_lengths)
+        self._target_lengths = target_lengths
+        return target_lengths
+
+    def _felt(self, senses: Senses, guard: Guard) -> Senses:
+        """Senses with readings that can be used; those in doubt are left out of the estimate."""
+        period = senses.time - self._time if np.isfinite(self._time) else PERIOD
+        command, expected = self._target_lengths, self.estimator.lengths
+        felt = guard.feel(period, senses.lengths, senses.tensions, command, expected)
+        self.estimator.doubt(felt.doubted)
+        return senses._replace(lengths=felt.lengths, tensions=felt.tensions)
+
+    def _look_for_faults(self, senses: Senses, guard: Guard) -> None:
+        """Ask all watchers; unlearn what was learned just before something new was noticed."""
+        estimate = self.estimator.q
+        if self.hand_is_free:
+            guard.watch_hand(senses.time, estimate, lambda: self.map.jacobian(estimate))
+        else:
+            guard.leave_hand()
+        if self._detector is not None:
+            guard.watch_camera(
+                senses.time, senses.frame, senses.frame_time, self._hand_marker, self._hand_pose
+            )
+        while self._before and senses.time - self._before[0].time > guard.options.take_back:
+            self._before.popleft()
+        if guard.judge(senses.time) and self._before:
+            self._take_back(self._before[0])
+
+    def _hand_marker(self, frame: np.ndarray) -> MarkerPose | Skip:
+        """What a frame shows of the hand's marker."""
+        assert self._detector is not None
+        hand = self.options.hand_marker
+        found = self._detector.detect(frame, self._expected_markers())
+        return found.poses[hand] if hand in found.poses else found.skips[hand]
+
+    def _hand_pose(self, q: Floats) -> Floats:
+        """pose_marker_in_camera (4, 4) of the hand at joint angles (n,) [rad]."""
+        options = self.options
+        return self.kinematics.pose(options.marker_site, q, relative_to=options.camera)
+
+    def _remember(self) -> None:
+        """Keep what is known before something is learned, in case that a fault is noticed."""
+        if self.guard is not None and self.learning:
+            memories = self.antagonism.memory, self.vision.memory
+            self._before.append(Learned(self._time, self.map, *memories))
+
+    def _take_back(self, before: Learned) -> None:
+        """Unlearn what was learned since."""
+        self.recall(before.map, before.antagonism, before.vision)
+        self._before.clear()
+        self.taken_back += 1
+
+    def recall(
+        self, jmm: JointMuscleMap, antagonism: AntagonismMemory, vision: VisionMemory
+    ) -> None:
+        """Know what was known at another time: the map, and what both updaters remembered."""
+        self.learner.map = jmm
+        self.antagonism.memory, self.vision.memory = antagonism, vision
+        self._map_moved()
+
+    def _map_moved(self) -> None:
+        """Let estimator and guard follow the map."""
+        self.estimator.set_map(self.map)
+        if self.guard is not None:
+            self.guard.map_changed()
 
     def _checked(self, senses: Senses) -> Senses:
         """The senses with copies of the numbers, which are kept; `AgentError` if unusable."""
@@ -240,9 +338,14 @@ class Agent:
         return senses._replace(lengths=lengths, tensions=tensions)
 
     def _numbers(self, name: str, value: Floats) -> Floats:
-        """A copy of one finite number a muscle; `AgentError` if it is something else."""
+        """A copy of one finite number a muscle; `AgentError` if it is something else.
+
+        With a guard some may be missing, and of the tensions all.
+        """
         array, shape = np.array(value, dtype=float), self._target_lengths.shape
-        if array.shape != shape or not np.isfinite(array).all():
+        usable = np.isfinite(array)
+        needed = array.size if self.guard is None else int(name == "lengths")
+        if array.shape != shape or usable.sum() < needed:
             raise AgentError(
                 f"Agent: {name} must be finite and of shape {shape}, got shape {array.shape}."
             )
@@ -265,17 +368,14 @@ class Agent:
         return self.markers
 
     def _expected_markers(self) -> dict[int, Floats]:
-        options = self.options
-        pose = self.kinematics.pose(
-            options.marker_site, self.estimator.q, relative_to=options.camera
-        )
-        return {options.hand_marker: pose}
+        return {self.options.hand_marker: self._hand_pose(self.estimator.q)}
 
     def _learn_antagonism(self, senses: Senses) -> None:
         if not (self.learning and self.options.learn_antagonism):
             return
+        self._remember()
         if self.antagonism.settled(self.estimator.q, senses.lengths, self.vision.pairs):
-            self.estimator.set_map(self.map)
+            self._map_moved()
 
     def _learn_vision(self, senses: Senses) -> None:
         marker = self.look(senses).get(self.options.hand_marker)
@@ -283,6 +383,7 @@ class Agent:
             if self.learning:
                 self.vision.drop("the hand's marker was not seen")
             return
+        self._remember()
         estimate = self.estimator.q
         self.seen = self.vision.seen(
             marker.pose_marker_in_camera,
@@ -294,4 +395,4 @@ class Agent:
             learn=self.learning and self.options.learn_vision,
         )
         if self.seen.learned:
-            self.estimator.set_map(self.map)
+            self._map_moved()

@@ -43,6 +43,9 @@ from jmm_agent.errors import AgentError
 
 Floats = NDArray[np.float64]
 
+DOUBTED_NOISE = 1e4
+"""Noise of a length that is not believed, in units of the encoder's."""
+
 
 class EstimatorError(AgentError):
     """The estimator was given something unusable; its estimate is what it was before."""
@@ -161,6 +164,8 @@ class JointEstimator:
         self._low = box[:, 0] - self.options.limit_margin
         self._high = box[:, 1] + self.options.limit_margin
         self._nis: deque[float] = deque(maxlen=self.options.window)
+        self._noise = np.array(self.options.encoder_noise)
+        self._doubted = 0
         self.reset(np.zeros(len(box)) if q is None else q)
 
     @property
@@ -172,6 +177,11 @@ class JointEstimator:
     def covariance(self) -> Floats:
         """Covariance of the current estimate, shape (n, n) [rad^2]."""
         return self._filter.P.copy()
+
+    @property
+    def lengths(self) -> Floats:
+        """Muscle lengths (m,) [m] that the map expects at the current estimate."""
+        return self._here.lengths * self._noise
 
     @property
     def consistency(self) -> Consistency | None:
@@ -206,7 +216,7 @@ class JointEstimator:
             raise EstimatorError("Estimator: covariance must be symmetric, with no negative axis.")
         start = np.clip(start, self._low, self._high)
         self._here = self._linearise(start)
-        self._dof = self._here.basis.shape[0] - self._here.basis.shape[1]
+        self._count_freedom()
         rank = self._here.basis.shape[1]
         self._filter = KalmanFilter(dim_x=n, dim_z=rank)
         self._filter.x, self._filter.P = start[:, None], spread
@@ -235,6 +245,27 @@ class JointEstimator:
         self._filter.P = self._filter.P + self.options.invalidation_std**2 * np.eye(self._low.size)
         self._nis.clear()
 
+    def doubt(self, muscles: NDArray[np.bool_]) -> None:
+        """Leave the lengths of some muscles (m,) out of the estimate, until called again.
+
+        Raises:
+            EstimatorError: wrong shape; the same muscles are doubted as before.
+        """
+        if muscles.shape != self._here.lengths.shape:
+            raise EstimatorError(f"Estimator: doubts must be of shape {self._here.lengths.shape}.")
+        noise = self.options.encoder_noise * np.where(muscles, DOUBTED_NOISE, 1.0)
+        if np.array_equal(noise, np.broadcast_to(self._noise, noise.shape)):
+            return
+        self._noise, self._doubted = noise, int(muscles.sum())
+        self._here = self._linearise(self._filter.x[:, 0])
+        self._count_freedom()
+        self._nis.clear()
+
+    def _count_freedom(self) -> None:
+        """Degrees of freedom that the joints leave to the lengths that are believed."""
+        muscles, joints = self._here.basis.shape
+        self._dof = max(0, muscles - self._doubted - joints)
+
     def update(self, lengths: ArrayLike, dt: float) -> Estimate:
         """Take measured muscle lengths (m,) [m], `dt` [s] after the last ones.
 
@@ -250,7 +281,7 @@ class JointEstimator:
             raise EstimatorError(f"Estimator: dt is {dt} s, but must be positive and finite.")
         before = self._filter.x, self._filter.P
         try:
-            return self._step(measured / self.options.encoder_noise, dt)
+            return self._step(measured / self._noise, dt)
         except (EstimatorError, np.linalg.LinAlgError) as error:
             self._filter.x, self._filter.P = before
             raise EstimatorError(f"Estimator: update refused, estimate kept: {error}") from error
@@ -296,8 +327,8 @@ class JointEstimator:
             )
         if not (np.isfinite(lengths).all() and np.isfinite(jacobian).all()):
             raise EstimatorError("the map gives lengths or moment arms that are not finite.")
-        basis, reduced = np.linalg.qr(jacobian / self.options.encoder_noise)
-        return _Linearised(lengths / self.options.encoder_noise, basis, reduced)
+        basis, reduced = np.linalg.qr(jacobian / self._noise[..., None])
+        return _Linearised(lengths / self._noise, basis, reduced)
 
     def _into_limits(self, q: Floats, covariance: Floats) -> Floats:
         """The likeliest posture inside the box: the other joints follow by the covariance."""

@@ -86,6 +86,10 @@ class Learner:
         rule: how the map is moved.
         options: what is in a batch.
         rng: draws rehearsal postures.
+
+    Attributes:
+        map: as learned so far.
+        rng: as given.
     """
 
     def __init__(
@@ -97,13 +101,14 @@ class Learner:
         rng: np.random.Generator,
     ) -> None:
         self.map = start
-        self._limits, self._rule, self._options, self._rng = limits, rule, options, rng
+        self._limits, self._rule, self._options = limits, rule, options
+        self.rng = rng
 
     def batch(self, new: Pairs) -> Pairs:
         """The update batch: new pairs, (0, 0) and random pairs of the current map."""
         options = self._options
         low, high = self._limits.T
-        random = self._rng.uniform(low, high, (options.rehearsal, len(low)))
+        random = self.rng.uniform(low, high, (options.rehearsal, len(low)))
         rehearsed = Pairs(
             random, self.map.lengths(random), np.full(len(random), options.rehearsal_noise)
         )

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -76,6 +77,15 @@ class Detections:
     poses: dict[int, MarkerPose]
     skips: dict[int, Skip]
     strangers: tuple[int, ...]
+
+
+class Eyes(Protocol):
+    """Whatever finds markers in frames."""
+
+    def detect(
+        self, frame_rgb: np.ndarray, expected: Mapping[int, np.ndarray] | None = None
+    ) -> Detections:
+        """Poses of the expected markers; see `MarkerDetector.detect`."""
 
 
 class MarkerDetector:

@@ -68,6 +68,25 @@ class VisionOptions:
     looks: LooksOptions = field(default_factory=LooksOptions)
 
 
+class AntagonismMemory(NamedTuple):
+    """Posture (n,) [rad] of the last update, None before the first, and pairs remembered."""
+
+    last: Floats | None
+    pairs: Pairs
+
+
+class VisionMemory(NamedTuple):
+    """Looks remembered, a row or entry each: commands (m,) [m], whether no wire was saturated,
+    joint angles (K, n) [rad], how often each wire gave since (K, m); and the pairs they make."""
+
+    looks: list[Look]
+    commands: list[Floats]
+    sound: list[bool]
+    angles: Floats
+    gave: Floats
+    pairs: Pairs
+
+
 class AntagonismUpdater:
     """Learns (theta_est, l) when the wires have settled (sec. III-B)."""
 
@@ -77,6 +96,15 @@ class AntagonismUpdater:
         joints, muscles = len(learner.map.joints), len(learner.map.muscles)
         self.pairs = Pairs.none(joints, muscles)
         self.fired = 0
+
+    @property
+    def memory(self) -> AntagonismMemory:
+        """All that is remembered; may be set to what it was before."""
+        return AntagonismMemory(self._last, self.pairs)
+
+    @memory.setter
+    def memory(self, earlier: AntagonismMemory) -> None:
+        self._last, self.pairs = earlier
 
     def settled(self, estimate: Floats, lengths: Floats, remembered: Pairs) -> bool:
         """Learn the pair if it is far enough from the last; True if the map was moved."""
@@ -180,6 +208,17 @@ class VisionUpdater:
         alone = fit_alone(looks[-1], sight, limits, options)
         angles = np.vstack([self._angles, alone.angles])[-options.memory :]
         return alone._replace(angles=angles), gave
+
+    @property
+    def memory(self) -> VisionMemory:
+        """All that is remembered; may be set to what it was before."""
+        return VisionMemory(
+            self._looks, self._commands, self._sound, self._angles, self.gave, self.pairs
+        )
+
+    @memory.setter
+    def memory(self, earlier: VisionMemory) -> None:
+        self._looks, self._commands, self._sound, self._angles, self.gave, self.pairs = earlier
 
     def drop(self, reason: str) -> None:
         """Count a look that brought nothing, and why."""
