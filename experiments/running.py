@@ -121,4 +121,6 @@ def _kept(path: Path, key: str) -> dict[str, Any] | None:
     except (OSError, ValueError, RecursionError):
         return None
     whole = isinstance(content, dict) and {"key", "seconds", "result"} <= content.keys()
-    return content if whole and content["key"] == key else None
+    if not whole or content["key"] != key or not isinstance(content["seconds"], int | float):
+        return None
+    return content

@@ -121,7 +121,8 @@ def test_tasks_resume_and_do_not_depend_on_jobs(tmp_path: Path) -> None:
     assert list(alone) == list(tasks)
     (tmp_path / "one" / "t0.json").write_text('{"key": "key"}')
     (tmp_path / "one" / "t1.json").write_text("[" * 99_999)
-    (tmp_path / "one" / "t2.json").write_text("{ broken")
+    (tmp_path / "one" / "t2.json").write_text('{"key": "key", "seconds": "1", "result": 0}')
+    (tmp_path / "one" / "t3.json").write_text("{ broken")
     (tmp_path / "one" / "t3.json.1.tmp").write_text("{ begun")
     assert run_tasks(square, tasks, 1, tmp_path / "one", "key") == alone
     assert run_tasks(refuse, tasks, 1, tmp_path / "one", "key") == alone
