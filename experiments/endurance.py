@@ -78,7 +78,7 @@ def main(args: Args) -> Summary:
     begin, seeds = time.perf_counter(), parse_seeds(args.seeds)
     log_reported(seeds)
     trained_map(args.cache)
-    seconds = 60.0 * (args.part if not args.quick else 0.2)
+    seconds = 60.0 * (args.part if not args.quick else 0.5)
     count = 2 if args.quick else max(1, round(3600.0 * args.hours / seconds))
     timing = {"seconds": seconds, "move": args.move, "patience": args.patience}
     key = f"{source_digest(*MODULES)} {json.dumps(timing)}"
