@@ -30,7 +30,7 @@ OTHER_SIZES = (4.0, 0.5, 0.2, 0.05)
 """Sizes that are tried if it keeps less, or if twice is better."""
 WORTH = 0.4
 """Share of the best evidence from which on other sizes of a suspect are tried."""
-MORE_STICKY = 8
+MORE_STICKY = 5
 """How many more of what sticks are fitted where one of it explains much."""
 SWAP = 1.0
 """Evidence by which another must be better to take the place of an earlier cause [nats]."""

@@ -15,6 +15,7 @@ from experiments.everything import NAMES
 METRIC = {"unit", "paper", "median", "worst", "low", "high", "must", "reached"}
 
 
+@pytest.mark.slow
 def test_all_experiments_run(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     maps = request.config.cache.mkdir("maps")
     command = [sys.executable, "-m", "experiments", "all", "--quick", "--out", str(tmp_path)]

@@ -23,7 +23,12 @@ LARGE = 10.0
 """Amplitude over the oracle's detection floor: what is tested here is the naming."""
 ON_ELBOW = tuple(id for id in CATALOGUE if id not in ONLY_ON_ARM)
 ON_ARM = ("force_offset", "tension_scale", "camera_focal")
-OUTSIDE = ("cogging_torque", "hard_stop", "tension_crosstalk")
+OUTSIDE = (
+    "cogging_torque",
+    "catching_wire",
+    "tension_crosstalk",
+    pytest.param("hard_stop", marks=pytest.mark.slow),
+)
 PAIRS = (
     ("force_scale", "attachment_shift"),
     ("length_offset", "tension_scale"),
