@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import zipfile
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
+from experiments.common import write_bytes
 from experiments.errors import ExperimentError
 from jmm_agent.agent import Agent
 from jmm_agent.learner import Pairs
@@ -39,14 +39,9 @@ def save_memory(path: Path, agent: Agent) -> None:
         content |= {f"{name}_{part}": getattr(pairs, part) for part in Pairs._fields}
     for group in agent.map.groups:
         content |= {f"W2_{group.name}": group.W2, f"b2_{group.name}": group.b2}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        with beside.open("wb") as file:
-            np.savez(file, **content)  # type: ignore[arg-type]
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    file = BytesIO()
+    np.savez(file, **content)  # type: ignore[arg-type]
+    write_bytes(path, file.getvalue())
 
 
 def load_memory(path: Path, agent: Agent) -> None:
@@ -79,7 +74,7 @@ def load_memory(path: Path, agent: Agent) -> None:
             {name: (content[f"W2_{name}"], content[f"b2_{name}"]) for name in names}
         )
         chance = json.loads(str(content["chance"]))
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except Exception as error:  # numpy raises whatever it stumbles over in a damaged file
         raise ExperimentError(f"{path} holds no memory of an agent ({error}).") from error
     agent.recall(jmm, AntagonismMemory(last, pairs["antagonism"]), vision)
     agent.learner.rng.bit_generator.state = chance

@@ -18,7 +18,7 @@ from jmm_agent.drawing import Floats
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.learner import Rule
 from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.marker import MarkerDetector
+from jmm_agent.marker import Eyes, MarkerDetector
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual, drawing
 from kengoro_env.names import JOINTS
@@ -47,6 +47,7 @@ def make_agent(
     options: AgentOptions | None = None,
     rule: Rule | None = None,
     learning: bool = True,
+    eyes: Eyes | None = None,
 ) -> Agent:
     """An agent that knows the drawing and nothing of the robot.
 
@@ -55,11 +56,12 @@ def make_agent(
         seed: of what it draws by chance.
         options, rule: of the agent; the defaults if left out.
         learning: whether it learns from what it feels and sees.
+        eyes: find markers in frames; a `MarkerDetector` if left out.
     """
     agent = Agent(
         start,
         ArmKinematics(asset_path(ARM), JOINTS),
-        MarkerDetector(CAMERA, SIDES),
+        eyes or MarkerDetector(CAMERA, SIDES),
         posture_set(),
         np.array(READY),
         np.random.default_rng([seed, 2]),

@@ -102,9 +102,10 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove what a run that was killed had only begun to write."""
+    """Remove what a run that was killed had only begun to write; what others call so stays."""
     for path in folder.glob(f"*{PART}"):
-        path.unlink(missing_ok=True)
+        if path.with_suffix("").suffix[1:].isdigit():
+            path.unlink(missing_ok=True)
 
 
 def command_line() -> str:

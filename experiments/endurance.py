@@ -31,7 +31,7 @@ from experiments.common import (
 from experiments.errors import ExperimentError
 from experiments.faults import Ruler
 from experiments.report import Table, metric_table, write_report
-from experiments.running import progress_bar
+from experiments.running import progress_bar, read_kept
 from experiments.statistics import metric
 
 MODULES = ("endurance.py", "agent_memory.py", "faults.py", "arm.py", "session.py", "common.py")
@@ -87,7 +87,7 @@ def main(args: Args) -> Summary:
         for seed in seeds:
             parts[seed] = []
             for number in range(count):
-                parts[seed].append(_kept_or_run(args, seed, number, seconds, key))
+                parts[seed].append(kept_or_lived(args, seed, number, seconds, key))
                 tell(f"robot {seed}, {parts[seed][-1]['error_mm']} mm")
     hours = {seed: hourly(found, seconds) for seed, found in parts.items()}
     summary = make_summary(
@@ -103,17 +103,18 @@ def main(args: Args) -> Summary:
     return summary
 
 
-def _kept_or_run(args: Args, seed: int, number: int, seconds: float, key: str) -> dict[str, Any]:
+def kept_or_lived(args: Args, seed: int, number: int, seconds: float, key: str) -> dict[str, Any]:
     """One part: read, if it was there and so were all before, or lived."""
     folder = args.out / f"robot-{seed:03d}"
     result, memory = folder / f"{number:03d}.json", folder / f"{number:03d}.npz"
-    if result.is_file() and memory.is_file():
-        content = json.loads(result.read_text(encoding="utf-8"))
-        if content["key"] == key:
-            return dict(content["part"])
+    kept = read_kept(result, key) if memory.is_file() else None
+    if kept is not None:
+        return dict(kept["result"])
+    begin = time.perf_counter()
     before = folder / f"{number - 1:03d}.npz" if number else None
     found = live(args, seed, number, seconds, before, memory)
-    write_json(result, {"key": key, "part": found})
+    took = round(time.perf_counter() - begin, 1)
+    write_json(result, {"key": key, "seconds": took, "result": found})
     return found
 
 
@@ -129,7 +130,6 @@ def live(
         seconds: how long it is.
         before, after: files of what the agent knows; None: nothing but the drawing.
     """
-    begin = time.perf_counter()
     agent = new_agent(args.cache, seed)
     if before is not None:
         load_memory(before, agent)
@@ -146,7 +146,6 @@ def live(
         "visited": visited,
         "updates": agent.vision.fired,
         "looks": len(agent.vision.memory.looks),
-        "wall_s": round(time.perf_counter() - begin, 1),
     }
 
 

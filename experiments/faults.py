@@ -16,24 +16,21 @@ from typing import Any
 import numpy as np
 
 from experiments import common
-from experiments.arm import ACTUAL, CAMERA, NO_END, SIDES, make_env, shuffled_postures
-from experiments.common import ARM, Summary, trained_map
+from experiments.arm import ACTUAL, CAMERA, NO_END, SIDES, make_env, new_agent, shuffled_postures
+from experiments.common import ARM, Summary
 from experiments.errors import ExperimentError
 from experiments.examination import map_error_mm
 from experiments.faults_tables import NO_FAULT, metrics, seed_entry, tables
-from experiments.grasp_trial import READY
 from experiments.injected_faults import MOTORS, FaultyEnv, Injection
 from experiments.session import Session
 from experiments.study import Findings, Results, Study, run_study
 from jmm_agent import faults
 from jmm_agent.agent import Agent
 from jmm_agent.guard import Guard
-from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.marker import Eyes, MarkerDetector
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.drawing import ArmDrawing
-from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot import Robot
 
@@ -155,17 +152,9 @@ class Life:
 
 def guarded_agent(seed: int, cache: Path | None, eyes: Eyes) -> Agent:
     """An agent that knows the drawing and watches over its robot."""
-    kinematics, drawing = ArmKinematics(asset_path(ARM), JOINTS), ArmDrawing(asset_path(ARM))
-    drawn = trained_map(cache)
-    return Agent(
-        drawn,
-        kinematics,
-        eyes,
-        posture_set(),
-        np.array(READY),
-        np.random.default_rng([seed, 2]),
-        guard=Guard(drawn.muscles, kinematics, CAMERA, drawing.gravity, MOTORS),
-    )
+    agent, gravity = new_agent(cache, seed, eyes=eyes), ArmDrawing(asset_path(ARM)).gravity
+    agent.guard = Guard(agent.map.muscles, agent.kinematics, CAMERA, gravity, MOTORS)
+    return agent
 
 
 def injection(kind: str, seed: int, muscles: Sequence[str]) -> Injection | None:

@@ -23,6 +23,7 @@ from experiments.common import (
     make_summary,
     parse_seeds,
     source_digest,
+    write_bytes,
     write_json,
 )
 from experiments.errors import ExperimentError
@@ -97,9 +98,8 @@ def main(args: Args) -> Summary:
     others = results.pop(OTHERS_TASK)
     learned = dict(zip(seeds, results.values(), strict=True))
     work_s = core_seconds(args.out / "policies", tasks)
-    wall_s = max(
-        time.perf_counter() - begin, work_s / args.jobs
-    )  # some may have been there already
+    # Some may have been there already.
+    wall_s = max(time.perf_counter() - begin, work_s / args.jobs)
     return conclude(args, sizes, learned_with, learned, others, wall_s)
 
 
@@ -154,8 +154,7 @@ def conclude(
         tables=[table.plain()],
         curves={str(seed): curve(one) for seed, one in learned.items()},
     )
-    args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "figure_1.png").write_bytes(picture.png)
+    write_bytes(args.out / "figure_1.png", picture.png)
     write_report(args.out / "report.html", TITLE, INTRODUCTION, summary, [table], [picture])
     write_json(args.out / "summary.json", summary)
     console = Console()

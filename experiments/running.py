@@ -78,7 +78,7 @@ def run_tasks(
             tell(name)
 
         for name in tasks:
-            kept = None if again else _kept(folder / f"{name}.json", key)
+            kept = None if again else read_kept(folder / f"{name}.json", key)
             if kept is not None:
                 keep(name, kept["result"], 0.0)
         missing = {name: arguments for name, arguments in tasks.items() if name not in results}
@@ -115,7 +115,8 @@ def timed(work: Work, arguments: tuple[Any, ...]) -> tuple[Any, float]:
     return json.loads(json.dumps(work(*arguments))), time.perf_counter() - begin
 
 
-def _kept(path: Path, key: str) -> dict[str, Any] | None:
+def read_kept(path: Path, key: str) -> dict[str, Any] | None:
+    """What was kept with ``key``: the result and its seconds; None where that is not whole."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

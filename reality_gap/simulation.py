@@ -123,8 +123,8 @@ def _advance(
         return
     end = data.time + len(command) * model.opt.timestep
     acting = [r for r in running if r.acting.start < end and r.acting.end > data.time]
-    wrenches = _wrenches(model, data, acting, len(command))
-    if not acting or (wrenches is not None and record is not None):
+    wrenches = None if record is None else _wrenches(model, data, acting, len(command))
+    if not acting or wrenches is not None:
         _advance_in_c(model, data, command, wrenches, record)
         return
     every = max(1, min(round(r.acting.period / model.opt.timestep) for r in acting))

@@ -6,20 +6,14 @@ import ast
 import importlib
 import multiprocessing.reduction
 import pickle  # noqa: TID251  (what pools do with errors)
+import tomllib
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = (
-    "kengoro_env",
-    "jmm_agent",
-    "reality_gap",
-    "strange_files",
-    "hidden_plants",
-    "experiments",
-    "benchmarks",
-)
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = SETTINGS["tool"]["importlinter"]["root_packages"]
 ARGUMENTS: dict[str, tuple[object, ...]] = {
     "UnknownNameError": ("muscle", "deltoid", ["biceps", "triceps"]),
     "DivergedError": (),

@@ -170,5 +170,6 @@ def test_a_file_appears_whole_and_what_was_begun_is_removed(tmp_path: Path) -> N
     write_bytes(tmp_path / "new" / "figure.png", b"png")
     left = tmp_path / "new" / f"figure.png.1{PART}"
     left.write_bytes(b"p")
+    (tmp_path / "new" / "somebodys.tmp").write_bytes(b"own")
     remove_parts(tmp_path / "new")
-    assert contents(tmp_path / "new") == {"figure.png": b"png"}
+    assert contents(tmp_path / "new") == {"figure.png": b"png", "somebodys.tmp": b"own"}
