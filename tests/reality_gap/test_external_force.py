@@ -75,6 +75,8 @@ def test_a_push_by_the_clock_does_in_c_what_its_hook_does(lever_study: Study, no
         plant = build(system, push)
         hooks = plant.effects.hooks
         assert all(h.wrenches is not None for h in hooks)
+        stop = START + 0.5 * DURATION  # in the middle of the push: none of the rest is replayed
+        hooks[:] = [replace(h, end=min(stop, h.end)) for h in hooks]
         if not in_c:
             hooks[:] = [replace(h, wrenches=None) for h in hooks]
         return replay(plant, lever_study, measured(lever_study)).prediction
