@@ -19,6 +19,7 @@ RUNNERS = {
     "ablation": ("experiments.ablation", "what each part is worth, and the paper's claims of it"),
     "baselines": ("experiments.baselines", "what others would learn from the same measurements"),
     "faults": ("experiments.faults", "faults in the middle of learning are noticed and outlived"),
+    "wrong-looks": ("experiments.wrong_looks", "what wrong looks teach is noticed and undone"),
     "endurance": ("experiments.endurance", "hours of learning: the error stays where it came to"),
     "all": ("experiments.everything", "every experiment of the paper, and one page of results"),
     "gap-to-skill": ("experiments.gap_to_skill", "a diagnosis of a minute's motion, as a map"),

@@ -25,9 +25,11 @@ from experiments.injected_faults import MOTORS, FaultyEnv, Injection
 from experiments.session import Session
 from experiments.study import Findings, Results, Study, run_study
 from jmm_agent import faults
-from jmm_agent.agent import Agent
+from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.guard import Guard
+from jmm_agent.held_back import HeldBackOptions
 from jmm_agent.marker import Eyes, MarkerDetector
+from jmm_agent.updaters import VisionOptions
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.drawing import ArmDrawing
@@ -151,8 +153,10 @@ class Life:
 
 
 def guarded_agent(seed: int, cache: Path | None, eyes: Eyes) -> Agent:
-    """An agent that knows the drawing and watches over its robot."""
-    agent, gravity = new_agent(cache, seed, eyes=eyes), ArmDrawing(asset_path(ARM)).gravity
+    """An agent that knows the drawing, watches over its robot and undoes harmful updates."""
+    options = AgentOptions(vision=VisionOptions(held_back=HeldBackOptions()))
+    agent = new_agent(cache, seed, options=options, eyes=eyes)
+    gravity = ArmDrawing(asset_path(ARM)).gravity
     agent.guard = Guard(agent.map.muscles, agent.kinematics, CAMERA, gravity, MOTORS)
     return agent
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from jmm_agent.drawing import Floats
 from jmm_agent.gives import elongations, fit_with_gives
+from jmm_agent.held_back import HeldBack, HeldBackOptions
 from jmm_agent.learner import Learner, Pairs
 from jmm_agent.looks import Look, LooksFit, LooksOptions, Sight, fit_alone
 from jmm_agent.prior import MapPrior
@@ -54,6 +55,7 @@ class VisionOptions:
         sight_position, sight_rotation: a look that the fit misses by more is dropped [m, rad].
         fit: whether looks are fitted together with the wires, or each alone as in the paper.
         looks: how.
+        held_back: looks that are held back to undo updates that make the map worse; None: none.
     """
 
     distance: float = 0.15
@@ -66,6 +68,7 @@ class VisionOptions:
     sight_rotation: float = 0.06
     fit: Literal["together", "alone"] = "together"
     looks: LooksOptions = field(default_factory=LooksOptions)
+    held_back: HeldBackOptions | None = None
 
 
 class AntagonismMemory(NamedTuple):
@@ -156,6 +159,9 @@ class VisionUpdater:
         self.gave = np.empty((0, muscles))
         """How often each wire is believed to have given for good since each look remembered."""
         self.pairs = Pairs.none(joints, muscles)
+        held_back = options.held_back
+        self.held_back = None if held_back is None else HeldBack(held_back, joints, muscles)
+        """Looks that were not learned from; None if none is held back."""
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
@@ -190,12 +196,22 @@ class VisionUpdater:
         if reason:
             self.drop(reason)
             return Seen(angles, estimate - angles, False, reason)
+        command = _pair_lengths(options.lengths, lengths, target)
+        if self.held_back is not None and self.held_back.keeps(
+            Pairs(angles[None], command[None], np.array([options.noise]))
+        ):
+            return Seen(angles, estimate - angles, False, "held back, to test updates on it")
+        map_before, before = self._learner.map, self.memory
         keep = len(looks)
         self._looks, self._angles, self.gave = looks, fit.angles, gave
-        command = _pair_lengths(options.lengths, lengths, target)
         self._commands = [*self._commands, command][-keep:]
         self._sound = [*self._sound, bool(tensions.max() < options.saturation)][-keep:]
         self._learn(self.pairs.last(0) if antagonism is None else antagonism)
+        if self.held_back is not None and self.held_back.harmed(map_before, self._learner.map):
+            self._learner.map, self.memory = map_before, before
+            reason = "undone: looks held back say that it made the map worse"
+            self.drop(reason)
+            return Seen(angles, estimate - angles, False, reason)
         return Seen(angles, estimate - angles, True, "")
 
     def _fit(self, looks: list[Look]) -> tuple[LooksFit, Floats]:
