@@ -62,7 +62,7 @@ class Sizes:
         tested: number of postures over which the map's error is taken.
     """
 
-    looks: int = 33
+    looks: int = 28
     first: int = 12
     every: int = 3
     tested: int = 50
