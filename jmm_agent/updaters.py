@@ -190,29 +190,29 @@ class VisionUpdater:
         looks = [*self._looks, look][-options.looks.memory :]
         fit, gave = self._fit(looks)
         angles = fit.angles[-1]
-        reason = self._doubt(fit, estimate)
+        seen = Seen(angles, estimate - angles, False, self._doubt(fit, estimate))
         if not learn:
-            return Seen(angles, estimate - angles, False, reason)
-        if reason:
-            self.drop(reason)
-            return Seen(angles, estimate - angles, False, reason)
+            return seen
+        if seen.reason:
+            self.drop(seen.reason)
+            return seen
         command = _pair_lengths(options.lengths, lengths, target)
-        if self.held_back is not None and self.held_back.keeps(
-            Pairs(angles[None], command[None], np.array([options.noise]))
-        ):
-            return Seen(angles, estimate - angles, False, "held back, to test updates on it")
+        sound = bool(tensions.max() < options.saturation)
+        pair = Pairs(angles[None], command[None], np.array([options.noise]))
+        if sound and self.held_back is not None and self.held_back.keeps(pair):
+            return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
         keep = len(looks)
         self._looks, self._angles, self.gave = looks, fit.angles, gave
         self._commands = [*self._commands, command][-keep:]
-        self._sound = [*self._sound, bool(tensions.max() < options.saturation)][-keep:]
+        self._sound = [*self._sound, sound][-keep:]
         self._learn(self.pairs.last(0) if antagonism is None else antagonism)
         if self.held_back is not None and self.held_back.harmed(map_before, self._learner.map):
             self._learner.map, self.memory = map_before, before
-            reason = "undone: looks held back say that it made the map worse"
-            self.drop(reason)
-            return Seen(angles, estimate - angles, False, reason)
-        return Seen(angles, estimate - angles, True, "")
+            seen = seen._replace(reason="undone: looks held back say that it made the map worse")
+            self.drop(seen.reason)
+            return seen
+        return seen._replace(learned=True)
 
     def _fit(self, looks: list[Look]) -> tuple[LooksFit, Floats]:
         """Joint angles of all looks, the newest last; how often each wire gave since each."""
