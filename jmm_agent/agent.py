@@ -276,6 +276,7 @@ class Agent:
     def _look_for_faults(self, senses: Senses, guard: Guard) -> None:
         """Ask all watchers; unlearn what was learned just before something new was noticed."""
         estimate = self.estimator.q
+        guard.trust(len(self.vision.memory.looks))
         if self.hand_is_free:
             guard.watch_hand(senses.time, estimate, lambda: self.map.jacobian(estimate))
         else:

@@ -14,7 +14,14 @@ import numpy as np
 
 from jmm_agent.camera import Camera
 from jmm_agent.drawing import Floats
-from jmm_agent.faults import CAMERA_FROZEN, COMMAND_LATE, PUSHED, Fault, MotorControl
+from jmm_agent.faults import (
+    CAMERA_FROZEN,
+    COMMAND_LATE,
+    MARKER_HIDDEN,
+    PUSHED,
+    Fault,
+    MotorControl,
+)
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.marker import MarkerPose, Skip
 from jmm_agent.motion_watch import LateWatch, LateWatchOptions, PushWatch, PushWatchOptions
@@ -31,12 +38,16 @@ class GuardOptions:
 
     Attributes:
         hand: the frame that may be pushed.
+        learned: so many looks must be remembered before the map is trusted: before that it may be
+            wrong by as much as a push or a hidden marker would have it. 0 for a map that is right
+            from the start.
         history: for how long estimates are kept, since frames come late [s].
         take_back: what was learned for so long before a fault was noticed is taken back [s].
         wires, late, push, sight: of the watchers.
     """
 
     hand: str = "grip"
+    learned: int = 8
     history: float = 2.0
     take_back: float = 1.0
     wires: WireWatchOptions = field(default_factory=WireWatchOptions)
@@ -87,6 +98,7 @@ class Guard:
             watch.reset()
         self._estimates = deque[tuple[float, Floats]]()
         self._steps = 0
+        self._trusted = self.options.learned == 0
         self.faults: list[Fault] = []
 
     def map_changed(self) -> None:
@@ -102,6 +114,10 @@ class Guard:
         self._felt = felt = self._wires.update(period, lengths, tensions, command, expected)
         self._late.update(felt.lengths, felt.tensions, command, ~(felt.doubted | felt.numb))
         return felt
+
+    def trust(self, looks: int) -> None:
+        """Trust the map if enough looks are remembered that it learned from."""
+        self._trusted = looks >= self.options.learned
 
     def watch_hand(self, time: float, estimate: Floats, map_jacobian: Callable[[], Floats]) -> None:
         """Look for a push, where all wires can be believed.
@@ -122,7 +138,7 @@ class Guard:
         torques = self._gravity(estimate) - map_jacobian().T @ self._felt.tensions
         jacobian = self._kinematics.frame_jacobian(self.options.hand, estimate)[:3]
         rotation = self._kinematics.pose(self.options.hand, estimate)[:3, :3]
-        self._push.update(every * self._period, torques, jacobian, rotation)
+        self._push.update(every * self._period, torques, jacobian, rotation, self._trusted)
 
     def leave_hand(self) -> None:
         """The hand holds something: what pushes it now is no fault."""
@@ -177,7 +193,8 @@ class Guard:
         if self._camera.frozen:
             yield CAMERA_FROZEN, "camera"
         for kind in self._marker.found():
-            yield kind, "marker"
+            if self._trusted or kind != MARKER_HIDDEN:
+                yield kind, "marker"
 
     def safe(self, target_lengths: Floats) -> Floats:
         """Target lengths (m,) [m] that demand no tension above the limit.

@@ -120,7 +120,14 @@ class PushWatch:
         self._lasted = np.inf
         self.pushed = False
 
-    def update(self, dt: float, torques: Floats, hand_jacobian: Floats, rotation: Floats) -> bool:
+    def update(
+        self,
+        dt: float,
+        torques: Floats,
+        hand_jacobian: Floats,
+        rotation: Floats,
+        trusted: bool = True,
+    ) -> bool:
         """Take one estimate; whether the hand is pushed.
 
         Args:
@@ -128,6 +135,7 @@ class PushWatch:
             torques: what tensions and gravity leave in the joints (n,) [N m].
             hand_jacobian: velocity of the hand in its own axes per joint (3, n) [m/rad].
             rotation: of the hand in the world (3, 3).
+            trusted: whether the map is; as long as it is not, every change is the map's error.
         """
         options = self._options
         matrix = hand_jacobian @ hand_jacobian.T
@@ -143,15 +151,16 @@ class PushWatch:
             return self.pushed
         change = force - self._recent
         self._recent = self._recent + dt / options.memory * change
-        if self._ends(change) if self.pushed else self._begins(change, dt):
+        if self._ends(change) if self.pushed else self._begins(change, dt, trusted):
             self.pushed, self._lasted = not self.pushed, 0.0
             self._push, self._recent = change, force
         return self.pushed
 
-    def _begins(self, change: Floats, dt: float) -> bool:
+    def _begins(self, change: Floats, dt: float, trusted: bool) -> bool:
         """Whether a change of the force (3,) [N] is a push; learns how much it usually changes."""
         options, size = self._options, float(np.linalg.norm(change))
-        if size > max(options.least, options.factor * float(np.sqrt(self._variance))):
+        least = max(options.least, options.factor * float(np.sqrt(self._variance)))
+        if trusted and size > least:
             return True
         self._variance += dt / options.usual_memory * (size**2 - self._variance)
         return False

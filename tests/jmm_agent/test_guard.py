@@ -17,7 +17,7 @@ from jmm_agent.agent import Agent, Senses
 from jmm_agent.camera import Camera
 from jmm_agent.errors import AgentError
 from jmm_agent.faults import Fault, MotorControl, faults_for_info
-from jmm_agent.guard import Guard
+from jmm_agent.guard import Guard, GuardOptions
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.marker import Detections, MarkerPose, Skip
@@ -44,9 +44,15 @@ def arm() -> ArmKinematics:
 class Life:
     """An agent and a robot that is wherever a test puts it; it is also the agent's eyes."""
 
-    def __init__(self, drawn: JointMuscleMap, arm: ArmKinematics, guarded: bool = True) -> None:
-        self._drawn, self._arm = drawn, arm
-        guard = Guard(drawn.muscles, arm, Camera(640, 480, 580.0), None, MOTORS)
+    def __init__(
+        self,
+        drawn: JointMuscleMap,
+        arm: ArmKinematics,
+        guarded: bool = True,
+        options: GuardOptions | None = None,
+    ) -> None:
+        self._drawn, self._arm, self.hidden = drawn, arm, False
+        guard = Guard(drawn.muscles, arm, Camera(640, 480, 580.0), None, MOTORS, options)
         self.agent = Agent(
             drawn, arm, self, posture_set(), START, np.random.default_rng(0),
             guard=guard if guarded else None,
@@ -56,8 +62,8 @@ class Life:
         self.agent.begin_episode()
 
     def detect(self, frame_rgb: np.ndarray, expected: object = None) -> Detections:
-        if self.twice:
-            return Detections({}, {0: Skip.TWICE}, ())
+        if self.twice or self.hidden:
+            return Detections({}, {0: Skip.TWICE if self.twice else Skip.NOT_SEEN}, ())
         pose = self._arm.pose("marker_hand", self.q, relative_to="eye")
         marker = MarkerPose(0, pose, np.zeros((4, 2)), 0.0, pose, 9.0)
         return Detections({0: marker}, {}, ())
@@ -142,6 +148,19 @@ def test_nothing_is_learned_while_a_fault_is_seen(
     assert life.agent.faults == []
     assert life.agent.vision.fired == 3
     assert life.agent.map is not learned
+
+
+@pytest.mark.parametrize(("learned", "named"), [(2, [faults.MARKER_HIDDEN]), (3, [])])
+def test_a_hidden_marker_is_named_where_enough_was_learned(
+    learned: int, named: list[str], drawn: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    life = Life(drawn, arm, options=GuardOptions(learned=learned))
+    life.rest(START)
+    life.rest(FIRST)
+    assert len(life.agent.vision.memory.looks) == 2
+    life.hidden = True
+    life.rest(FIRST, 60)
+    assert life.kinds == named
 
 
 def test_a_doubted_wire_does_not_move_the_estimate(life: Life) -> None:

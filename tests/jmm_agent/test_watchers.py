@@ -180,6 +180,20 @@ def test_a_push_is_noticed_until_it_ends_and_a_steady_force_is_not() -> None:
     assert not feel(usual + more, 400)  # a load, by now
 
 
+def test_while_the_map_is_not_trusted_a_change_is_its_error_and_usual() -> None:
+    watch = PushWatch(PushWatchOptions(usual_change=1.0))
+    here = (np.eye(3), np.eye(3))
+
+    def feel(force: float, trusted: bool) -> bool:
+        pushes = [watch.update(0.1, np.array([-force, 0, 0]), *here, trusted) for _ in range(5)]
+        return any(pushes)
+
+    assert not any(feel(force, trusted=False) for force in 20 * [0.0, 60.0])
+    assert not feel(0.0, trusted=True)
+    assert not feel(60.0, trusted=True)  # by now it is known that forces seem to change so much
+    assert feel(400.0, trusted=True)
+
+
 def test_a_force_that_changes_slowly_is_no_push() -> None:
     watch = PushWatch(PushWatchOptions())
     for force in [0.0] * 400 + np.linspace(0.0, 120.0, 100).tolist():
