@@ -38,6 +38,7 @@ class GuardOptions:
 
     Attributes:
         hand: the frame that may be pushed.
+        eye: that of the camera.
         learned: so many looks must be remembered before the map is trusted: before that it may be
             wrong by as much as a push or a hidden marker would have it. 0 for a map that is right
             from the start.
@@ -47,6 +48,7 @@ class GuardOptions:
     """
 
     hand: str = "grip"
+    eye: str = "eye"
     learned: int = 8
     history: float = 2.0
     take_back: float = 1.0
@@ -104,6 +106,7 @@ class Guard:
     def map_changed(self) -> None:
         """Estimates of another map are not comparable with those before."""
         self._estimates.clear()
+        self._camera.forget_estimate()
         self._marker.forget_estimate()
 
     def feel(
@@ -165,9 +168,11 @@ class Guard:
             return
         outcome = detect(frame)
         in_view = isinstance(outcome, MarkerPose)
-        if not self._camera.is_another(frame, self._felt.lengths, in_view):
-            return
         estimate = self._estimate_at(frame_time)
+        eye = None if estimate is None else self._kinematics.pose(self.options.eye, estimate)
+        rotation = None if eye is None else eye[:3, :3]
+        if not self._camera.is_another(frame, self._felt.lengths, in_view, rotation):
+            return
         believed = None if estimate is None else believe(estimate)
         self._marker.update(frame_time, outcome, believed)
 

@@ -25,7 +25,8 @@ class SightWatchOptions:
 
     Attributes:
         silence: no new frame for so long, and the camera is frozen [s].
-        moved: the same picture though some wire moved by this is frozen, too [m].
+        moved: the same picture of the hand though some wire moved by this is frozen, too [m].
+        turned: so is any picture if the camera itself turned by this [rad].
         memory: time over which hidden markers are counted [s].
         hidden_frames: so many frames without the marker within it, and it is hidden.
         margin: how far inside the frame the marker must be expected to be missed [px].
@@ -36,6 +37,7 @@ class SightWatchOptions:
 
     silence: float = 1.0
     moved: float = 0.005
+    turned: float = 0.1
     memory: float = 2.0
     hidden_frames: int = 2
     margin: float = 70.0
@@ -56,6 +58,7 @@ class CameraWatch:
         self._came, self._frame_time = np.inf, -np.inf
         self._digest: int | None = None
         self._lengths = np.empty(0)
+        self._rotation: Floats | None = None
         self._silent = self._same = False
 
     def is_new(self, time: float, frame_time: float) -> bool:
@@ -66,18 +69,40 @@ class CameraWatch:
         self._silent = time - self._came > self._options.silence
         return new
 
-    def is_another(self, frame: np.ndarray, lengths: Floats, hand_in_view: bool) -> bool:
+    def forget_estimate(self) -> None:
+        """The map has changed: how the camera was turned then is not comparable any more."""
+        self._rotation = None
+
+    def is_another(
+        self,
+        frame: np.ndarray,
+        lengths: Floats,
+        hand_in_view: bool,
+        rotation: Floats | None = None,
+    ) -> bool:
         """Whether a new frame (H, W, 3) shows another picture than the last one.
 
-        If it does not, but the hand is in view and ``lengths`` (m,) [m] moved since that picture
-        came first, the camera is frozen.
+        If it does not, but since that picture came first the camera has turned, or the hand is in
+        view and wires have moved, the camera is frozen.
+
+        Args:
+            frame: (H, W, 3).
+            lengths: of the wires (m,) [m].
+            hand_in_view: whether the frame shows the hand's marker.
+            rotation: of the camera (3, 3) by the wires when the frame was taken; None if unknown.
         """
+        options = self._options
         digest = zlib.crc32(np.ascontiguousarray(frame).data)
         if digest != self._digest:
             self._digest, self._lengths, self._same = digest, lengths.copy(), False
+            self._rotation = rotation
             return True
+        if self._rotation is None:
+            self._rotation = rotation
+        elif rotation is not None:
+            self._same |= _angle(rotation, self._rotation) > options.turned
         moved = float(np.abs(lengths - self._lengths).max())
-        self._same |= hand_in_view and moved > self._options.moved
+        self._same |= hand_in_view and moved > options.moved
         return False
 
     @property
@@ -166,6 +191,6 @@ class MarkerWatch:
 
 
 def _angle(pose: Floats, other: Floats) -> float:
-    """Angle between two orientations [rad]."""
+    """Angle between the orientations of two poses (4, 4), or of two rotations (3, 3) [rad]."""
     trace = float(np.trace(pose[:3, :3].T @ other[:3, :3]))
     return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))

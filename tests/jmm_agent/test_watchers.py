@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from jmm_agent import faults
 from jmm_agent.camera import Camera
@@ -221,6 +222,22 @@ def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_pict
     assert watch.frozen
     assert watch.is_another(frame + 1, lengths + 0.01, True)
     assert not watch.frozen
+
+
+def test_a_camera_that_turns_without_another_picture_is_frozen() -> None:
+    watch = CameraWatch(SightWatchOptions())
+    frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
+
+    def look(degrees: float) -> bool:
+        turned = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+        watch.is_another(frame, lengths, False, turned)
+        return watch.frozen
+
+    assert [look(angle) for angle in (0.0, 5.0, 7.0)] == [False, False, True]
+    frame = frame + np.uint8(1)
+    assert not look(7.0)
+    watch.forget_estimate()
+    assert [look(angle) for angle in (20.0, 25.0, 27.0)] == [False, False, True]
 
 
 def facing(angle: float, x: float = 0.0) -> np.ndarray:
