@@ -83,9 +83,7 @@ class GroupMap:
 
     def hidden(self, q: Floats) -> Floats:
         """Activities (B, H) in (0, 1) of the hidden units at all joints' postures (B, n) [rad]."""
-        z = (q.take(self.joint_index, axis=1) - self.centre) @ self._inner.T
-        z += self.b1
-        return sigmoid(z)
+        return sigmoid((q[:, self.joint_index] - self.centre) @ self._inner.T + self.b1)
 
     def lengths(self, q: Floats) -> Floats:
         """Lengths (B, k) [m] of the group's muscles at postures (B, n) [rad] of all joints."""
@@ -258,10 +256,7 @@ class JointMuscleMap:
 
 def sigmoid(z: NDArray[Any]) -> NDArray[Any]:
     """Logistic function of an array of floats of any precision, without overflow."""
-    result = np.negative(z)
-    np.exp(np.minimum(result, 80.0, out=result), out=result)
-    result += 1.0
-    return np.divide(1.0, result, out=result)
+    return 1.0 / (1.0 + np.exp(np.minimum(-z, 80.0)))
 
 
 def _check_size(path: str | os.PathLike[str]) -> None:

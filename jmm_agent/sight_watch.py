@@ -33,6 +33,7 @@ class SightWatchOptions:
         facing: and its face at most this far from the line of sight [rad].
         mirrored: least angle between the expected and a mirrored pose [rad].
         nearer: one of the two poses is clearly nearer to the expected one by this factor [1].
+        longest: a pose that stays mirrored for longer is right, and what was expected wrong [s].
     """
 
     silence: float = 1.0
@@ -44,6 +45,7 @@ class SightWatchOptions:
     facing: float = 1.0
     mirrored: float = 0.2
     nearer: float = 0.4
+    longest: float = 15.0
 
 
 class CameraWatch:
@@ -129,6 +131,7 @@ class MarkerWatch:
         """Forget where the marker was."""
         self._hidden: deque[float] = deque()
         self._doubled = self._mirrored = False
+        self._mirrored_since = np.inf
         self._seen: Floats | None = None
         self._believed = np.eye(4)
 
@@ -158,6 +161,10 @@ class MarkerWatch:
             expected = self._seen @ np.linalg.inv(self._believed) @ believed
         if isinstance(outcome, MarkerPose):
             self._mirrored = self._is_mirrored(outcome, expected)
+            since = min(self._mirrored_since, frame_time) if self._mirrored else np.inf
+            if frame_time - since > self._options.longest:
+                self._mirrored, since = False, np.inf
+            self._mirrored_since = since
             if not self._mirrored:
                 self._seen, self._believed = outcome.pose_marker_in_camera, believed
         elif not self._doubled and self._seen is not None and self._must_be_in_view(expected):

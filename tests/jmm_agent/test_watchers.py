@@ -298,6 +298,16 @@ def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerWatch) ->
     assert list(marker.found()) == []
 
 
+def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerWatch) -> None:
+    found = []
+    for k in range(1, 100):
+        marker.update(0.2 * k, seen(-0.4), facing(1.0))
+        found.append(list(marker.found()))
+    frames = SightWatchOptions().longest / 0.2
+    assert found.count([faults.MIRRORED_MARKER]) == pytest.approx(frames, abs=1)
+    assert found[-1] == []
+
+
 def test_a_marker_that_turns_with_the_wires_is_not_mirrored(marker: MarkerWatch) -> None:
     marker.update(0.2, seen(-0.4), facing(0.2))
     assert list(marker.found()) == []
