@@ -47,6 +47,9 @@ class HeldBackOptions:
 class HeldBack:
     """Pairs of the looks that are held back, and what they say about updates.
 
+    They stay when the updater's ``memory`` is set to what it was before: one wrong pair among
+    them does not move their median.
+
     Args:
         options: see there.
 
