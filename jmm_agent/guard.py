@@ -100,7 +100,7 @@ class Guard:
             watch.reset()
         self._estimates = deque[tuple[float, Floats]]()
         self._steps = 0
-        self._trusted = self.options.learned == 0
+        self.trust(0)
         self.faults: list[Fault] = []
 
     def map_changed(self) -> None:

@@ -55,14 +55,12 @@ class HeldBack:
 
     Attributes:
         pairs: newest last; none of them was learned.
-        undone: how many updates were found harmful.
     """
 
     def __init__(self, options: HeldBackOptions, joints: int, muscles: int) -> None:
         self._options = options
         self._believed = self._in_a_row = 0
         self.pairs = Pairs.none(joints, muscles)
-        self.undone = 0
 
     def keeps(self, pair: Pairs) -> bool:
         """Whether the pair of a look that is believed is held back, and must not be learned."""
@@ -84,7 +82,6 @@ class HeldBack:
             self._in_a_row, self.pairs = 0, self.pairs.last(0)
             return False
         self._in_a_row += 1
-        self.undone += 1
         return True
 
     def _error(self, jmm: JointMuscleMap) -> float:
