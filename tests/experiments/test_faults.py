@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.arm import ACTUAL, CAMERA, SIDES, make_env
-from experiments.faults import QUICK, conclude, run
+from experiments.faults import QUICK, conclude, guarded_agent, run
 from experiments.faults_tables import NO_FAULT, seed_entry, tables
 from experiments.injected_faults import (
     HIDDEN_SHARE,
@@ -196,6 +196,12 @@ def test_namings_are_counted_as_right_wrong_or_late() -> None:
     assert row[faults.PUSHED][1] == "1 of 1"
     assert row[faults.COMMAND_LATE][1] == "0 of 1"
     assert row[faults.PUSHED][5] == 1
+
+
+def test_the_agent_watches_and_undoes_what_harms(request: pytest.FixtureRequest) -> None:
+    agent = guarded_agent(0, request.config.cache.mkdir("maps"), MarkerDetector(CAMERA, SIDES))
+    assert agent.guard is not None
+    assert agent.vision.held_back is not None
 
 
 @pytest.mark.slow

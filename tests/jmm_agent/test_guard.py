@@ -51,7 +51,7 @@ class Life:
         guarded: bool = True,
         options: GuardOptions | None = None,
     ) -> None:
-        self._drawn, self._arm, self.hidden = drawn, arm, False
+        self._drawn, self._arm, self.hidden, self.frozen = drawn, arm, False, False
         guard = Guard(drawn.muscles, arm, Camera(640, 480, 580.0), None, MOTORS, options)
         self.agent = Agent(
             drawn, arm, self, posture_set(), START, np.random.default_rng(0),
@@ -74,6 +74,8 @@ class Life:
         lengths = true + 5e-5 * self.rng.standard_normal(36)
         pull = np.minimum(MOTORS.demanded(lengths, self.command), MOTORS.limit)
         frame = self.rng.integers(0, 255, (4, 4, 3)).astype(np.uint8)
+        if self.frozen:
+            frame[:] = 0
         senses = Senses(
             time,
             lengths + lengths_off,
@@ -161,6 +163,16 @@ def test_a_hidden_marker_is_named_where_enough_was_learned(
     life.hidden = True
     life.rest(FIRST, 60)
     assert life.kinds == named
+
+
+def test_a_picture_that_stays_while_the_head_turns_is_of_a_frozen_camera(life: Life) -> None:
+    life.hidden = life.frozen = True
+    life.rest(FIRST, 30)
+    assert life.kinds == []
+    turned = FIRST.copy()
+    turned[1] += 0.3
+    life.rest(turned, 30)
+    assert life.kinds == [faults.CAMERA_FROZEN]
 
 
 def test_a_doubted_wire_does_not_move_the_estimate(life: Life) -> None:

@@ -115,6 +115,14 @@ def test_looks_held_back_are_not_learned() -> None:
     assert bench.look(SPOTS[9]).reason == "held back, to test updates on it"
 
 
+def test_a_look_with_a_saturated_wire_tests_no_update() -> None:
+    bench = Bench(distance=0.0, held_back=OPTIONS)
+    for spot in SPOTS[:4]:
+        bench.look(spot, tensions=np.full(5, 480.0))
+    assert bench.vision.held_back is not None
+    assert not len(bench.vision.held_back.pairs.noise)
+
+
 def test_what_a_wrong_look_taught_is_undone() -> None:
     """Lengths of one look are 40 mm off, as if the marker had been seen in another place."""
     bench, believing = learned(held_back=OPTIONS), learned()
