@@ -55,7 +55,6 @@ def unjudged(study: Study) -> tuple[str, ...]:
 
 def summary(study: Study) -> str:
     """How much there is: "3 episodes, 20 s, 9 channels, 18000 readings"."""
-    seconds = sum(episode.duration for episode in study.episodes)
     readings = sum(len(r.time) for episode in study.episodes for r in episode.readings)
     counts = [
         f"{count} {noun}{'s' * (count != 1)}"
@@ -65,7 +64,7 @@ def summary(study: Study) -> str:
             (readings, "reading"),
         )
     ]
-    return ", ".join([counts[0], f"{seconds:.3g} s", *counts[1:]])
+    return ", ".join([counts[0], f"{study.duration:.3g} s", *counts[1:]])
 
 
 def _values(study: Study, channel: int) -> Array:

@@ -49,6 +49,7 @@ class Options:
         search: thresholds for causes.
         unexplained: share of what could be learned of the gap that may remain, at most.
         certain: what a learner must find in the remainder to call it unexplained [nats].
+        root: of the evidence for the causes; so many of it a learner may find in what they leave.
         better: by how much a learner must beat the causes without them [nats].
         by_chance: share of an event's evidence that a learner who knows no time may have, at most.
         worse: RMS on the report split that named causes may leave beside tolerances, though it was
@@ -65,6 +66,7 @@ class Options:
     search: Settings = field(default_factory=Settings)
     unexplained: float = 0.15
     certain: float = 6.0
+    root: float = 3.0
     better: float = 6.0
     by_chance: float = 0.5
     worse: float = 1.2
@@ -122,7 +124,8 @@ def diagnose(
         progress(0.6, "fitting the likeliest")
         allowed = options.tolerance * tolerances(bench, found)
         waiting = Waiting(bench, null, later, options.visible)
-        result = search(bench, judged, null, allowed, options.search, waiting)
+        settings = options.search.for_log(study.duration)
+        result = search(bench, judged, null, allowed, settings, waiting)
         progress(0.85, "weighing what remains")
         best = result.best
         after = null if best is None else best.residual
@@ -138,7 +141,7 @@ def diagnose(
         scored = score(bench.system.study, bench.measured, null, after)
         verdict = decide(result, left, options)
         certain = verdict is Verdict.NAMED
-        rivals = alternatives(bench, result, options.search, certain)
+        rivals = alternatives(bench, result, settings, certain)
         named = _name(bench, result, rivals) if certain else ()
         progress(0.95, "choosing the next experiment")
         advice = next_experiment(bench.system, rivals, result.found) if options.suggest else None
@@ -212,7 +215,8 @@ def decide(result: Search, left: Remainder, options: Options) -> Verdict:
         found = left.learned.evidence > options.certain
         return Verdict.UNEXPLAINED if found else Verdict.NOTHING_WRONG
     named = result.best.evidence
-    much = left.learned.evidence > max(options.certain, options.unexplained * named)
+    allowed = min(options.unexplained * named, options.root * named**0.5)
+    much = left.learned.evidence > max(options.certain, allowed)
     better = left.instead.evidence > named + options.better
     worse = left.after > max(left.before, options.worse)
     # A stop that the machine runs into in each episode looks like a push.

@@ -47,6 +47,7 @@ class Settings:
         root: of the evidence so far; so many of it each further cause must add. What the right name
             leaves over, as its form is not quite right, grows with it.
         most: number of causes at most.
+        seconds: length of the logs that ``threshold`` and ``further`` were calibrated on [s].
     """
 
     refits: int = 8
@@ -55,6 +56,16 @@ class Settings:
     further: float = 12.0
     root: float = 0.5
     most: int = 3
+    seconds: float = 20.0
+
+    def for_log(self, seconds: float) -> Settings:
+        """The same for a log of ``seconds``: what a cause needs grows with the root of its length.
+
+        A tolerance changes the readings in almost a straight line. What is not straight in it looks
+        like a cause, and is said again by every reading.
+        """
+        longer = max(1.0, seconds / self.seconds) ** 0.5
+        return replace(self, threshold=self.threshold * longer, further=self.further * longer)
 
 
 @dataclass(frozen=True)

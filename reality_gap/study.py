@@ -109,6 +109,11 @@ class Study:
         return load_spec(self.model).copy()
 
     @property
+    def duration(self) -> float:
+        """Of all episodes laid end to end [s]."""
+        return sum(episode.duration for episode in self.episodes)
+
+    @property
     def inverse(self) -> bool:
         """Whether efforts are compared along the measured motion, by inverse dynamics."""
         return any(channel.kind == "effort" for channel in self.channels)

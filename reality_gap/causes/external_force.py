@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Values
-from reality_gap.causes import links, sizes
+from reality_gap.causes import links
 from reality_gap.system import System
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ def _durations(system: System, place: Place) -> list[float]:
     """Of what the times of a push count in [s]: each episode, or all of them as one."""
     if place.note == EACH:
         return [episode.duration for episode in system.study.episodes]
-    return [sizes.study_duration(system)]
+    return [system.study.duration]
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:

@@ -75,11 +75,6 @@ def actuator_force(system: System, place: Place) -> tuple[str, float]:
     return unit, size
 
 
-def study_duration(system: System) -> float:
-    """Of all episodes laid end to end [s]."""
-    return sum(episode.duration for episode in system.study.episodes)
-
-
 def _readings(system: System) -> Iterator[tuple[Channel, Reading]]:
     for episode in system.study.episodes:
         yield from zip(system.study.channels, episode.readings, strict=True)

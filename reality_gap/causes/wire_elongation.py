@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import encoders, places, sizes
+from reality_gap.causes import encoders, places
 from reality_gap.system import System
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    total = sizes.study_duration(system)
+    total = system.study.duration
     if place.note == SLOWLY:
         return (Parameter("rate", "m/s", 0.001 / total, 1e-5 / total, -0.02 / total, 0.05 / total),)
     starts = tuple(total * (i + 0.5) / STARTS for i in range(STARTS))

@@ -47,11 +47,13 @@ def test_without_a_cause_it_is_what_can_be_learned_that_counts(
     [
         (20.0, 5.9, Verdict.NAMED),
         (20.0, 6.1, Verdict.UNEXPLAINED),
-        (1000.0, 149.0, Verdict.NAMED),
-        (1000.0, 151.0, Verdict.UNEXPLAINED),
+        (100.0, 14.9, Verdict.NAMED),
+        (100.0, 15.1, Verdict.UNEXPLAINED),
+        (10_000.0, 299.0, Verdict.NAMED),
+        (10_000.0, 301.0, Verdict.UNEXPLAINED),  # a hard stop as three causes
     ],
 )
-def test_causes_may_leave_a_share_to_be_learned(
+def test_causes_may_leave_a_share_to_be_learned_and_few_roots(
     evidence: float, learned: float, expected: Verdict
 ) -> None:
     assert decided(evidence, learned) is expected
