@@ -37,6 +37,7 @@ class Parameter:
         starts: other values to start a fit from, for what is not smooth, as the onset of an event.
         secants: sizes of a lone parameter at which it is looked at, too, for what looks different
             from near the null, as a wire that is too long or too short for its antagonist.
+        afar: other values to start a fit from where the readings do not follow their slopes.
         idle: whether it does nothing while the others are at their null: a shape, not a size.
         common: whether no machine is free of it, so that its tolerance is one to the same side in
             all elements of a group.
@@ -51,6 +52,7 @@ class Parameter:
     null: float = 0.0
     starts: tuple[float, ...] = ()
     secants: tuple[float, ...] = ()
+    afar: tuple[float, ...] = ()
     idle: bool = False
     common: bool = False
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.fitting import Asking, Fit, fit, fitting, log_evidence, resizing, together
 from reality_gap.plant import Suspect, same
-from reality_gap.ranking import diverse, rank
+from reality_gap.ranking import Ranked, diverse, rank
 from reality_gap.ruler import Ruler, ruler
 from reality_gap.screening import Sensitivity
 from reality_gap.waiting import Waiting
@@ -28,10 +29,18 @@ TWICE = 2.0
 """The size that is tried beside it: what sticks may be far larger than its slope tells."""
 OTHER_SIZES = (4.0, 0.5, 0.2, 0.05)
 """Sizes that are tried if it keeps less, or if twice is better."""
+BENT = 20.0
+"""What lines through small faults may miss of a quick fit before it is begun from afar [nats]."""
+AFAR = 0.02
+"""Share of the best evidence from which on this is done."""
+FEW = 2
+"""How many of the starts from afar are fitted."""
 WORTH = 0.4
 """Share of the best evidence from which on other sizes of a suspect are tried."""
 MORE_STICKY = 5
 """How many more of what sticks are fitted where one of it explains much."""
+MORE_AFAR = 3
+"""How many more that can be begun from afar are fitted where lines do not hold."""
 SWAP = 1.0
 """Evidence by which another must be better to take the place of an earlier cause [nats]."""
 
@@ -59,12 +68,12 @@ class Settings:
     seconds: float = 20.0
 
     def for_log(self, seconds: float) -> Settings:
-        """The same for a log of ``seconds``: what a cause needs grows with the root of its length.
+        """The same for a log of ``seconds``: what a cause needs grows with its length.
 
-        A tolerance changes the readings in almost a straight line. What is not straight in it looks
-        like a cause, and is said again by every reading.
+        What is not quite right in the form of everything looks like a cause, and each further
+        second says it again.
         """
-        longer = max(1.0, seconds / self.seconds) ** 0.5
+        longer = max(1.0, seconds / self.seconds)
         return replace(self, threshold=self.threshold * longer, further=self.further * longer)
 
 
@@ -164,50 +173,113 @@ def try_next(
     ranked = rank(found, rule, base)
     worth = ranked if base is None else [item for item in ranked if item[0] > PROMISE]
     chosen = diverse(worth, refits)
-    fits = together(bench, [_attempt(*one, rule, base) for one in chosen])
+    quick = together(bench, [_attempt(*one, rule, base) for one in chosen])
     floor = 0.0 if base is None else again(rule, base).evidence
-    if _sticks(fits, floor):
-        tried = [sensitivity.suspect for sensitivity, _ in chosen]
-        rest = [item for item in ranked if _untried(item[1].suspect, tried)]
-        more = diverse(rest, MORE_STICKY, most=MORE_STICKY)
-        fits += together(bench, [_attempt(*one, rule, base) for one in more])
-    best = max((f.evidence for f, _ in fits), default=floor)
-    close = floor + WORTH * max(best - floor, 0.0)
+    leaders = _leaders(quick, floor)
+    if any(one.suspect.cause.sticky for one in leaders):
+        rest = [item for item in ranked if item[1].suspect.cause.sticky]
+        quick += _try_more(bench, rest, MORE_STICKY, quick, rule, base)
+    if any(one.bent > BENT for one in leaders):
+        rest = [item for item in ranked if any(p.afar for p in item[1].suspect.parameters)]
+        quick += _try_more(bench, rest, MORE_AFAR, quick, rule, base)
+    seen = floor + AFAR * _more(quick, floor)
+    quick = together(bench, [_from_afar(one, rule, seen) for one in quick])
+    close = floor + WORTH * _more(quick, floor)
     first = 0 if base is None else len(base.hypothesis)
-    done = together(bench, [_finish(*one, rule, close, first) for one in fits])
+    done = together(bench, [_finish(one, rule, close, first) for one in quick])
     return tuple(sorted(done, key=lambda f: -f.evidence))
 
 
-def _sticks(fits: Sequence[tuple[Fit, bool]], floor: float) -> bool:
-    """Whether a newcomer that sticks explains much, beside the best."""
-    best = max((f.evidence - floor for f, _ in fits), default=0.0)
-    enough = max(PROMISE, WORTH * best)
-    return any(f.suspects[-1].cause.sticky and f.evidence - floor > enough for f, _ in fits)
+class _Quick(NamedTuple):
+    """A quick fit with slopes known from the null or the base.
+
+    ``whole``: these are slopes in all parameters; ``bent``: what they miss of its residual [nats].
+    """
+
+    fit: Fit
+    whole: bool
+    bent: float
+
+    @property
+    def suspect(self) -> Suspect:
+        """The newcomer."""
+        return self.fit.suspects[-1]
 
 
-def _untried(suspect: Suspect, tried: Sequence[Suspect]) -> bool:
-    return suspect.cause.sticky and not any(same(suspect, one) for one in tried)
+def _more(quick: Sequence[_Quick], floor: float) -> float:
+    """What the best adds to what the base explains [nats]."""
+    return max((one.fit.evidence - floor for one in quick), default=0.0)
+
+
+def _leaders(quick: Sequence[_Quick], floor: float) -> list[_Quick]:
+    """Those that explain much, beside the best."""
+    enough = floor + max(PROMISE, WORTH * _more(quick, floor))
+    return [one for one in quick if one.fit.evidence > enough]
+
+
+def _try_more(
+    bench: Workbench,
+    ranked: Ranked,
+    count: int,
+    quick: Sequence[_Quick],
+    rule: Ruler,
+    base: Fit | None,
+) -> list[_Quick]:
+    """Quick fits of some more of the ranked, who are not in ``quick``."""
+    rest = [item for item in ranked if not any(same(item[1].suspect, q.suspect) for q in quick)]
+    more = diverse(rest, count, most=count)
+    return together(bench, [_attempt(*one, rule, base) for one in more])
 
 
 def _attempt(
     sensitivity: Sensitivity, theta: Array, rule: Ruler, base: Fit | None
-) -> Asking[tuple[Fit, bool]]:
-    """A quick fit with known slopes, and whether these are slopes in all parameters."""
+) -> Asking[_Quick]:
+    """A quick fit."""
     start = yield from _start(sensitivity, theta, rule, base)
-    known = _slopes(sensitivity)
+    known, moved_from = _slopes(sensitivity), np.zeros(len(sensitivity.suspect.parameters))
+    begin = rule.null
     if base is not None:
-        known = np.hstack([base.jacobian, known])
+        known, moved_from = np.hstack([base.jacobian, known]), np.r_[base.theta, moved_from]
+        begin = base.residual
     fitted = yield from fitting(start, rule.learn, rule.null, known, polish=False)
-    return fitted, len(sensitivity.names) == len(sensitivity.suspect.parameters)
+    line = begin - known @ (fitted.theta - moved_from)
+    bent = 0.5 * float(np.sum(rule.learn(fitted.residual - line) ** 2))
+    whole = len(sensitivity.names) == len(sensitivity.suspect.parameters)
+    return _Quick(fitted, whole, bent)
 
 
-def _finish(fitted: Fit, whole: bool, rule: Ruler, close: float, first: int) -> Asking[Fit]:
+def _from_afar(quick: _Quick, rule: Ruler, least: float) -> Asking[_Quick]:
+    """The same, or a better fit from one of the newcomer's other starts, where lines are bent."""
+    suspect = quick.suspect
+    values = [(p.name, value) for p in suspect.parameters for value in p.afar]
+    if not values or quick.bent < BENT or quick.fit.evidence < least:
+        return quick
+    others = quick.fit.hypothesis[:-1]
+    starts: list[Hypothesis] = [
+        [*others, (suspect, suspect.nulls() | {name: value})] for name, value in values
+    ]
+    found = yield starts
+    costs = [_cost(rule, residual) for residual in found]
+    best = quick.fit
+    for i in np.argsort(costs)[:FEW]:
+        another = yield from fitting(starts[i], rule.learn, rule.null)
+        best = max(best, another, key=lambda f: f.evidence)
+    return quick._replace(fit=best)
+
+
+def _finish(quick: _Quick, rule: Ruler, close: float, first: int) -> Asking[Fit]:
     """The full fit of whoever is ``close`` to the best."""
-    if fitted.evidence < close:
-        return fitted
-    if whole:
-        return (yield from resizing(fitted, rule.learn, rule.null, first))
-    return (yield from fitting(fitted.hypothesis, rule.learn, rule.null))
+    if quick.fit.evidence < close:
+        return quick.fit
+    if quick.whole:
+        return (yield from resizing(quick.fit, rule.learn, rule.null, first))
+    return (yield from fitting(quick.fit.hypothesis, rule.learn, rule.null))
+
+
+def _cost(rule: Ruler, residual: Array) -> float:
+    """Half the whitened square [nats]; infinite where a replay diverged."""
+    diverged = not np.all(np.isfinite(residual))
+    return np.inf if diverged else 0.5 * float(np.sum(rule.learn(residual) ** 2))
 
 
 def _start(
@@ -217,17 +289,13 @@ def _start(
     known = tuple(base.hypothesis) if base else ()
     residual = base.residual if base else rule.null
 
-    def cost(there: Array) -> float:
-        diverged = not np.all(np.isfinite(there))
-        return np.inf if diverged else 0.5 * float(np.sum(rule.learn(there) ** 2))
-
     def of_size(size: float) -> Hypothesis:
         return [*known, (sensitivity.suspect, sensitivity.values(size * theta))]
 
-    before = cost(residual)
-    promise = before - cost(residual - sensitivity.columns @ theta)
+    before = _cost(rule, residual)
+    promise = before - _cost(rule, residual - sensitivity.columns @ theta)
     first, least = [of_size(1.0), of_size(TWICE)], before - KEPT * promise
-    costs = [cost(r) for r in (yield first)]
+    costs = [_cost(rule, r) for r in (yield first)]
     if costs[0] < min(least, costs[1]):
         return first[0]
     trials = [of_size(size) for size in OTHER_SIZES]
@@ -235,7 +303,7 @@ def _start(
         lone = sensitivity.suspect.parameters[0]
         others = (*lone.starts, *lone.secants)
         trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in others]
-    costs += [cost(r) for r in (yield trials)]
+    costs += [_cost(rule, r) for r in (yield trials)]
     return [*first, *trials][int(np.argmin(costs))]
 
 

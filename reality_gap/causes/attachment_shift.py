@@ -17,6 +17,8 @@ from reality_gap.system import System
 
 EVERY = "every wire"
 AXES = ("x", "y", "z")
+AFAR = (-0.02, -0.01, -0.005, 0.005, 0.01, 0.02)
+"""Shifts along one axis [m]: wires that go slack on the way make a valley of each side."""
 
 
 def _places(system: System) -> tuple[Place, ...]:
@@ -30,8 +32,9 @@ def _name(place: Place, site: str, axis: str) -> str:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+    afar = AFAR if len(place.elements) == 1 else ()
     return tuple(
-        Parameter(_name(place, site, axis), "m", 0.002, 0.00007, -0.03, 0.03)
+        Parameter(_name(place, site, axis), "m", 0.002, 0.00007, -0.03, 0.03, afar=afar)
         for site in place.elements
         for axis in AXES
     )

@@ -54,6 +54,7 @@ def suspect(
     answer: Answer = proportional,
     low: float = -100.0,
     sticky: bool = False,
+    afar: tuple[float, ...] = (),
 ) -> Suspect:
     """A cause that adds ``answer(size)`` times a shape (n,) to what the sensor reads."""
 
@@ -67,7 +68,8 @@ def suspect(
         effects.senses.append(sense)
 
     cause = Cause(id, "", "", lambda s: (), lambda s, p: (), None, attach, sticky=sticky)
-    return Suspect(cause, Place("joint", (where,)), (Parameter("size", "1", 1.0, 0, low, 100.0),))
+    size = Parameter("size", "1", 1.0, 0, low, 100.0, afar=afar)
+    return Suspect(cause, Place("joint", (where,)), (size,))
 
 
 class Case:
@@ -246,9 +248,41 @@ def test_what_sticks_at_small_sizes_is_tried_at_large_ones(tmp_path: Path) -> No
     assert size_of(best, "sticks") == pytest.approx(6.0, abs=1.0)
 
 
+def with_a_ridge(size: float) -> float:
+    """Leads the right way to a wrong valley; the right one is far on the other side."""
+    return float(np.interp(size, [-9.0, 0.0, 0.2, 2.0, 6.0], [-6.0, 0.0, -0.1, -1.7, 2.0]))
+
+
+@pytest.mark.parametrize(("afar", "expected"), [((), 2.0), ((-8.0, 8.0), -3.0)])
+def test_where_lines_do_not_hold_a_fit_begins_from_afar(
+    tmp_path: Path, afar: tuple[float, ...], expected: float
+) -> None:
+    bent = suspect("bent", SHAPES[:, 0], answer=with_a_ridge, afar=afar)
+    case = Case(tmp_path, -2.0 * SHAPES[:, 0], [bent])
+
+    best = case.next()[0]
+
+    assert size_of(best, "bent") == pytest.approx(expected, abs=0.5)
+
+
 def slipping(size: float) -> float:
     """What hardly shows until it is large."""
     return float(np.interp(size, [0.0, 1.0, 2.0, 8.0], [0.0, 0.2, 1.0, 7.0]))
+
+
+@pytest.mark.parametrize(
+    ("answer", "expected"), [(slipping, [["far"], ["loud"]]), (proportional, [["loud"]])]
+)
+def test_where_lines_do_not_hold_others_are_begun_from_afar_whatever_their_slopes_promise(
+    tmp_path: Path, answer: Answer, expected: list[list[str]]
+) -> None:
+    loud = suspect("loud", SHAPES[:, 0] + 0.5 * SHAPES[:, 1], answer=answer)
+    far = suspect("far", SHAPES[:, 0], answer=lambda size: slipping(0.1 * size), afar=(5.0, 60.0))
+    case = Case(tmp_path, 3.0 * SHAPES[:, 0], [loud, far])
+
+    tried = case.next(refits=1)
+
+    assert [ids(one) for one in tried] == expected
 
 
 def test_what_sticks_is_fitted_beside_what_sticks_whatever_its_slope_promises(
@@ -340,10 +374,8 @@ def test_no_more_causes_than_the_most(tmp_path: Path) -> None:
     assert len(found.steps) == 1
 
 
-@pytest.mark.parametrize(("seconds", "longer"), [(1.0, 1.0), (20.0, 1.0), (80.0, 2.0)])
-def test_what_a_cause_needs_grows_with_the_root_of_a_log_that_is_long(
-    seconds: float, longer: float
-) -> None:
+@pytest.mark.parametrize(("seconds", "longer"), [(1.0, 1.0), (20.0, 1.0), (80.0, 4.0)])
+def test_what_a_cause_needs_grows_with_a_log_that_is_long(seconds: float, longer: float) -> None:
     usual = Settings()
     found = usual.for_log(seconds)
     expected = replace(usual, threshold=5.0 * longer, further=12.0 * longer)
