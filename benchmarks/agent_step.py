@@ -24,9 +24,10 @@ from experiments.arm import make_agent, make_env
 from experiments.common import trained_map
 from experiments.grasp_trial import READY
 from experiments.session import Session
-from jmm_agent.agent import Agent, Senses
+from jmm_agent.agent import Agent
 from jmm_agent.looks import Look, LooksOptions, fit_looks
 from jmm_agent.prior import MapPrior, PriorOptions
+from jmm_agent.senses import Senses
 from jmm_agent.sight import MarkerSight
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual

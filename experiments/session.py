@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.errors import ExperimentError
-from jmm_agent.agent import Agent, Senses
+from jmm_agent.agent import Agent
 from jmm_agent.faults import faults_for_info
+from jmm_agent.senses import Senses
 from kengoro_env.env import KengoroEnv
 
 Floats = NDArray[np.float64]

@@ -22,6 +22,7 @@ from jmm_agent.learner import BatchOptions, Learner, RidgeRule, Rule
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.marker import Eyes, MarkerPose, Skip
 from jmm_agent.prior import MapPrior, PriorOptions
+from jmm_agent.senses import Senses
 from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.sight import MarkerSight
 from jmm_agent.updaters import (
@@ -33,30 +34,13 @@ from jmm_agent.updaters import (
     VisionOptions,
     VisionUpdater,
 )
+from jmm_agent.way import Way
 
 PERIOD = 0.02
 """Control period [s]."""
 
 WAKING = 50
 """Estimates of the first lengths before the first command."""
-
-
-class Senses(NamedTuple):
-    """What the robot feels and sees at one moment; nothing else reaches the agent.
-
-    Attributes:
-        time: now [s].
-        lengths: measured muscle lengths (m,) [m].
-        tensions: measured muscle tensions (m,) [N].
-        frame: newest camera frame (H, W, 3) uint8, or None.
-        frame_time: when that frame was taken [s].
-    """
-
-    time: float
-    lengths: Floats
-    tensions: Floats
-    frame: np.ndarray | None = None
-    frame_time: float = -np.inf
 
 
 @dataclass(frozen=True)
@@ -82,21 +66,6 @@ class AgentOptions:
     antagonism: AntagonismOptions = field(default_factory=AntagonismOptions)
     vision: VisionOptions = field(default_factory=VisionOptions)
     estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
-
-
-class Way(NamedTuple):
-    """Joint angles (K, n) [rad] to pass, evenly in time from ``start`` [s] for ``duration`` [s]."""
-
-    points: Floats
-    start: float
-    duration: float
-
-    def at(self, time: float) -> Floats:
-        """Joint angles (n,) [rad] at a time [s]: at rest at both ends."""
-        share = np.clip((time - self.start) / self.duration, 0.0, 1.0) if self.duration else 1.0
-        place = share * share * (3.0 - 2.0 * share) * (len(self.points) - 1)
-        first = min(int(place), len(self.points) - 2)
-        return self.points[first] + (place - first) * (self.points[first + 1] - self.points[first])
 
 
 class Learned(NamedTuple):
@@ -239,7 +208,8 @@ class Agent:
                 or a frame of the wrong shape that was to be looked at, and the map stays. A guard
                 takes care of readings that are not finite, as long as one length is.
         """
-        senses = self._checked(senses)
+        muscles, guarded = len(self._target_lengths), self.guard is not None
+        senses = senses.checked(self._time, muscles, guarded)
         if self.guard is not None:
             senses = self._felt(senses, self.guard)
         if np.isfinite(self._time):
@@ -327,30 +297,6 @@ class Agent:
         self.estimator.set_map(self.map)
         if self.guard is not None:
             self.guard.map_changed()
-
-    def _checked(self, senses: Senses) -> Senses:
-        """The senses with copies of the numbers, which are kept; `AgentError` if unusable."""
-        lengths = self._numbers("lengths", senses.lengths)
-        tensions = self._numbers("tensions", senses.tensions)
-        if not (np.isfinite(senses.time) and senses.time > self._time):
-            raise AgentError(
-                f"Agent: time must be finite and later than {self._time} s, got {senses.time} s."
-            )
-        return senses._replace(lengths=lengths, tensions=tensions)
-
-    def _numbers(self, name: str, value: Floats) -> Floats:
-        """A copy of one finite number a muscle; `AgentError` if it is something else.
-
-        With a guard some may be missing, and of the tensions all.
-        """
-        array, shape = np.array(value, dtype=float), self._target_lengths.shape
-        usable = np.isfinite(array)
-        needed = array.size if self.guard is None else int(name == "lengths")
-        if array.shape != shape or usable.sum() < needed:
-            raise AgentError(
-                f"Agent: {name} must be finite and of shape {shape}, got shape {array.shape}."
-            )
-        return array
 
     def _wake(self, senses: Senses) -> None:
         """Find out where the arm is, and stay there or begin the way that was asked for."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from jmm_agent.agent import Agent, Senses
+from jmm_agent.agent import Agent
 from jmm_agent.drawing import Floats
+from jmm_agent.senses import Senses
 
 
 class Driver(Protocol):

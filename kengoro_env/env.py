@@ -15,13 +15,14 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
+from kengoro_env.body import Body, Moment
 from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.head_camera import HeadCamera
 from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_window
-from kengoro_env.robot import Body, DivergedError, Moment, Robot
+from kengoro_env.robot import DivergedError, Robot
 from kengoro_env.spaces import (
     LATEST,
     TENSION_RANGE,

@@ -9,7 +9,8 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from kengoro_env.robot import DIVERGENCE, Body, Robot
+from kengoro_env.body import Body
+from kengoro_env.robot import DIVERGENCE, Robot
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

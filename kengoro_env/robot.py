@@ -6,21 +6,21 @@ call them: relative to the posture at which somebody zeroed them.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from kengoro_env.assets import assets_root
-from kengoro_env.draft import Departure, Draft, Senses, UnknownNameError
+from kengoro_env.body import Body
+from kengoro_env.draft import Departure, Draft, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
-from kengoro_env.motors import DEFAULT_GAINS, Gains, Index, Motors, index_of
+from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors, index_of
 from kengoro_env.wires import wind, wired_joints
 from strange_files.errors import StrangeFileError
 from strange_files.mjcf import check_model
@@ -36,146 +36,6 @@ class DivergedError(KengoroError):
 
     def __str__(self) -> str:
         return "the simulation diverged: its state is no longer finite"
-
-
-class Moment(NamedTuple):
-    """What is true of a robot at one time; of many with an axis of robots before.
-
-    Attributes:
-        joint_angles: (n,) [rad].
-        paths: lengths of the wires' paths from guide to end (m,) [m].
-        paid_out: what encoders without error would read if nobody had zeroed them (m,) [m].
-        lengths: what encoders without offset, noise and quantum would read (m,) [m].
-        tensions: (m,) [N].
-    """
-
-    joint_angles: Array
-    paths: Array
-    paid_out: Array
-    lengths: Array
-    tensions: Array
-
-
-class Body(ABC):
-    """What can be measured of a robot: of one, or with a leading axis of many of one model.
-
-    Attributes:
-        model: of MuJoCo.
-        data: an `MjData`, or the fields of one with an axis of robots before theirs.
-        motors: of the wires.
-        target: lengths that the motors hold (m,) [m], as the encoders call them.
-    """
-
-    model: mujoco.MjModel
-    data: Any
-    motors: Motors
-    target: Array
-    _senses: Senses
-    _position: Index
-    _sites: dict[str, int]
-    _bodies: dict[str, int]
-    _zero: Array
-    _offset: Array
-    _has_offset: bool
-    _tension_offset: Array
-    _has_tension_offset: bool
-
-    @property
-    def joint_angles(self) -> Array:
-        """True joint angles (n,) [rad]."""
-        angles: Array = self.data.qpos[..., self._position]
-        return angles.copy()
-
-    @property
-    def lengths(self) -> Array:
-        """What encoders without offset, noise and quantum would read (m,) [m]."""
-        return self.measure().lengths
-
-    @property
-    def tensions(self) -> Array:
-        """True tensions (m,) [N]."""
-        return self.measure().tensions
-
-    def measure(self) -> Moment:
-        """What is true now: once for all that is felt, judged and known of it."""
-        paths, paid_out, tensions = self.motors.measure()
-        return Moment(self.joint_angles, paths, paid_out, paid_out - self._zero, tensions)
-
-    def slack(self, target: Array, now: Moment | None = None) -> tuple[Array, Array]:
-        """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
-        now = now or self.measure()
-        beyond_path = self.motors.slack(now.paths, now.paid_out)
-        beyond_length = target - now.lengths
-        if self._has_offset:
-            beyond_length -= self._offset
-        return beyond_path, np.maximum(beyond_length, 0.0, out=beyond_length)
-
-    def site_place(self, name: str) -> Array:
-        """Where a site is in the world (3,) [m], true."""
-        place: Array = self.data.site_xpos[..., self._sites[name], :].copy()
-        return place
-
-    def body_place(self, name: str) -> Array:
-        """Where a body is in the world (3,) [m], true."""
-        place: Array = self.data.xpos[..., self._bodies[name], :].copy()
-        return place
-
-    def site_pose(self, name: str) -> Array:
-        """Pose of a site in the world (4, 4), true."""
-        index = self._sites[name]
-        return _pose(self.data.site_xpos[..., index, :], self.data.site_xmat[..., index, :])
-
-    def body_pose(self, name: str) -> Array:
-        """Pose of a body in the world (4, 4), true."""
-        index = self._bodies[name]
-        return _pose(self.data.xpos[..., index, :], self.data.xmat[..., index, :])
-
-    def _commanded(self, target: Array) -> Array:
-        """What is to be paid out (m,) [m] for target lengths (m,) [m] as the encoders call them.
-
-        The controller works on what encoders read, so their offsets move the wires.
-        """
-        paid_out = target + self._zero
-        if self._has_offset:
-            paid_out -= self._offset
-        return paid_out
-
-    def sense(self, now: Moment) -> tuple[Array, Array]:
-        """What encoders (m,) [m] and tension sensors (m,) [N] read."""
-        return self._read_lengths(now.lengths), self._read_tensions(now.tensions)
-
-    def sense_lengths(self) -> Array:
-        """What the encoders read (m,) [m]: with offset, noise and quantum."""
-        return self._read_lengths(self.lengths)
-
-    def sense_tensions(self) -> Array:
-        """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
-        return self._read_tensions(self.tensions)
-
-    def _read_lengths(self, lengths: Array) -> Array:
-        senses = self._senses
-        reading = lengths + self._offset if self._has_offset else lengths.copy()
-        if senses.length_noise:
-            reading += senses.length_noise * self._noise()
-        if senses.length_quantum:
-            reading /= senses.length_quantum
-            np.rint(reading, out=reading)
-            reading *= senses.length_quantum
-        return reading
-
-    def _read_tensions(self, tensions: Array) -> Array:
-        reading = tensions.copy()
-        if self._has_tension_offset:
-            reading += self._tension_offset
-        if self._senses.tension_noise:
-            reading += self._senses.tension_noise * self._noise()
-        if self._has_tension_offset or self._senses.tension_noise:
-            np.maximum(reading, 0.0, out=reading)
-        return reading
-
-    @abstractmethod
-    def _noise(self) -> Array:
-        """Standard normal noise of the sensors (m,)."""
 
 
 class Robot(Body):
@@ -382,10 +242,3 @@ def load_spec(path: Path) -> mujoco.MjSpec:
         raise KengoroError(f"the model file {path} is not valid MJCF: {reason}") from error
     except StrangeFileError as error:
         raise KengoroError(f"the model file {path} {error}") from error
-
-
-def _pose(position: Array, rotation: Array) -> Array:
-    pose = np.zeros((*position.shape[:-1], 4, 4))
-    pose[..., :3, :3] = rotation.reshape(*position.shape[:-1], 3, 3)
-    pose[..., :3, 3], pose[..., 3, 3] = position, 1.0
-    return pose

@@ -17,11 +17,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.body import Moment
 from kengoro_env.departures.senses import EYE
 from kengoro_env.errors import KengoroError
 from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Moment, Robot
+from kengoro_env.robot import Robot
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.robot import Moment, Robot
+from kengoro_env.body import Moment
+from kengoro_env.robot import Robot
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.robot import Moment, Robot
+from kengoro_env.body import Moment
+from kengoro_env.robot import Robot
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from experiments.common import trained_map
-from jmm_agent.agent import Agent, AgentOptions, Senses
+from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.camera import Camera
 from jmm_agent.errors import AgentError
 from jmm_agent.kinematics import ArmKinematics
@@ -23,6 +23,7 @@ from jmm_agent.learner import Rule
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.marker import Detections, MarkerDetector, MarkerPose
 from jmm_agent.minibatch import MinibatchRule
+from jmm_agent.senses import Senses
 from jmm_agent.updaters import VisionOptions
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS

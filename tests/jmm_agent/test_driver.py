@@ -7,9 +7,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from jmm_agent.agent import Agent, Senses
+from jmm_agent.agent import Agent
 from jmm_agent.driver import drive
 from jmm_agent.errors import AgentError
+from jmm_agent.senses import Senses
 
 
 class Robot:

@@ -13,7 +13,7 @@ import pytest
 
 from experiments.common import trained_map
 from jmm_agent import faults
-from jmm_agent.agent import Agent, Senses
+from jmm_agent.agent import Agent
 from jmm_agent.camera import Camera
 from jmm_agent.errors import AgentError
 from jmm_agent.faults import Fault, MotorControl, faults_for_info
@@ -21,6 +21,7 @@ from jmm_agent.guard import Guard, GuardOptions
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.marker import Detections, MarkerPose, Skip
+from jmm_agent.senses import Senses
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
