@@ -31,7 +31,7 @@ from experiments.common import (
 from experiments.errors import ExperimentError
 from experiments.faults import Ruler
 from experiments.report import Table, metric_table, write_report
-from experiments.running import progress_bar, read_kept
+from experiments.running import core_seconds, progress_bar, read_kept
 from experiments.statistics import metric
 
 MODULES = ("endurance.py", "agent_memory.py", "faults.py", "arm.py", "session.py", "common.py")
@@ -94,6 +94,7 @@ def main(args: Args) -> Summary:
         "endurance",
         {seed: {"parts": parts[seed], "hours_mm": hours[seed]} for seed in seeds},
         time.perf_counter() - begin,
+        core_s=core_seconds(args.out, [part_of(seed, k) for seed in seeds for k in range(count)]),
         options={**timing, "hours": args.hours},
         metrics={"last_to_first": metric([h[-1] / h[0] for h in hours.values()], "", 1.0)},
     )
@@ -105,17 +106,21 @@ def main(args: Args) -> Summary:
 
 def kept_or_lived(args: Args, seed: int, number: int, seconds: float, key: str) -> dict[str, Any]:
     """One part: read, if it was there and so were all before, or lived."""
-    folder = args.out / f"robot-{seed:03d}"
-    result, memory = folder / f"{number:03d}.json", folder / f"{number:03d}.npz"
+    result, memory = (args.out / f"{part_of(seed, number)}{end}" for end in (".json", ".npz"))
     kept = read_kept(result, key) if memory.is_file() else None
     if kept is not None:
         return dict(kept["result"])
     begin = time.perf_counter()
-    before = folder / f"{number - 1:03d}.npz" if number else None
+    before = args.out / f"{part_of(seed, number - 1)}.npz" if number else None
     found = live(args, seed, number, seconds, before, memory)
     took = round(time.perf_counter() - begin, 1)
     write_json(result, {"key": key, "seconds": took, "result": found})
     return found
+
+
+def part_of(seed: int, number: int) -> str:
+    """Name of a part's files in the folder of the results, without their ends."""
+    return f"robot-{seed:03d}/{number:03d}"
 
 
 def live(

@@ -155,6 +155,7 @@ def test_a_run_goes_on_where_it_was_stopped(
     monkeypatch.setattr(endurance, "live", noted)
     again = main(args)
     assert lived == [1]
+    assert again["core_s"] > 1.2 * again["wall_s"]  # the first part was there
     for one, two in zip(parts, again["per_seed"]["0"]["parts"], strict=True):
         assert one == two
     assert (tmp_path / "report.html").is_file()

@@ -176,6 +176,24 @@ def test_a_picture_that_stays_while_the_head_turns_is_of_a_frozen_camera(life: L
     assert life.kinds == [faults.CAMERA_FROZEN]
 
 
+def test_a_picture_that_stays_while_the_map_changes_its_mind_about_the_head_is_no_fault(
+    life: Life,
+) -> None:
+    life.hidden = life.frozen = True
+    life.rest(FIRST, 30)
+    turned = FIRST.copy()
+    turned[1] += 0.3
+    agent = life.agent
+    neck = next(group for group in agent.map.groups if group.name == "neck")
+    more = 1e3 * (agent.map.lengths(FIRST) - agent.map.lengths(turned))[neck.muscle_index]
+    another = agent.map.with_output_layers({"neck": (neck.W2, neck.b2 + more)})
+    before = agent.joint_angles[1]
+    agent.recall(another, agent.antagonism.memory, agent.vision.memory)
+    life.rest(FIRST, 30)
+    assert agent.joint_angles[1] - before > 0.2
+    assert life.kinds == []
+
+
 def test_a_doubted_wire_does_not_move_the_estimate(life: Life) -> None:
     before = life.agent.joint_angles
     life.rest(FIRST, 100, lengths_off=one_wire(0.05))
