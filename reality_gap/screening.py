@@ -170,15 +170,38 @@ DRIFT_TOLERANCE = 0.1
 """By how much the error of the time step may differ from what was taken out, relatively."""
 
 
-def tolerances(bench: Workbench, found: Sequence[Sensitivity]) -> Array:
+LONG = 20.0
+"""Length of a log up to which the screening's columns will do for tolerances [s]."""
+MUCH = 10.0
+"""What a tolerance must do to all readings of a longer one to be replayed by itself [noise]."""
+
+
+def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> Array:
     """What every honest drawing may be off by: (n, p), in units of noise.
 
     Parameters of single elements, for a group's are their sums; but friction, of which no wire is
-    free, is in all of them at once.
+    free, is in all of them at once. What columns are wrong by is said again by every reading, so
+    that those of a long log are replayed anew: a tolerance itself, at the full time step.
+
+    Args:
+        bench: replays.
+        found: sensitivities of all suspects.
+        null: (n,) residual of the study's model.
     """
     steps = DRIFT_TOLERANCE * bench.drift, bench.drift_error
-    columns = [step / bench.measured.noise for step in steps]
-    return np.column_stack([*columns, *(column for _, _, column in allowances(found))])
+    drifts = [step / bench.measured.noise for step in steps]
+    allowed = list(allowances(found))
+    columns = [column for _, _, column in allowed]
+    if bench.system.study.duration > LONG:
+        large = [i for i, column in enumerate(columns) if np.linalg.norm(column) > MUCH]
+        trials: list[Hypothesis] = []
+        for suspect, p, _ in (allowed[i] for i in large):
+            off = p.null + np.copysign(p.tolerance, p.scale)
+            trials.append([(suspect, suspect.nulls() | {p.name: float(off)})])
+        for i, residual in zip(large, bench.residuals(trials), strict=True):
+            if np.all(np.isfinite(residual)):
+                columns[i] = null - residual
+    return np.column_stack([*drifts, *columns])
 
 
 def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Suspect, Parameter, Array]]:

@@ -56,7 +56,6 @@ class Settings:
         root: of the evidence so far; so many of it each further cause must add. What the right name
             leaves over, as its form is not quite right, grows with it.
         most: number of causes at most.
-        seconds: length of the logs that ``threshold`` and ``further`` were calibrated on [s].
     """
 
     refits: int = 8
@@ -65,16 +64,6 @@ class Settings:
     further: float = 12.0
     root: float = 0.5
     most: int = 3
-    seconds: float = 20.0
-
-    def for_log(self, seconds: float) -> Settings:
-        """The same for a log of ``seconds``: what a cause needs grows with its length.
-
-        What is not quite right in the form of everything looks like a cause, and each further
-        second says it again.
-        """
-        longer = max(1.0, seconds / self.seconds)
-        return replace(self, threshold=self.threshold * longer, further=self.further * longer)
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,9 @@ class Look:
         self.replays = 0
         self.bench = Workbench(study, tick=self._tick)
         chosen = suspects(self.bench.system, [cause(id) for id in ids])
-        null = self.bench.residual([])
+        self.null = self.bench.residual([])
         before = self.replays
-        self.found = screen(self.bench, chosen, [], null)
+        self.found = screen(self.bench, chosen, [], self.null)
         self.replays -= before + self.bench.coarse  # the null once more, at the coarse step
 
     def _tick(self) -> None:
@@ -38,7 +38,7 @@ class Look:
 
     def columns(self) -> list[Array]:
         """The tolerances but those of the time step."""
-        return list(tolerances(self.bench, self.found).T[2:])
+        return list(tolerances(self.bench, self.found, self.null).T[2:])
 
 
 def test_a_shape_without_a_size_costs_no_replay_and_changes_nothing(lever_study: Study) -> None:
@@ -74,6 +74,23 @@ def test_other_tolerances_are_those_of_each_element(lever_study: Study, id: str)
         p = sensitivity.suspect.parameters[0]
         expected = sensitivity.columns[:, 0] * p.tolerance / p.scale
         np.testing.assert_allclose(column, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("much", "exact"), [(1.0, True), (1e9, False)])
+def test_in_a_long_log_tolerances_that_do_much_are_replayed_as_they_are(
+    lever_study: Study, much: float, exact: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("reality_gap.screening.LONG", 0.5 * lever_study.duration)
+    monkeypatch.setattr("reality_gap.screening.MUCH", much)
+    look = Look(lever_study, "length_scale")
+    columns = look.columns()
+    wires = dict.fromkeys(sensitivity.suspect for sensitivity in look.alone())
+
+    for column, suspect in zip(columns, wires, strict=True):
+        p = suspect.parameters[0]
+        replayed = look.null - look.bench.residual([(suspect, {p.name: p.tolerance})])
+        assert (np.linalg.norm(column - replayed) < 1e-9 * np.linalg.norm(column)) == exact
+        assert np.linalg.norm(column - replayed) < 0.1 * np.linalg.norm(column)
 
 
 def test_the_change_that_typical_faults_make(lever_study: Study) -> None:

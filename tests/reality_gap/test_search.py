@@ -374,14 +374,6 @@ def test_no_more_causes_than_the_most(tmp_path: Path) -> None:
     assert len(found.steps) == 1
 
 
-@pytest.mark.parametrize(("seconds", "longer"), [(1.0, 1.0), (20.0, 1.0), (80.0, 4.0)])
-def test_what_a_cause_needs_grows_with_a_log_that_is_long(seconds: float, longer: float) -> None:
-    usual = Settings()
-    found = usual.for_log(seconds)
-    expected = replace(usual, threshold=5.0 * longer, further=12.0 * longer)
-    assert found == expected
-
-
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
