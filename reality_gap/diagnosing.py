@@ -124,7 +124,8 @@ def diagnose(
         progress(0.6, "fitting the likeliest")
         allowed = options.tolerance * tolerances(bench, found, null)
         waiting = Waiting(bench, null, later, options.visible)
-        result = search(bench, judged, null, allowed, options.search, waiting)
+        settings = options.search.for_log(study.duration)
+        result = search(bench, judged, null, allowed, settings, waiting)
         progress(0.85, "weighing what remains")
         best = result.best
         after = null if best is None else best.residual
@@ -140,7 +141,7 @@ def diagnose(
         scored = score(bench.system.study, bench.measured, null, after)
         verdict = decide(result, left, options)
         certain = verdict is Verdict.NAMED
-        rivals = alternatives(bench, result, options.search, certain)
+        rivals = alternatives(bench, result, settings, certain)
         named = _name(bench, result, rivals) if certain else ()
         progress(0.95, "choosing the next experiment")
         advice = next_experiment(bench.system, rivals, result.found) if options.suggest else None

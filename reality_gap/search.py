@@ -56,6 +56,7 @@ class Settings:
         root: of the evidence so far; so many of it each further cause must add. What the right name
             leaves over, as its form is not quite right, grows with it.
         most: number of causes at most.
+        seconds: length of the logs that ``further`` is meant for [s].
     """
 
     refits: int = 8
@@ -64,6 +65,14 @@ class Settings:
     further: float = 12.0
     root: float = 0.5
     most: int = 3
+    seconds: float = 20.0
+
+    def for_log(self, seconds: float) -> Settings:
+        """The same for a log of ``seconds``: what a further cause needs grows with its length.
+
+        The form of the first is not quite right, and each further second says it again.
+        """
+        return replace(self, further=self.further * max(1.0, seconds / self.seconds))
 
 
 @dataclass(frozen=True)

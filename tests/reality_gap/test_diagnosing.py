@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from reality_gap.diagnosing import Options, decide
+from reality_gap.causes import CATALOGUE
+from reality_gap.diagnosing import Options, decide, diagnose
 from reality_gap.diagnosis import Verdict
+from reality_gap.search import Settings
+from reality_gap.study import Channel, Episode, Reading, Study
 
 
 def decided(
@@ -94,3 +99,32 @@ def test_what_the_posture_explains_nearly_as_well_is_no_event(
     events: tuple[bool, ...], instead: float, expected: Verdict
 ) -> None:
     assert decided(100.0, instead=instead, events=events) is expected
+
+
+STILL = """
+<mujoco>
+  <worldbody><body><joint name="rail" type="slide"/><geom size="0.1"/></body></worldbody>
+  <sensor><jointpos name="position" joint="rail"/></sensor>
+</mujoco>
+"""
+
+
+def test_what_further_causes_need_follows_the_length_of_all_episodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Searched(Exception):
+        pass
+
+    def stop(*arguments: Any) -> None:
+        raise Searched(arguments[4])
+
+    monkeypatch.setattr("reality_gap.diagnosing.search", stop)
+    (tmp_path / "still.xml").write_text(STILL)
+    time = np.arange(0.0, 30.0, 0.1)
+    channel = Channel("position", "position", unit="m", noise=1.0)
+    episode = Episode("one", np.zeros(1), np.zeros((1, 0)), (Reading(time, 0.0 * time),))
+    study = Study("still", tmp_path / "still.xml", (channel,), (episode, episode))
+    with pytest.raises(Searched) as found:
+        diagnose(study, causes=[CATALOGUE["gravity_direction"]])
+    assert found.value.args == (Settings().for_log(study.duration),)
+    assert study.duration == pytest.approx(59.8)

@@ -374,6 +374,14 @@ def test_no_more_causes_than_the_most(tmp_path: Path) -> None:
     assert len(found.steps) == 1
 
 
+@pytest.mark.parametrize(("seconds", "longer"), [(1.0, 1.0), (20.0, 1.0), (80.0, 4.0)])
+def test_what_a_further_cause_needs_grows_with_a_log_that_is_long(
+    seconds: float, longer: float
+) -> None:
+    usual = Settings()
+    assert usual.for_log(seconds) == replace(usual, further=12.0 * longer)
+
+
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
