@@ -97,10 +97,18 @@ def _run(work: Work, tasks: Tasks, jobs: int, cluster: str | None) -> Iterator[D
             yield name, *timed(work, arguments)
     else:
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context) as pool:
+        count = min(jobs, len(tasks))
+        with ProcessPoolExecutor(count, context, initializer=_begin) as pool:
             futures = {pool.submit(timed, work, tasks[name]): name for name in tasks}
             for future in as_completed(futures):
                 yield futures[future], *future.result()
+
+
+def _begin() -> None:
+    """In a worker: end with whoever started it."""
+    from reality_gap.orphans import end_with_parent  # a second to import; workers alone need it
+
+    end_with_parent()
 
 
 def core_seconds(folder: Path, names: Iterable[str]) -> float:

@@ -17,6 +17,7 @@ from reality_gap.causes import CATALOGUE, register
 from reality_gap.errors import StudyError
 from reality_gap.inverse import inverse_replay, ready
 from reality_gap.measured import Measured, measured
+from reality_gap.orphans import end_with_parent
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import Memory, Replay, replay
 from reality_gap.simulation import silence
@@ -151,6 +152,7 @@ _bench: Workbench | None = None
 def _open(study: Study, causes: Sequence[Cause]) -> None:
     """In a worker: one workbench for all tasks, and the user's own causes in the catalogue."""
     global _bench
+    end_with_parent()
     silence()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the answers is interrupted
     for cause in causes:
