@@ -22,6 +22,7 @@ from rich.progress import (
 
 from experiments.cluster import on_cluster
 from experiments.common import check_jobs, remove_parts, write_json
+from strange_files.orphans import end_with_parent
 
 Work = Callable[..., Any]
 Tasks = Mapping[str, tuple[Any, ...]]
@@ -98,17 +99,10 @@ def _run(work: Work, tasks: Tasks, jobs: int, cluster: str | None) -> Iterator[D
     else:
         context = multiprocessing.get_context("spawn")
         count = min(jobs, len(tasks))
-        with ProcessPoolExecutor(count, context, initializer=_begin) as pool:
+        with ProcessPoolExecutor(count, context, initializer=end_with_parent) as pool:
             futures = {pool.submit(timed, work, tasks[name]): name for name in tasks}
             for future in as_completed(futures):
                 yield futures[future], *future.result()
-
-
-def _begin() -> None:
-    """In a worker: end with whoever started it."""
-    from reality_gap.orphans import end_with_parent  # a second to import; workers alone need it
-
-    end_with_parent()
 
 
 def core_seconds(folder: Path, names: Iterable[str]) -> float:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from reality_gap.confidence import probabilities
 from reality_gap.fitting import Fit, fit
+from reality_gap.newcomers import again, try_next
 from reality_gap.plant import Suspect, same
 from reality_gap.ruler import Ruler
-from reality_gap.search import Search, Settings, again, tried_beside, try_next
+from reality_gap.search import Search, Settings, tried_beside
 from reality_gap.workbench import Workbench
 
 Array = NDArray[np.float64]

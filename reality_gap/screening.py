@@ -171,7 +171,7 @@ DRIFT_TOLERANCE = 0.1
 
 
 LONG = 20.0
-"""Length of a log up to which the screening's columns will do for tolerances [s]."""
+"""Length of a log beyond which what is nearly right adds up: columns of tolerances, names [s]."""
 MUCH = 10.0
 """What a tolerance must do to all readings of a longer one to be replayed by itself [noise]."""
 

@@ -17,12 +17,12 @@ from reality_gap.causes import CATALOGUE, register
 from reality_gap.errors import StudyError
 from reality_gap.inverse import inverse_replay, ready
 from reality_gap.measured import Measured, measured
-from reality_gap.orphans import end_with_parent
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import Memory, Replay, replay
 from reality_gap.simulation import silence
 from reality_gap.study import Study
 from reality_gap.system import System, look_at
+from strange_files.orphans import end_with_parent
 
 Array = NDArray[np.float64]
 Part = tuple[Suspect, Values]

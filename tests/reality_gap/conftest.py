@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
+from reality_gap import evidence
 from reality_gap.causes import cause
 from reality_gap.diagnosis import (
     Dependence,
@@ -23,6 +24,7 @@ from reality_gap.diagnosis import (
     Trace,
     Verdict,
 )
+from reality_gap.evidence import PRIOR
 from reality_gap.measured import Measured, measured
 from reality_gap.plant import Suspect, build
 from reality_gap.reading import load_study
@@ -250,3 +252,9 @@ def _traces(
                 Trace(channel.name, episode.name, channel.unit, noise, time, role[at], *signals)
             )
     return tuple(traces)
+
+
+@pytest.fixture
+def one_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Makes the evidence of what is linear exact."""
+    monkeypatch.setattr(evidence, "SIZES", (PRIOR,))
