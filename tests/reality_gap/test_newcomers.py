@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from reality_gap.causes.attachment_shift import CAUSE as attachment_shift
 from reality_gap.evidence import PRIOR
 from reality_gap.fitting import fit
+from reality_gap.newcomers import try_next
+from reality_gap.plant import Suspect
 from reality_gap.ranking import rank
 from reality_gap.ruler import ruler
+from reality_gap.screening import screen
+from reality_gap.study import Study
+from reality_gap.workbench import Workbench
 from tests.reality_gap.erring import (
     SHAPES,
     Answer,
@@ -187,6 +194,28 @@ def test_what_explains_little_at_first_is_begun_from_afar_too(tmp_path: Path) ->
 
     assert ids(best) == ["far"]
     assert size_of(best, "far") == pytest.approx(-3.0, abs=0.2)
+
+
+def test_a_wire_point_far_off_is_told_from_the_wire_s_other_end(lever_study: Study) -> None:
+    """Begun at the drawing alone, a fit of the other end ends 12 mm off and explains more."""
+    bench = Workbench(lever_study)
+    places = [one for one in attachment_shift.places(bench.system) if one.kind == "site"]
+    ends = [
+        Suspect(attachment_shift, place, attachment_shift.parameters(bench.system, place))
+        for place in places
+        if place.elements[0].startswith("flexor")
+    ]
+    moved = next(one for one in ends if one.place.elements == ("flexor_1",))
+    true = bench.look([(moved, moved.nulls() | {"x": -0.012})]).prediction
+    noise = np.random.default_rng(0).standard_normal(len(true)) * bench.measured.noise
+    bench.measured = replace(bench.measured, value=true + noise)
+    null = bench.residual([])
+    rule = ruler(bench.measured, null, np.zeros((len(null), 0)), None)
+
+    best = try_next(bench, screen(bench, ends, [], null), rule, None, 2)[0]
+
+    assert best.suspects == (moved,)
+    assert best.hypothesis[0][1]["x"] == pytest.approx(-0.012, abs=0.0005)
 
 
 def test_what_sticks_is_fitted_beside_what_sticks_whatever_its_slope_promises(
