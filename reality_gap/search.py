@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from reality_gap.fitting import Fit, fit
 from reality_gap.newcomers import again, try_next
 from reality_gap.plant import same
-from reality_gap.ranking import rank
+from reality_gap.ranking import diverse, rank
 from reality_gap.ruler import Ruler, ruler
 from reality_gap.screening import LONG, Sensitivity
 from reality_gap.waiting import Waiting
@@ -19,6 +19,8 @@ from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
 
+LIKELY = 4
+"""How many are asked what would remain beside them."""
 SWAP = 1.0
 """Evidence by which another must be better to take the place of an earlier cause [nats]."""
 
@@ -39,7 +41,7 @@ class Settings:
     refits: int = 8
     more_refits: int = 5
     threshold: float = 5.0
-    further: float = 12.0
+    further: float = 7.0
     root: float = 0.5
     most: int = 3
 
@@ -101,10 +103,11 @@ def search(
     best: Fit | None = None
     steps: list[Step] = []
     while len(steps) < settings.most:
+        beside = rule if best is None else _foreseen(bench, found, rule, best)
         if waiting:
-            found = [*found, *waiting.call(rank(found, rule, best))]
+            found = [*found, *waiting.call(rank(found, beside, best))]
         refits = settings.refits if best is None else settings.more_refits
-        tried = try_next(bench, found, rule, best, refits)
+        tried = try_next(bench, found, beside, best, refits)
         if not tried:
             break
         rule = ruler(bench.measured, null, tolerances, tried[0].residual)
@@ -123,6 +126,21 @@ def search(
     if best is not None and len(best.hypothesis) > 1:
         best, revised = _revise(bench, found, rule, best, steps, settings)
     return Search(tuple(steps), best, rule, tuple(found), revised)
+
+
+def _foreseen(bench: Workbench, found: Sequence[Sensitivity], rule: Ruler, base: Fit) -> Ruler:
+    """The ruler beside ``base`` of whoever gains most by his own.
+
+    What a further cause does wanders in the remainder without it, and would hide itself there.
+    """
+    chosen, most = rule, -np.inf
+    for sensitivity, theta in diverse(rank(found, rule, base), LIKELY):
+        left = base.residual - sensitivity.columns @ theta
+        own = ruler(bench.measured, rule.null, rule.tolerances, left)
+        [(evidence, _, _)] = rank([sensitivity], own, base)
+        if evidence > most:
+            chosen, most = own, evidence
+    return chosen
 
 
 def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
