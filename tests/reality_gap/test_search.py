@@ -102,17 +102,22 @@ def test_what_adds_little_to_much_is_not_accepted(
 
 
 def test_a_second_cause_does_not_hide_itself_by_wandering(tmp_path: Path) -> None:
-    """Without it the remainder wanders, so that its readings count for next to nothing."""
-    slow = np.sqrt(0.2) * np.sin(0.5 * np.pi * TIME)
-    chosen = [*crowd(2), suspect("slow", slow)]
-    case = Case(tmp_path, 1.5 * SHAPES[:, 0] + slow, chosen)
+    """Without it the remainder wanders, and its readings count for next to nothing.
+
+    Another promises more while they do: what is slow is small for its kind, and dear.
+    """
+    slow = 0.5 * np.sin(0.5 * np.pi * TIME)
+    chosen = [*crowd(2), suspect("slow", 100 * slow)]
+    case = Case(tmp_path, 1.5 * SHAPES[:, 0] + 0.35 * SHAPES[:, 1] + slow, chosen)
     alone = case.fit(chosen[0])
     own = ruler(case.bench.measured, case.null, case.tolerances, alone.residual)
-    assert rank(case.found, own, alone)[0][0] < PROMISE
+    first, second = rank(case.found, own, alone)
+    assert second[0] < first[0] < PROMISE
+    assert first[1].suspect.cause.id == "b"
 
     found = case.search()
 
-    assert ids(found.best) == ["a", "slow"]
+    assert ids(found.best) == ["a", "b", "slow"]
 
 
 def test_what_the_others_made_needless_is_dropped(tmp_path: Path) -> None:
