@@ -123,6 +123,7 @@ class Agent:
         self._way = Way(np.array([start, start]), 0.0, 0.0)
         self._time = -np.inf
         self._target_lengths = drawn.lengths(start)
+        self._asked = drawn, start.copy(), self._target_lengths
         self._look_due = False
         self._frame_time = -np.inf
         self._before: deque[Learned] = deque()
@@ -229,11 +230,19 @@ class Agent:
         elif self._look_due and senses.frame_time >= self._settling.since:
             self._look_due = False
             self._learn_vision(senses)
-        target_lengths = self.map.lengths(self._way.at(senses.time))
+        target_lengths = self._lengths_at(self._way.at(senses.time))
         if self.guard is not None:
             target_lengths = self.guard.safe(target_lengths)
         self._target_lengths = target_lengths
         return target_lengths
+
+    def _lengths_at(self, q: Floats) -> Floats:
+        """The map's lengths (m,) [m] at ``q`` (n,) [rad]: while it is held they stay the same."""
+        by, at, lengths = self._asked
+        if by is not self.map or not np.array_equal(at, q):
+            lengths = self.map.lengths(q)
+            self._asked = self.map, q, lengths
+        return lengths.copy()
 
     def _felt(self, senses: Senses, guard: Guard) -> Senses:
         """Senses with readings that can be used; those in doubt are left out of the estimate."""
