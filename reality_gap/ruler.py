@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,32 +21,43 @@ class Ruler:
     """What evidence is measured in.
 
     Attributes:
-        learn: whitening of the fit and choose splits together.
-        fit: of the fit split alone.
+        measured: the readings.
         null: (n,) residual of the study's model.
         tolerances: (n, p).
+        spread: (n,) how many readings count as one.
     """
 
-    learn: Whitening
-    fit: Whitening
+    measured: Measured
     null: Array
     tolerances: Array
+    spread: Array
 
+    @cached_property
+    def learn(self) -> Whitening:
+        """Whitening of the fit and choose splits together."""
+        return whitening(self.tolerances, self.spread, split(self.measured) <= CHOOSE)
 
-def ruler(measured: Measured, null: Array, tolerances: Array, remainder: Array | None) -> Ruler:
-    """Make a ruler; readings count for less where ``remainder`` (n,) wanders."""
-    role = split(measured)
-    ones = np.ones(len(null))
-    learn = whitening(tolerances, ones, role <= CHOOSE)
-    spread = ones
-    if remainder is not None:
-        group = measured.channel[learn.use]
-        spread = np.ones(len(null))
-        found = inflation(learn(remainder), group)
+    @cached_property
+    def fit(self) -> Whitening:
+        """Whitening of the fit split alone."""
+        return whitening(self.tolerances, self.spread, split(self.measured) == FIT)
+
+    def where_wanders(self, remainder: Array) -> Ruler:
+        """Another, by which readings count for less where ``remainder`` (n,) wanders.
+
+        To be asked of one by which each reading counts as one.
+        """
+        group = self.measured.channel[self.learn.use]
+        found = inflation(self.learn(remainder), group)
+        spread = np.ones(len(remainder))
         for channel in np.unique(group):
-            spread[measured.channel == channel] = found[group == channel][0]
-        learn = whitening(tolerances, spread, role <= CHOOSE)
-    return Ruler(learn, whitening(tolerances, spread, role == FIT), null, tolerances)
+            spread[self.measured.channel == channel] = found[group == channel][0]
+        return replace(self, spread=spread)
+
+
+def ruler(measured: Measured, null: Array, tolerances: Array) -> Ruler:
+    """A ruler by which each reading counts as one."""
+    return Ruler(measured, null, tolerances, np.ones(len(null)))
 
 
 def predictive(rule: Ruler, null: Array, fitted: Fit) -> float:

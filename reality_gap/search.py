@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from reality_gap.fitting import Fit, fit
 from reality_gap.newcomers import again, try_next
 from reality_gap.plant import same
-from reality_gap.ranking import diverse, rank
+from reality_gap.ranking import rank
 from reality_gap.ruler import Ruler, ruler
 from reality_gap.screening import LONG, Sensitivity
 from reality_gap.waiting import Waiting
@@ -19,8 +19,6 @@ from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
 
-LIKELY = 4
-"""How many are asked what would remain beside them."""
 SWAP = 1.0
 """Evidence by which another must be better to take the place of an earlier cause [nats]."""
 
@@ -99,18 +97,18 @@ def search(
         settings: thresholds.
         waiting: who is looked at where the others promise something.
     """
-    rule = ruler(bench.measured, null, tolerances, None)
+    rule = plain = ruler(bench.measured, null, tolerances)
     best: Fit | None = None
     steps: list[Step] = []
     while len(steps) < settings.most:
-        beside = rule if best is None else _foreseen(bench, found, rule, best)
+        beside = rule if best is None else _foreseen(plain, found, rule, best)
         if waiting:
             found = [*found, *waiting.call(rank(found, beside, best))]
         refits = settings.refits if best is None else settings.more_refits
         tried = try_next(bench, found, beside, best, refits)
         if not tried:
             break
-        rule = ruler(bench.measured, null, tolerances, tried[0].residual)
+        rule = plain.where_wanders(tried[0].residual)
         tried = tuple(sorted((again(rule, f) for f in tried), key=lambda f: -f.evidence))
         base = None if best is None else again(rule, best)
         best = tried[0]
@@ -128,19 +126,16 @@ def search(
     return Search(tuple(steps), best, rule, tuple(found), revised)
 
 
-def _foreseen(bench: Workbench, found: Sequence[Sensitivity], rule: Ruler, base: Fit) -> Ruler:
-    """The ruler beside ``base`` of whoever gains most by his own.
+def _foreseen(plain: Ruler, found: Sequence[Sensitivity], rule: Ruler, base: Fit) -> Ruler:
+    """The ruler by what would remain beside ``base`` and whoever promises most.
 
     What a further cause does wanders in the remainder without it, and would hide itself there.
     """
-    chosen, most = rule, -np.inf
-    for sensitivity, theta in diverse(rank(found, rule, base), LIKELY):
-        left = base.residual - sensitivity.columns @ theta
-        own = ruler(bench.measured, rule.null, rule.tolerances, left)
-        [(evidence, _, _)] = rank([sensitivity], own, base)
-        if evidence > most:
-            chosen, most = own, evidence
-    return chosen
+    ranked = rank(found, rule, base)
+    if not ranked:
+        return rule
+    _, likely, theta = ranked[0]
+    return plain.where_wanders(base.residual - likely.columns @ theta)
 
 
 def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:

@@ -86,7 +86,7 @@ class Case:
         self.null = self.bench.residual([])
         self.tolerances = np.zeros((len(TIME), 0))
         self.found = screen(self.bench, chosen, [], self.null)
-        self.rule = ruler(self.bench.measured, self.null, self.tolerances, None)
+        self.rule = ruler(self.bench.measured, self.null, self.tolerances)
 
     def next(self, base: Fit | None = None, refits: int = 8) -> tuple[Fit, ...]:
         return try_next(self.bench, self.found, self.rule, base, refits)

@@ -44,7 +44,7 @@ def noise(bench: Workbench, seed: int) -> Array:
 
 def plain(bench: Workbench, residual: Array) -> Ruler:
     """Without tolerances: every reading counts in full."""
-    return ruler(bench.measured, residual, np.zeros((len(residual), 0)), None)
+    return ruler(bench.measured, residual, np.zeros((len(residual), 0)))
 
 
 def learned(bench: Workbench, bank: Bank, residual: Array) -> Learned:
@@ -109,7 +109,7 @@ def test_what_tolerances_explain_is_not_learned(bench: Workbench, bank: Bank) ->
     """A column that every honest drawing may be off by is no news."""
     column = bank.columns[:, 8]
     residual = 0.5 * column + noise(bench, 5)
-    tolerant = ruler(bench.measured, residual, column[:, None], None)
+    tolerant = ruler(bench.measured, residual, column[:, None])
 
     found = learn(bench, tolerant, residual, bank)
 

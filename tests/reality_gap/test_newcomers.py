@@ -210,7 +210,7 @@ def test_a_wire_point_far_off_is_told_from_the_wire_s_other_end(lever_study: Stu
     noise = np.random.default_rng(0).standard_normal(len(true)) * bench.measured.noise
     bench.measured = replace(bench.measured, value=true + noise)
     null = bench.residual([])
-    rule = ruler(bench.measured, null, np.zeros((len(null), 0)), None)
+    rule = ruler(bench.measured, null, np.zeros((len(null), 0)))
 
     best = try_next(bench, screen(bench, ends, [], null), rule, None, 2)[0]
 
@@ -251,7 +251,7 @@ def test_where_a_large_start_diverges_a_smaller_one_is_tried(
     )
     case = Case(tmp_path, 0.5**1.5 * SHAPES[:, 0], [brittle])
     allowed = SHAPES[:, 1 : 1 + tolerances]
-    case.rule = ruler(case.bench.measured, case.null, allowed, None)
+    case.rule = ruler(case.bench.measured, case.null, allowed)
     _, sensitivity, theta = rank(case.found, case.rule, None)[0]
     beyond = case.bench.residual([(brittle, sensitivity.values(theta))])
 
