@@ -31,6 +31,18 @@ def probabilities(base: float, fits: Sequence[Fit]) -> Array:
     return tempered(np.array([f.evidence for f in fits]) - base, TEMPER)
 
 
+def nameless(named: float, learned: float) -> float:
+    """Probability that the gap is none of the causes, but something that has no name.
+
+    The learned residual is one rival more: a catalogue is never whole.
+
+    Args:
+        named: evidence of the causes [nats].
+        learned: of what was learned in their place.
+    """
+    return float(tempered(np.array([learned - named]), TEMPER)[0])
+
+
 def tempered(evidence: Array, temper: float) -> Array:
     """Probabilities (k,) from evidence (k,) over that of none [nats], with a temper."""
     heights = np.concatenate([[0.0], evidence])

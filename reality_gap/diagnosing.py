@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Cause
 from reality_gap.causes import CATALOGUE
+from reality_gap.confidence import nameless
 from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict
 from reality_gap.equivalence import Alternatives, alternatives
 from reality_gap.gain import score
@@ -21,7 +22,7 @@ from reality_gap.plant import Suspect, build, same
 from reality_gap.remainder import Remainder, examine
 from reality_gap.ruler import predictive
 from reality_gap.screening import NO_SHELF, Sensitivity, screen, suspects, tolerances
-from reality_gap.search import Search, Settings, search
+from reality_gap.search import Search, Settings, revise, search
 from reality_gap.sentences import sentence
 from reality_gap.shelf import Shelf, digest
 from reality_gap.splits import REPORT, split
@@ -37,6 +38,8 @@ Watch = Callable[[Workbench, Array, Sequence[Sensitivity]], None]
 """Sees the replays, the residual of the study's model (n,), and all sensitivities."""
 
 
+BEATEN = 1.1
+"""Evidence of a learner in place of the causes, over theirs, from which on they are left alone."""
 FEW_WIRES = 20
 """With more, the search for single causes takes hours."""
 
@@ -126,22 +129,24 @@ def diagnose(
         waiting = Waiting(bench, null, later, options.visible)
         settings = options.search.for_log(study.duration)
         result = search(bench, judged, null, allowed, settings, waiting)
-        progress(0.85, "weighing what remains")
+        progress(0.8, "weighing what remains")
+        result, left = weighed(bench, result, null, settings, options)
         best = result.best
         after = null if best is None else best.residual
         if power(bench.measured, null) < options.many**2:
             whole = explain(
-                bench, catalogue, after, options.large, lambda what: progress(0.85, what)
+                bench, catalogue, after, options.large, lambda what: progress(0.9, what)
             )
         rest = power(bench.measured, after)
         if whole is not None and rest > max(options.large**2, whole.power / BETTER):
             return of_groups(bench, whole, null, begin)
-        stands = [] if best is None else best.hypothesis
-        left = examine(bench, result.ruler, stands, after, null)
         scored = score(bench.system.study, bench.measured, null, after)
         verdict = decide(result, left, options)
         certain = verdict is Verdict.NAMED
         rivals = alternatives(bench, result, settings, certain)
+        doubt = None if best is None else nameless(best.evidence, left.instead.evidence)
+        if doubt is not None:
+            rivals = tuple(replace(r, confidence=(1.0 - doubt) * r.confidence) for r in rivals)
         named = _name(bench, result, rivals) if certain else ()
         progress(0.95, "choosing the next experiment")
         advice = next_experiment(bench.system, rivals, result.found) if options.suggest else None
@@ -153,6 +158,7 @@ def diagnose(
             sentence="",
             causes=named,
             rivals=_rivals(result, rivals, null),
+            nameless=doubt,
             rms_before=scored.before,
             rms_after=scored.after,
             noise_floor=scored.floor,
@@ -183,6 +189,30 @@ def _search_too(bench: Workbench, options: Options) -> bool:
     """Whether single causes are searched for, too, in a machine that groups explain."""
     few = len(bench.system.wires) <= FEW_WIRES
     return few if options.search_after_groups is None else options.search_after_groups
+
+
+def weighed(
+    bench: Workbench, result: Search, null: Array, settings: Settings, options: Options
+) -> tuple[Search, Remainder]:
+    """The causes, looked at anew beside each other, and what they leave.
+
+    Causes that a learner in their place beats by far are no names, and are left as they are.
+    """
+
+    def leaves(found: Search) -> Remainder:
+        best = found.best
+        if best is None:
+            return examine(bench, found.ruler, [], null, null)
+        return examine(bench, found.ruler, best.hypothesis, best.residual, null)
+
+    left = leaves(result)
+    if result.best is None:
+        return result, left
+    named = result.best.evidence
+    if left.instead.evidence > max(BEATEN * named, named + options.better):
+        return result, left
+    revised = revise(bench, result, settings)
+    return revised, left if revised.best is result.best else leaves(revised)
 
 
 def _judge(

@@ -41,7 +41,8 @@ class Rival:
         suspect: the cause and its place.
         values: fitted parameters.
         score: log predictive probability of the choose split over the model without it [nats].
-        confidence: probability that it is (one of) the right causes; of the step it was in.
+        confidence: probability that it is (one of) the right causes; of the step it was in. Those
+            of a step leave room for nobody, and for what is `Diagnosis.nameless`.
         step: 0 in the search for the first cause, 1 for the second, ...
         chosen: whether it is in the verdict.
         evidence: log marginal likelihood over the hypothesis without it [nats].
@@ -160,6 +161,8 @@ class Diagnosis:
         verdict: see `Verdict`; ``sentence`` says it to people, with advice.
         causes: the one that explains most first; empty unless the verdict is "named".
         rivals: every suspect that was fitted, best first in each step.
+        nameless: probability that what is wrong is none of the causes: a learned residual, which is
+            no name, was put in their place. None where no cause was found.
         rms_before, rms_after, noise_floor: RMS of the whitened residual on the report split.
         gain: None when before is not surely above the floor.
         unexplained_fraction: of the power above the floor, what remains, 0 to 1.
@@ -194,3 +197,4 @@ class Diagnosis:
     extended_xml: str
     seconds: float
     measures: Mapping[str, float] = field(default_factory=dict)
+    nameless: float | None = None

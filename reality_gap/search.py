@@ -69,14 +69,14 @@ class Search:
         best: the hypothesis that stands; None for the null.
         ruler: what evidence was measured in, at the end.
         found: sensitivities of all who were looked at.
-        revised: who was tried in the place of earlier causes, beside the later ones.
+        revised: who was tried in the place of earlier causes, beside the later ones; see `revise`.
     """
 
     steps: tuple[Step, ...]
     best: Fit | None
     ruler: Ruler
     found: tuple[Sensitivity, ...]
-    revised: tuple[Step, ...]
+    revised: tuple[Step, ...] = ()
 
 
 def search(
@@ -120,10 +120,7 @@ def search(
         if not accepted:
             best = base
             break
-    revised: tuple[Step, ...] = ()
-    if best is not None and len(best.hypothesis) > 1:
-        best, revised = _revise(bench, found, rule, best, steps, settings)
-    return Search(tuple(steps), best, rule, tuple(found), revised)
+    return Search(tuple(steps), best, rule, tuple(found))
 
 
 def _foreseen(plain: Ruler, found: Sequence[Sensitivity], rule: Ruler, base: Fit) -> Ruler:
@@ -145,22 +142,18 @@ def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
     return more > max(settings.further, settings.root * base.evidence**0.5)
 
 
-def _revise(
-    bench: Workbench,
-    found: Sequence[Sensitivity],
-    rule: Ruler,
-    best: Fit,
-    steps: Sequence[Step],
-    settings: Settings,
-) -> tuple[Fit, tuple[Step, ...]]:
+def revise(bench: Workbench, result: Search, settings: Settings) -> Search:
     """Look at each cause anew beside those that came after it: drop it, or put a likelier one.
 
     The first cause of two was chosen when it had to explain a part of the other, too.
     """
+    best, rule = result.best, result.ruler
+    if best is None or len(best.hypothesis) == 1:
+        return result
     revised: list[Step] = []
     for suspect in best.suspects:
         rest: Hypothesis = [part for part in best.hypothesis if not same(part[0], suspect)]
-        if tried_beside([*steps, *revised], rest) is not None:
+        if tried_beside([*result.steps, *revised], rest) is not None:
             continue
         without = fit(bench, rest, rule.learn, rule.null)
         if best.evidence - without.evidence < settings.further:
@@ -168,12 +161,12 @@ def _revise(
             if len(best.hypothesis) == 1:
                 break
             continue
-        tried = try_next(bench, found, rule, without, settings.refits)
+        tried = try_next(bench, result.found, rule, without, settings.refits)
         better = bool(tried) and tried[0].evidence > best.evidence + SWAP
         revised.append(Step(without, tried, better))
         if better:
             best = fit(bench, tried[0].hypothesis, rule.learn, rule.null, tried[0].jacobian)
-    return best, tuple(revised)
+    return replace(result, best=best, revised=tuple(revised))
 
 
 def tried_beside(steps: Sequence[Step], others: Hypothesis) -> Step | None:

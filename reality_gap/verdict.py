@@ -22,6 +22,7 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
         "verdict": diagnosis.verdict.value,
         "sentence": diagnosis.sentence,
         "causes": [_cause(cause) for cause in diagnosis.causes],
+        "nameless": diagnosis.nameless,
         "rms_before": diagnosis.rms_before,
         "rms_after": diagnosis.rms_after,
         "noise_floor": diagnosis.noise_floor,

@@ -6,6 +6,8 @@ from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict
 from reality_gap.display import capital, human, joined, number, percent
 from reality_gap.pictures.rivals import by_step, equivalents
 
+DOUBT = 0.05
+"""Probability from which on it is said that the cause may have no name."""
 KINDS = {
     Verdict.NOTHING_WRONG: "Nothing wrong was found",
     Verdict.NAMED: "Cause named",
@@ -52,7 +54,7 @@ def why(diagnosis: Diagnosis) -> list[str]:
     steps = by_step(diagnosis.rivals)
     if diagnosis.verdict is Verdict.NAMED:
         others = "" if len(steps) == 1 else ", beside the other causes of the verdict,"
-        return [_winner(step, diagnosis.causes, others) for step in steps]
+        return [_winner(step, diagnosis.causes, others) for step in steps] + _nameless(diagnosis)
     return [_nobody(diagnosis, steps[0])] if steps else []
 
 
@@ -95,6 +97,17 @@ def _winner(step: list[Rival], causes: tuple[NamedCause, ...], beside: str) -> s
         names = joined([human(id_) for id_ in sorted(alike)], "or")
         sentence += f". These data cannot tell it from {names}"
     return sentence + "."
+
+
+def _nameless(diagnosis: Diagnosis) -> list[str]:
+    """A sentence where it may be something else altogether."""
+    chance = diagnosis.nameless or 0.0
+    if chance < DOUBT:
+        return []
+    return [
+        "A learned residual, which stands for whatever has no name, explains about as much in "
+        f"place of the causes: with {percent(chance)} probability it is none of those known."
+    ]
 
 
 def _told(rival: Rival) -> str:

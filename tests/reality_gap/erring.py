@@ -15,7 +15,7 @@ from reality_gap.newcomers import try_next
 from reality_gap.plant import Suspect
 from reality_gap.ruler import ruler
 from reality_gap.screening import screen
-from reality_gap.search import Search, Settings, search
+from reality_gap.search import Search, Settings, revise, search
 from reality_gap.splits import CHOOSE, split
 from reality_gap.study import Channel, Episode, Reading, Study
 from reality_gap.system import System
@@ -93,7 +93,8 @@ class Case:
 
     def search(self, settings: Settings | None = None) -> Search:
         chosen = Settings() if settings is None else settings
-        return search(self.bench, self.found, self.null, self.tolerances, chosen)
+        found = search(self.bench, self.found, self.null, self.tolerances, chosen)
+        return revise(self.bench, found, chosen)
 
     def fit(self, *chosen: Suspect) -> Fit:
         """From the null, with differences."""

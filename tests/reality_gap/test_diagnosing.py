@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
-from reality_gap.diagnosing import Options, decide, diagnose
+from reality_gap.confidence import TEMPER
+from reality_gap.diagnosing import Options, decide, diagnose, weighed
 from reality_gap.diagnosis import Verdict
+from reality_gap.fitting import fit
+from reality_gap.newcomers import again
+from reality_gap.reading import load_study
+from reality_gap.remainder import Remainder, examine
+from reality_gap.ruler import Ruler
 from reality_gap.search import Settings
 from reality_gap.study import Channel, Episode, Reading, Study
+from reality_gap.workbench import Hypothesis, Workbench
+
+Array = NDArray[np.float64]
 
 
 def decided(
@@ -128,3 +139,58 @@ def test_what_further_causes_need_follows_the_length_of_all_episodes(
         diagnose(study, causes=[CATALOGUE["gravity_direction"]])
     assert found.value.args == (Settings().for_log(study.duration),)
     assert study.duration == pytest.approx(59.8)
+
+
+@pytest.mark.parametrize(
+    ("more", "chance"), [(-100.0, 0.0), (0.0, 0.5), (TEMPER * np.log(3), 0.75)]
+)
+def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
+    more: float, chance: float, study_folder: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def as_good(
+        bench: Workbench, rule: Ruler, hypothesis: Hypothesis, residual: Array, null: Array
+    ) -> Remainder:
+        [(suspect, values)] = hypothesis
+        named = again(rule, fit(bench, [(suspect, values)], rule.learn, null)).evidence
+        found = examine(bench, rule, hypothesis, residual, null)
+        return replace(found, instead=replace(found.instead, evidence=named + more))
+
+    for log in study_folder.logs.values():
+        if "tension_flexor" in log:
+            log["tension_flexor"] = [1.5 * tension for tension in log["tension_flexor"]]
+    monkeypatch.setattr("reality_gap.diagnosing.examine", as_good)
+    study = load_study(study_folder.write())
+    options = Options(suggest=False)
+    found = diagnose(study, causes=[CATALOGUE["tension_scale"]], options=options)
+
+    [cause] = found.causes
+    assert found.nameless == pytest.approx(chance, abs=0.01)
+    assert cause.confidence == pytest.approx(1.0 - chance, abs=0.01)
+    assert sum(r.confidence for r in found.rivals) <= 1.0 - found.nameless + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("named", "instead", "anew"),
+    [
+        (100.0, 0.0, True),
+        (100.0, 109.0, True),
+        (100.0, 111.0, False),  # a hard stop as three causes
+        (20.0, 25.9, True),  # may be named yet
+        (20.0, 26.1, False),
+    ],
+)
+def test_causes_that_a_learner_beats_by_far_are_not_looked_at_anew(
+    named: float, instead: float, anew: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, other = (
+        SimpleNamespace(best=SimpleNamespace(evidence=e, hypothesis=[], residual=None), ruler=None)
+        for e in (named, named + 1.0)
+    )
+    leaves = {0: SimpleNamespace(instead=SimpleNamespace(evidence=instead)), 1: object()}
+    looks = iter(leaves.values())
+    monkeypatch.setattr("reality_gap.diagnosing.examine", lambda *arguments: next(looks))
+    monkeypatch.setattr("reality_gap.diagnosing.revise", lambda *arguments: other)
+    nothing: Any = None
+    result: Any = first
+    found = weighed(nothing, result, nothing, Settings(), Options())
+    assert found == ((other, leaves[1]) if anew else (first, leaves[0]))

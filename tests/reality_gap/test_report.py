@@ -90,6 +90,18 @@ def test_a_named_cause_stands_in_units_for_people(diagnosed: Make, lever_study: 
     assert "camera focal nothing to act on" in found
 
 
+@pytest.mark.parametrize(("chance", "said"), [(0.31, True), (0.01, False), (None, False)])
+@pytest.mark.usefixtures("blank_pictures")
+def test_it_is_said_where_the_cause_may_have_no_name(
+    chance: float | None, said: bool, diagnosed: Make, lever_study: Study
+) -> None:
+    diagnosis = replace(diagnosed(Verdict.NAMED), nameless=chance)
+
+    found = read(page(diagnosis, lever_study)).text
+
+    assert ("with 31 % probability it is none of those known" in found) is said
+
+
 @pytest.mark.usefixtures("blank_pictures")
 def test_nothing_wrong_promises_neither_gain_nor_truth(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = replace(diagnosed(Verdict.NOTHING_WRONG), rivals=(), next_experiment=None)
