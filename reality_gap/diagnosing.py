@@ -38,8 +38,9 @@ Watch = Callable[[Workbench, Array, Sequence[Sensitivity]], None]
 """Sees the replays, the residual of the study's model (n,), and all sensitivities."""
 
 
-BEATEN = 1.1
-"""Evidence of a learner in place of the causes, over theirs, from which on they are left alone."""
+BEATEN, LEFT = 1.1, 5.0
+"""Evidence of a learner in place of the causes, over theirs, and of one in what they leave, over
+what it may be, from which on they are left alone."""
 FEW_WIRES = 20
 """With more, the search for single causes takes hours."""
 
@@ -149,7 +150,9 @@ def diagnose(
             rivals = tuple(replace(r, confidence=(1.0 - doubt) * r.confidence) for r in rivals)
         named = _name(bench, result, rivals) if certain else ()
         progress(0.95, "choosing the next experiment")
-        advice = next_experiment(bench.system, rivals, result.found) if options.suggest else None
+        # Where no name holds, there is nobody to tell apart.
+        wanted = certain and options.suggest
+        advice = next_experiment(bench, rivals, result.found) if wanted else None
         plant = build(bench.system, [] if best is None else list(best.hypothesis))
         attached = () if best is None else tuple(s for s in best.suspects if s.cause.attach)
         diagnosis = Diagnosis(
@@ -196,7 +199,8 @@ def weighed(
 ) -> tuple[Search, Remainder]:
     """The causes, looked at anew beside each other, and what they leave.
 
-    Causes that a learner in their place beats by far are no names, and are left as they are.
+    Causes that a learner beats by far, in their place or beside them, are no names, and are left as
+    they are.
     """
 
     def leaves(found: Search) -> Remainder:
@@ -209,7 +213,8 @@ def weighed(
     if result.best is None:
         return result, left
     named = result.best.evidence
-    if left.instead.evidence > max(BEATEN * named, named + options.better):
+    beaten = left.instead.evidence > max(BEATEN * named, named + options.better)
+    if beaten or left.learned.evidence > LEFT * _may_leave(named, options):
         return result, left
     revised = revise(bench, result, settings)
     return revised, left if revised.best is result.best else leaves(revised)
@@ -245,14 +250,18 @@ def decide(result: Search, left: Remainder, options: Options) -> Verdict:
         found = left.learned.evidence > options.certain
         return Verdict.UNEXPLAINED if found else Verdict.NOTHING_WRONG
     named = result.best.evidence
-    allowed = min(options.unexplained * named, options.root * named**0.5)
-    much = left.learned.evidence > max(options.certain, allowed)
+    much = left.learned.evidence > _may_leave(named, options)
     better = left.instead.evidence > named + options.better
     worse = left.after > max(left.before, options.worse)
     # A stop that the machine runs into in each episode looks like a push.
     events = all(suspect.cause.event for suspect in result.best.suspects)
     no_event = events and left.instead.evidence > options.by_chance * named
     return Verdict.UNEXPLAINED if much or better or worse or no_event else Verdict.NAMED
+
+
+def _may_leave(named: float, options: Options) -> float:
+    """What a learner may find in what causes of such evidence leave [nats]."""
+    return max(options.certain, min(options.unexplained * named, options.root * named**0.5))
 
 
 def _name(

@@ -14,13 +14,11 @@ from reality_gap.confidence import TEMPER
 from reality_gap.diagnosis import Experiment
 from reality_gap.equivalence import Alternatives
 from reality_gap.fitting import STEP, Fit, at
-from reality_gap.measured import channel_noise, measured
-from reality_gap.plant import Suspect, build
-from reality_gap.replay import replay
+from reality_gap.measured import channel_noise
+from reality_gap.plant import Suspect
 from reality_gap.screening import Sensitivity, allowances
 from reality_gap.study import Episode, Reading, Study
-from reality_gap.system import System
-from reality_gap.workbench import Hypothesis
+from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
 
@@ -128,19 +126,19 @@ def _through(points: Array, hold: float, travel: float, fastest: Array) -> Array
 
 
 def next_experiment(
-    system: System, rivals: Sequence[Alternatives], found: Sequence[Sensitivity]
+    bench: Workbench, rivals: Sequence[Alternatives], found: Sequence[Sensitivity]
 ) -> Experiment | None:
     """The motion that best separates the likeliest rivals of the least certain cause.
 
     None where there are no rivals, or no motion is likely to halve the doubt between them.
 
     Args:
-        system: the machine.
+        bench: replays.
         rivals: of each cause.
         found: sensitivities of all suspects, by which what every drawing is off by is known.
     """
-    open_ = [a for a in rivals if len(a.tried) > 1]
-    if not open_ or system.study.inverse:
+    open_, known = [a for a in rivals if len(a.tried) > 1], bench.system.study
+    if not open_ or known.inverse:
         return None
     unsure = min(open_, key=lambda a: float(a.confidence.max()))
     order = np.argsort(-unsure.confidence)[:RIVALS]
@@ -149,16 +147,16 @@ def next_experiment(
     slack = _confusing(found, fits[0].residual - fits[1].residual)
 
     def apart(study: Study) -> Array:
-        return _separations(system, study, fits, slack)
+        return _separations(bench, study, fits, slack)
 
     def mean(distances: Array) -> float:
         return float(np.average(distances, weights=np.maximum(weights[1:], 1e-12)))
 
     def beginning(motion: Motion) -> float:
-        return mean(apart(_as_study(system.study, motion, TRIED)))
+        return mean(apart(_as_study(known, motion, TRIED)))
 
-    motion = max(motions(system.study), key=beginning)
-    there = apart(_as_study(system.study, motion, SECONDS))
+    motion = max(motions(known), key=beginning)
+    there = apart(_as_study(known, motion, SECONDS))
     if not halves(weights, there):
         return None
     one, two = (str(fits[i].suspects[-1]) for i in (0, 1))
@@ -168,7 +166,7 @@ def next_experiment(
         time=PERIOD * np.arange(len(motion.command), dtype=np.float64),
         command=motion.command,
         separation=mean(there),
-        separation_before=mean(apart(system.study)),
+        separation_before=mean(apart(known)),
     )
 
 
@@ -214,30 +212,26 @@ def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
     return replace(study, channels=channels, episodes=(episode,))
 
 
-def _separations(system: System, study: Study, fits: Sequence[Fit], slack: _Slack) -> Array:
+def _separations(bench: Workbench, study: Study, fits: Sequence[Fit], slack: _Slack) -> Array:
     """Distance of each other rival from the likeliest (k - 1,) [noise]; 0 where a replay fails.
 
     The others' parameters adapt, and so does what every drawing is off by, at the price of its
     tolerance.
     """
-    readings = measured(study)
-
-    def predict(hypothesis: Hypothesis) -> Array:
-        return replay(build(system, hypothesis), study, readings).prediction / readings.noise
-
-    null, first = predict([]), predict(fits[0].hypothesis)
-    off = [
-        (predict([(suspect, suspect.nulls() | {p.name: p.null + STEP * p.scale})]) - null)
-        * (p.tolerance / abs(STEP * p.scale))
-        for suspect, p in slack
+    asked: list[Hypothesis] = [[], fits[0].hypothesis]
+    asked += [
+        [(suspect, suspect.nulls() | {p.name: p.null + STEP * p.scale})] for suspect, p in slack
     ]
+    for fit in fits[1:]:
+        asked.append(fit.hypothesis)
+        asked += [at(fit.hypothesis, fit.theta + STEP * axis) for axis in np.eye(len(fit.theta))]
+    found = iter(bench.predictions(study, asked))
+    null, first = next(found), next(found)
+    off = [(next(found) - null) * (p.tolerance / abs(STEP * p.scale)) for _, p in slack]
     distances = []
     for fit in fits[1:]:
-        other = predict(fit.hypothesis)
-        slopes = [
-            (predict(at(fit.hypothesis, fit.theta + STEP * axis)) - other) / STEP
-            for axis in np.eye(len(fit.theta))
-        ]
+        other = next(found)
+        slopes = [(next(found) - other) / STEP for _ in fit.theta]
         columns, gap = np.column_stack([*slopes, *off]), first - other
         if not (np.all(np.isfinite(gap)) and np.all(np.isfinite(columns))):
             distances.append(0.0)

@@ -140,6 +140,13 @@ class Workbench:
             self.tick()
         return found
 
+    def predictions(self, study: Study, hypotheses: Sequence[Hypothesis]) -> list[Array]:
+        """What each would read in another study of the same machine (n,), in units of noise."""
+        if self._pool is None:
+            return [_elsewhere(self.system, study, hypothesis) for hypothesis in hypotheses]
+        studies = [study] * len(hypotheses)
+        return list(self._pool.map(_predict_elsewhere, studies, hypotheses))
+
     def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Array]:
         if self._pool is None or len(hypotheses) < 2:
             return (self.look(hypothesis, coarse).prediction for hypothesis in hypotheses)
@@ -164,3 +171,13 @@ def _open(study: Study, causes: Sequence[Cause]) -> None:
 def _predict(hypothesis: Hypothesis, coarse: bool) -> Array:
     assert _bench is not None
     return _bench.look(hypothesis, coarse).prediction
+
+
+def _predict_elsewhere(study: Study, hypothesis: Hypothesis) -> Array:
+    assert _bench is not None
+    return _elsewhere(_bench.system, study, hypothesis)
+
+
+def _elsewhere(system: System, study: Study, hypothesis: Hypothesis) -> Array:
+    readings = measured(study)
+    return replay(build(system, hypothesis), study, readings).prediction / readings.noise

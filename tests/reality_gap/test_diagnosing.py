@@ -170,27 +170,30 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
 
 
 @pytest.mark.parametrize(
-    ("named", "instead", "anew"),
+    ("named", "instead", "learned", "anew"),
     [
-        (100.0, 0.0, True),
-        (100.0, 109.0, True),
-        (100.0, 111.0, False),  # a hard stop as three causes
-        (20.0, 25.9, True),  # may be named yet
-        (20.0, 26.1, False),
+        (100.0, 0.0, 0.0, True),
+        (100.0, 109.0, 0.0, True),
+        (100.0, 111.0, 0.0, False),
+        (20.0, 25.9, 0.0, True),  # may be named yet
+        (20.0, 26.1, 0.0, False),
+        (10_000.0, 0.0, 1499.0, True),
+        (10_000.0, 0.0, 1501.0, False),  # a hard stop as three causes
     ],
 )
 def test_causes_that_a_learner_beats_by_far_are_not_looked_at_anew(
-    named: float, instead: float, anew: bool, monkeypatch: pytest.MonkeyPatch
+    named: float, instead: float, learned: float, anew: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, other = (
         SimpleNamespace(best=SimpleNamespace(evidence=e, hypothesis=[], residual=None), ruler=None)
         for e in (named, named + 1.0)
     )
-    leaves = {0: SimpleNamespace(instead=SimpleNamespace(evidence=instead)), 1: object()}
-    looks = iter(leaves.values())
+    found = (SimpleNamespace(evidence=evidence) for evidence in (instead, learned))
+    leaves = [SimpleNamespace(instead=next(found), learned=next(found)), object()]
+    looks = iter(leaves)
     monkeypatch.setattr("reality_gap.diagnosing.examine", lambda *arguments: next(looks))
     monkeypatch.setattr("reality_gap.diagnosing.revise", lambda *arguments: other)
     nothing: Any = None
     result: Any = first
-    found = weighed(nothing, result, nothing, Settings(), Options())
-    assert found == ((other, leaves[1]) if anew else (first, leaves[0]))
+    got = weighed(nothing, result, nothing, Settings(), Options())
+    assert got == ((other, leaves[1]) if anew else (first, leaves[0]))
