@@ -13,7 +13,8 @@ from experiments.arm import ACTUAL, NO_END
 from experiments.common import trained_map
 from experiments.errors import ExperimentError
 from jmm_agent.drawing import Floats
-from jmm_agent.estimator import EstimatorOptions, JointEstimator
+from jmm_agent.estimator import JointEstimator
+from jmm_agent.estimator_options import EstimatorOptions
 from jmm_agent.learner import BatchOptions, Learner, Pairs, RidgeRule, Rule
 from jmm_agent.prior import MapPrior, PriorOptions
 from jmm_agent.settling import SettlingDetector, SettlingOptions

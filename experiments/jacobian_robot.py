@@ -12,7 +12,8 @@ from experiments.session import Session
 from experiments.visits import visit
 from jmm_agent.agent import PERIOD, WAKING
 from jmm_agent.drawing import Floats
-from jmm_agent.estimator import JointEstimator, LengthMap, QuadraticJacobian
+from jmm_agent.estimator import JointEstimator
+from jmm_agent.length_map import LengthMap, QuadraticJacobian
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.minibatch import MinibatchRule
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from experiments.common import ARM, trained_map
 from jmm_agent.bounded_least_squares import minimise
 from jmm_agent.drawing import Floats
-from jmm_agent.estimator import LengthMap
 from jmm_agent.kinematics import ArmKinematics
+from jmm_agent.length_map import LengthMap
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.prior import MapPrior, PriorOptions
 from jmm_agent.sight import MarkerSight

@@ -14,7 +14,8 @@ import numpy as np
 
 from jmm_agent.drawing import Floats
 from jmm_agent.errors import AgentError
-from jmm_agent.estimator import EstimatorOptions, JointEstimator
+from jmm_agent.estimator import JointEstimator
+from jmm_agent.estimator_options import EstimatorOptions
 from jmm_agent.faults import Fault
 from jmm_agent.guard import Guard
 from jmm_agent.kinematics import ArmKinematics

@@ -30,84 +30,21 @@ innovation squared (NIS) is taken of, with m - n degrees of freedom.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaincinv
 
-from jmm_agent.errors import AgentError
+from jmm_agent.estimator_options import EstimatorError, EstimatorOptions
+from jmm_agent.length_map import LengthMap
 
 Floats = NDArray[np.float64]
 
 DOUBTED_NOISE = 1e4
 """Noise of a length that is not believed, in units of the encoder's."""
-
-
-class EstimatorError(AgentError):
-    """The estimator was given something unusable; its estimate is what it was before."""
-
-
-class LengthMap(Protocol):
-    """Joints (n,) [rad] -> muscle lengths (m,) [m] and their Jacobian (m, n) [m/rad]."""
-
-    def lengths_and_jacobian(self, q: Floats) -> tuple[Floats, Floats]: ...
-
-
-class SmoothedMap(Protocol):
-    """A map that also offers the paper's five-point quadratic Jacobian (sec. II-B)."""
-
-    def lengths(self, q: Floats) -> Floats: ...
-    def jacobian_quadratic(self, q: Floats) -> Floats: ...
-
-
-@dataclass(frozen=True)
-class QuadraticJacobian:
-    """Gives the estimator the quadratic Jacobian of `source` instead of the analytic one."""
-
-    source: SmoothedMap
-
-    def lengths_and_jacobian(self, q: Floats) -> tuple[Floats, Floats]:
-        """Lengths (m,) [m] and smoothed Jacobian (m, n) [m/rad]."""
-        return self.source.lengths(q), self.source.jacobian_quadratic(q)
-
-
-@dataclass(frozen=True)
-class EstimatorOptions:
-    """How sure the filter is of what.
-
-    Attributes:
-        encoder_noise: standard deviation of a measured length, R [m].
-        motion_noise: how far joints move, V [rad/sqrt(s)]; smaller averages more and lags more.
-        process_noise: error of the state equation, mostly curvature, Q [rad/sqrt(s)].
-        initial_std: of each joint at the start [rad].
-        invalidation_std: added to each joint when the map has changed [rad].
-        limit_margin: how far outside its limits an estimate may be [rad].
-        window: number of updates over which consistency is judged.
-        confidence: of the chi-squared band.
-    """
-
-    encoder_noise: float = 2e-4
-    motion_noise: float = 3.0
-    process_noise: float = 0.05
-    initial_std: float = 0.5
-    invalidation_std: float = 0.2
-    limit_margin: float = 0.1
-    window: int = 50
-    confidence: float = 0.95
-
-    def __post_init__(self) -> None:
-        for name in ("encoder_noise", "motion_noise", "process_noise", "initial_std"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise EstimatorError(f"Estimator: {name} is {getattr(self, name)}, not positive.")
-        for name in ("invalidation_std", "limit_margin"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise EstimatorError(f"Estimator: {name} is {getattr(self, name)}, but negative.")
-        if self.window < 1 or not 0 < self.confidence < 1:
-            raise EstimatorError("Estimator: window must be 1 or more, confidence in (0, 1).")
 
 
 class Estimate(NamedTuple):

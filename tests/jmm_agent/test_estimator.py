@@ -13,13 +13,9 @@ from filterpy.kalman import ExtendedKalmanFilter
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from jmm_agent.estimator import (
-    Consistency,
-    EstimatorError,
-    EstimatorOptions,
-    JointEstimator,
-    QuadraticJacobian,
-)
+from jmm_agent.estimator import Consistency, JointEstimator
+from jmm_agent.estimator_options import EstimatorError, EstimatorOptions
+from jmm_agent.length_map import QuadraticJacobian
 
 ARM = Path(__file__).parents[2] / "assets/mjcf/kengoro_arm/arm.xml"
 ARM_JOINTS = (
