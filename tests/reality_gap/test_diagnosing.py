@@ -141,6 +141,26 @@ def test_what_further_causes_need_follows_the_length_of_all_episodes(
     assert study.duration == pytest.approx(59.8)
 
 
+def with_a_wrong_tension(study_folder: Any) -> Study:
+    for log in study_folder.logs.values():
+        if "tension_flexor" in log:
+            log["tension_flexor"] = [1.5 * tension for tension in log["tension_flexor"]]
+    return load_study(study_folder.write())
+
+
+@pytest.mark.parametrize("verdict", [Verdict.NAMED, Verdict.UNEXPLAINED])
+def test_an_experiment_is_looked_for_only_where_a_name_holds(
+    verdict: Verdict, study_folder: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr("reality_gap.diagnosing.decide", lambda *arguments: verdict)
+    monkeypatch.setattr("reality_gap.diagnosing.next_experiment", lambda *a: asked.append(a))
+
+    diagnose(with_a_wrong_tension(study_folder), causes=[CATALOGUE["tension_scale"]])
+
+    assert len(asked) == (verdict is Verdict.NAMED)
+
+
 @pytest.mark.parametrize(
     ("more", "chance"), [(-100.0, 0.0), (0.0, 0.5), (TEMPER * np.log(3), 0.75)]
 )
@@ -155,11 +175,8 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
         found = examine(bench, rule, hypothesis, residual, null)
         return replace(found, instead=replace(found.instead, evidence=named + more))
 
-    for log in study_folder.logs.values():
-        if "tension_flexor" in log:
-            log["tension_flexor"] = [1.5 * tension for tension in log["tension_flexor"]]
     monkeypatch.setattr("reality_gap.diagnosing.examine", as_good)
-    study = load_study(study_folder.write())
+    study = with_a_wrong_tension(study_folder)
     options = Options(suggest=False)
     found = diagnose(study, causes=[CATALOGUE["tension_scale"]], options=options)
 

@@ -185,6 +185,21 @@ def test_processes_know_the_user_s_own_causes(
     np.testing.assert_array_equal(found[0], alone.residual([push(70.0 / 2 / 40.0)]))
 
 
+def test_another_study_of_the_machine_is_predicted_alike_by_processes(
+    study: Study, tmp_path: Path
+) -> None:
+    other = carriage(tmp_path, seconds=1.0)
+    spring, rail = causes.cause("joint_stiffness"), Place("joint", ("rail",))
+    added = Suspect(spring, rail, spring.parameters(look_at(study), rail))
+    hypotheses = [[], [(added, {"stiffness": 30.0, "rest": 0.0})]]
+    with Workbench(study, jobs=2) as bench:
+        found = bench.predictions(other, hypotheses)
+
+    np.testing.assert_array_equal(found, Workbench(study).predictions(other, hypotheses))
+    np.testing.assert_array_equal(found[0], Workbench(other).look([]).prediction / NOISE)
+    assert rms(found[1] - found[0]) > 1.0
+
+
 def test_what_diverges_is_nan(bench: Workbench) -> None:
     assert np.all(np.isnan(bench.residual([push(1e7)])))
 
