@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 from reality_gap.causes import CATALOGUE, cause, register
-from reality_gap.diagnosing import Options, diagnose
+from reality_gap.deciding import Options
+from reality_gap.diagnosing import diagnose
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import RealityGapError, StudyError
 from reality_gap.reading import load_study

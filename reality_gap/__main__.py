@@ -80,7 +80,7 @@ def diagnose(command: Diagnose, console: Console) -> None:
     from rich.progress import Progress
 
     from reality_gap.checking import check_study
-    from reality_gap.diagnosing import Options
+    from reality_gap.deciding import Options
     from reality_gap.diagnosing import diagnose as find
     from reality_gap.output import check_out, write_diagnosis
     from reality_gap.reading import load_study

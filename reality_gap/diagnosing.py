@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 from reality_gap.cause import Cause
 from reality_gap.causes import CATALOGUE
 from reality_gap.confidence import nameless
+from reality_gap.deciding import Options, decide, weighed
 from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict
 from reality_gap.equivalence import Alternatives, alternatives
 from reality_gap.gain import score
 from reality_gap.intervals import intervals
 from reality_gap.next_experiment import next_experiment
 from reality_gap.plant import Suspect, build, same
-from reality_gap.remainder import Remainder, examine
+from reality_gap.remainder import Remainder
 from reality_gap.ruler import predictive
 from reality_gap.screening import NO_SHELF, Sensitivity, screen, suspects, tolerances
-from reality_gap.search import Search, Settings, revise, search
+from reality_gap.search import Search, search
 from reality_gap.sentences import sentence
 from reality_gap.shelf import Shelf, digest
 from reality_gap.splits import REPORT, split
@@ -38,48 +39,8 @@ Watch = Callable[[Workbench, Array, Sequence[Sensitivity]], None]
 """Sees the replays, the residual of the study's model (n,), and all sensitivities."""
 
 
-BEATEN, LEFT = 1.1, 5.0
-"""Evidence of a learner in place of the causes, over theirs, and of one in what they leave, over
-what it may be, from which on they are left alone."""
 FEW_WIRES = 20
 """With more, the search for single causes takes hours."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to diagnose.
-
-    Attributes:
-        search: thresholds for causes.
-        unexplained: share of what could be learned of the gap that may remain, at most.
-        certain: what a learner must find in the remainder to call it unexplained [nats].
-        root: of the evidence for the causes; so many of it a learner may find in what they leave.
-        better: by how much a learner must beat the causes without them [nats].
-        by_chance: share of an event's evidence that a learner who knows no time may have, at most.
-        worse: RMS on the report split that named causes may leave beside tolerances, though it was
-            less without them [noise].
-        tolerance: how much more than usual an honest drawing of this machine may be off.
-        visible: change of the readings by three typical faults, in noise, that can be judged.
-        suggest: whether to look for the next experiment.
-        many: residual, in noise, from which on groups are fitted before anything else is tried.
-        large: the same where the best of all other causes leaves it.
-        search_after_groups: whether to search for single causes, too, where groups explain the
-            log; None: where the machine has no more than 20 wires.
-    """
-
-    search: Settings = field(default_factory=Settings)
-    unexplained: float = 0.15
-    certain: float = 6.0
-    root: float = 3.0
-    better: float = 6.0
-    by_chance: float = 0.5
-    worse: float = 1.2
-    tolerance: float = 1.0
-    visible: float = 3.0
-    suggest: bool = True
-    many: float = 20.0
-    large: float = 5.0
-    search_after_groups: bool | None = None
 
 
 def diagnose(
@@ -194,32 +155,6 @@ def _search_too(bench: Workbench, options: Options) -> bool:
     return few if options.search_after_groups is None else options.search_after_groups
 
 
-def weighed(
-    bench: Workbench, result: Search, null: Array, settings: Settings, options: Options
-) -> tuple[Search, Remainder]:
-    """The causes, looked at anew beside each other, and what they leave.
-
-    Causes that a learner beats by far, in their place or beside them, are no names, and are left as
-    they are.
-    """
-
-    def leaves(found: Search) -> Remainder:
-        best = found.best
-        if best is None:
-            return examine(bench, found.ruler, [], null, null)
-        return examine(bench, found.ruler, best.hypothesis, best.residual, null)
-
-    left = leaves(result)
-    if result.best is None:
-        return result, left
-    named = result.best.evidence
-    beaten = left.instead.evidence > max(BEATEN * named, named + options.better)
-    if beaten or left.learned.evidence > LEFT * _may_leave(named, options):
-        return result, left
-    revised = revise(bench, result, settings)
-    return revised, left if revised.best is result.best else leaves(revised)
-
-
 def _judge(
     chosen: Sequence[Suspect],
     first: Sequence[Suspect],
@@ -242,26 +177,6 @@ def _judge(
     absent = [c for c in CATALOGUE if c not in {s.cause.id for s in chosen}]
     reasons += [(name, "the model or the log has nothing that it could act on") for name in absent]
     return judged, tuple(reasons)
-
-
-def decide(result: Search, left: Remainder, options: Options) -> Verdict:
-    """Named if the causes leave little that could still be learned, and hold where not fitted."""
-    if result.best is None:
-        found = left.learned.evidence > options.certain
-        return Verdict.UNEXPLAINED if found else Verdict.NOTHING_WRONG
-    named = result.best.evidence
-    much = left.learned.evidence > _may_leave(named, options)
-    better = left.instead.evidence > named + options.better
-    worse = left.after > max(left.before, options.worse)
-    # A stop that the machine runs into in each episode looks like a push.
-    events = all(suspect.cause.event for suspect in result.best.suspects)
-    no_event = events and left.instead.evidence > options.by_chance * named
-    return Verdict.UNEXPLAINED if much or better or worse or no_event else Verdict.NAMED
-
-
-def _may_leave(named: float, options: Options) -> float:
-    """What a learner may find in what causes of such evidence leave [nats]."""
-    return max(options.certain, min(options.unexplained * named, options.root * named**0.5))
 
 
 def _name(

@@ -142,10 +142,11 @@ class Workbench:
 
     def predictions(self, study: Study, hypotheses: Sequence[Hypothesis]) -> list[Array]:
         """What each would read in another study of the same machine (n,), in units of noise."""
+        readings, count = measured(study), len(hypotheses)
         if self._pool is None:
-            return [_elsewhere(self.system, study, hypothesis) for hypothesis in hypotheses]
-        studies = [study] * len(hypotheses)
-        return list(self._pool.map(_predict_elsewhere, studies, hypotheses))
+            return [_elsewhere(self.system, study, readings, one) for one in hypotheses]
+        studies, places = [study] * count, [readings] * count
+        return list(self._pool.map(_predict_elsewhere, studies, places, hypotheses))
 
     def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Array]:
         if self._pool is None or len(hypotheses) < 2:
@@ -173,11 +174,10 @@ def _predict(hypothesis: Hypothesis, coarse: bool) -> Array:
     return _bench.look(hypothesis, coarse).prediction
 
 
-def _predict_elsewhere(study: Study, hypothesis: Hypothesis) -> Array:
+def _predict_elsewhere(study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
     assert _bench is not None
-    return _elsewhere(_bench.system, study, hypothesis)
+    return _elsewhere(_bench.system, study, readings, hypothesis)
 
 
-def _elsewhere(system: System, study: Study, hypothesis: Hypothesis) -> Array:
-    readings = measured(study)
+def _elsewhere(system: System, study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
     return replay(build(system, hypothesis), study, readings).prediction / readings.noise

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.confidence import TEMPER
-from reality_gap.diagnosing import Options, decide, diagnose, weighed
+from reality_gap.deciding import Options, decide, weighed
+from reality_gap.diagnosing import diagnose
 from reality_gap.diagnosis import Verdict
 from reality_gap.fitting import fit
 from reality_gap.newcomers import again
@@ -175,7 +176,7 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
         found = examine(bench, rule, hypothesis, residual, null)
         return replace(found, instead=replace(found.instead, evidence=named + more))
 
-    monkeypatch.setattr("reality_gap.diagnosing.examine", as_good)
+    monkeypatch.setattr("reality_gap.deciding.examine", as_good)
     study = with_a_wrong_tension(study_folder)
     options = Options(suggest=False)
     found = diagnose(study, causes=[CATALOGUE["tension_scale"]], options=options)
@@ -208,9 +209,20 @@ def test_causes_that_a_learner_beats_by_far_are_not_looked_at_anew(
     found = (SimpleNamespace(evidence=evidence) for evidence in (instead, learned))
     leaves = [SimpleNamespace(instead=next(found), learned=next(found)), object()]
     looks = iter(leaves)
-    monkeypatch.setattr("reality_gap.diagnosing.examine", lambda *arguments: next(looks))
-    monkeypatch.setattr("reality_gap.diagnosing.revise", lambda *arguments: other)
+    monkeypatch.setattr("reality_gap.deciding.examine", lambda *arguments: next(looks))
+    monkeypatch.setattr("reality_gap.deciding.revise", lambda *arguments: other)
     nothing: Any = None
     result: Any = first
     got = weighed(nothing, result, nothing, Settings(), Options())
     assert got == ((other, leaves[1]) if anew else (first, leaves[0]))
+
+
+def test_what_stays_as_it_was_is_not_examined_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    best = SimpleNamespace(evidence=100.0, hypothesis=[], residual=None)
+    nothing: Any = SimpleNamespace(evidence=0.0)
+    result: Any = SimpleNamespace(best=best, ruler=None)
+    left = SimpleNamespace(instead=nothing, learned=nothing)
+    looks = iter([left])
+    monkeypatch.setattr("reality_gap.deciding.examine", lambda *arguments: next(looks))
+    monkeypatch.setattr("reality_gap.deciding.revise", lambda *arguments: result)
+    assert weighed(nothing, result, nothing, Settings(), Options()) == (result, left)

@@ -13,7 +13,7 @@ import pytest
 
 from reality_gap.__main__ import main
 from reality_gap.causes import cause
-from reality_gap.diagnosing import Options
+from reality_gap.deciding import Options
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
 from reality_gap.plant import Suspect
 from reality_gap.shelf import Shelf
