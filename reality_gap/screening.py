@@ -170,18 +170,17 @@ DRIFT_TOLERANCE = 0.1
 """By how much the error of the time step may differ from what was taken out, relatively."""
 
 
-LONG = 20.0
-"""Length of a log beyond which what is nearly right adds up: columns of tolerances, names [s]."""
 MUCH = 10.0
-"""What a tolerance must do to all readings of a longer one to be replayed by itself [noise]."""
+"""What a tolerance must do to all readings to be replayed by itself [noise]."""
 
 
 def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> Array:
     """What every honest drawing may be off by: (n, p), in units of noise.
 
     Parameters of single elements, for a group's are their sums; but friction, of which no wire is
-    free, is in all of them at once. What columns are wrong by is said again by every reading, so
-    that those of a long log are replayed anew: a tolerance itself, at the full time step.
+    free, is in all of them at once. What is left of a large tolerance beside a column that is a
+    little wrong looks like a fault, so that large ones are replayed anew: the tolerance itself, at
+    the full time step.
 
     Args:
         bench: replays.
@@ -192,15 +191,14 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> A
     drifts = [step / bench.measured.noise for step in steps]
     allowed = list(allowances(found))
     columns = [column for _, _, column in allowed]
-    if bench.system.study.duration > LONG:
-        large = [i for i, column in enumerate(columns) if np.linalg.norm(column) > MUCH]
-        trials: list[Hypothesis] = []
-        for suspect, p, _ in (allowed[i] for i in large):
-            off = p.null + np.copysign(p.tolerance, p.scale)
-            trials.append([(suspect, suspect.nulls() | {p.name: float(off)})])
-        for i, residual in zip(large, bench.residuals(trials), strict=True):
-            if np.all(np.isfinite(residual)):
-                columns[i] = null - residual
+    large = [i for i, column in enumerate(columns) if np.linalg.norm(column) > MUCH]
+    trials: list[Hypothesis] = []
+    for suspect, p, _ in (allowed[i] for i in large):
+        off = p.null + np.copysign(p.tolerance, p.scale)
+        trials.append([(suspect, suspect.nulls() | {p.name: float(off)})])
+    for i, residual in zip(large, bench.residuals(trials), strict=True):
+        if np.all(np.isfinite(residual)):
+            columns[i] = null - residual
     return np.column_stack([*drifts, *columns])
 
 

@@ -13,12 +13,14 @@ from reality_gap.newcomers import again, try_next
 from reality_gap.plant import same
 from reality_gap.ranking import rank
 from reality_gap.ruler import Ruler, ruler
-from reality_gap.screening import LONG, Sensitivity
+from reality_gap.screening import Sensitivity
 from reality_gap.waiting import Waiting
 from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
 
+LONG = 20.0
+"""Length of a log beyond which what names are nearly right by adds up [s]."""
 SWAP = 1.0
 """Evidence by which another must be better to take the place of an earlier cause [nats]."""
 
