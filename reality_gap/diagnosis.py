@@ -140,8 +140,9 @@ class Experiment:
     Attributes:
         title, sentence: for people: what to do, and which rivals it separates.
         time, command: (n,) [s], (n, nu), within the range of what was commanded in the study.
-        separation: mean distance of the others from the likeliest rival on it, as likely as they
-            are [standard deviations of the noise], and ``separation_before``: on the data at hand.
+        separation: mean distance of the others from the likeliest rival, by how likely they are,
+            on the data at hand and on it [standard deviations of the noise];
+            ``separation_before``: on the data at hand alone.
     """
 
     title: str

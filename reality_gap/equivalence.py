@@ -30,6 +30,7 @@ class Alternatives:
 
     Attributes:
         suspect: the cause.
+        without: the best hypothesis without it, fitted anew; None for the null.
         tried: fits with the suspect or another in its place, best first.
         confidence: probability of each of ``tried``.
         evidence: of each over the hypothesis without (k,) [nats].
@@ -38,6 +39,7 @@ class Alternatives:
     """
 
     suspect: Suspect
+    without: Fit | None
     tried: tuple[Fit, ...]
     confidence: Array
     evidence: Array
@@ -78,7 +80,7 @@ def alternatives(
         more = np.array([f.evidence for f in fits]) - floor
         alike = _equivalent(best, fits, chances)
         own = again(rule, best).evidence - floor
-        everyone.append(Alternatives(suspect, fits, chances, more, own, alike))
+        everyone.append(Alternatives(suspect, base, fits, chances, more, own, alike))
     return tuple(everyone)
 
 

@@ -126,58 +126,64 @@ def _through(points: Array, hold: float, travel: float, fastest: Array) -> Array
 
 
 def next_experiment(
-    bench: Workbench, rivals: Sequence[Alternatives], found: Sequence[Sensitivity]
+    bench: Workbench, rivals: Sequence[Alternatives], found: Sequence[Sensitivity], null: Array
 ) -> Experiment | None:
     """The motion that best separates the likeliest rivals of the least certain cause.
 
-    None where there are no rivals, or no motion is likely to halve the doubt between them.
+    That there is none of them is a rival, too. None where there are no rivals, or no motion is
+    likely to halve the doubt between them.
 
     Args:
         bench: replays.
         rivals: of each cause.
         found: sensitivities of all suspects, by which what every drawing is off by is known.
+        null: (n,) residual of the study's model.
     """
-    open_, known = [a for a in rivals if len(a.tried) > 1], bench.system.study
-    if not open_ or known.inverse:
+    known = bench.system.study
+    if not rivals or known.inverse:
         return None
-    unsure = min(open_, key=lambda a: float(a.confidence.max()))
+    unsure = min(rivals, key=lambda a: float(a.confidence.max()))
     order = np.argsort(-unsure.confidence)[:RIVALS]
-    fits = [unsure.tried[i] for i in order]
-    weights = unsure.confidence[order]
-    slack = _confusing(found, fits[0].residual - fits[1].residual)
+    nobody = unsure.without or Fit([], null, np.zeros((len(null), 0)), np.zeros(0), 0.0)
+    fits = [*(unsure.tried[i] for i in order), nobody]
+    chances = np.append(unsure.confidence[order], max(0.0, 1.0 - unsure.confidence.sum()))
+    second = fits[1 + int(np.argmax(chances[1:]))]
+    slack = _confusing(found, second.residual - fits[0].residual)
+    here = _known(fits, [column for _, _, column in slack])
+    before = _distances(len(fits), here)
 
-    def apart(study: Study) -> Array:
-        return _separations(bench, study, fits, slack)
+    def together(motion: Motion, seconds: float) -> Array:
+        there = _foreseen(bench, _as_study(known, motion, seconds), fits, slack)
+        return _distances(len(fits), here, there)
 
     def mean(distances: Array) -> float:
-        return float(np.average(distances, weights=np.maximum(weights[1:], 1e-12)))
+        return float(np.average(distances, weights=np.maximum(chances[1:], 1e-12)))
 
-    def beginning(motion: Motion) -> float:
-        return mean(apart(_as_study(known, motion, TRIED)))
-
-    motion = max(motions(known), key=beginning)
-    there = apart(_as_study(known, motion, SECONDS))
-    if not halves(weights, there):
+    motion = max(motions(known), key=lambda motion: mean(together(motion, TRIED)))
+    after = together(motion, SECONDS)
+    if not halves(chances, (after**2 - before**2) / 2):
         return None
-    one, two = (str(fits[i].suspects[-1]) for i in (0, 1))
+    one = fits[0].suspects[-1]
+    alone = f"shows whether {one} is there"
+    aim = alone if second is nobody else f"tells {one} from {second.suspects[-1]}"
     return Experiment(
         title=motion.title,
-        sentence=f"Command {motion.title} for {SECONDS:.0f} s: it best tells {one} from {two}.",
+        sentence=f"Command {motion.title} for {SECONDS:.0f} s: it best {aim}.",
         time=PERIOD * np.arange(len(motion.command), dtype=np.float64),
         command=motion.command,
-        separation=mean(there),
-        separation_before=mean(apart(known)),
+        separation=mean(after),
+        separation_before=mean(before),
     )
 
 
-def halves(chances: Array, distances: Array) -> bool:
+def halves(chances: Array, evidence: Array) -> bool:
     """Whether an experiment is likely to halve the entropy of the confidences.
 
     Args:
-        chances: confidence of each rival (k,), the likeliest first.
-        distances: of the others from the likeliest on the experiment (k - 1,) [noise].
+        chances: confidence of each rival (k,), the one that is to be confirmed first.
+        evidence: that the experiment promises against each of the others (k - 1,) [nats].
     """
-    promised = np.concatenate([[0.0], HELD * distances**2 / 2])
+    promised = np.concatenate([[0.0], HELD * evidence])
     return _entropy(chances * np.exp(-promised / TEMPER)) <= 0.5 * _entropy(chances)
 
 
@@ -186,14 +192,28 @@ def _entropy(weights: Array) -> float:
     return float(-np.sum(shares * np.log(shares)))
 
 
-_Slack = list[tuple[Suspect, Parameter]]
+_Slack = list[tuple[Suspect, Parameter, Array]]
+
+
+@dataclass(frozen=True)
+class _Apart:
+    """What tells the others from the likeliest of the rivals in a study, all in units of noise.
+
+    Attributes:
+        gaps: (n,) of each other's prediction from the likeliest's.
+        slopes: (n, p) of each other's prediction by its parameters.
+        slack: (n, s) what every drawing is off by.
+    """
+
+    gaps: Sequence[Array]
+    slopes: Sequence[Array]
+    slack: Array
 
 
 def _confusing(found: Sequence[Sensitivity], gap: Array) -> _Slack:
     """What every drawing is off by that looks most like the gap (n,) between two rivals."""
-    scored = [(abs(float(column @ gap)), suspect, p) for suspect, p, column in allowances(found)]
-    scored.sort(key=lambda item: -item[0])
-    return [(suspect, p) for _, suspect, p in scored[:SLACK]]
+    listed = sorted(allowances(found), key=lambda item: -abs(float(item[2] @ gap)))
+    return listed[:SLACK]
 
 
 def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
@@ -212,32 +232,52 @@ def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
     return replace(study, channels=channels, episodes=(episode,))
 
 
-def _separations(bench: Workbench, study: Study, fits: Sequence[Fit], slack: _Slack) -> Array:
-    """Distance of each other rival from the likeliest (k - 1,) [noise]; 0 where a replay fails.
+def _known(fits: Sequence[Fit], slack: Sequence[Array]) -> _Apart:
+    """Of the study at hand."""
+    gaps = [other.residual - fits[0].residual for other in fits[1:]]
+    slopes = [other.jacobian for other in fits[1:]]
+    return _Apart(gaps, slopes, _columns(len(gaps[0]), slack))
 
-    The others' parameters adapt, and so does what every drawing is off by, at the price of its
-    tolerance.
-    """
+
+def _foreseen(bench: Workbench, study: Study, fits: Sequence[Fit], slack: _Slack) -> _Apart:
+    """Of one that nobody has made yet."""
     asked: list[Hypothesis] = [[], fits[0].hypothesis]
     asked += [
-        [(suspect, suspect.nulls() | {p.name: p.null + STEP * p.scale})] for suspect, p in slack
+        [(suspect, suspect.nulls() | {p.name: p.null + STEP * p.scale})] for suspect, p, _ in slack
     ]
     for fit in fits[1:]:
         asked.append(fit.hypothesis)
         asked += [at(fit.hypothesis, fit.theta + STEP * axis) for axis in np.eye(len(fit.theta))]
     found = iter(bench.predictions(study, asked))
     null, first = next(found), next(found)
-    off = [(next(found) - null) * (p.tolerance / abs(STEP * p.scale)) for _, p in slack]
-    distances = []
+    off = [(next(found) - null) * (p.tolerance / abs(STEP * p.scale)) for _, p, _ in slack]
+    gaps, slopes = list[Array](), list[Array]()
     for fit in fits[1:]:
         other = next(found)
-        slopes = [(next(found) - other) / STEP for _ in fit.theta]
-        columns, gap = np.column_stack([*slopes, *off]), first - other
-        if not (np.all(np.isfinite(gap)) and np.all(np.isfinite(columns))):
-            distances.append(0.0)
-            continue
-        price = np.diag(np.r_[np.zeros(len(slopes)), np.ones(len(off))])
-        matrix, right = np.vstack([columns, price]), np.r_[gap, np.zeros(len(price))]
-        left = right - matrix @ np.linalg.lstsq(matrix, right, rcond=None)[0]
+        gaps.append(first - other)
+        slopes.append(_columns(len(first), [(next(found) - other) / STEP for _ in fit.theta]))
+    return _Apart(gaps, slopes, _columns(len(first), off))
+
+
+def _columns(rows: int, columns: Sequence[Array]) -> Array:
+    """Side by side (rows, k), though there may be none."""
+    return np.column_stack([np.zeros((rows, 0)), *columns])
+
+
+def _distances(count: int, *studies: _Apart) -> Array:
+    """Distance of each other from the likeliest of ``count`` rivals (count - 1,) [noise].
+
+    In all studies together, but those where a replay failed. The others' parameters adapt, and so
+    does what every drawing is off by, at the price of its tolerance.
+    """
+    distances = []
+    for k in range(count - 1):
+        parts = [np.column_stack([s.gaps[k], s.slopes[k], s.slack]) for s in studies]
+        rows = np.vstack([part for part in parts if np.all(np.isfinite(part))])
+        free = studies[0].slopes[k].shape[1]
+        price = np.eye(rows.shape[1])[1 + free :]
+        gap, *columns = np.vstack([rows, price]).T
+        matrix = np.column_stack(columns)
+        left = gap - matrix @ np.linalg.lstsq(matrix, gap, rcond=None)[0]
         distances.append(float(np.linalg.norm(left)))
     return np.array(distances)
