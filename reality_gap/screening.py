@@ -171,7 +171,7 @@ DRIFT_TOLERANCE = 0.1
 
 
 MUCH = 10.0
-"""What a tolerance must do to all readings to be replayed by itself [noise]."""
+"""What a tolerance must do to all readings to be replayed exactly [noise]."""
 
 
 def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> Array:
@@ -179,8 +179,9 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> A
 
     Parameters of single elements, for a group's are their sums; but friction, of which no wire is
     free, is in all of them at once. What is left of a large tolerance beside a column that is a
-    little wrong looks like a fault, so that large ones are replayed anew: the tolerance itself, at
-    the full time step.
+    little wrong looks like a fault, so that large ones are replayed: the tolerance itself, at the
+    full time step. What the column is wrong by is one tolerance more, and does not take its place,
+    for suspects are ranked by such columns.
 
     Args:
         bench: replays.
@@ -198,7 +199,7 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> A
         trials.append([(suspect, suspect.nulls() | {p.name: float(off)})])
     for i, residual in zip(large, bench.residuals(trials), strict=True):
         if np.all(np.isfinite(residual)):
-            columns[i] = null - residual
+            columns.append(null - residual - columns[i])
     return np.column_stack([*drifts, *columns])
 
 
