@@ -86,10 +86,10 @@ def main(args: Args) -> dict[str, Any]:
     for i, case in enumerate(cases(args)):
         freed = i < args.freed
         tasks[f"trial_{case.seed}" + freed * "_freed"] = (case, args.followup, freed)
+    log_reported([task[0].seed for task in tasks.values()])  # a run that is stopped looked, too
     key = digest(args)
     kept = args.out / "trials"
     found = run_tasks(compared_trial, tasks, args.jobs, kept, key, args.cluster)
-    log_reported([task[0].seed for task in tasks.values()])
     spent = core_seconds(args.out / "trials", tasks)
     return conclude(args, list(found.values()), time.perf_counter() - begin, spent)
 
