@@ -56,14 +56,14 @@ def next_experiment(
     second = fits[1 + int(np.argmax(chances[1:]))]
     slack = _confusing(found, second.residual - fits[0].residual)
     here = _known(fits, [column for _, _, column in slack])
-    before = _distances(len(fits), here)
+    before = distances(len(fits), here)
 
     def together(motion: Motion, seconds: float) -> Array:
         there = _foreseen(bench, _as_study(known, motion, seconds), fits, slack)
-        return _distances(len(fits), here, there)
+        return distances(len(fits), here, there)
 
-    def mean(distances: Array) -> float:
-        return float(np.average(distances, weights=np.maximum(chances[1:], 1e-12)))
+    def mean(apart: Array) -> float:
+        return float(np.average(apart, weights=np.maximum(chances[1:], 1e-12)))
 
     motion = max(motions(known), key=lambda motion: mean(together(motion, TRIED)))
     after = together(motion, SECONDS)
@@ -102,7 +102,7 @@ _Slack = list[tuple[Suspect, Parameter, Array]]
 
 
 @dataclass(frozen=True)
-class _Apart:
+class Apart:
     """What tells the others from the likeliest of the rivals in a study, all in units of noise.
 
     Attributes:
@@ -138,14 +138,14 @@ def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
     return replace(study, channels=channels, episodes=(episode,))
 
 
-def _known(fits: Sequence[Fit], slack: Sequence[Array]) -> _Apart:
+def _known(fits: Sequence[Fit], slack: Sequence[Array]) -> Apart:
     """Of the study at hand."""
     gaps = [other.residual - fits[0].residual for other in fits[1:]]
     slopes = [other.jacobian for other in fits[1:]]
-    return _Apart(gaps, slopes, _columns(len(gaps[0]), slack))
+    return Apart(gaps, slopes, _columns(len(gaps[0]), slack))
 
 
-def _foreseen(bench: Workbench, study: Study, fits: Sequence[Fit], slack: _Slack) -> _Apart:
+def _foreseen(bench: Workbench, study: Study, fits: Sequence[Fit], slack: _Slack) -> Apart:
     """Of one that nobody has made yet."""
     asked: list[Hypothesis] = [[], fits[0].hypothesis]
     asked += [
@@ -162,7 +162,7 @@ def _foreseen(bench: Workbench, study: Study, fits: Sequence[Fit], slack: _Slack
         other = next(found)
         gaps.append(first - other)
         slopes.append(_columns(len(first), [(next(found) - other) / STEP for _ in fit.theta]))
-    return _Apart(gaps, slopes, _columns(len(first), off))
+    return Apart(gaps, slopes, _columns(len(first), off))
 
 
 def _columns(rows: int, columns: Sequence[Array]) -> Array:
@@ -170,13 +170,13 @@ def _columns(rows: int, columns: Sequence[Array]) -> Array:
     return np.column_stack([np.zeros((rows, 0)), *columns])
 
 
-def _distances(count: int, *studies: _Apart) -> Array:
+def distances(count: int, *studies: Apart) -> Array:
     """Distance of each other from the likeliest of ``count`` rivals (count - 1,) [noise].
 
     In all studies together, but those where a replay failed. The others' parameters adapt, and so
     does what every drawing is off by, at the price of its tolerance.
     """
-    distances = []
+    found = []
     for k in range(count - 1):
         parts = [np.column_stack([s.gaps[k], s.slopes[k], s.slack]) for s in studies]
         rows = np.vstack([part for part in parts if np.all(np.isfinite(part))])
@@ -185,5 +185,5 @@ def _distances(count: int, *studies: _Apart) -> Array:
         gap, *columns = np.vstack([rows, price]).T
         matrix = np.column_stack(columns)
         left = gap - matrix @ np.linalg.lstsq(matrix, gap, rcond=None)[0]
-        distances.append(float(np.linalg.norm(left)))
-    return np.array(distances)
+        found.append(float(np.linalg.norm(left)))
+    return np.array(found)

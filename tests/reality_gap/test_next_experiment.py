@@ -7,15 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes import cause
+from reality_gap.diagnosis import Experiment
 from reality_gap.equivalence import Alternatives
 from reality_gap.fitting import Fit, to_theta
 from reality_gap.motions import PERIOD, SECONDS
-from reality_gap.next_experiment import halves, next_experiment
+from reality_gap.next_experiment import Apart, distances, halves, next_experiment
 from reality_gap.screening import screen, suspects
 from reality_gap.study import Study
 from reality_gap.workbench import Workbench
 
 Array = NDArray[np.float64]
+TOLERANCE = 0.2
+"""Of the zero of a tension sensor [N]."""
 
 
 @pytest.mark.parametrize(
@@ -34,35 +37,52 @@ def test_an_experiment_has_to_promise_half_the_doubt(
     assert halves(np.array(chances), np.array(evidence)) is expected
 
 
-def one_rival(bench: Workbench, null: Array, friction: float) -> Alternatives:
-    """Friction of the flexor by itself, which may as well not be there."""
-    [rubs] = (
-        s
-        for s in suspects(bench.system, [cause("coulomb_friction")])
-        if s.place.elements == ("flexor",)
-    )
-    values = {"friction": friction, "presliding": 1e-5}
-    theta = to_theta([(rubs, values)])
-    fitted = Fit(
-        [(rubs, values)], bench.residual([(rubs, values)]), np.zeros((len(null), 2)), theta, 6.0
-    )
-    return Alternatives(rubs, None, (fitted,), np.array([0.6]), np.array([6.0]), 6.0, ())
+def one_rival(bench: Workbench, null: Array, id: str, values: dict[str, float]) -> Alternatives:
+    """A cause at the flexor by itself, which may as well not be there."""
+    everyone = suspects(bench.system, [cause(id)])
+    [suspect] = (s for s in everyone if s.place.elements == ("flexor",))
+    parts = [(suspect, values)]
+    slopes = np.zeros((len(null), len(values)))
+    fitted = Fit(parts, bench.residual(parts), slopes, to_theta(parts), 6.0)
+    return Alternatives(suspect, None, (fitted,), np.array([0.6]), np.array([6.0]), 6.0, ())
 
 
-@pytest.mark.parametrize(("friction", "advised"), [(3.0, True), (1e-4, False)])
-def test_that_there_is_nobody_is_a_rival_too(
-    lever_study: Study, friction: float, advised: bool
-) -> None:
-    with Workbench(lever_study) as bench:
+def advised(study: Study, id: str, values: dict[str, float]) -> Experiment | None:
+    """Where nothing but the zeros of tension sensors may be off."""
+    with Workbench(study) as bench:
         null = bench.residual([])
-        found = screen(bench, suspects(bench.system, [cause("length_offset")]), [], null)
+        found = screen(bench, suspects(bench.system, [cause("tension_offset")]), [], null)
+        return next_experiment(bench, [one_rival(bench, null, id, values)], found, null)
 
-        advice = next_experiment(bench, [one_rival(bench, null, friction)], found, null)
 
-    if not advised:
-        assert advice is None
-        return
+def test_that_there_is_nobody_is_a_rival_too(lever_study: Study) -> None:
+    advice = advised(lever_study, "coulomb_friction", {"friction": 3.0, "presliding": 1e-5})
+
     assert advice is not None
     assert "shows whether coulomb_friction at flexor is there" in advice.sentence
     assert advice.separation > advice.separation_before > 0.0
     assert advice.command.shape == (round(SECONDS / PERIOD), 2)
+
+
+def test_what_can_hardly_be_felt_is_not_worth_an_experiment(lever_study: Study) -> None:
+    assert advised(lever_study, "coulomb_friction", {"friction": 1e-4, "presliding": 1e-5}) is None
+
+
+def test_what_both_logs_would_say_alike_is_not_worth_an_experiment(lever_study: Study) -> None:
+    """A zero that is off by eight tolerances is as unlikely after a minute more."""
+    assert advised(lever_study, "tension_offset", {"offset": 8 * TOLERANCE}) is None
+
+
+def test_tolerances_are_paid_for_once_in_all_logs() -> None:
+    slack = np.array([[0.6], [0.8]])
+    none = np.zeros((2, 0))
+    log = Apart([10.0 * slack[:, 0]], [none], slack)
+    free = Apart([10.0 * slack[:, 0]], [slack], slack)
+    broken = Apart([np.array([np.nan, 1.0])], [none], slack)
+
+    # A gap of ten tolerances that readings show 1 and 2 times as well as the tolerance is known.
+    np.testing.assert_allclose(distances(2, log) ** 2, 100 * 1 / 2)
+    np.testing.assert_allclose(distances(2, log, log) ** 2, 100 * 2 / 3)
+    np.testing.assert_allclose(distances(2, log, broken), distances(2, log))
+    # What the other's own parameters can do costs nothing.
+    np.testing.assert_allclose(distances(2, free), 0.0, atol=1e-9)
