@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import mujoco
@@ -10,6 +11,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from kengoro_env.body import Body
+from kengoro_env.draft import Event
 from kengoro_env.robot import DIVERGENCE, Robot
 
 Array = NDArray[np.float64]
@@ -48,6 +50,7 @@ class Fleet(Body):
         self.target = np.zeros((count, len(robot.muscles)))
         self._random = [np.random.default_rng(0)] * count
         self._coming = [list(robot.events)] * count
+        self._next = np.full(count, np.inf)  # when each one's next event is due
         self._state = np.empty(mujoco.mj_stateSize(robot.model, _STATE))
 
     @property
@@ -66,6 +69,7 @@ class Fleet(Body):
         batch.forward([i])
         self.target[i] = robot.target
         self._random[i], self._coming[i] = robot.random, list(robot.events)
+        self._next[i] = _first_time(robot.events)
 
     def step(self, target: Array, moving: Mask) -> Mask:
         """Hold ``target`` lengths (count, m) [m] for one control period.
@@ -78,7 +82,7 @@ class Fleet(Body):
             (count,): which of these diverged.
         """
         batch, motors, ids = self._batch, self.motors, np.flatnonzero(moving)
-        for i in ids:
+        for i in np.flatnonzero(moving & (self._next <= batch.bind("time"))):
             self._let_wires_give(int(i))
         self.target[ids] = target[ids]
         motors.command(self._commanded(self.target))
@@ -104,6 +108,12 @@ class Fleet(Body):
             elongation = self.motors.elongation[i]
             elongation[self.muscles.index(event.muscle)] += event.elongation
             self.motors.elongate_one(i, elongation)
+        self._next[i] = _first_time(coming)
 
     def _noise(self) -> Array:
         return np.stack([one.standard_normal(len(self.muscles)) for one in self._random])
+
+
+def _first_time(events: Sequence[Event]) -> float:
+    """When the first of some events is due [s]; infinite where there is none."""
+    return events[0].time if events else np.inf

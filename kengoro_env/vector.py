@@ -19,7 +19,7 @@ from kengoro_env.fleet import Fleet
 from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
-from kengoro_env.tasks.reach import Reach, judged
+from kengoro_env.tasks.reach import INSTANT, Reach, judged
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -93,6 +93,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
+        self._until = np.full(num_envs, np.inf)  # when each one's target makes way for another
         self._steps = np.zeros(num_envs, dtype=int)
         self._ended = np.ones(num_envs, dtype=bool)
 
@@ -141,6 +142,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             )
             self._tasks = [self._task] * self.num_envs
         self._tasks[i] = copy(self._task)
+        self._until[i] = self._task.until
         self.fleet.take(i)
         self._steps[i], self._ended[i] = 0, False
         _write(self._observed, i, observation)
@@ -192,10 +194,11 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """Write what those that moved sense, and the truth about them."""
         fleet, bounds = self.fleet, self._env.bounds
         time = fleet.time
-        for i in np.flatnonzero(moved):
-            self._tasks[i].go_on(float(time[i]))
-        targets = np.stack([task.target() for task in self._tasks])
-        told = felt(fleet, now, bounds) | {"target": targets}
+        for i in np.flatnonzero(moved & (time + INSTANT >= self._until)):
+            task = self._tasks[i]
+            task.go_on(float(time[i]))
+            self._observed["target"][i], self._until[i] = task.target(), task.until
+        told = felt(fleet, now, bounds)
         truth = known(fleet, now) | {"success": success, "time": time}
         _write(self._observed, moved, {name: values[moved] for name, values in told.items()})
         _write(self._known, moved, {name: values[moved] for name, values in truth.items()})
@@ -215,5 +218,5 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
 
 
 def _write(arrays: Mapping[str, NDArray[Any]], rows: Any, values: Mapping[str, Any]) -> None:
-    for name, array in arrays.items():
-        array[rows] = values[name]
+    for name, value in values.items():
+        arrays[name][rows] = value

@@ -11,7 +11,7 @@ and a little lower for wires that pull against each other. Success is an error b
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import radians
+from math import inf, radians
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 
 TARGET_PERIOD = 4.0
 """A new target comes every so often [s]."""
+
+INSTANT = 1e-6
+"""Simulated times closer than this are the same [s]."""
 
 TOLERANCE = radians(5.0)
 REWARD_SCALE = radians(20.0)
@@ -52,6 +55,9 @@ class Reach:
         scene: MJCF file below assets/.
         has_camera: whether the scene has the camera in the head.
         draw: a start or target posture (n,) [rad].
+
+    Attributes:
+        until: when the present target makes way for another [s].
     """
 
     fingers = False
@@ -75,9 +81,9 @@ class Reach:
     ) -> None:
         """Start at a drawn or given posture, with a drawn or given target."""
         start, target = self._draw(rng), self._draw(rng)
-        self._rng, self._stays = rng, "target" in options
+        self._rng = rng
         self._target = options.get("target", target).copy()
-        self._targets = 1
+        self._targets, self.until = 1, inf if "target" in options else TARGET_PERIOD
         robot.reset(options.get("posture", start), noise)
 
     def target(self) -> Array:
@@ -92,9 +98,10 @@ class Reach:
 
     def go_on(self, time: float) -> None:
         """Choose a new target if it is time [s]."""
-        if not self._stays and time + 1e-6 >= self._targets * TARGET_PERIOD:
+        if time + INSTANT >= self.until:
             self._target = self._draw(self._rng)
             self._targets += 1
+            self.until = self._targets * TARGET_PERIOD
 
     def truth(self, robot: Robot) -> dict[str, Any]:
         """Nothing beside what every task has."""
