@@ -14,6 +14,9 @@ from kengoro_env.motors import Index, Motors
 
 Array = NDArray[np.float64]
 
+INSTANT = 1e-6
+"""Simulated times closer than this are the same [s]."""
+
 
 class Moment(NamedTuple):
     """What is true of a robot at one time; of many with an axis of robots before.

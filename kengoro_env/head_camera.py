@@ -6,14 +6,12 @@ from collections import deque
 
 import mujoco
 
+from kengoro_env.body import INSTANT
 from kengoro_env.departures.senses import EYE
 from kengoro_env.rendering import Image, Painter
 
 PERIOD = 0.2
 """Time between two exposures [s]."""
-
-_INSTANT = 1e-6
-"""Simulated times closer than this are the same [s]."""
 
 
 class HeadCamera:
@@ -41,10 +39,10 @@ class HeadCamera:
     def update(self, data: mujoco.MjData) -> None:
         """Let the clock run up to the simulated time; expose when it is due."""
         now = float(data.time)
-        if now + _INSTANT >= self._exposures * PERIOD:
+        if now + INSTANT >= self._exposures * PERIOD:
             self._coming.append((now, self._painter.draw(data, EYE)))
             self._exposures += 1
-        while self._coming and now + _INSTANT >= self._coming[0][0] + self._delay:
+        while self._coming and now + INSTANT >= self._coming[0][0] + self._delay:
             self._newest = self._coming.popleft()
 
     def newest(self) -> tuple[float, Image]:

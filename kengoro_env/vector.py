@@ -19,7 +19,7 @@ from kengoro_env.fleet import Fleet
 from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
-from kengoro_env.tasks.reach import INSTANT, Reach, judged
+from kengoro_env.tasks.reach import Reach, judged
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -194,7 +194,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """Write what those that moved sense, and the truth about them."""
         fleet, bounds = self.fleet, self._env.bounds
         time = fleet.time
-        for i in np.flatnonzero(moved & (time + INSTANT >= self._until)):
+        for i in np.flatnonzero(moved & (time >= self._until)):
             task = self._tasks[i]
             task.go_on(float(time[i]))
             self._observed["target"][i], self._until[i] = task.target(), task.until

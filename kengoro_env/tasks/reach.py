@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.body import Moment
+from kengoro_env.body import INSTANT, Moment
 from kengoro_env.robot import Robot
 from kengoro_env.tasks.task import Outcome
 
@@ -25,9 +25,6 @@ Array = NDArray[np.float64]
 
 TARGET_PERIOD = 4.0
 """A new target comes every so often [s]."""
-
-INSTANT = 1e-6
-"""Simulated times closer than this are the same [s]."""
 
 TOLERANCE = radians(5.0)
 REWARD_SCALE = radians(20.0)
@@ -57,7 +54,7 @@ class Reach:
         draw: a start or target posture (n,) [rad].
 
     Attributes:
-        until: when the present target makes way for another [s].
+        until: from when on the present target makes way for another [s].
     """
 
     fingers = False
@@ -83,7 +80,8 @@ class Reach:
         start, target = self._draw(rng), self._draw(rng)
         self._rng = rng
         self._target = options.get("target", target).copy()
-        self._targets, self.until = 1, inf if "target" in options else TARGET_PERIOD
+        self._targets = 1
+        self.until = inf if "target" in options else TARGET_PERIOD - INSTANT
         robot.reset(options.get("posture", start), noise)
 
     def target(self) -> Array:
@@ -98,10 +96,10 @@ class Reach:
 
     def go_on(self, time: float) -> None:
         """Choose a new target if it is time [s]."""
-        if time + INSTANT >= self.until:
+        if time >= self.until:
             self._target = self._draw(self._rng)
             self._targets += 1
-            self.until = self._targets * TARGET_PERIOD
+            self.until = self._targets * TARGET_PERIOD - INSTANT
 
     def truth(self, robot: Robot) -> dict[str, Any]:
         """Nothing beside what every task has."""

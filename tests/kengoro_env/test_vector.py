@@ -14,7 +14,13 @@ from kengoro_env.errors import KengoroError
 from kengoro_env.vector import KengoroVectorEnv
 
 ELBOW, POSTURE = "Kengoro/Elbow-v0", "Kengoro/Posture-v0"
-GIVES = {"departures": (Elongation("biceps", 0.004, time=0.05), DryFriction(5.0, 0.1))}
+GIVES = {
+    "departures": (
+        Elongation("biceps", 0.004, time=0.03),
+        Elongation("triceps", 0.003, time=0.07),
+        DryFriction(5.0, 0.1),
+    )
+}
 
 
 def same(one: Any, other: Any) -> bool:
@@ -75,6 +81,9 @@ def test_a_target_comes_and_goes_in_its_own_time() -> None:
         third, *_ = many.step(hold)
     assert third["target"][0] != second["target"][0]
     assert third["target"][1] == second["target"][1]
+    for _ in range(200):
+        fourth, *_ = many.step(hold)
+    assert np.all(fourth["target"] != third["target"])
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e12])
