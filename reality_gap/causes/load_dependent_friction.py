@@ -8,6 +8,9 @@ hook adds what is missing.
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +31,12 @@ ANGLE_PERIOD = 0.01
 
 USUAL = 100.0
 """Tension that a wire has when it works [N], about."""
+
+PULLEY = -2
+"""What ``wrap_obj`` says of a point on a pulley."""
+
+TOUCHING = 1e-9
+"""Distance under which two points of a path are one [m]."""
 
 CREEP = 1e-3
 """Velocity at which the direction of a wire's motion counts as clear [m/s]."""
@@ -113,13 +122,20 @@ def total_bend(data: mujoco.MjData, tendon: int) -> float:
     either end, so that the sum is the angle of wrap.
     """
     start, count = int(data.ten_wrapadr[tendon]), int(data.ten_wrapnum[tendon])
-    points = data.wrap_xpos.reshape(-1, 3)[start : start + count]
-    pieces = np.diff(points, axis=0)
-    pulley = data.wrap_obj.reshape(-1)[start : start + count] == -2
-    usable = (np.linalg.norm(pieces, axis=1) > 1e-9) & ~pulley[1:] & ~pulley[:-1]
-    units = pieces[usable] / np.linalg.norm(pieces[usable], axis=1, keepdims=True)
-    cosines = np.sum(units[1:] * units[:-1], axis=1)
-    return float(np.sum(np.arccos(np.clip(cosines, -1.0, 1.0))))
+    points = data.wrap_xpos.reshape(-1, 3)[start : start + count].tolist()
+    wrapped = data.wrap_obj.ravel()[start : start + count].tolist()
+    total, before = 0.0, None
+    # Plain numbers: a path has few points, and is looked at thousands of times in a replay.
+    for (here, one), (there, other) in pairwise(zip(points, wrapped, strict=True)):
+        length = math.dist(here, there)
+        if length < TOUCHING or PULLEY in (one, other):
+            continue
+        unit = [(b - a) / length for a, b in zip(here, there, strict=True)]
+        if before is not None:
+            cosine = sum(a * b for a, b in zip(before, unit, strict=True))
+            total += math.acos(min(1.0, max(-1.0, cosine)))
+        before = unit
+    return total
 
 
 CAUSE = Cause(
