@@ -17,7 +17,7 @@ from reality_gap.fitting import Fit
 
 Array = NDArray[np.float64]
 
-TEMPER = 3.4
+TEMPER = 3.2
 """By what evidence is divided: of `gap-calibrate --trials 50 --seed 0`."""
 
 

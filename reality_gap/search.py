@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.fitting import Fit, fit
+from reality_gap.fitting import Fit, fit, fitting, together
 from reality_gap.newcomers import again, try_next
 from reality_gap.plant import same
 from reality_gap.ranking import rank
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 LONG = 20.0
 """Length of a log beyond which what names are nearly right by adds up [s]."""
+CLOSE = 1.0
+"""How many roots of the best's evidence rivals may lie below it, to be fitted as fully [nats]."""
 SWAP = 1.0
 """Evidence by which another must be better to take the place of an earlier cause [nats]."""
 
@@ -115,14 +117,35 @@ def search(
         base = None if best is None else again(rule, best)
         best = tried[0]
         if _accept(base, best, settings):
-            # Slopes where it stands may price it higher than those that it was found with.
-            best = fit(bench, best.hypothesis, rule.learn, null, best.jacobian)
+            tried = polished(bench, tried, rule)
+            best = tried[0]
         accepted = _accept(base, best, settings)
         steps.append(Step(base, tried, accepted))
         if not accepted:
             best = base
             break
     return Search(tuple(steps), best, rule, tuple(found))
+
+
+def polished(bench: Workbench, tried: Sequence[Fit], rule: Ruler) -> tuple[Fit, ...]:
+    """Those that are close to the best, fitted with slopes where they stand; best first.
+
+    Quick fits go by slopes at the null. Where a wire sticks and slips these see a minimum beside
+    the true one, and the rest of a full fit is worth more than what sets rivals apart.
+
+    Args:
+        bench: replays.
+        tried: fits, best first.
+        rule: what evidence is measured in.
+    """
+    done, rest = list[Fit](), list(tried)
+    while True:
+        best = max(f.evidence for f in (*done, *rest))
+        close = [f for f in rest if f.evidence >= best - CLOSE * max(best, 0.0) ** 0.5]
+        if not close:
+            return tuple(sorted([*done, *rest], key=lambda f: -f.evidence))
+        fits = [fitting(f.hypothesis, rule.learn, rule.null, f.jacobian) for f in close]
+        done, rest = done + together(bench, fits), rest[len(close) :]
 
 
 def _foreseen(plain: Ruler, found: Sequence[Sensitivity], rule: Ruler, base: Fit) -> Ruler:
@@ -165,9 +188,10 @@ def revise(bench: Workbench, result: Search, settings: Settings) -> Search:
             continue
         tried = try_next(bench, result.found, rule, without, settings.refits)
         better = bool(tried) and tried[0].evidence > best.evidence + SWAP
-        revised.append(Step(without, tried, better))
         if better:
-            best = fit(bench, tried[0].hypothesis, rule.learn, rule.null, tried[0].jacobian)
+            tried = polished(bench, tried, rule)
+            best = tried[0]
+        revised.append(Step(without, tried, better))
     return replace(result, best=best, revised=tuple(revised))
 
 

@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reality_gap.cause import Effects, Parameter, Place, Record, Values
 from reality_gap.equivalence import alternatives
 from reality_gap.evidence import PRIOR
-from reality_gap.fitting import Fit, fit
+from reality_gap.fitting import Asking, Fit, fitting
 from reality_gap.newcomers import PROMISE, again
 from reality_gap.ranking import rank
 from reality_gap.ruler import predictive
 from reality_gap.search import Settings
 from reality_gap.splits import CHOOSE, FIT, split
+from reality_gap.system import System
 from tests.reality_gap.erring import (
     SHAPES,
     TIME,
@@ -56,14 +58,40 @@ def test_a_cause_that_the_full_fit_prices_below_the_threshold_is_not_accepted(
     case = Case(tmp_path, 1.0 * SHAPES[:, 4], crowd(6))
     assert ids(case.search().best) == ["e"]
 
-    def dearer(*args: Any) -> Fit:
-        return replace(fit(*args), evidence=4.0)
+    def dearer(*args: Any) -> Asking[Fit]:
+        return replace((yield from fitting(*args)), evidence=4.0)
 
-    monkeypatch.setattr("reality_gap.search.fit", dearer)
+    monkeypatch.setattr("reality_gap.search.fitting", dearer)
     found = case.search()
 
     assert found.best is None
     assert [step.accepted for step in found.steps] == [False]
+
+
+def test_who_is_close_to_the_best_is_fitted_as_fully(tmp_path: Path) -> None:
+    form = Parameter("form", "1", 1.0, 0, -100.0, 100.0, idle=True)
+
+    def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+        def sense(record: Record) -> None:
+            shape = SHAPES[:, 0] + values["form"] * SHAPES[:, 1]
+            error = values["size"] * np.interp(record.time, TIME, shape)
+            record.sensors[:, record.column("position")] += error
+
+        effects.senses.append(sense)
+
+    simple = suspect("simple", SHAPES[:, 0] + 0.05 * SHAPES[:, 1])
+    formed = replace(
+        simple,
+        cause=replace(simple.cause, id="formed", attach=attach),
+        parameters=(*simple.parameters, form),
+    )
+    case = Case(tmp_path, 2.0 * (SHAPES[:, 0] + 0.15 * SHAPES[:, 1]), [simple, formed])
+    assert [ids(quick) for quick in case.next()] == [["simple"], ["formed"]]
+
+    first = case.search().steps[0]
+
+    assert [ids(rival) for rival in first.tried] == [["formed"], ["simple"]]
+    assert first.tried[0].hypothesis[0][1]["form"] == pytest.approx(0.15, abs=0.05)
 
 
 def test_no_more_causes_than_the_most(tmp_path: Path) -> None:
