@@ -59,7 +59,8 @@ class Args:
         seconds: length of each log [s].
         kind: hide this only: single, pair, null or outside. Left out: 50, 10, 20 and 20 %.
         family: draw the (first) effect from this id or family only.
-        followup: do the suggested experiment where there is doubt, and diagnose again.
+        followup: do the suggested experiment where there is doubt about a single effect, and
+            diagnose again.
         freed: in so many trials, the first ones, `mujoco.sysid` fits everything at once, too.
         quick: short logs, to see that it works; the numbers mean nothing then.
     """
@@ -85,7 +86,11 @@ def main(args: Args) -> dict[str, Any]:
     tasks = {}
     for i, case in enumerate(cases(args)):
         freed = i < args.freed
-        tasks[f"trial_{case.seed}" + freed * "_freed"] = (case, args.followup, freed)
+        tasks[f"trial_{case.seed}" + freed * "_freed"] = (
+            case,
+            args.followup and case.kind == "single",
+            freed,
+        )
     log_reported([task[0].seed for task in tasks.values()])  # a run that is stopped looked, too
     key = digest(args)
     kept = args.out / "trials"

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 Z = 1.959964
 """Of a 95 % interval."""
 BINS = 10
+LIMIT = 60.0
+"""What 20 s of the elbow may take, on two cores [s]."""
 ERRORS = {
     "mass": (3.0, "%"),
     "friction": (15.0, "%"),
@@ -123,6 +125,9 @@ def musts(trials: Sequence[Trial]) -> list[Row]:
         calibration_error(trials),
         middle("gain over that of the true model", map(_percent, single + pair), "%", least=80.0),
         *_after(single),
+        share(
+            f"diagnosed within {LIMIT:.0f} s by one process", (t["seconds"] < LIMIT for t in trials)
+        ),
         middle("time of a diagnosis, one process", (t["seconds"] for t in trials), "s"),
         _worst("longest diagnosis", [t["seconds"] for t in trials], "s"),
     ]

@@ -113,7 +113,8 @@ def diagnose(
         progress(0.95, "choosing the next experiment")
         # Where no name holds, there is nobody to tell apart.
         wanted = certain and options.suggest
-        advice = next_experiment(bench, rivals, result.found, null) if wanted else None
+        told = (bench, rivals, result.found, null, doubt or 0.0)
+        advice = next_experiment(*told) if wanted else None
         plant = build(bench.system, [] if best is None else list(best.hypothesis))
         attached = () if best is None else tuple(s for s in best.suspects if s.cause.attach)
         diagnosis = Diagnosis(

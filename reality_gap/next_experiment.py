@@ -32,7 +32,11 @@ SLACK = 20
 
 
 def next_experiment(
-    bench: Workbench, rivals: Sequence[Alternatives], found: Sequence[Sensitivity], null: Array
+    bench: Workbench,
+    rivals: Sequence[Alternatives],
+    found: Sequence[Sensitivity],
+    null: Array,
+    nameless: float = 0.0,
 ) -> Experiment | None:
     """The motion that best separates the likeliest rivals of the least certain cause.
 
@@ -44,6 +48,7 @@ def next_experiment(
         rivals: of each cause.
         found: sensitivities of all suspects, by which what every drawing is off by is known.
         null: (n,) residual of the study's model.
+        nameless: confidence that it is something without a name, which no motion promises to tell.
     """
     known = bench.system.study
     if not rivals or known.inverse:
@@ -52,7 +57,8 @@ def next_experiment(
     order = np.argsort(-unsure.confidence)[:RIVALS]
     nobody = unsure.without or Fit([], null, np.zeros((len(null), 0)), np.zeros(0), 0.0)
     fits = [*(unsure.tried[i] for i in order), nobody]
-    chances = np.append(unsure.confidence[order], max(0.0, 1.0 - unsure.confidence.sum()))
+    nobodys = max(0.0, 1.0 - unsure.confidence.sum() - nameless)
+    chances = np.append(unsure.confidence[order], nobodys)
     second = fits[1 + int(np.argmax(chances[1:]))]
     slack = _confusing(found, second.residual - fits[0].residual)
     here = _known(fits, [column for _, _, column in slack])
@@ -67,7 +73,10 @@ def next_experiment(
 
     motion = max(motions(known), key=lambda motion: mean(together(motion, TRIED)))
     after = together(motion, SECONDS)
-    if not halves(chances, (after**2 - before**2) / 2):
+    promised = (after**2 - before**2) / 2
+    # Who is not replayed is further away than the nearest of those who are.
+    others = float(unsure.confidence.sum() - unsure.confidence[order].sum())
+    if not halves(np.append(chances, others), np.append(promised, promised.min())):
         return None
     one = fits[0].suspects[-1]
     alone = f"shows whether {one} is there"
@@ -86,11 +95,14 @@ def halves(chances: Array, evidence: Array) -> bool:
     """Whether an experiment is likely to halve the entropy of the confidences.
 
     Args:
-        chances: confidence of each rival (k,), the one that is to be confirmed first.
+        chances: confidence of each rival (k,), the one that is to be confirmed first. What they
+            leave to one is of those that it tells nothing of.
         evidence: that the experiment promises against each of the others (k - 1,) [nats].
     """
+    rest = max(0.0, 1.0 - float(chances.sum()))
     promised = np.concatenate([[0.0], HELD * evidence])
-    return _entropy(chances * np.exp(-promised / TEMPER)) <= 0.5 * _entropy(chances)
+    after = np.append(chances * np.exp(-promised / TEMPER), rest)
+    return _entropy(after) <= 0.5 * _entropy(np.append(chances, rest))
 
 
 def _entropy(weights: Array) -> float:

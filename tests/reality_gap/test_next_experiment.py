@@ -29,6 +29,8 @@ TOLERANCE = 0.2
         ([0.6, 0.2, 0.2], [32.0, 32.0], True),
         ([0.6, 0.2, 0.2], [32.0, 0.5], False),  # one rival stays as near as it is
         ([1.0, 0.0], [0.0], True),  # no doubt is left to halve
+        ([0.8, 0.2], [32.0], True),
+        ([0.8, 0.0], [32.0], False),  # the doubt is about what it tells nothing of
     ],
 )
 def test_an_experiment_has_to_promise_half_the_doubt(
