@@ -111,10 +111,9 @@ def diagnose(
             rivals = tuple(replace(r, confidence=(1.0 - doubt) * r.confidence) for r in rivals)
         named = _name(bench, result, rivals) if certain else ()
         progress(0.95, "choosing the next experiment")
-        # Where no name holds, there is nobody to tell apart.
-        wanted = certain and options.suggest
-        told = (bench, rivals, result.found, null, doubt or 0.0)
-        advice = next_experiment(*told) if wanted else None
+        advice = None
+        if certain and options.suggest:  # where no name holds, there is nobody to tell apart
+            advice = next_experiment(bench, rivals, result.found, null, doubt or 0.0)
         plant = build(bench.system, [] if best is None else list(best.hypothesis))
         attached = () if best is None else tuple(s for s in best.suspects if s.cause.attach)
         diagnosis = Diagnosis(
