@@ -86,11 +86,8 @@ def main(args: Args) -> dict[str, Any]:
     tasks = {}
     for i, case in enumerate(cases(args)):
         freed = i < args.freed
-        tasks[f"trial_{case.seed}" + freed * "_freed"] = (
-            case,
-            args.followup and case.kind == "single",
-            freed,
-        )
+        followup = args.followup and case.kind == "single"
+        tasks[f"trial_{case.seed}" + freed * "_freed"] = (case, followup, freed)
     log_reported([task[0].seed for task in tasks.values()])  # a run that is stopped looked, too
     key = digest(args)
     kept = args.out / "trials"

@@ -195,7 +195,7 @@ def distances(count: int, *studies: Apart) -> Array:
         free = studies[0].slopes[k].shape[1]
         price = np.eye(rows.shape[1])[1 + free :]
         gap, *columns = np.vstack([rows, price]).T
-        matrix = np.column_stack(columns)
+        matrix = _columns(len(gap), columns)
         left = gap - matrix @ np.linalg.lstsq(matrix, gap, rcond=None)[0]
         found.append(float(np.linalg.norm(left)))
     return np.array(found)

@@ -127,8 +127,11 @@ def total_bend(data: mujoco.MjData, tendon: int) -> float:
     total, before = 0.0, None
     # Plain numbers: a path has few points, and is looked at thousands of times in a replay.
     for (here, one), (there, other) in pairwise(zip(points, wrapped, strict=True)):
+        if PULLEY in (one, other):
+            before = None
+            continue
         length = math.dist(here, there)
-        if length < TOUCHING or PULLEY in (one, other):
+        if length < TOUCHING:
             continue
         unit = [(b - a) / length for a, b in zip(here, there, strict=True)]
         if before is not None:

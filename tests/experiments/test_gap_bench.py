@@ -284,3 +284,20 @@ def test_the_report_is_written_whole(tmp_path: Path) -> None:
     assert summary["musts"]["right cause first"]["value"] == 50.0
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png") == 3
+
+
+def test_only_the_doubt_about_a_single_effect_is_followed_up(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    given: list[tuple[str, bool]] = []
+
+    def note(_: Any, tasks: dict[str, Any], *rest: Any) -> dict[str, Any]:
+        given.extend((case.kind, followup) for case, followup, _ in tasks.values())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(gap_bench, "run_tasks", note)
+    with pytest.raises(KeyboardInterrupt):
+        gap_bench.main(Args(trials=40, followup=True, out=tmp_path))
+
+    assert {kind for kind, _ in given} == set(SHARES)
+    assert all(followup == (kind == "single") for kind, followup in given)

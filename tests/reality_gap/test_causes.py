@@ -397,6 +397,21 @@ def test_the_bends_of_a_wire_are_its_angle_of_wrap() -> None:
     assert total_bend(data, 0) == pytest.approx(np.pi, abs=1e-6)
 
 
+def test_a_wire_does_not_bend_from_one_branch_of_a_pulley_to_the_next() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody>
+          <site name="a" pos="0 0 0"/><site name="b" pos="1 0 0"/>
+          <site name="c" pos="1 1 0"/><site name="d" pos="1 2 0"/><site name="e" pos="2 2 0"/>
+          <body><joint/><geom size="0.01"/></body>
+        </worldbody><tendon><spatial name="wire"><site site="a"/><site site="b"/>
+          <pulley divisor="2"/><site site="c"/><site site="d"/><site site="e"/>
+        </spatial></tendon></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert total_bend(data, 0) == pytest.approx(np.pi / 2, abs=1e-6)
+
+
 def test_play_moves_only_beyond_its_gap() -> None:
     out = played(np.array([0.0, 0.4, 1.0, 0.6, 0.1, -1.0]), 0.5)
     np.testing.assert_allclose(out, [0.0, 0.0, 0.5, 0.5, 0.5, -0.5])

@@ -176,13 +176,15 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
         found = examine(bench, rule, hypothesis, residual, null)
         return replace(found, instead=replace(found.instead, evidence=named + more))
 
+    asked: list[float] = []
     monkeypatch.setattr("reality_gap.deciding.examine", as_good)
+    monkeypatch.setattr("reality_gap.diagnosing.next_experiment", lambda *a: asked.append(a[-1]))
     study = with_a_wrong_tension(study_folder)
-    options = Options(suggest=False)
-    found = diagnose(study, causes=[CATALOGUE["tension_scale"]], options=options)
+    found = diagnose(study, causes=[CATALOGUE["tension_scale"]])
 
     [cause] = found.causes
     assert found.nameless == pytest.approx(chance, abs=0.01)
+    assert asked == [found.nameless]
     assert cause.confidence == pytest.approx(1.0 - chance, abs=0.01)
     assert sum(r.confidence for r in found.rivals) <= 1.0 - found.nameless + 1e-9
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -49,12 +51,15 @@ def one_rival(bench: Workbench, null: Array, id: str, values: dict[str, float]) 
     return Alternatives(suspect, None, (fitted,), np.array([0.6]), np.array([6.0]), 6.0, ())
 
 
-def advised(study: Study, id: str, values: dict[str, float]) -> Experiment | None:
+def advised(
+    study: Study, id: str, values: dict[str, float], nameless: float = 0.0
+) -> Experiment | None:
     """Where nothing but the zeros of tension sensors may be off."""
     with Workbench(study) as bench:
         null = bench.residual([])
         found = screen(bench, suspects(bench.system, [cause("tension_offset")]), [], null)
-        return next_experiment(bench, [one_rival(bench, null, id, values)], found, null)
+        rivals = [one_rival(bench, null, id, values)]
+        return next_experiment(bench, rivals, found, null, nameless)
 
 
 def test_that_there_is_nobody_is_a_rival_too(lever_study: Study) -> None:
@@ -64,6 +69,25 @@ def test_that_there_is_nobody_is_a_rival_too(lever_study: Study) -> None:
     assert "shows whether coulomb_friction at flexor is there" in advice.sentence
     assert advice.separation > advice.separation_before > 0.0
     assert advice.command.shape == (round(SECONDS / PERIOD), 2)
+
+
+def test_whether_there_is_a_name_is_not_worth_an_experiment(lever_study: Study) -> None:
+    values = {"friction": 3.0, "presliding": 1e-5}
+    assert advised(lever_study, "coulomb_friction", values, nameless=0.4) is None
+
+
+def test_rivals_that_are_not_replayed_count(lever_study: Study) -> None:
+    values = {"friction": 3.0, "presliding": 1e-5}
+    with Workbench(lever_study) as bench:
+        null = bench.residual([])
+        one = one_rival(bench, null, "coulomb_friction", values)
+        weak = suspects(bench.system, [cause("viscous_friction"), cause("force_offset")])[:5]
+        slopes = np.zeros((len(null), 1))
+        others = [Fit([(s, s.nulls())], null, slopes, np.zeros(1), 0.0) for s in weak]
+        confidence = np.array([0.4] + [0.12] * 5)
+        rivals = replace(one, tried=(*one.tried, *others), confidence=confidence)
+
+        assert next_experiment(bench, [rivals], [], null) is not None
 
 
 def test_what_can_hardly_be_felt_is_not_worth_an_experiment(lever_study: Study) -> None:
