@@ -60,7 +60,13 @@ def possible(system: System) -> bool:
 
 
 def brake(
-    spec: mujoco.MjSpec, system: System, cause: str, place: Place, force: float, bend: float
+    spec: mujoco.MjSpec,
+    system: System,
+    cause: str,
+    place: Place,
+    force: float,
+    bend: float,
+    lean: float = 0.0,
 ) -> None:
     """Add dry friction to all elements of a place.
 
@@ -71,6 +77,7 @@ def brake(
         place: tendons or joints.
         force: friction [N or N m]; a hook may change it, see `Brakes`.
         bend: over which it builds up [m or rad].
+        lean: constant force besides [N or N m]; only where friction may be an actuator's force.
     """
     tendon = place.kind == "tendon"
     if not possible(system):
@@ -88,6 +95,7 @@ def brake(
             motorconst=[0.0, 0.0],
             resistance=1.0,
             lugre=[stiffness, DAMPED * step * stiffness, force, force, SLOW],
+            cogging=[lean, 0.0, np.pi / 2],  # without poles: the same everywhere
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
         )
 
