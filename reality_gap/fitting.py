@@ -27,6 +27,8 @@ ROUNDS = 3
 """Gauss-Newton steps at most."""
 FACTORS = (0.5, 0.75, 1.35, 1.8)
 """Sizes that are tried beside a fitted one."""
+SHAPES = (0.5, 2.0, 4.0)
+"""What is idle at the null has no slope there; so many times its usual value is tried."""
 ENOUGH = 0.2
 """A step that promises less is not taken [nats]."""
 
@@ -164,7 +166,7 @@ def fitting(
 
 
 def resizing(old: Fit, white: Whitening, null: Array, first: int) -> Asking[Fit]:
-    """The fit with its causes from the ``first`` on smaller or larger, where that fits better.
+    """The fit with its causes from the ``first`` on of another size or shape, where that is better.
 
     What sticks and slips has several minima; differences see the nearest only.
     """
@@ -173,7 +175,12 @@ def resizing(old: Fit, white: Whitening, null: Array, first: int) -> Asking[Fit]
         [i >= first and (lone[i] or not p.starts) for i, p in free_parameters(old.hypothesis)]
     )
     pull, (low, high) = penalty_scale(old.hypothesis), _bounds(old.hypothesis)
-    sizes = [np.clip(np.where(own, f, 1.0) * old.theta, low, high) for f in FACTORS]
+    sizes = [np.where(own, f, 1.0) * old.theta for f in FACTORS]
+    idle = [i >= first and p.idle for i, p in free_parameters(old.hypothesis)]
+    if any(idle):
+        usual = np.array([p.null / p.scale for _, p in free_parameters(old.hypothesis)])
+        sizes += [np.where(idle, (f - 1.0) * usual, old.theta) for f in SHAPES]
+    sizes = [np.clip(theta, low, high) for theta in sizes]
     found = yield [at(old.hypothesis, theta) for theta in sizes]
     best, theta = old.residual, old.theta
     for residual, there in zip(found, sizes, strict=True):

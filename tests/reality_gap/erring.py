@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,23 @@ def suspect(
     cause = Cause(id, "", "", lambda s: (), lambda s, p: (), None, attach, sticky=sticky)
     size = Parameter("size", "1", 1.0, 0, low, 100.0, afar=afar)
     return Suspect(cause, Place("joint", (where,)), (size,))
+
+
+def formed(usual: float) -> Suspect:
+    """A cause of the first of `SHAPES` and ``form``, as a rule ``usual``, times the second."""
+
+    def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+        def sense(record: Record) -> None:
+            shape = SHAPES[:, 0] + values["form"] * SHAPES[:, 1]
+            error = values["size"] * np.interp(record.time, TIME, shape)
+            record.sensors[:, record.column("position")] += error
+
+        effects.senses.append(sense)
+
+    plain = suspect("formed", SHAPES[:, 0])
+    form = Parameter("form", "1", 1.0, 0, -100.0, 100.0, null=usual, idle=True)
+    cause = replace(plain.cause, attach=attach)
+    return replace(plain, cause=cause, parameters=(*plain.parameters, form))
 
 
 class Case:

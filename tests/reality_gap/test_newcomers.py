@@ -24,6 +24,7 @@ from tests.reality_gap.erring import (
     Array,
     Case,
     crowd,
+    formed,
     ids,
     log_ratio,
     proportional,
@@ -123,6 +124,18 @@ def test_where_a_line_promises_too_much_the_start_is_smaller(tmp_path: Path) -> 
     assert power(overshot) > 100 * power(case.null)
     assert power(best.residual) < 0.5 * power(case.null)
     assert best.evidence > 1000.0
+
+
+@pytest.mark.parametrize(("true", "found"), [(0.05, 0.05), (0.1, 0.1), (0.21, 0.2), (0.42, 0.4)])
+def test_a_form_that_the_null_does_not_show_is_tried_smaller_and_larger(
+    tmp_path: Path, true: float, found: float
+) -> None:
+    case = Case(tmp_path, 2.0 * (SHAPES[:, 0] + true * SHAPES[:, 1]), [formed(0.1)])
+
+    [best] = case.next()
+
+    assert best.hypothesis[0][1]["form"] == pytest.approx(found)
+    assert size_of(best, "formed") == pytest.approx(2.0, rel=0.15)
 
 
 def test_what_sticks_at_small_sizes_is_tried_at_large_ones(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reality_gap.cause import Effects, Parameter, Place, Record, Values
 from reality_gap.equivalence import alternatives
 from reality_gap.evidence import PRIOR
 from reality_gap.fitting import Asking, Fit, fitting
@@ -18,12 +17,12 @@ from reality_gap.ranking import rank
 from reality_gap.ruler import predictive
 from reality_gap.search import Settings
 from reality_gap.splits import CHOOSE, FIT, split
-from reality_gap.system import System
 from tests.reality_gap.erring import (
     SHAPES,
     TIME,
     Case,
     crowd,
+    formed,
     ids,
     log_ratio,
     size_of,
@@ -69,23 +68,8 @@ def test_a_cause_that_the_full_fit_prices_below_the_threshold_is_not_accepted(
 
 
 def test_who_is_close_to_the_best_is_fitted_as_fully(tmp_path: Path) -> None:
-    form = Parameter("form", "1", 1.0, 0, -100.0, 100.0, idle=True)
-
-    def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-        def sense(record: Record) -> None:
-            shape = SHAPES[:, 0] + values["form"] * SHAPES[:, 1]
-            error = values["size"] * np.interp(record.time, TIME, shape)
-            record.sensors[:, record.column("position")] += error
-
-        effects.senses.append(sense)
-
     simple = suspect("simple", SHAPES[:, 0] + 0.05 * SHAPES[:, 1])
-    formed = replace(
-        simple,
-        cause=replace(simple.cause, id="formed", attach=attach),
-        parameters=(*simple.parameters, form),
-    )
-    case = Case(tmp_path, 2.0 * (SHAPES[:, 0] + 0.15 * SHAPES[:, 1]), [simple, formed])
+    case = Case(tmp_path, 2.0 * (SHAPES[:, 0] + 0.15 * SHAPES[:, 1]), [simple, formed(0.0)])
     assert [ids(quick) for quick in case.next()] == [["simple"], ["formed"]]
 
     first = case.search().steps[0]
