@@ -95,7 +95,7 @@ def brake(
             motorconst=[0.0, 0.0],
             resistance=1.0,
             lugre=[stiffness, DAMPED * step * stiffness, force, force, SLOW],
-            cogging=[lean, 0.0, np.pi / 2],  # without poles: the same everywhere
+            cogging=[lean, 0.0, np.pi / 2 if lean else 0.0],  # without poles: the same everywhere
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
         )
 

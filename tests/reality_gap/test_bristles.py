@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Place
 from reality_gap.causes import CATALOGUE, bristles
-from reality_gap.plant import Suspect, build
+from reality_gap.plant import Plant, Suspect, build
 from reality_gap.simulation import Task, compile_with_probes, simulate
 from reality_gap.study import Channel, Episode, Reading, Study
 from reality_gap.system import System, look_at
@@ -253,20 +253,45 @@ def test_elements_are_pressed_each_by_itself(tmp_path: Path) -> None:
     np.testing.assert_allclose(pull(model, load)[-1], law(load[-1] / 2.5), rtol=0.05)
 
 
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
-def test_at_rest_it_holds_as_in_the_direction_that_it_came(tmp_path: Path, place: Place) -> None:
-    """Friction of 6 N forward and 2 N backward; the car slides, and comes to rest under a load."""
-    system = car(tmp_path)
+def by_direction(system: System, place: Place) -> Plant:
+    """The car with friction of 6 N forward and 2 N backward, and none of its own."""
     cause = CATALOGUE["direction_dependent_friction"]
     suspect = Suspect(cause, place, cause.parameters(system, place))
-    values = suspect.nulls() | {"forward": 6.0, "backward": 2.0, "presliding": BEND}
+    values = suspect.nulls() | {"forward": 6.0, "backward": 2.0}
+    if bristles.possible(system):
+        values["presliding"] = BEND
+    plant = build(system, [(suspect, values)])
+    plant.spec.joint("rail").frictionloss -= 0.5
+    return plant
+
+
+def driven(plant: Plant, load: Array) -> Array:
+    """Positions under a load (n,) [N]."""
+    model = compile_with_probes(plant.spec, fuse=False)
+    return simulate(model, Task(0.0, load[:, None], {}, 0.0), plant.effects.hooks).qpos[:, 0]
+
+
+@pytest.mark.parametrize("sensors", [(), ("sum_on_wire", "sum_on_rail")])
+@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+@pytest.mark.parametrize(("load", "left"), [(9.0, 3.0), (-5.0, -3.0)])
+def test_each_direction_has_its_friction(
+    tmp_path: Path, place: Place, sensors: tuple[str, ...], load: float, left: float
+) -> None:
+    plant = by_direction(car(tmp_path, *sensors), place)
+    assert bool(plant.effects.hooks) is bool(sensors)  # else MuJoCo alone runs it
+
+    found = driven(plant, np.full(1500, load))
+
+    assert float(found[-1] - found[-2]) / 0.002 == pytest.approx(left / DAMPING, rel=0.02)
+
+
+@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+def test_at_rest_it_holds_as_in_the_direction_that_it_came(tmp_path: Path, place: Place) -> None:
+    """The car slides, and comes to rest under a load."""
+    system = car(tmp_path)
 
     def position(*corners: float) -> Array:
-        plant = build(system, [(suspect, values)])
-        plant.spec.joint("rail").frictionloss = 0.0
-        task = Task(0.0, ramp(*corners)[:, None], {}, 0.0)
-        model = compile_with_probes(plant.spec, fuse=False)
-        return simulate(model, task, plant.effects.hooks).qpos[:, 0]
+        return driven(by_direction(system, place), ramp(*corners))
 
     forward, backward = position(0.0, 9.0, 5.4, 5.4), position(0.0, -3.0, -1.8, -1.8)
     for found, slid in ((forward, 0.05), (backward, -0.02)):
