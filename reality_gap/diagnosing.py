@@ -19,7 +19,7 @@ from reality_gap.equivalence import Alternatives, alternatives
 from reality_gap.gain import score
 from reality_gap.intervals import intervals
 from reality_gap.next_experiment import next_experiment
-from reality_gap.plant import Suspect, build, same
+from reality_gap.plant import Suspect, acts_beside, build, same
 from reality_gap.remainder import Remainder
 from reality_gap.ruler import predictive
 from reality_gap.screening import NO_SHELF, Sensitivity, screen, suspects, tolerances
@@ -114,8 +114,9 @@ def diagnose(
         advice = None
         if certain and options.suggest:  # where no name holds, there is nobody to tell apart
             advice = next_experiment(bench, rivals, result.found, null, doubt or 0.0)
-        plant = build(bench.system, [] if best is None else list(best.hypothesis))
-        attached = () if best is None else tuple(s for s in best.suspects if s.cause.attach)
+        parts = () if best is None else best.hypothesis
+        plant = build(bench.system, parts)
+        beside = tuple(s for s, values in parts if acts_beside(bench.system, s, values))
         diagnosis = Diagnosis(
             study=study.name,
             verdict=verdict,
@@ -133,7 +134,7 @@ def diagnose(
             next_experiment=advice,
             not_judged=not_judged,
             traces=traces(bench, null, after),
-            effects=attached,
+            effects=beside,
             extended_xml=plant.spec.to_xml(),
             seconds=time.monotonic() - begin,
             measures={

@@ -65,3 +65,9 @@ def build(system: System, parts: Sequence[tuple[Suspect, Values]]) -> Plant:
         if cause.attach is not None:
             cause.attach(effects, system, place, values)
     return Plant(spec, effects, tuple(edits))
+
+
+def acts_beside(system: System, suspect: Suspect, values: Values) -> bool:
+    """Whether a suspect with these values does something that MuJoCo cannot express."""
+    effects = build(system, [(suspect, values)]).effects
+    return bool(effects.commands or effects.hooks or effects.senses)

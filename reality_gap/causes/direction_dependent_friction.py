@@ -4,7 +4,7 @@ The size of the dry friction (and, of joints, of the viscous one) changes with t
 motion. Forward is the way in which a wire gets longer, or the joint's position grows. Dry friction
 of two sizes is their mean, and a constant force of half their difference: as such it is identified,
 in EMPS for one (A. Janot, M. Gautier and M. Brunot, "Data Set and Reference Models of EMPS", 2019).
-At rest it holds whatever lies between the two; what shakes settles in the middle.
+At rest it holds whatever lies between the two; what trembles is left with the constant force.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import mujoco
 from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
 from reality_gap.causes import bristles, places, sizes
 from reality_gap.causes.extra import Extra
+from reality_gap.causes.steady import push
 from reality_gap.system import System
 
 PERIOD = 0.004
@@ -67,30 +68,10 @@ def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
     name = place.elements[0]
     if not bristles.possible(system) and _half(values):
-        effects.act(lambda model: _lean(model, place.kind, name, -_half(values)))
+        effects.act(lambda model: push(model, place.kind, name, -_half(values)))
     if place.kind == "joint" and _half(values, "_viscous"):
         creep = CREEP * sizes.joint_speed(system, place)
         effects.act(lambda model: _drag(model, name, creep, values), period=PERIOD)
-
-
-def _lean(model: mujoco.MjModel, kind: str, name: str, force: float) -> Hook:
-    """A constant force along a wire or on a joint."""
-    if kind == "joint":
-        dof = int(model.joint(name).dofadr[0])
-
-        def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            data.qfrc_applied[dof] += force
-
-        return push
-    wire = model.tendon(name).id
-    start = int(model.ten_J_rowadr[wire])
-    row = slice(start, start + int(model.ten_J_rownnz[wire]))
-    dofs = model.ten_J_colind[row]
-
-    def pull(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        data.qfrc_applied[dofs] += force * data.ten_J[row]
-
-    return pull
 
 
 def _drag(model: mujoco.MjModel, joint: str, creep: float, values: Values) -> Hook:

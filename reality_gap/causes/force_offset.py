@@ -11,6 +11,7 @@ import numpy as np
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Values
 from reality_gap.causes import actuators, places, sizes
+from reality_gap.causes.steady import push
 from reality_gap.system import System
 
 
@@ -44,12 +45,8 @@ def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
     if place.kind != "joint":
         return
-    dof = int(system.model.joint(place.elements[0]).dofadr[0])
-
-    def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        data.qfrc_applied[dof] += values["force"]
-
-    effects.act(lambda model: push)
+    name = place.elements[0]
+    effects.act(lambda model: push(model, "joint", name, values["force"]))
 
 
 CAUSE = Cause(

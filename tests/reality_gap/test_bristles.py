@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 import mujoco
 import numpy as np
@@ -11,62 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.cause import Place
-from reality_gap.causes import CATALOGUE, bristles
-from reality_gap.plant import Plant, Suspect, build
-from reality_gap.simulation import Task, compile_with_probes, simulate
-from reality_gap.study import Channel, Episode, Reading, Study
-from reality_gap.system import System, look_at
+from reality_gap.causes import bristles
+from reality_gap.system import System
+from tests.reality_gap.cars import BEND, DAMPING, ON_RAIL, ON_WIRE, Kind, car, ramp
 
 Array = NDArray[np.float64]
 
-CAR = """
-<mujoco>
-  <option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/>
-  <worldbody>
-    <site name="post" pos="-1 0 0"/>
-    <body name="car">
-      <joint name="rail" type="slide" axis="1 0 0" frictionloss="0.5" damping="{damping}"/>
-      <geom type="sphere" size="0.05" mass="{mass}"/>
-      <site name="hook"/>
-    </body>
-  </worldbody>
-  <tendon>
-    <spatial name="wire"><site site="post"/><site site="hook"/></spatial>
-    <spatial name="rope"><site site="post"/><site site="hook"/></spatial>
-  </tendon>
-  <actuator><motor name="motor" joint="rail"/></actuator>
-  <sensor>
-    <jointpos name="position" joint="rail"/>
-    <tendonactuatorfrc name="sum_on_wire" tendon="wire"/>
-    <jointactuatorfrc name="sum_on_rail" joint="rail"/>
-  </sensor>
-</mujoco>
-"""
-MASS, DAMPING = 10.0, 100.0
 LEVEL = 4.0
-BEND = 1e-3
-ON_WIRE, ON_RAIL = Place("tendon", ("wire",)), Place("joint", ("rail",))
 ON_BOTH = Place("tendon", ("wire", "rope"))
-
-Kind = Literal["sensor", "effort"]
-
-
-def car(
-    folder: Path,
-    *sensors: str,
-    kind: Kind = "sensor",
-    mass: float = MASS,
-    damping: float = DAMPING,
-) -> System:
-    """A car of which ``sensors`` are measured, or efforts of joints."""
-    path = folder / "car.xml"
-    path.write_text(CAR.format(mass=mass, damping=damping))
-    time = np.array([0.0, 1.0])
-    channels = [Channel("position", "position")]
-    channels += [Channel(sensor, sensor, kind=kind) for sensor in sensors]
-    readings = tuple(Reading(time, np.zeros(2)) for _ in channels)
-    episode = Episode("still", time, np.zeros((2, 1)), readings)
-    return look_at(Study("car", path, tuple(channels), (episode,)))
 
 
 def braked(system: System, place: Place, level: float = LEVEL, bend: float = BEND) -> mujoco.MjSpec:
@@ -85,12 +36,6 @@ def pull(model: mujoco.MjModel, load: Array) -> Array:
         mujoco.mj_step(model, data)
         positions[k] = data.qpos[0]
     return positions
-
-
-def ramp(*corners: float, steps: int = 8000) -> Array:
-    """From load to load, so slowly that the car is at rest on its bristles."""
-    ends = np.arange(len(corners)) * steps
-    return np.interp(np.arange(ends[-1]), ends, corners)
 
 
 def law(load: Array | float) -> Array:
@@ -251,53 +196,6 @@ def test_elements_are_pressed_each_by_itself(tmp_path: Path) -> None:
     load = ramp(0.0, 2.25 * LEVEL)
     # Both bend alike, for their stiffness grows with their level: together, 2.5 times one's.
     np.testing.assert_allclose(pull(model, load)[-1], law(load[-1] / 2.5), rtol=0.05)
-
-
-def by_direction(system: System, place: Place) -> Plant:
-    """The car with friction of 6 N forward and 2 N backward, and none of its own."""
-    cause = CATALOGUE["direction_dependent_friction"]
-    suspect = Suspect(cause, place, cause.parameters(system, place))
-    values = suspect.nulls() | {"forward": 6.0, "backward": 2.0}
-    if bristles.possible(system):
-        values["presliding"] = BEND
-    plant = build(system, [(suspect, values)])
-    plant.spec.joint("rail").frictionloss -= 0.5
-    return plant
-
-
-def driven(plant: Plant, load: Array) -> Array:
-    """Positions under a load (n,) [N]."""
-    model = compile_with_probes(plant.spec, fuse=False)
-    return simulate(model, Task(0.0, load[:, None], {}, 0.0), plant.effects.hooks).qpos[:, 0]
-
-
-@pytest.mark.parametrize("sensors", [(), ("sum_on_wire", "sum_on_rail")])
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
-@pytest.mark.parametrize(("load", "left"), [(9.0, 3.0), (-5.0, -3.0)])
-def test_each_direction_has_its_friction(
-    tmp_path: Path, place: Place, sensors: tuple[str, ...], load: float, left: float
-) -> None:
-    plant = by_direction(car(tmp_path, *sensors), place)
-    assert bool(plant.effects.hooks) is bool(sensors)  # else MuJoCo alone runs it
-
-    found = driven(plant, np.full(1500, load))
-
-    assert float(found[-1] - found[-2]) / 0.002 == pytest.approx(left / DAMPING, rel=0.02)
-
-
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
-def test_at_rest_it_holds_as_in_the_direction_that_it_came(tmp_path: Path, place: Place) -> None:
-    """The car slides, and comes to rest under a load."""
-    system = car(tmp_path)
-
-    def position(*corners: float) -> Array:
-        return driven(by_direction(system, place), ramp(*corners))
-
-    forward, backward = position(0.0, 9.0, 5.4, 5.4), position(0.0, -3.0, -1.8, -1.8)
-    for found, slid in ((forward, 0.05), (backward, -0.02)):
-        assert found[8000] / slid > 1.0
-        assert np.ptp(found[-4000:]) < 0.02 * BEND  # more than the mean of both, forward
-    assert np.ptp(position(0.0, -3.0, -2.4, -2.4)[-4000:]) > 0.02  # less than that, backward
 
 
 @pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
