@@ -29,18 +29,12 @@ RIGHT, WRONG = "#3a6fb5", "#c8452f"
 
 def pictures(trials: Sequence[Trial], matrix: Mapping[str, Mapping[str, int]]) -> list[Picture]:
     """All pictures of the report."""
-    found = [
-        Picture(
-            "Who is taken for whom",
-            _finished(_confusion(matrix)),
-            "Lone effects and fault-free logs. Framed: what should have been said.",
-        ),
-        Picture(
-            "How sure, and how right",
-            _finished(_reliability(trials)),
-            "Every named cause, in ten bins of its confidence; bars: Wilson's 95 % intervals.",
-        ),
-    ]
+    found = []
+    if matrix:
+        note = "Lone effects and fault-free logs. Framed: what should have been said."
+        found.append(Picture("Who is taken for whom", _finished(_confusion(matrix)), note))
+    note = "Every named cause, in ten bins of its confidence; bars: Wilson's 95 % intervals."
+    found.append(Picture("How sure, and how right", _finished(_reliability(trials)), note))
     if any(t["true_model"] and gain_ratio(t) is not None for t in trials):
         note = "Both on readings that served neither to fit nor to choose. On the line: as good."
         found.append(Picture("Gain of the named model", _finished(_gains(trials)), note))

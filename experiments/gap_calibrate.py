@@ -150,7 +150,7 @@ def _honest(
             continue
         values = {}
         for p in suspect.parameters:
-            value = p.null + p.tolerance * rng.standard_normal()
+            value = p.null + p.usual + p.tolerance * rng.standard_normal()
             inside = value if p.low <= value <= p.high else 2 * p.null - value
             values[p.name] = float(np.clip(inside, p.low, p.high))
         if any(p.tolerance for p in suspect.parameters):

@@ -1,4 +1,7 @@
-"""How well a moved site was found: what counts is the wires' lengths, not the numbers."""
+"""What a named number does to the wires over a log, where it cannot be compared as it stands.
+
+Of a moved site the lengths count; of friction around bends what it is of the tension.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from numpy.typing import NDArray
 from hidden_plants import Truth
 from hidden_plants.machine import Machine, load
 from reality_gap import Diagnosis
+from reality_gap.causes.load_dependent_friction import CAPSTAN, total_bend
 
 Array = NDArray[np.float64]
 ID = "attachment_shift"
@@ -40,11 +44,41 @@ def length_error(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
                 told[site] = np.array([value[name] for name in names])
     if not true or not told:
         return None
-    machine = load(truth.machine, assets)
-    postures = np.concatenate([episode.qpos for episode in truth.episodes])
-    postures = postures[:: max(1, len(postures) // POSTURES)]
+    machine, postures = load(truth.machine, assets), _postures(truth)
     gap = _lengths(machine, postures, true) - _lengths(machine, postures, told)
     return float(np.sqrt(np.mean(gap**2, axis=0)).max())
+
+
+def bend(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
+    """Mean bend of the wire over the log, whose friction was told by its bends [rad].
+
+    Such a coefficient times the bend is what friction is of the tension. None unless the first
+    cause is of this kind.
+    """
+    if not found.causes or found.causes[0].suspect.place.note != CAPSTAN:
+        return None
+    spec = load(truth.machine, assets).spec()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    wires = [model.tendon(name).id for name in found.causes[0].suspect.place.elements]
+    bends = []
+    for posture in _postures(truth):
+        _pose(model, data, posture)
+        bends.append([total_bend(data, wire) for wire in wires])
+    return float(np.mean(bends))
+
+
+def _postures(truth: Truth) -> Array:
+    """Some of the log's (k, joints) [rad]."""
+    postures = np.concatenate([episode.qpos for episode in truth.episodes])
+    return postures[:: max(1, len(postures) // POSTURES)]
+
+
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, posture: Array) -> None:
+    data.qpos[:] = posture
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_tendon(model, data)
 
 
 def _lengths(machine: Machine, postures: Array, shifts: dict[str, Array]) -> Array:
@@ -56,9 +90,6 @@ def _lengths(machine: Machine, postures: Array, shifts: dict[str, Array]) -> Arr
     data = mujoco.MjData(model)
     lengths = np.empty((len(postures) + 1, model.ntendon))
     for row, posture in zip(lengths, [model.qpos0, *postures], strict=True):
-        data.qpos[:] = posture
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_tendon(model, data)
+        _pose(model, data, posture)
         row[:] = data.ten_length
     return lengths[1:] - lengths[0]

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 import hidden_plants
 from experiments.gap_baselines import Named, everything_freed, largest_correlation
 from experiments.gap_bench_scores import AMBIGUOUS, ASSETS, entropy
-from experiments.gap_lengths import length_error
+from experiments.gap_lengths import bend, length_error
 from hidden_plants import Effect, Nuisance, Secret, Truth
 from reality_gap import Diagnosis, Options, diagnose, load_study
 from reality_gap.gain import score
 from reality_gap.measured import measured
+from reality_gap.plant import build
+from reality_gap.replay import replay
 from reality_gap.screening import Sensitivity
 from reality_gap.workbench import Workbench
 
@@ -106,6 +108,7 @@ def compared_trial(case: Case, followup: bool, freed: bool) -> dict[str, Any]:
         | {
             "true_model": true_model(case, seen) if truth.secret.effects else None,
             "length_error": length_error(truth, found, ASSETS),
+            "bend": bend(truth, found, ASSETS),
             "followup": again,
             "baselines": {k: None if b is None else asdict(b) for k, b in baselines.items()},
         }
@@ -119,9 +122,11 @@ def true_model(case: Case, seen: Seen) -> dict[str, float | None]:
     with tempfile.TemporaryDirectory() as name:
         write_case(Path(name), case, nuisance)
         exact = measured(load_study(Path(name) / "STUDY.yaml")).value
-    readings = seen.bench.measured
-    after = (readings.value - readings.align(exact)) / readings.noise
-    scored = score(seen.bench.system.study, readings, seen.null, after)
+    system, readings = seen.bench.system, seen.bench.measured
+    drawn = replay(build(system, []), system.study, readings).prediction
+    usual = seen.bench.look([]).prediction - drawn  # which is in the replays of what is named
+    after = (readings.value - readings.align(exact) - usual) / readings.noise
+    scored = score(system.study, readings, seen.null, after)
     return {"rms": scored.after, "gain": None if scored.gain is None else scored.gain.value}
 
 

@@ -39,8 +39,9 @@ class Parameter:
             from near the null, as a wire that is too long or too short for its antagonist.
         afar: other values to start a fit from where the readings do not follow their slopes.
         idle: whether it does nothing while the others are at their null: a shape, not a size.
-        common: whether no machine is free of it, so that its tolerance is one to the same side in
-            all elements of a group.
+        usual: what every machine has of it and its drawing lacks, as friction of wires; it is in
+            all replays, a value is on top of it, and the tolerance is the deviation from it, of one
+            element and, to the same side, of all in a group.
     """
 
     name: str
@@ -54,7 +55,7 @@ class Parameter:
     secants: tuple[float, ...] = ()
     afar: tuple[float, ...] = ()
     idle: bool = False
-    common: bool = False
+    usual: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ def diagnose(
         if certain and options.suggest:  # where no name holds, there is nobody to tell apart
             advice = next_experiment(bench, rivals, result.found, null, doubt or 0.0)
         parts = () if best is None else best.hypothesis
-        plant = build(bench.system, parts)
+        plant = bench.machine(parts) if parts else build(bench.system, [])
         beside = tuple(s for s, values in parts if acts_beside(bench.system, s, values))
         diagnosis = Diagnosis(
             study=study.name,

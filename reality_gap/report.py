@@ -35,6 +35,7 @@ from reality_gap.pictures.signals import (
     time_traces,
 )
 from reality_gap.study import Study
+from reality_gap.workbench import USUAL
 
 MOST_DIFF = 600
 """Lines of the difference that are shown."""
@@ -67,6 +68,7 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         constant=constant_share(found[0]) if found else 0.0,
         parts=_parts(found),
         difference=xml_difference(study, diagnosis.extended_xml),
+        usual=f"/{USUAL}/" in diagnosis.extended_xml,
         effects=diagnosis.effects,
         left_out=0 if diagnosis.next_experiment is None else left_out(diagnosis.next_experiment),
         not_judged=not_judged(diagnosis),

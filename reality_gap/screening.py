@@ -178,10 +178,10 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> A
     """What every honest drawing may be off by: (n, p), in units of noise.
 
     Parameters of single elements, for a group's are their sums; but friction, of which no wire is
-    free, is in all of them at once. What is left of a large tolerance beside a column that is a
-    little wrong looks like a fault, so that large ones are replayed: the tolerance itself, at the
-    full time step. What the column is wrong by is one tolerance more, and does not take its place,
-    for suspects are ranked by such columns.
+    free, may differ in all of them at once. What is left of a large tolerance beside a column that
+    is a little wrong looks like a fault, so that large ones are replayed: the tolerance itself, at
+    the full time step. What the column is wrong by is one tolerance more, and does not take its
+    place, for suspects are ranked by such columns.
 
     Args:
         bench: replays.
@@ -215,6 +215,6 @@ def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Suspect, Paramete
         alone = len(suspect.place.elements) == 1
         for i, name in enumerate(sensitivity.names):
             p = parameter(suspect, name)
-            if p.tolerance > 0 and (alone or p.common):
+            if p.tolerance > 0 and (alone or p.usual):
                 own = sensitivity.columns[:, i].astype(np.float64)
                 yield suspect, p, own * (p.tolerance / abs(p.scale))

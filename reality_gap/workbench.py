@@ -12,12 +12,12 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Values
+from reality_gap.cause import Cause, Place, Values
 from reality_gap.causes import CATALOGUE, register
 from reality_gap.errors import StudyError
 from reality_gap.inverse import inverse_replay, ready
 from reality_gap.measured import Measured, measured
-from reality_gap.plant import Suspect, build
+from reality_gap.plant import Plant, Suspect, build
 from reality_gap.replay import Memory, Replay, replay
 from reality_gap.simulation import silence
 from reality_gap.study import Study
@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 Part = tuple[Suspect, Values]
 Hypothesis = Sequence[Part]
 Tick = Callable[[], None]
+
+USUAL = "usual"
+"""Tells the place of what is usual from that of a suspect."""
 
 
 class Workbench:
@@ -73,7 +76,7 @@ class Workbench:
         """Replay with everything that was recorded on the way, ``coarse`` at twice the step."""
         study = self.system.study
         try:
-            plant = build(self.system, hypothesis)
+            plant = self.machine(hypothesis)
             if study.inverse:
                 return inverse_replay(plant, study, self.measured)
             if coarse:
@@ -108,9 +111,26 @@ class Workbench:
 
     def _at_step(self, share: float) -> Array:
         """What the study's model predicts at a share of its time step (n,)."""
-        plant = build(self.system, [])
+        plant = self.machine([])
         plant.spec.option.timestep *= share
         return replay(plant, self.system.study, self.measured).prediction
+
+    def machine(self, hypothesis: Hypothesis) -> Plant:
+        """The study's machine with a hypothesis and what is usual in it."""
+        return build(self.system, [*self.usual, *hypothesis])
+
+    @cached_property
+    def usual(self) -> Hypothesis:
+        """What every machine has and its drawing lacks; it is in all replays."""
+        found: list[Part] = []
+        for cause in CATALOGUE.values():
+            for place in cause.places(self.system):
+                parameters = cause.parameters(self.system, place)
+                if len(place.elements) == 1 and any(p.usual for p in parameters):
+                    beside = Place(place.kind, place.elements, USUAL)
+                    values = {p.name: p.null + p.usual for p in parameters}
+                    found.append((Suspect(cause, beside, parameters), values))
+        return found
 
     def residual(self, hypothesis: Hypothesis) -> Array:
         """Measured minus replayed (n,), in units of sensor noise; nan where it diverged.
@@ -144,9 +164,13 @@ class Workbench:
         """What each would read in another study of the same machine (n,), in units of noise."""
         readings, count = measured(study), len(hypotheses)
         if self._pool is None:
-            return [_elsewhere(self.system, study, readings, one) for one in hypotheses]
+            return [self.elsewhere(study, readings, one) for one in hypotheses]
         studies, places = [study] * count, [readings] * count
         return list(self._pool.map(_predict_elsewhere, studies, places, hypotheses))
+
+    def elsewhere(self, study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
+        """One of these."""
+        return replay(self.machine(hypothesis), study, readings).prediction / readings.noise
 
     def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Array]:
         if self._pool is None or len(hypotheses) < 2:
@@ -176,8 +200,4 @@ def _predict(hypothesis: Hypothesis, coarse: bool) -> Array:
 
 def _predict_elsewhere(study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
     assert _bench is not None
-    return _elsewhere(_bench.system, study, readings, hypothesis)
-
-
-def _elsewhere(system: System, study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
-    return replay(build(system, hypothesis), study, readings).prediction / readings.noise
+    return _bench.elsewhere(study, readings, hypothesis)

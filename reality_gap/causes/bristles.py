@@ -59,6 +59,18 @@ def possible(system: System) -> bool:
     return not system.study.inverse and kinds.isdisjoint(SUMS)
 
 
+def drawn(system: System, place: Place) -> bool:
+    """Whether the study's model has dry friction in any of a place's tendons."""
+    model = system.model
+    wires = [model.tendon(name).id for name in place.elements]
+    motors = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR) & (
+        model.actuator_biasprm[:, SLIDING] > 0.0
+    )
+    tied = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    braked = model.actuator_trnid[motors & tied, 0]
+    return bool(model.tendon_frictionloss[wires].any() or np.isin(wires, braked).any())
+
+
 def brake(
     spec: mujoco.MjSpec,
     system: System,
@@ -90,7 +102,9 @@ def brake(
     step = float(system.model.opt.timestep)
     for name in place.elements:
         stiffness = min(force / bend, STABLE / (_lightness(system, place, name) * step**2))
-        actuator = spec.add_actuator(name=_name(cause, place, name), trntype=kind, target=name)
+        actuator = spec.add_actuator(
+            name=_name(system, cause, place, name), trntype=kind, target=name
+        )
         actuator.set_to_dcmotor(
             motorconst=[0.0, 0.0],
             resistance=1.0,
@@ -108,9 +122,13 @@ def _lightness(system: System, place: Place, name: str) -> float:
     return float(model.dof_invweight0[model.joint(name).dofadr[0]])
 
 
-def _name(cause: str, place: Place, element: str) -> str:
+def _name(system: System, cause: str, place: Place, element: str) -> str:
+    """A name that no actuator of the study's model has; it may be one that was extended before."""
     group = "all" if len(place.elements) > 1 else ""
-    return "/".join(filter(None, (cause, place.note, group, element)))
+    name = "/".join(filter(None, (cause, place.note, group, element)))
+    while mujoco.mj_name2id(system.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) >= 0:
+        name += "'"
+    return name
 
 
 class Brakes:
@@ -120,7 +138,7 @@ class Brakes:
         self._bristles: list[tuple[Extra, Array]] = []
         self._bend: NDArray[np.int64] | None = None
         if possible(system):
-            names = [_name(cause, place, element) for element in place.elements]
+            names = [_name(system, cause, place, element) for element in place.elements]
             at = np.array([model.actuator(name).id for name in names])
             self._bend = model.actuator_actadr[at]
             self._levels = [Extra(model.actuator_biasprm[:, k], at) for k in (SLIDING, RESTING)]

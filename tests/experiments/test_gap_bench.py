@@ -13,6 +13,7 @@ from experiments import gap_bench
 from experiments.errors import ExperimentError
 from experiments.gap_bench import SHARES, Args, cases, conclude
 from experiments.gap_bench_musts import Row, bins, expected_error, musts, share, wilson
+from experiments.gap_bench_pictures import pictures
 from experiments.gap_bench_scores import (
     added_mass_error,
     entropy,
@@ -62,6 +63,7 @@ def made(
         "gain": None,
         "true_model": None,
         "length_error": None,
+        "bend": None,
         "followup": None,
         "baselines": {
             "correlation": {"cause": "delay", "where": ["biceps"], "score": 0.1},
@@ -142,6 +144,21 @@ def test_errors_are_in_the_unit_of_their_family() -> None:
     uneven = (("direction_dependent_friction", ["biceps"], {"force_out": 8.0, "force_in": 2.0}),)
     told = ("direction_dependent_friction", ["biceps"], {"forward": 9.0, "backward": 1.0})
     assert parameter_error(made(hidden=uneven, named=(told,))) == ("friction", pytest.approx(20.0))
+
+
+def test_friction_around_bends_is_compared_as_a_share_of_the_tension() -> None:
+    hidden = (("load_dependent_friction", ["biceps"], {"share": 0.02}),)
+    named = (("load_dependent_friction", ["biceps"], {"coefficient": 0.055}),)
+    assert parameter_error(made(hidden=hidden, named=named)) == ("friction", pytest.approx(175.0))
+    found = parameter_error(made(hidden=hidden, named=named, bend=0.4))
+    assert found == ("friction", pytest.approx(10.0))
+
+
+def test_a_run_without_lone_effects_has_no_picture_of_them() -> None:
+    pair = (("delay", ["biceps"], {}), ("coulomb_friction", ["biceps"], {"force": 4.0}))
+    trials = [made("pair", pair, (FRICTION,))]
+
+    assert [p.title for p in pictures(trials, {})] == ["How sure, and how right"]
 
 
 def test_a_mass_is_compared_with_the_whole_link() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -12,9 +13,10 @@ from experiments.gap_baselines import largest_correlation
 from experiments.gap_bench_scores import (
     ASSETS,
 )
-from experiments.gap_lengths import length_error
+from experiments.gap_lengths import bend, length_error
 from experiments.gap_trial import Case, Seen, true_model, write_case
 from hidden_plants import Effect, Secret, write_study
+from hidden_plants.machine import load
 from reality_gap import load_study
 from reality_gap.cause import Place
 from reality_gap.causes import CATALOGUE
@@ -75,6 +77,35 @@ def test_a_moved_site_is_judged_by_the_lengths_that_it_makes(tmp_path: Path) -> 
     assert 0.0 < half < none < 0.004
     assert error(shifted("triceps_2", 0.004, 0.0, 0.0)) >= none
     assert error(SimpleNamespace(causes=())) is None
+
+
+@pytest.mark.parametrize("note", ["capstan", ""])
+def test_the_bend_of_a_wire_is_that_of_the_postures(tmp_path: Path, note: str) -> None:
+    truth = write_study(tmp_path, Secret(()), 1, assets=ASSETS, seconds=4.0, baseline=False)
+    place = Place("tendon", ("biceps",), note)
+    suspect = Suspect(CATALOGUE["load_dependent_friction"], place, ())
+
+    found = bend(truth, SimpleNamespace(causes=(SimpleNamespace(suspect=suspect),)), ASSETS)
+
+    if not note:
+        assert found is None
+        return
+    model, data = _elbow()
+    bends = []
+    for posture in truth.episodes[0].qpos[::10]:
+        data.qpos[:] = posture
+        mujoco.mj_forward(model, data)
+        wire = model.tendon("biceps").id
+        start, count = data.ten_wrapadr[wire], data.ten_wrapnum[wire]
+        path = np.diff(data.wrap_xpos.reshape(-1, 3)[start : start + count], axis=0)
+        path /= np.linalg.norm(path, axis=1, keepdims=True)
+        bends.append(np.sum(np.arccos(np.sum(path[1:] * path[:-1], axis=1))))
+    assert found == pytest.approx(np.mean(bends), rel=0.02)
+
+
+def _elbow() -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = load("elbow", ASSETS).spec().compile()
+    return model, mujoco.MjData(model)
 
 
 def test_the_true_model_leaves_little_and_gains_much(tmp_path: Path) -> None:

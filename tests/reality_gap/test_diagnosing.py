@@ -162,6 +162,7 @@ def test_an_experiment_is_looked_for_only_where_a_name_holds(
     assert len(asked) == (verdict is Verdict.NAMED)
 
 
+@pytest.mark.usefixtures("frictionless")
 @pytest.mark.parametrize(
     ("more", "chance"), [(-100.0, 0.0), (0.0, 0.5), (TEMPER * np.log(3), 0.75)]
 )

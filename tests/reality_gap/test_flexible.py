@@ -152,6 +152,7 @@ def uneven(force: float, pitch: float) -> tuple[Suspect, dict[str, float]]:
     return Suspect(cause, Place("tendon", ("flexor",)), (parameter,)), {"force": force}
 
 
+@pytest.mark.usefixtures("frictionless")
 def test_a_motor_that_is_uneven_is_found_at_its_wire(lever_study: Study) -> None:
     study = swinging(lever_study)
     length = [r.sensors[:, r.column("length_flexor")] for r in Workbench(study).look([]).records]
