@@ -81,7 +81,8 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
     middle = share + z * z / (2 * count)
     half = z * float(np.sqrt(share * (1 - share) / count + z * z / (4 * count * count)))
     scale = 1 + z * z / count
-    return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)
+    low = (middle - half) / scale if hits else 0.0
+    return low, min(1.0, (middle + half) / scale)
 
 
 def share(name: str, right: Iterable[bool | None], **must: float) -> Row:

@@ -57,8 +57,7 @@ def bend(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
     """
     if not found.causes or found.causes[0].suspect.place.note != CAPSTAN:
         return None
-    spec = load(truth.machine, assets).spec()
-    model = spec.compile()
+    model = load(truth.machine, assets).spec().compile()
     data = mujoco.MjData(model)
     wires = [model.tendon(name).id for name in found.causes[0].suspect.place.elements]
     bends = []

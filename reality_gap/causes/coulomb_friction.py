@@ -8,8 +8,8 @@ from reality_gap.cause import Cause, Parameter, Place, Values
 from reality_gap.causes import bristles, places, sizes
 from reality_gap.system import System
 
-USUAL, SPREAD = 0.15, 0.1
-"""Friction that a wire has where none is drawn, and by how much that differs [N]."""
+USUAL, SPREAD = 1.5e-3, 1e-3
+"""Friction that a wire has where none is drawn, and by how much it differs, over its force."""
 
 
 def _places(system: System) -> tuple[Place, ...]:
@@ -18,8 +18,9 @@ def _places(system: System) -> tuple[Place, ...]:
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "tendon":
-        usual = 0.0 if bristles.drawn(system, place) else USUAL
-        friction = Parameter("friction", "N", 3.0, SPREAD, 0.0, 200.0, usual=usual)
+        size = sizes.wire_force(system, place)
+        usual = 0.0 if bristles.drawn(system, place) else USUAL * size
+        friction = Parameter("friction", "N", 3.0, SPREAD * size, 0.0, 200.0, usual=usual)
     else:
         unit, size = sizes.joint_force(system, place)
         friction = Parameter("friction", unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)

@@ -75,6 +75,12 @@ def actuator_force(system: System, place: Place) -> tuple[str, float]:
     return unit, size
 
 
+def wire_force(system: System, place: Place) -> float:
+    """Typical size of the force of the weakest of a place's wires [N]."""
+    actuators = [Place("actuator", (system.wire(name).actuator,)) for name in place.elements]
+    return min(actuator_force(system, actuator)[1] for actuator in actuators)
+
+
 def _readings(system: System) -> Iterator[tuple[Channel, Reading]]:
     for episode in system.study.episodes:
         yield from zip(system.study.channels, episode.readings, strict=True)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from reality_gap.cause import Place
-from reality_gap.causes import CATALOGUE
-from reality_gap.causes.coulomb_friction import USUAL
+from reality_gap.causes import CATALOGUE, coulomb_friction
 from reality_gap.measured import measured
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import replay
@@ -18,6 +17,8 @@ from reality_gap.system import look_at
 from reality_gap.workbench import Hypothesis, Workbench
 
 WIRES = ("flexor", "extensor")
+USUAL = 100.0 * coulomb_friction.USUAL
+"""Of motors that pull with 400 N [N]."""
 
 
 def rubbing(study: Study, **friction: float) -> Hypothesis:
@@ -53,6 +54,19 @@ def by_hand(study: Study, parts: Hypothesis) -> np.ndarray:
     return (readings.value - replay(build(system, parts), study, readings).prediction) / (
         readings.noise
     )
+
+
+def test_what_is_usual_goes_with_what_a_motor_can_pull(lever_study: Study) -> None:
+    spec = lever_study.spec()
+    spec.actuator("flexor").forcerange = (-5.0, 0.0)
+    path = lever_study.model.with_name("weak.xml")
+    path.write_text(spec.to_xml(), encoding="utf-8")
+    weak = replace(lever_study, model=path)
+
+    with Workbench(weak) as bench:
+        found = {s.place.elements[0]: values["friction"] for s, values in bench.usual}
+
+    assert found == pytest.approx({"flexor": USUAL / 40.0, "extensor": USUAL})
 
 
 def test_every_replay_has_the_usual_friction(lever_study: Study) -> None:
