@@ -21,7 +21,7 @@ from reality_gap.gain import score
 from reality_gap.groups import Group, find_groups, noise_at_rest, positions_at
 from reality_gap.measured import Measured, channel_noise
 from reality_gap.moments import find_moments
-from reality_gap.plant import Suspect
+from reality_gap.plant import Suspect, acts_beside
 from reality_gap.remainder import dependences
 from reality_gap.sentences import sentence
 from reality_gap.settled import Noise, Settled, fit_at_rest
@@ -213,7 +213,7 @@ def of_groups(bench: Workbench, whole: Whole, null: Array, begin: float) -> Diag
         next_experiment=None,
         not_judged=tuple((name, UNASKED) for name in CATALOGUE if name not in named),
         traces=traces(bench, null, residual),
-        effects=tuple(s for s, _ in whole.hypothesis if s.cause.attach),
+        effects=tuple(s for s, values in whole.hypothesis if acts_beside(system, s, values)),
         extended_xml=bench.machine(whole.hypothesis).spec.to_xml(),
         seconds=time.monotonic() - begin,
         measures={"causes": float(len(whole.named)), "moments": float(whole.moments)},

@@ -124,9 +124,10 @@ class Workbench:
         """What every machine has and its drawing lacks; it is in all replays."""
         found: list[Part] = []
         for cause in CATALOGUE.values():
-            for place in cause.places(self.system):
+            alone = (place for place in cause.places(self.system) if len(place.elements) == 1)
+            for place in alone:
                 parameters = cause.parameters(self.system, place)
-                if len(place.elements) == 1 and any(p.usual for p in parameters):
+                if any(p.usual for p in parameters):
                     beside = Place(place.kind, place.elements, USUAL)
                     values = {p.name: p.null + p.usual for p in parameters}
                     found.append((Suspect(cause, beside, parameters), values))
@@ -169,7 +170,7 @@ class Workbench:
         return list(self._pool.map(_predict_elsewhere, studies, places, hypotheses))
 
     def elsewhere(self, study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
-        """One of these."""
+        """What one hypothesis would read in another study (n,), of which these are the readings."""
         return replay(self.machine(hypothesis), study, readings).prediction / readings.noise
 
     def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Array]:

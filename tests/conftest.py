@@ -2,6 +2,7 @@
 
 import os
 
+import pytest
 from hypothesis import settings
 
 # One thread: sums keep their order, so the same seed gives the same bits. Numpy reads
@@ -11,3 +12,9 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 settings.register_profile("kengoro", deadline=None, derandomize=True)
 settings.load_profile("kengoro")
+
+
+@pytest.fixture
+def frictionless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wires lack even the friction that every real one has, as in a machine that is as drawn."""
+    monkeypatch.setattr("reality_gap.causes.coulomb_friction.USUAL", 0.0)

@@ -195,6 +195,7 @@ def test_wilson_stays_within_and_holds_the_share() -> None:
     for hits, count in ((0, 5), (5, 5), (3, 10)):
         low, high = wilson(hits, count)
         assert 0.0 <= low <= hits / count <= high <= 1.0
+    assert wilson(0, 150)[0] == 0.0
     assert wilson(50, 100)[0] == pytest.approx(0.4038, abs=1e-4)
 
 

@@ -15,8 +15,9 @@ from experiments.gap_bench_scores import (
 )
 from experiments.gap_lengths import bend, length_error
 from experiments.gap_trial import Case, Seen, true_model, write_case
-from hidden_plants import Effect, Secret, write_study
-from hidden_plants.machine import load
+from hidden_plants import Effect, Nuisance, Secret, write_study
+from hidden_plants.machine import Machine, load
+from hidden_plants.nuisance import Mismatch, mismatch, size
 from reality_gap import load_study
 from reality_gap.cause import Place
 from reality_gap.causes import CATALOGUE
@@ -117,3 +118,24 @@ def test_the_true_model_leaves_little_and_gains_much(tmp_path: Path) -> None:
     found = true_model(case, Seen(bench, null))
     assert found["rms"] < np.sqrt(np.mean(null**2))
     assert 0.2 < found["gain"] <= 1.0
+
+
+def test_of_the_usual_friction_the_true_model_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the middle of all mismatches a machine is as drawn, but for 0.15 N in each wire."""
+
+    def middle(machine: Machine, nuisance: Nuisance, rng: np.random.Generator) -> Mismatch:
+        return mismatch(machine, nuisance, np.zeros(size(machine)))
+
+    monkeypatch.setattr("hidden_plants.study.draw_mismatch", middle)
+    case = Case("single", 2, seconds=4.0, family="viscous_friction")
+    write_case(tmp_path, case)
+
+    def left() -> float:
+        with Workbench(load_study(tmp_path / "STUDY.yaml")) as bench:
+            return true_model(case, Seen(bench, bench.residual([])))["rms"]
+
+    found = left()
+    monkeypatch.setattr("reality_gap.causes.coulomb_friction.USUAL", 0.0)
+    assert found < left()  # which knows of no friction

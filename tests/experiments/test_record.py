@@ -92,9 +92,8 @@ def test_model_replays_what_the_drawing_saw(drawn: Path) -> None:
         assert np.abs(measured - expected).max() < noise, sensor
 
 
-def test_reality_gap_finds_no_gap(drawn: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The drawing moves as drawn: its wires lack even the friction that every real one has.
-    monkeypatch.setattr("reality_gap.causes.coulomb_friction.USUAL", 0.0)
+@pytest.mark.usefixtures("frictionless")
+def test_reality_gap_finds_no_gap(drawn: Path) -> None:
     study = load_study(drawn / "STUDY.yaml")
     with Workbench(study) as bench:
         residual = bench.residual([])

@@ -171,12 +171,6 @@ def study_folder(
 
 
 @pytest.fixture
-def frictionless(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wires have no friction that the drawing lacks, as the lever's that the logs are of."""
-    monkeypatch.setattr("reality_gap.causes.coulomb_friction.USUAL", 0.0)
-
-
-@pytest.fixture
 def lever_study(study_folder: StudyFolder) -> Study:
     """The good study, read."""
     return load_study(study_folder.path)

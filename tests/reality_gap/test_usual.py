@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from reality_gap import Verdict, diagnose, load_study
 from reality_gap.cause import Place
 from reality_gap.causes import CATALOGUE, coulomb_friction
 from reality_gap.measured import measured
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import replay
+from reality_gap.report import page
 from reality_gap.study import Study
 from reality_gap.system import look_at
 from reality_gap.workbench import Hypothesis, Workbench
@@ -111,3 +114,28 @@ def test_a_value_is_on_top_of_what_is_usual(lever_study: Study) -> None:
     told = residual(lever_study, rubbing(lever_study, flexor=2.0))
 
     np.testing.assert_allclose(told, by_hand(lever_study, whole), atol=1e-3)
+
+
+def test_other_studies_are_foreseen_with_it(lever_study: Study) -> None:
+    with Workbench(lever_study) as bench:
+        [found] = bench.predictions(lever_study, [[]])
+        expected = bench.look([]).prediction / bench.measured.noise
+
+    np.testing.assert_allclose(found, expected)
+
+
+@pytest.mark.parametrize("cause", ["tension_scale", "coulomb_friction"])
+def test_an_extended_model_has_it_beside_what_was_built_in(cause: str, study_folder: Any) -> None:
+    """A tension sensor shows half as much again as there is, which friction does not explain."""
+    for log in study_folder.logs.values():
+        if cause == "tension_scale" and "tension_flexor" in log:
+            log["tension_flexor"] = [1.5 * tension for tension in log["tension_flexor"]]
+    study = load_study(study_folder.write())
+
+    found = diagnose(study, causes=[CATALOGUE[cause]])
+
+    built = cause == "tension_scale"
+    assert (found.verdict is Verdict.NOTHING_WRONG) is not built
+    for wire in WIRES:
+        assert (f"coulomb_friction/usual/{wire}" in found.extended_xml) is built
+    assert ("it is in all replays" in page(found, study)) is built
