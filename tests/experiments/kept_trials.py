@@ -1,0 +1,54 @@
+"""Trials of the bench as they are kept, without running one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Named = tuple[str, list[str], dict[str, float]]
+"""A cause, where it is, and its parameters."""
+
+
+def made(
+    kind: str = "single",
+    hidden: tuple[Named, ...] = (("coulomb_friction", ["biceps"], {"force": 4.0}),),
+    named: tuple[Named, ...] = (),
+    verdict: str | None = None,
+    **more: Any,
+) -> dict[str, Any]:
+    """A trial as it is kept, without running it."""
+    told = [
+        {
+            "cause": cause,
+            "where": where,
+            "elsewhere": more.pop("elsewhere", []),
+            "note": "",
+            "parameters": {k: [v, v, v] for k, v in numbers.items()},
+            "confidence": 0.9,
+            "equivalent": more.pop("equivalent", []),
+        }
+        for cause, where, numbers in named
+    ]
+    trial = {
+        "case": {"kind": kind, "seed": more.pop("seed", 1), "machine": "elbow"},
+        "truth": [
+            {"cause": cause, "where": where, "parameters": numbers, "amplitude": 1.0}
+            for cause, where, numbers in hidden
+        ],
+        "verdict": verdict or ("named" if named else "nothing_wrong"),
+        "causes": told,
+        "rivals": [],
+        "gain": None,
+        "true_model": None,
+        "length_error": None,
+        "bend": None,
+        "followup": None,
+        "baselines": {
+            "correlation": {"cause": "delay", "where": ["biceps"], "score": 0.1},
+            "freed": None,
+        },
+        "seconds": 20.0,
+    }
+    return trial | more
+
+
+FRICTION: Named = ("coulomb_friction", ["biceps"], {"friction": 5.0})
