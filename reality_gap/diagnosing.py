@@ -102,9 +102,11 @@ def diagnose(
         rest = power(bench.measured, after)
         if whole is not None and rest > max(options.large**2, whole.power / BETTER):
             return of_groups(bench, whole, null, begin)
-        scored = score(bench.system.study, bench.measured, null, after)
         verdict = decide(result, left, options)
         certain = verdict is Verdict.NAMED
+        tried = score(bench.system.study, bench.measured, null, after)
+        built = after if certain else null  # what has no name is not built into a model
+        scored = score(bench.system.study, bench.measured, null, built)
         rivals = alternatives(bench, result, settings, certain)
         doubt = None if best is None else nameless(best.evidence, left.instead.evidence)
         if doubt is not None:
@@ -114,9 +116,9 @@ def diagnose(
         advice = None
         if certain and options.suggest:  # where no name holds, there is nobody to tell apart
             advice = next_experiment(bench, rivals, result.found, null, doubt or 0.0)
-        parts = () if best is None else best.hypothesis
+        parts = best.hypothesis if best is not None and certain else ()
         plant = bench.machine(parts) if parts else build(bench.system, [])
-        beside = tuple(s for s, values in parts if acts_beside(bench.system, s, values))
+        beside = tuple(part for part in parts if acts_beside(bench.system, *part))
         diagnosis = Diagnosis(
             study=study.name,
             verdict=verdict,
@@ -128,12 +130,12 @@ def diagnose(
             rms_after=scored.after,
             noise_floor=scored.floor,
             gain=scored.gain,
-            unexplained_fraction=scored.unexplained,
+            unexplained_fraction=tried.unexplained,
             explainable_fraction=_explainable(null, after, left, bench),
             depends_on=left.depends_on,
             next_experiment=advice,
             not_judged=not_judged,
-            traces=traces(bench, null, after),
+            traces=traces(bench, null, built),
             effects=beside,
             extended_xml=plant.spec.to_xml(),
             seconds=time.monotonic() - begin,

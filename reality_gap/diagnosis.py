@@ -164,16 +164,18 @@ class Diagnosis:
         rivals: every suspect that was fitted, best first in each step.
         nameless: probability that what is wrong is none of the causes: a learned residual, which is
             no name, was put in their place. None where no cause was found.
-        rms_before, rms_after, noise_floor: RMS of the whitened residual on the report split.
+        rms_before, rms_after, noise_floor: RMS of the whitened residual on the report split, of the
+            user's model and of the extended one; the same unless the verdict is "named".
         gain: None when before is not surely above the floor.
-        unexplained_fraction: of the power above the floor, what remains, 0 to 1.
+        unexplained_fraction: of the power above the floor, what the best of the causes leave, 0 to
+            1, whether they are named or not.
         explainable_fraction: of the power above the floor, what a learned residual, which is no
             name, would explain on held-out data: the upper bound.
         depends_on: of what remains, strongest first.
         next_experiment: None where there is nothing to tell apart, or no motion is likely to.
         not_judged: causes that this motion says nothing about, with the reason.
         traces: measured and replayed signals.
-        effects: what `extended.xml` cannot hold: (cause id, elements, values).
+        effects: what `extended.xml` cannot hold, with its values.
         extended_xml: the user's model with the named mechanisms in it.
         seconds: how long it took.
         measures: the numbers that the verdict was decided on.
@@ -194,7 +196,7 @@ class Diagnosis:
     next_experiment: Experiment | None
     not_judged: tuple[tuple[str, str], ...]
     traces: tuple[Trace, ...]
-    effects: tuple[Suspect, ...]
+    effects: tuple[tuple[Suspect, Mapping[str, float]], ...]
     extended_xml: str
     seconds: float
     measures: Mapping[str, float] = field(default_factory=dict)

@@ -89,28 +89,14 @@ def load_extended(folder: Path) -> Extended:
 
 
 def extension_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What extended.json holds: the causes whose effects extended.xml does not express.
-
-    Their values are those of the named causes; those of the best rivals where nothing is named.
-    """
-    values = {
-        (rival.suspect.cause.id, rival.suspect.place): rival.values
-        for rival in diagnosis.rivals
-        if rival.chosen
-    }
-    for c in diagnosis.causes:
-        found = {name: estimate.value for name, estimate in c.parameters.items()}
-        values[c.suspect.cause.id, c.suspect.place] = found
+    """What extended.json holds: the causes whose effects extended.xml does not express."""
     effects = [
         {
             "cause": suspect.cause.id,
             "where": place_json(suspect),
-            "parameters": {
-                name: float(value)
-                for name, value in values[suspect.cause.id, suspect.place].items()
-            },
+            "parameters": {name: float(value) for name, value in values.items()},
         }
-        for suspect in diagnosis.effects
+        for suspect, values in diagnosis.effects
     ]
     return {"model": XML, "effects": effects}
 

@@ -213,7 +213,7 @@ def of_groups(bench: Workbench, whole: Whole, null: Array, begin: float) -> Diag
         next_experiment=None,
         not_judged=tuple((name, UNASKED) for name in CATALOGUE if name not in named),
         traces=traces(bench, null, residual),
-        effects=tuple(s for s, values in whole.hypothesis if acts_beside(system, s, values)),
+        effects=tuple(part for part in whole.hypothesis if acts_beside(system, *part)),
         extended_xml=bench.machine(whole.hypothesis).spec.to_xml(),
         seconds=time.monotonic() - begin,
         measures={"causes": float(len(whole.named)), "moments": float(whole.moments)},

@@ -58,13 +58,6 @@ def why(diagnosis: Diagnosis) -> list[str]:
     return [_nobody(diagnosis, steps[0])] if steps else []
 
 
-def stopgap(diagnosis: Diagnosis) -> list[str]:
-    """What an extended model holds although it is no name: the best that was tried."""
-    if diagnosis.verdict is not Verdict.UNEXPLAINED:
-        return []
-    return [_told(rival) for rival in diagnosis.rivals if rival.chosen]
-
-
 def _nobody(diagnosis: Diagnosis, step: list[Rival]) -> str:
     best = step[0]
     told = f"{_told(best)} does best, with {number(best.score)} nats"

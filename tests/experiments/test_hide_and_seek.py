@@ -82,6 +82,10 @@ def test_what_has_no_name_is_called_unexplained(tmp_path: Path, id: str) -> None
     found = sought(tmp_path, Secret((effect_of(id),), 0, "outside"), seed=5)
     assert found.verdict is Verdict.UNEXPLAINED
     assert not found.causes
+    assert found.rivals  # something was tried, and is not built in
+    assert found.rms_after == found.rms_before
+    assert found.extended_xml == load_study(tmp_path / "STUDY.yaml").spec().to_xml()
+    assert not found.effects
 
 
 @pytest.mark.parametrize("pair", PAIRS)

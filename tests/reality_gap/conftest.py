@@ -225,7 +225,7 @@ def diagnosed(lever_study: Study) -> Callable[[Verdict], Diagnosis]:
             ),
             not_judged=(("camera_focal", "nothing to act on"),),
             traces=_traces(lever_study, readings, before, after),
-            effects=(reads,) if named else (),
+            effects=((reads, values[1]),) if named else (),
             extended_xml=build(system, parts).spec.to_xml(),
             seconds=12.5,
         )

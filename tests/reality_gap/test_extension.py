@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -14,7 +13,7 @@ import pytest
 from reality_gap.causes import CATALOGUE
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import StudyError, UnknownNameError
-from reality_gap.extension import extension_json, load_extended
+from reality_gap.extension import load_extended
 from reality_gap.output import write_diagnosis
 from reality_gap.plant import Suspect, build
 from reality_gap.study import Study
@@ -63,13 +62,6 @@ def test_the_friction_is_in_the_xml_and_the_encoder_in_the_json(folder: Path) ->
             }
         ],
     }
-
-
-def test_what_has_no_name_takes_its_values_from_the_best_rivals(diagnosed: Make) -> None:
-    named = diagnosed(Verdict.NAMED)
-    unexplained = replace(named, verdict=Verdict.UNEXPLAINED, causes=())
-
-    assert extension_json(unexplained) == extension_json(named)
 
 
 def test_a_replay_leaves_the_extended_model_as_it_was(folder: Path, lever_study: Study) -> None:

@@ -127,17 +127,6 @@ def test_unexplained_names_nobody_but_says_where_to_look(
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_an_unexplained_stopgap_is_told_as_such(diagnosed: Make, lever_study: Study) -> None:
-    named = diagnosed(Verdict.NAMED)
-    diagnosis = replace(named, verdict=Verdict.UNEXPLAINED, causes=(), gain=None)
-
-    found = read(page(diagnosis, lever_study)).text
-
-    assert "Coulomb friction at flexor; length offset at extensor" in found
-    assert "Do not read this as a diagnosis" in found
-
-
-@pytest.mark.usefixtures("blank_pictures")
 def test_names_are_text_and_never_markup(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = replace(diagnosed(Verdict.NAMED), study="<script>alert(1)</script>")
 
@@ -198,7 +187,7 @@ def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagno
             replace(trace, channel=f"{BAD_NAME} {trace.channel}", episode=BAD_NAME)
             for trace in good.traces
         ),
-        effects=(cause.suspect,),
+        effects=((cause.suspect, {"force": 1.0}),),
         extended_xml=good.extended_xml + BAD_NAME,
     )
     return bad, study
