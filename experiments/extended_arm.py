@@ -91,7 +91,7 @@ class ExtendedArm:
     def _arms(self) -> Floats:
         """Change of length with the joints, (m, n) [m/rad]."""
         model, data = self._model, self._data
-        arms = np.zeros((model.nu, model.nv))
+        arms = np.zeros((model.nactuator, model.nv))
         mujoco.mju_sparse2dense(
             arms,
             data.actuator_moment,

@@ -35,7 +35,8 @@ class Balance:
     Attributes:
         reading: (k, c) by channel in SI units.
         torque: (k, nv) sum of all forces on the joints [N m or N].
-        arms: (k, nu, nv) force on the joints by each actuator's.
+        arms: (k, nu, nv) force on the joints by each actuator's; those without input, such as
+            bristles, hold nothing.
         force: (k, nu) of the actuators [N or N m].
         weight: (k, nv) of gravity and springs on the joints [N m or N].
     """
@@ -87,8 +88,10 @@ class Statics:
         reading = record.sensors[:, self._columns].copy()
         for channel, actuator in self.forces:  # the force is what was read, less what reads wrong
             record.force[:, actuator] -= reading[:, channel] - felt[:, channel]
-        torque = weight + held + np.einsum("kuv,ku->kv", arms, record.force)
-        return Balance(self._align(reading), torque, arms, record.force, weight)
+        driven = record.model.actuator_ctrlnum > 0
+        arms, force = arms[:, driven], record.force[:, driven]
+        torque = weight + held + np.einsum("kuv,ku->kv", arms, force)
+        return Balance(self._align(reading), torque, arms, force, weight)
 
     def _place(self, model: mujoco.MjModel, qpos: Array) -> tuple[Record, Array, Array, Array]:
         """Record, weight, what constraints hold, and arms, with joints at ``qpos`` (k, nq)."""
@@ -96,7 +99,7 @@ class Statics:
         record = Record(
             time=APART * np.arange(k, dtype=np.float64),
             sensors=np.zeros((k, model.nsensordata)),
-            force=np.zeros((k, model.nu)),
+            force=np.zeros((k, model.nactuator)),
             length=np.zeros((k, model.ntendon)),
             velocity=np.zeros((k, model.ntendon)),
             qpos=qpos.copy(),
@@ -104,7 +107,7 @@ class Statics:
             model=model,
         )
         weight, held = np.zeros((k, model.nv)), np.zeros((k, model.nv))
-        arms = np.zeros((k, model.nu, model.nv))
+        arms = np.zeros((k, model.nactuator, model.nv))
         for i, (joints, command) in enumerate(zip(qpos, self.moments.command, strict=True)):
             data.qpos[:], data.ctrl[:] = joints, command
             mujoco.mj_forward(model, data)

@@ -87,6 +87,23 @@ def test_commands_are_as_a_wrong_encoder_reads() -> None:
     np.testing.assert_allclose(change, expected, atol=1e-7)
 
 
+def test_friction_changes_no_command() -> None:
+    """Bristles of a diagnosis are actuators without input."""
+    rubbing = drawn()
+    brake = rubbing.add_actuator(
+        name="usual", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=MUSCLES[0]
+    )
+    brake.set_to_dcmotor(
+        motorconst=[0.0, 0.0],
+        resistance=1.0,
+        lugre=[1e4, 10.0, 2.0, 2.0, 1e-3],
+        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+    )
+    posture = posture_set()[:2]
+    commands = extended(rubbing).commands(posture)
+    np.testing.assert_allclose(commands, extended(drawn()).commands(posture), atol=1e-12)
+
+
 def test_pull_is_least_and_holds() -> None:
     rng = np.random.default_rng(0)
     arms, weight, least = rng.normal(0.0, 0.03, (8, 2)), np.array([3.0, -1.0]), np.full(8, 30.0)

@@ -144,6 +144,17 @@ def found(bench: Workbench) -> Settled:
     return _fit(bench, find_moments(bench.system.study))
 
 
+def test_bristles_hold_nothing_at_rest(bench: Workbench) -> None:
+    """Friction has actuators without input, which an extended model has, too."""
+    moments = find_moments(bench.system.study)
+    statics, qpos = Statics(bench.system, moments), positions_at(moments, bench.look([]))
+    smooth, rubbing = build(bench.system, []), bench.machine([])
+    assert rubbing.spec.compile().nactuator > smooth.spec.compile().nactuator
+    with_friction = statics.look(rubbing, qpos)
+    for name, expected in vars(statics.look(smooth, qpos)).items():
+        np.testing.assert_allclose(getattr(with_friction, name), expected, rtol=1e-9, atol=1e-9)
+
+
 def test_finds_the_zero_of_each_joint(found: Settled) -> None:
     (_, values), sizes = found.hypothesis[0], found.deviation[0]
     assert values == pytest.approx(ZERO, abs=0.02)
