@@ -26,12 +26,19 @@ class Sb3Envs(VecEnv):
         envs: made by ``gymnasium.make_vec``.
         observed: name of the entry of the observation, of shape (k,).
         commanded: from a policy's actions (num_envs, m) in [-1, 1] to those of ``envs``.
+        held: steps of ``envs`` for which an action is held; rewards are their sums. It divides the
+            length of episodes.
     """
 
     def __init__(
-        self, envs: KengoroVectorEnv, observed: str, commanded: Callable[[Values], Values]
+        self,
+        envs: KengoroVectorEnv,
+        observed: str,
+        commanded: Callable[[Values], Values],
+        held: int = 1,
     ) -> None:
         self.envs, self._observed, self._commanded = envs, observed, commanded
+        self._held = held
         self._actions = np.zeros(envs.action_space.shape or ())
         observations = envs.single_observation_space
         assert isinstance(observations, spaces.Dict)
@@ -48,18 +55,23 @@ class Sb3Envs(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[Values, Values, Values, list[dict[str, Any]]]:
-        """Step all; what is observed of who ended is the start of its next episode."""
-        observations, rewards, terminated, truncated, told = self.envs.step(
-            self._commanded(self._actions)
-        )
-        ended = terminated | truncated
-        infos: list[dict[str, Any]] = [{"success": bool(success)} for success in told["success"]]
-        for i in np.flatnonzero(ended):
-            infos[i]["terminal_observation"] = observations[self._observed][i]
-            infos[i]["TimeLimit.truncated"] = bool(truncated[i])
+        """Hold the actions; what is observed of who ended is the start of its next episode."""
+        commanded = self._commanded(self._actions)
+        total, ended = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for _ in range(self._held):
+            observations, rewards, terminated, truncated, told = self.envs.step(commanded)
+            total += np.where(ended, 0.0, rewards)
+            ends = (terminated | truncated) & ~ended
+            for i in np.flatnonzero(~ended):
+                infos[i]["success"] = bool(told["success"][i])
+            for i in np.flatnonzero(ends):
+                infos[i]["terminal_observation"] = observations[self._observed][i]
+                infos[i]["TimeLimit.truncated"] = bool(truncated[i])
+            ended |= ends
         if ended.any():
             observations, _ = self.envs.reset(options={"reset_mask": ended})
-        return observations[self._observed], rewards, ended, infos
+        return observations[self._observed], total, ended, infos
 
     def close(self) -> None:
         """Free what the environments hold."""

@@ -11,7 +11,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.wrappers import FilterObservation, FlattenObservation, TransformAction
+from gymnasium.wrappers import (
+    FilterObservation,
+    FlattenObservation,
+    MaxAndSkipObservation,
+    TransformAction,
+)
 
 from experiments import learn_posture
 from experiments.__main__ import main
@@ -107,21 +112,23 @@ def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
         libraries()
 
 
-def single() -> gym.Env[Any, Any]:
+def single(held: int) -> gym.Env[Any, Any]:
     """One arm as the page on reinforcement learning has it, without its actions' rest."""
-    env = gym.make(ID, camera=False, max_episode_steps=3)
+    env = gym.make(ID, camera=False, max_episode_steps=6)
     env = TransformAction(env, lambda action: 0.5 * action, env.action_space)
-    return FlattenObservation(FilterObservation(env, ["target"]))
+    env = FlattenObservation(FilterObservation(env, ["target"]))
+    return MaxAndSkipObservation(env, skip=held) if held > 1 else env
 
 
 @pytest.mark.slow  # Stable-Baselines3 comes with the extra [rl]
-def test_many_arms_are_to_a_learner_what_as_many_single_ones_are() -> None:
+@pytest.mark.parametrize("held", [1, 2, 3])
+def test_many_arms_are_to_a_learner_what_as_many_single_ones_are(held: int) -> None:
     from stable_baselines3.common.vec_env import DummyVecEnv
 
     from experiments.sb3_envs import Sb3Envs
 
-    ours = Sb3Envs(many_arms(None, 3, 3), "target", lambda actions: 0.5 * actions)
-    theirs = DummyVecEnv([single] * 3)
+    ours = Sb3Envs(many_arms(None, 3, 6), "target", lambda actions: 0.5 * actions, held)
+    theirs = DummyVecEnv([lambda: single(held)] * 3)
     rng = np.random.default_rng(0)
     for envs in (ours, theirs):
         envs.seed(7)
