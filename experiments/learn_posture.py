@@ -69,7 +69,7 @@ class Args:
     """
 
     algorithm: Literal["ppo", "sac"] = "ppo"
-    steps: int = 100_000
+    steps: int = 300_000
     seeds: str = "0-2"
     robot: int | None = None
     out: Path = Path("out/learn-posture")

@@ -47,7 +47,7 @@ COMMON: dict[str, Any] = {
     "batch_size": 256,
     "ent_coef": 1e-3,
     "policy_kwargs": {
-        "net_arch": {"pi": [], "vf": [64, 64], "qf": [64, 64]},
+        "net_arch": {"pi": [], "vf": [64, 64], "qf": [256, 256]},
         "log_std_init": -1.5,
     },
 }
@@ -77,7 +77,7 @@ class Sizes:
         whole: held-out episodes of `WHOLE` steps, five targets each, at the end.
     """
 
-    steps: int = 100_000
+    steps: int = 300_000
     robot: int | None = None
     environments: int = 64
     checks: int = 10

@@ -22,13 +22,14 @@ def kind(verdict: Verdict) -> str:
 
 def figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     """The numbers at the top of the page: name, number, what it means."""
+    same = diagnosis.rms_after == diagnosis.rms_before
+    before, after = number(diagnosis.rms_before), number(diagnosis.rms_after)
+    models = "your model" if same else "your model, and with the extended one"
     found = [
         (
             "Residual, held-out data",
-            number(diagnosis.rms_before)
-            if diagnosis.rms_after == diagnosis.rms_before
-            else f"{number(diagnosis.rms_before)} → {number(diagnosis.rms_after)}",
-            "RMS with your model, and with the extended one, in units of the sensors' noise",
+            before if same else f"{before} → {after}",
+            f"RMS with {models}, in units of the sensors' noise",
         ),
         ("Floor", number(diagnosis.noise_floor), "what the noise alone would leave"),
     ]

@@ -148,7 +148,7 @@ def test_the_learning_example_learns(
     [code] = re.findall(r"```python\n([^`]*import PPO as Algorithm[^`]*)```", page)
     assert sum(bool(line.strip()) for line in code.splitlines()) <= 20  # as promised
     monkeypatch.chdir(tmp_path)
-    few = code.replace("import PPO", f"import {algorithm}").replace("20_000", "128")
+    few = code.replace("import PPO", f"import {algorithm}").replace("60_000", "128")
     if algorithm == "PPO":
         few = few.replace("settings = {", 'settings = {"n_steps": 64, ')  # 2048, and 5 steps each
     namespace: dict[str, Any] = {"__name__": "__main__"}
