@@ -45,6 +45,5 @@ def learning_curve(
         f"{algorithm}: reward in held-out episodes of one second",
         image,
         f"Line: median over {len(learned)} policies; band: least to largest. Random actions: "
-        "median and quartiles over episodes. Dashed and dotted: means over episodes. Before it "
-        "learns, a policy commands the rest.",
+        "median and quartiles over episodes. Dashed and dotted: means over episodes.",
     )
