@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
+from math import ceil
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -214,7 +215,7 @@ def learn(algorithm: str, seed: int, sizes: Sizes) -> dict[str, Any]:
 
     steps, rewards = [0], [judge(policy, sizes.robot, sizes.short, SHORT).reward]
     for check in range(1, sizes.checks + 1):
-        more = round(sizes.steps / HELD * check / sizes.checks) - model.num_timesteps
+        more = ceil(sizes.steps * check / (HELD * sizes.checks)) - model.num_timesteps
         if more > 0:
             model.learn(more, reset_num_timesteps=False)
         steps.append(HELD * model.num_timesteps)

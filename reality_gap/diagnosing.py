@@ -105,8 +105,9 @@ def diagnose(
         verdict = decide(result, left, options)
         certain = verdict is Verdict.NAMED
         tried = score(bench.system.study, bench.measured, null, after)
-        built = after if certain else null  # what has no name is not built into a model
-        scored = score(bench.system.study, bench.measured, null, built)
+        # What has no name is not built into a model.
+        built = after if certain else null
+        scored = tried if certain else score(bench.system.study, bench.measured, null, null)
         rivals = alternatives(bench, result, settings, certain)
         doubt = None if best is None else nameless(best.evidence, left.instead.evidence)
         if doubt is not None:

@@ -127,6 +127,19 @@ def test_unexplained_names_nobody_but_says_where_to_look(
 
 
 @pytest.mark.usefixtures("blank_pictures")
+def test_where_nothing_is_named_there_is_one_model_and_no_rivals(
+    diagnosed: Make, lever_study: Study
+) -> None:
+    diagnosis = replace(diagnosed(Verdict.UNEXPLAINED), next_experiment=None)
+
+    found = read(page(diagnosis, lever_study)).text
+
+    assert "RMS with your model, in units" in found
+    assert "there are no rivals to tell apart, and a longer log says no clearer" in found
+    assert "halve the doubt" not in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
 def test_names_are_text_and_never_markup(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = replace(diagnosed(Verdict.NAMED), study="<script>alert(1)</script>")
 
