@@ -69,7 +69,7 @@ class Sizes:
         trials: which faults.
     """
 
-    learning: float = 45.0
+    learning: float = 90.0
     fault: float = 10.0
     after: float = 60.0
     move: float = 1.5
@@ -92,7 +92,7 @@ class Args(common.Args):
 
     seeds: str = "0-9"
     out: Path = Path("out/faults")
-    learning: float = 45.0
+    learning: float = 90.0
     fault: float = 10.0
     after: float = 60.0
 

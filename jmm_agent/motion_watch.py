@@ -76,8 +76,8 @@ class PushWatchOptions:
 
     Attributes:
         every: number of steps between two estimates of the force.
-        average: number of estimates that are averaged.
-        memory: time in which the force of a moment ago is forgotten [s].
+        average: number of estimates that are averaged, now and before.
+        between: number of estimates between those.
         onset: time in which a push comes and goes [s].
         least: no smaller change of the force is a push [N].
         factor: nor one below this many times its usual change [1].
@@ -87,12 +87,12 @@ class PushWatchOptions:
         longest: a force that stays for longer is no push, but a load [s].
     """
 
-    every: int = 5
+    every: int = 2
     average: int = 3
-    memory: float = 1.0
+    between: int = 2
     onset: float = 0.5
     least: float = 22.0
-    factor: float = 2.5
+    factor: float = 3.0
     usual_change: float = 20.0
     usual_memory: float = 20.0
     end: float = 0.5
@@ -104,7 +104,7 @@ class PushWatch:
 
     At rest -G' T + g + J' F = 0 with the muscle Jacobian G, gravity's torques g and the hand's
     Jacobian J. A map with errors shows a force F that is not there, but as the arm moves that
-    changes slowly; a push comes and goes at once.
+    changes slowly; a push comes and goes within a fifth of a second.
     """
 
     def __init__(self, options: PushWatchOptions) -> None:
@@ -114,9 +114,9 @@ class PushWatch:
 
     def reset(self) -> None:
         """Forget all forces; keep how much they usually change."""
-        self._forces: deque[Floats] = deque(maxlen=self._options.average)
-        self._recent: Floats | None = None
-        self._push = np.zeros(3)
+        options = self._options
+        self._forces: deque[Floats] = deque(maxlen=2 * options.average + options.between)
+        self._before = self._push = np.zeros(3)
         self._lasted = np.inf
         self.pushed = False
 
@@ -137,23 +137,21 @@ class PushWatch:
             rotation: of the hand in the world (3, 3).
             trusted: whether the map is; as long as it is not, every change is the map's error.
         """
-        options = self._options
+        options, forces = self._options, self._forces
         matrix = hand_jacobian @ hand_jacobian.T
-        self._forces.append(rotation @ np.linalg.solve(matrix, hand_jacobian @ -torques))
-        force = np.mean(self._forces, axis=0)
-        if self._recent is None or len(self._forces) < options.average:
-            self._recent = force
-            return self.pushed
+        forces.append(rotation @ np.linalg.solve(matrix, hand_jacobian @ -torques))
         self._lasted += dt
-        if self._lasted < options.onset:  # the force is still on its way to what it will be
-            self._push += force - self._recent
-            self._recent = force
+        if len(forces) < (forces.maxlen or 0):
             return self.pushed
-        change = force - self._recent
-        self._recent = self._recent + dt / options.memory * change
+        past = np.array(forces)
+        before, force = past[: options.average].mean(axis=0), past[-options.average :].mean(axis=0)
+        if self._lasted < options.onset:  # the force is still on its way to what it will be
+            self._push = force - self._before
+            return self.pushed
+        change = force - before
         if self._ends(change) if self.pushed else self._begins(change, dt, trusted):
             self.pushed, self._lasted = not self.pushed, 0.0
-            self._push, self._recent = change, force
+            self._push, self._before = change, before
         return self.pushed
 
     def _begins(self, change: Floats, dt: float, trusted: bool) -> bool:

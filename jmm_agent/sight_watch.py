@@ -133,11 +133,15 @@ class MarkerWatch:
         self._doubled = self._mirrored = False
         self._mirrored_since = np.inf
         self._seen: Floats | None = None
-        self._believed = np.eye(4)
+        self._believed: Floats | None = None
 
     def forget_estimate(self) -> None:
-        """The map has changed: what was believed then is not comparable any more."""
-        self._seen = None
+        """The map has changed: what was believed then is not comparable any more.
+
+        The map changes at rest, so that the marker still is where it was seen last when the next
+        is believed.
+        """
+        self._believed = None
 
     def update(
         self, frame_time: float, outcome: MarkerPose | Skip, believed: Floats | None
@@ -156,6 +160,8 @@ class MarkerWatch:
             self._hidden.popleft()
 
     def _compare(self, frame_time: float, outcome: MarkerPose | Skip, believed: Floats) -> None:
+        if self._believed is None:
+            self._believed = believed
         expected = believed
         if self._seen is not None:
             expected = self._seen @ np.linalg.inv(self._believed) @ believed

@@ -201,6 +201,20 @@ def test_a_force_that_changes_slowly_is_no_push() -> None:
         assert not watch.update(0.1, -np.array([force, 0.0, 0.0]), np.eye(3), np.eye(3))
 
 
+def test_a_push_is_told_from_a_wrong_map_s_force_that_sways_with_the_arm() -> None:
+    watch = PushWatch(PushWatchOptions())
+
+    def feel(times: np.ndarray, push: float) -> list[bool]:
+        forces = 30.0 * np.sin(2.0 * np.pi * times / 4.0)[:, None] * [1.0, 0.0, 0.0]
+        forces[:, 1] += push
+        return [watch.update(0.04, -force, np.eye(3), np.eye(3)) for force in forces]
+
+    assert not any(feel(np.arange(0.0, 60.0, 0.04), 0.0))
+    assert np.argmax(feel(np.arange(60.0, 64.0, 0.04), 40.0)) < 10
+    assert feel(np.arange(60.0, 64.0, 0.04), 40.0)[-1]
+    assert not feel(np.arange(64.0, 65.0, 0.04), 0.0)[-1]
+
+
 def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_picture() -> None:
     watch = CameraWatch(SightWatchOptions())
     frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
@@ -269,6 +283,13 @@ def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerWatch) -> None:
     for k in range(3, 14):
         marker.update(0.2 * k, seen(0.4), facing(1.0))
     assert list(marker.found()) == []
+
+
+def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(marker: MarkerWatch) -> None:
+    marker.forget_estimate()
+    for k in (1, 2):
+        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.7))  # what the new map has it look like
+    assert list(marker.found()) == [faults.MARKER_HIDDEN]
 
 
 @pytest.mark.parametrize("believed", [facing(1.0, x=0.45), facing(1.7)])
