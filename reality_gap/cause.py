@@ -83,7 +83,7 @@ class Record:
     Attributes:
         time: (k,) [s].
         sensors: (k, nsensordata).
-        force: (k, nu) of the actuators.
+        force: (k, nactuator) of the actuators.
         length, velocity: (k, ntendon) of the tendons.
         qpos, qvel: (k, nq), (k, nv).
         model: the model that was replayed.

@@ -10,6 +10,7 @@ import numpy as np
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.expectation import surprises
+from reality_gap.matching import actuator_names
 from reality_gap.measured import channel_noise
 from reality_gap.plausibility import doubts
 from reality_gap.study import Array, Episode, Study
@@ -123,8 +124,8 @@ def _commands(study: Study) -> list[str]:
     model = study.spec().compile()
     found, still = [], []
     commands = np.concatenate([episode.command for episode in study.episodes])
-    for i in range(model.nu):
-        name, (low, high) = model.actuator(i).name, model.actuator_ctrlrange[i]
+    names = actuator_names(model)
+    for i, (name, (low, high)) in enumerate(zip(names, model.actuator_ctrlrange, strict=True)):
         outside = np.mean((commands[:, i] < low) | (commands[:, i] > high))
         if model.actuator_ctrllimited[i] and outside > 0.0:
             found.append(

@@ -146,7 +146,7 @@ def _run(plant: Plant, model: mujoco.MjModel, motion: Motion, start: float) -> t
     record = Record(
         time=time,
         sensors=np.zeros((len(time), model.nsensordata)),
-        force=np.zeros((len(time), model.nu)),
+        force=np.zeros((len(time), model.nactuator)),
         length=np.empty((len(time), model.ntendon)),
         velocity=np.empty((len(time), model.ntendon)),
         qpos=motion.qpos,

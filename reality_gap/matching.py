@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from reality_gap.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.errors import StudyError
+from reality_gap.inputs import commanded
 from reality_gap.study_file import Line, StudyFile
 from reality_gap.units import symbols_of
 from reality_gap.yaml_part import nearest
@@ -34,8 +36,8 @@ def match(file: StudyFile, model: mujoco.MjModel) -> None:
 
 
 def actuator_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the model's actuators, in its order."""
-    return tuple(model.actuator(i).name for i in range(model.nu))
+    """Names of the model's actuators that take a command, in its order."""
+    return tuple(model.actuator(i).name for i in commanded(model))
 
 
 def sensor_names(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -61,6 +63,12 @@ def measured_joints(file: StudyFile, model: mujoco.MjModel) -> dict[str, str]:
 
 
 def _match_actuators(file: StudyFile, model: mujoco.MjModel) -> None:
+    for i in np.flatnonzero(model.actuator_ctrlnum > 1) if file.actuators else ():
+        raise StudyError(
+            f"{file.path}: actuator {model.actuator(i).name!r} of the model takes "
+            f"{model.actuator_ctrlnum[i]} inputs, and a study has one command an actuator; leave "
+            "one of its inputs"
+        )
     known = actuator_names(model)
     if file.actuators and not known:
         raise StudyError(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.dimensions import actuator_units, sensor_units
+from reality_gap.inputs import commanded
 from reality_gap.study import Study
 
 Array = NDArray[np.float64]
@@ -59,11 +60,11 @@ def doubts(study: Study) -> tuple[Doubt, ...]:
         start, count = int(model.sensor(name).adr[0]), int(model.sensor(name).dim[0])
         found.append((unit, _compare(name, unit, values, sensors[:, start : start + count])))
     if not study.inverse:
-        for i in range(model.nu):
+        for column, i in enumerate(commanded(model)):
             name = model.actuator(i).name
             units = actuator_units(model, name)
             if units in (("m",), ("rad",)):
-                values = np.concatenate([episode.command[:, i] for episode in study.episodes])
+                values = np.concatenate([episode.command[:, column] for episode in study.episodes])
                 what = f"the command of {name}"
                 found.append((units[0], _compare(what, units[0], values[:, None], lengths[:, [i]])))
     return tuple(
@@ -92,11 +93,11 @@ def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, 
 
 
 def _postures(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Sensor data (k, nsensordata) and actuator lengths (k, nu) over the model's postures."""
+    """Sensor data (k, nsensordata), actuator lengths (k, nactuator) over the model's postures."""
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
     sensors = np.zeros((SAMPLES, model.nsensordata))
-    lengths = np.zeros((SAMPLES, model.nu))
+    lengths = np.zeros((SAMPLES, model.nactuator))
     for k in range(SAMPLES):
         mujoco.mj_resetData(model, data)
         for i in range(model.njnt):

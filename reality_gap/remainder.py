@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from reality_gap.cause import Record
 from reality_gap.diagnosis import Dependence
 from reality_gap.flexible import Bank, Learned, banks, learn
+from reality_gap.inputs import commanded
 from reality_gap.measured import Measured
 from reality_gap.ruler import Ruler
 from reality_gap.splits import CHOOSE, FIT, REPORT, split
@@ -107,7 +108,7 @@ def _quantities(records: Sequence[Record], measured: Measured) -> list[tuple[str
         found.append((f"position of {name}", _powers(position)))
         found.append((f"velocity of {name}", _powers(velocity)))
         found.append((f"direction of {name}", np.tanh(velocity / slow)[:, None]))
-    for i in range(model.nu):
+    for i in commanded(model):
         force = _sample([r.force[:, i] for r in records], records, measured)
         found.append((f"force of {model.actuator(i).name}", _powers(force)))
     start = np.array([record.time[0] for record in records])

@@ -100,7 +100,9 @@ def _remember(model: mujoco.MjModel, data: mujoco.MjData, command: Array) -> Non
     for i in np.flatnonzero(model.actuator_history[:, 0]):
         count = int(model.actuator_history[i, 0])
         past = data.time - model.opt.timestep * np.arange(count, 0, -1)
-        mujoco.mj_initCtrlHistory(model, data, int(i), past, np.full(count, command[i]))
+        mujoco.mj_initCtrlHistory(
+            model, data, int(i), past, np.full(count, command[model.actuator_ctrladr[i]])
+        )
 
 
 @dataclass(frozen=True)

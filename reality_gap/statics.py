@@ -37,7 +37,7 @@ class Balance:
         torque: (k, nv) sum of all forces on the joints [N m or N].
         arms: (k, nu, nv) force on the joints by each actuator's; those without input, such as
             bristles, hold nothing.
-        force: (k, nu) of the actuators [N or N m].
+        force: (k, nu) of the same actuators [N or N m].
         weight: (k, nv) of gravity and springs on the joints [N m or N].
     """
 

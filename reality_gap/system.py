@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from reality_gap.inputs import commanded
 from reality_gap.study import Study
 
 
@@ -88,7 +89,7 @@ def look_at(study: Study) -> System:
 
 def _wires(model: mujoco.MjModel, data: mujoco.MjData, sensed: tuple[str, ...]) -> tuple[Wire, ...]:
     wires = []
-    for i in range(model.nu):
+    for i in commanded(model):
         if int(model.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_TENDON):
             continue
         tendon = int(model.actuator_trnid[i, 0])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
 from reality_gap.causes import places
+from reality_gap.inputs import column
 from reality_gap.system import System
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
         return
 
     def command(model: mujoco.MjModel, time: Array, command: Array) -> Array:
-        columns = [model.actuator(name).id for name in place.elements]
+        columns = [column(model, name) for name in place.elements]
         command = command.copy()
         change = np.diff(command[:, columns], axis=0)
         command[1:, columns] -= change * delay / model.opt.timestep

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Place, Record
 from reality_gap.causes.extra import Extra
+from reality_gap.inputs import commanded
 from reality_gap.system import System
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ def _of_joint(system: System, joint: str) -> Encoder:
     here = model.joint(joint).id
     servos = [
         model.actuator(i).name
-        for i in range(model.nu)
+        for i in commanded(model)
         if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
         and int(model.actuator_trnid[i, 0]) == here
         and int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)

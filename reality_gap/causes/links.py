@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes import kinematics
+from reality_gap.inputs import commanded
 from reality_gap.system import System
 
 LIGHT = 0.01
@@ -77,7 +78,7 @@ def _driven(system: System) -> set[int]:
     joints = {model.joint(name).id for name in kinematics.wired_joints(system)}
     joints |= {
         int(model.actuator_trnid[i, 0])
-        for i in range(model.nu)
+        for i in commanded(model)
         if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
     }
     for channel in system.study.channels:

@@ -8,6 +8,7 @@ from typing import Literal
 import mujoco
 
 from reality_gap.cause import Place
+from reality_gap.inputs import commanded
 from reality_gap.system import System, Wire
 
 Sensed = Literal["length", "tension", None]
@@ -40,7 +41,7 @@ Fit = Callable[[mujoco.MjModel, int], bool]
 
 def _fitting(system: System, fit: Fit | None) -> tuple[str, ...]:
     model = system.model
-    return tuple(model.actuator(i).name for i in range(model.nu) if fit is None or fit(model, i))
+    return tuple(model.actuator(i).name for i in commanded(model) if fit is None or fit(model, i))
 
 
 def each_actuator(system: System, fit: Fit | None = None) -> tuple[Place, ...]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
 from reality_gap.causes import actuators, places
+from reality_gap.inputs import column
 from reality_gap.system import System, Wire
 
 Array = NDArray[np.float64]
@@ -52,7 +53,7 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
     def lag(model: mujoco.MjModel, time: Array, command: Array) -> Array:
         command = command.copy()
         for wire in wires:
-            i = model.actuator(wire.actuator).id
+            i = column(model, wire.actuator)
             damping, shrink = _motor(model, wire, compliance)
             late = damping * compliance * shrink
             command[:, i] = np.interp(time - late, time, command[:, i])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
 from reality_gap.causes import encoders, places
+from reality_gap.inputs import column
 from reality_gap.system import System
 
 Array = NDArray[np.float64]
@@ -59,7 +60,9 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
                 i = model.actuator(encoder.actuator).id
                 ratio = model.actuator_biasprm[i, 1] * model.actuator_gear[i, 0]
                 ratio /= -model.actuator_gainprm[i, 0]
-                command[:, i] += ratio * _elongation(place, values, time)
+                command[:, column(model, encoder.actuator)] += ratio * _elongation(
+                    place, values, time
+                )
         return command
 
     def sense(record: Record) -> None:

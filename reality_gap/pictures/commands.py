@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from reality_gap.diagnosis import Experiment
 from reality_gap.display import number, shown
+from reality_gap.inputs import commanded
 from reality_gap.pictures.canvas import AFTER, QUIET, figure
 
 MOST = 6
@@ -20,11 +21,12 @@ def commands(experiment: Experiment, model: mujoco.MjModel) -> Figure:
     chosen = sorted(np.argsort(-moved, kind="stable")[:MOST].tolist())
     made, axes = figure(11, 3.4, 1, 2, width_ratios=(3, 1))
     ax = axes[0, 0]
-    units = [_unit(model, i) for i in chosen]
-    for i, unit in zip(chosen, units, strict=True):
+    actuators = [commanded(model)[column] for column in chosen]
+    units = [_unit(model, i) for i in actuators]
+    for column, i, unit in zip(chosen, actuators, units, strict=True):
         factor, name = shown(unit)
         label = f"{model.actuator(i).name} [{name}]" if name else model.actuator(i).name
-        ax.step(experiment.time, factor * experiment.command[:, i], where="post", label=label)
+        ax.step(experiment.time, factor * experiment.command[:, column], where="post", label=label)
     ax.set_xlabel("time [s]", fontsize=9)
     names = sorted({shown(unit)[1] for unit in units} - {""})
     ax.set_ylabel(f"command [{names[0]}]" if len(names) == 1 else "command", fontsize=9)
