@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from reality_gap.pictures.canvas import AFTER, BEFORE, FLOOR, QUIET, SPLITS, figure, label_rows
 from reality_gap.pictures.signals import Signal, changed
@@ -40,8 +40,9 @@ def channel_gain(found: list[Signal], total: tuple[float, float], floor: float) 
         ax.plot(after, places, "o", color=AFTER, label="extended model")
     ax.set_xscale("log")
     ax.set_xlim(0.7 * min([floor, *before, *after]), 1.3 * max([3.0, *before, *after]))
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter("{x:g}")
-    ax.xaxis.set_minor_formatter(LogFormatter(labelOnlyBase=False))  # without mathematics
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.grid(axis="x", alpha=0.3)
     ax.set_xlabel("RMS of the residual on held-out data [standard deviations of noise]", fontsize=9)
     label_rows(ax, [row[0] for row in rows])
