@@ -113,7 +113,10 @@ class Fleet(Body):
         self._next[i] = _first_time(coming)
 
     def _noise(self) -> Array:
-        return np.stack([one.standard_normal(len(self.muscles)) for one in self._random])
+        noise = np.empty((len(self._random), len(self.muscles)))
+        for one, row in zip(self._random, noise, strict=True):
+            one.standard_normal(out=row)
+        return noise
 
 
 def _first_time(events: Sequence[Event]) -> float:
