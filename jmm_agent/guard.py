@@ -99,7 +99,7 @@ class Guard:
         for watch in (self._wires, self._late, self._push, self._camera, self._marker):
             watch.reset()
         self._estimates = deque[tuple[float, Floats]]()
-        self._steps = 0
+        self._steps, self._force_time = 0, -np.inf
         self.trust(0)
         self.faults: list[Fault] = []
 
@@ -138,6 +138,9 @@ class Guard:
         doubtful = (self._felt.doubted | self._felt.numb).any()
         if self._gravity is None or self._steps % every or doubtful:
             return
+        if time - self._force_time > self.options.push.onset:
+            self._push.interrupt()
+        self._force_time = time
         torques = self._gravity(estimate) - map_jacobian().T @ self._felt.tensions
         jacobian = self._kinematics.frame_jacobian(self.options.hand, estimate)[:3]
         rotation = self._kinematics.pose(self.options.hand, estimate)[:3, :3]

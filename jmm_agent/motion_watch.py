@@ -120,6 +120,10 @@ class PushWatch:
         self._lasted = np.inf
         self.pushed = False
 
+    def interrupt(self) -> None:
+        """No force was known for a while: what comes is not compared with what was before that."""
+        self._forces.clear()
+
     def update(
         self,
         dt: float,

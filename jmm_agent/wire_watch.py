@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -32,6 +33,10 @@ class WireWatchOptions:
         still: a reading that was the same so long may have been late, and may catch up [s].
         speed: no wire moves faster [m/s]; a reading that does has jumped.
         offset: a reading that is off by less after its jumps is believed again [m].
+        moved_share: so is one that differs from what the other wires tell by as much as before it
+            jumped, give or take this share of the jump [1] ...
+        moved_after: ... for so long: the wire moved, and its encoder was right [s].
+        moved_before: that is, so many steps before, for a yank takes some.
         slack_share: a tension below this share of T_bias is none [1].
         numb_after: for so long, and the sensor is dead [s] ...
         wound_up: ... unless the wire shortened by this meanwhile: then it has snapped [m].
@@ -43,6 +48,9 @@ class WireWatchOptions:
     still: float = 0.1
     speed: float = 0.6
     offset: float = 0.006
+    moved_share: float = 0.3
+    moved_after: float = 1.0
+    moved_before: int = 25
     slack_share: float = 0.25
     numb_after: float = 0.5
     wound_up: float = 0.02
@@ -89,6 +97,9 @@ class WireWatch:
         count = len(self._muscles)
         self._begun = False
         self._offset = np.zeros(count)
+        self._residuals: deque[Floats] = deque(maxlen=self._options.moved_before)
+        self._residual_before_jump = np.zeros(count)
+        self._as_before = np.zeros(count)
         self._unchanged = np.zeros(count)
         self._slack_time = np.zeros(count)
         self._slack_residual = np.zeros(count)
@@ -109,9 +120,12 @@ class WireWatch:
             self._reading, self._command = expected.copy(), command.copy()
         self._dead = ~np.isfinite(lengths)
         reading = np.where(self._dead, self._reading, lengths)
+        residual = reading - expected
         self._watch_encoders(dt, reading, command)
-        tensions = self._watch_tensions(dt, reading, tensions, command, reading - expected)
+        self._watch_jumps(dt, residual)
+        tensions = self._watch_tensions(dt, reading, tensions, command, residual)
         self._reading, self._command, self._begun = reading, command.copy(), True
+        self._residuals.append(residual)
         unsafe = self._dead | self._stuck | self._jumped | self._snapped
         undecided = (self._slack_time >= self._options.doubt_after) & ~self._numb
         slack = self._slack_time > 0.0
@@ -128,6 +142,8 @@ class WireWatch:
         since = np.where(waited < options.still, dt, waited)
         if self._begun:
             jumped = np.abs(moved) > options.speed * since
+            first = jumped & ~self._jumped
+            self._residual_before_jump[first] = self._residuals[0][first]
             self._offset += np.where(jumped, moved, 0.0)
             self._offset[np.abs(self._offset) < options.offset] = 0.0
             quiet = (command == self._command) & ~self._stuck & ~self._dead
@@ -136,6 +152,14 @@ class WireWatch:
         self._unchanged = np.where(fresh, 0.0, waited)
         noisy = (self._quiet >= options.noisy_steps) & (self._jitter > 0.5 * self._quiet)
         self._stuck = noisy & (self._unchanged >= options.stuck_after) & ~self._dead
+
+    def _watch_jumps(self, dt: float, residual: Floats) -> None:
+        """Believe encoders again that jumped with their wires, as the other wires tell."""
+        options = self._options
+        change = np.abs(residual - self._residual_before_jump)
+        as_before = self._jumped & (change < options.moved_share * np.abs(self._offset))
+        self._as_before = np.where(as_before, self._as_before + dt, 0.0)
+        self._offset[self._as_before >= options.moved_after] = 0.0
 
     def _watch_tensions(
         self, dt: float, reading: Floats, tensions: Floats, command: Floats, residual: Floats

@@ -139,7 +139,8 @@ def test_python_in_the_documentation_runs(
         CATALOGUE.update(catalogue)
 
 
-@pytest.mark.slow  # Stable-Baselines3 comes with the extra [rl]
+@pytest.mark.slow
+@pytest.mark.torch
 @pytest.mark.parametrize("algorithm", ["PPO", "SAC"])
 def test_the_learning_example_learns(
     algorithm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

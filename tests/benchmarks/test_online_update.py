@@ -16,7 +16,8 @@ def test_torch_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None
         online_update.main()
 
 
-@pytest.mark.slow  # torch comes with the extra [rl]
+@pytest.mark.slow
+@pytest.mark.torch
 @pytest.mark.parametrize("steps", [1, 10])
 def test_torch_in_float64_ends_in_our_numbers(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(online_update, "TIMED", 3)

@@ -120,7 +120,8 @@ def single(held: int) -> gym.Env[Any, Any]:
     return MaxAndSkipObservation(env, skip=held) if held > 1 else env
 
 
-@pytest.mark.slow  # Stable-Baselines3 comes with the extra [rl]
+@pytest.mark.slow
+@pytest.mark.torch
 @pytest.mark.parametrize("held", [1, 2, 3])
 def test_many_arms_are_to_a_learner_what_as_many_single_ones_are(held: int) -> None:
     from stable_baselines3.common.vec_env import DummyVecEnv
@@ -150,6 +151,7 @@ def test_many_arms_are_to_a_learner_what_as_many_single_ones_are(held: int) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.torch
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_the_same_seed_learns_the_same(algorithm: str) -> None:
     settings = deepcopy(COMMON)

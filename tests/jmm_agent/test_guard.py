@@ -21,6 +21,7 @@ from jmm_agent.guard import Guard, GuardOptions
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.marker import Detections, MarkerPose, Skip
+from jmm_agent.motion_watch import PushWatchOptions
 from jmm_agent.senses import Senses
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
@@ -257,6 +258,26 @@ def test_a_hand_that_holds_something_is_not_pushed(
     life.agent.hand_is_free = False
     life.step()
     assert life.agent.faults == []
+
+
+@pytest.mark.parametrize("interrupted", [True, False])
+def test_a_force_is_not_compared_with_one_of_long_ago(
+    drawn: JointMuscleMap, arm: ArmKinematics, interrupted: bool
+) -> None:
+    """A wire that was doubted for a second and is believed again moves the arm."""
+    life = Life(drawn, arm, options=GuardOptions(learned=0, push=PushWatchOptions(factor=0.0)))
+    guard = life.agent.guard
+    assert guard is not None
+    guard._gravity = lambda q: np.zeros(14)
+    life.rest(START)
+    life.rest(START, 60, lengths_off=one_wire(0.03 if interrupted else 0.0))
+    assert life.kinds == [faults.ENCODER_JUMP] * interrupted
+    guard._gravity = lambda q: arm.frame_jacobian("grip", q)[:3].T @ [0.0, 0.0, 60.0]
+    found = set()
+    for _ in range(40):
+        life.step()
+        found |= set(life.kinds)
+    assert (faults.PUSHED in found) is not interrupted
 
 
 def test_a_new_episode_begins_without_faults(life: Life) -> None:

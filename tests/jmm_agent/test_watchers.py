@@ -34,6 +34,7 @@ class Wires:
         self,
         steps: int,
         spoil: Callable[[np.ndarray, np.ndarray], None] = lambda lengths, tensions: None,
+        expected: np.ndarray | None = None,
     ) -> Felt:
         """Some steps; ``spoil`` changes lengths [m] and tensions [N] of each in place."""
         for _ in range(steps):
@@ -42,7 +43,8 @@ class Wires:
             lengths = true + 1e-4 * self.rng.standard_normal(3)
             tensions = MOTORS.demanded(lengths, self.command)
             spoil(lengths, tensions)
-            felt = self.watch.update(DT, lengths, tensions, self.command, true)
+            told = true if expected is None else expected
+            felt = self.watch.update(DT, lengths, tensions, self.command, told)
         return felt
 
     @property
@@ -141,6 +143,37 @@ def test_a_fast_wire_has_not_jumped() -> None:
         wires.command = wires.command + 0.5 * DT
         wires.live(1)
         assert wires.found == []
+
+
+def test_a_wire_that_was_yanked_is_believed_again_as_the_others_tell_the_same() -> None:
+    wires = Wires()
+    wires.live(100)
+    wires.command = np.array([0.0, 0.03, 0.0])
+    wires.live(1)
+    assert wires.found == [(faults.ENCODER_JUMP, "two")]
+    wires.live(60)
+    assert wires.found == []
+
+
+def test_a_wire_that_was_yanked_to_and_fro_is_believed_again() -> None:
+    wires = Wires()
+    wires.live(100)
+    for length in (0.03, 0.002, 0.025):
+        lagging = wires.command.copy()
+        wires.command = np.array([0.0, length, 0.0])
+        wires.live(1, expected=lagging)  # what the other wires tell comes a step later
+    assert wires.found == [(faults.ENCODER_JUMP, "two")]
+    wires.live(60)
+    assert wires.found == []
+
+
+def test_an_encoder_that_jumped_is_not_believed_while_its_wire_moves() -> None:
+    wires = Wires()
+    wires.live(100)
+    for _ in range(300):
+        wires.command = wires.command + 0.2 * DT
+        wires.live(1, jump)
+        assert wires.found == [(faults.ENCODER_JUMP, "two")]
 
 
 def late_watch(delay: int, steps: int, watch: LateWatch) -> bool:
