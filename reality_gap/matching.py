@@ -81,8 +81,8 @@ def _match_actuators(file: StudyFile, model: mujoco.MjModel) -> None:
     missing = [name or "one without a name" for name in known if name not in file.actuators]
     if missing and not file.efforts:
         raise StudyError(
-            f"{file.path}: actuators must hold every actuator of the model (or there are efforts "
-            f"instead), and lacks: {', '.join(missing)}"
+            f"{file.path}: actuators must hold every actuator of the model that takes a command "
+            f"(or there are efforts instead), and lacks: {', '.join(missing)}"
         )
 
 
