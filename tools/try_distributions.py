@@ -41,6 +41,12 @@ def run(*command: str | Path, cwd: Path) -> float:
     return time.perf_counter() - begin
 
 
+def starts(interpreter: str) -> bool:
+    """Whether an interpreter is here; a shim of pyenv may be, for one that is not chosen."""
+    found = shutil.which(interpreter)
+    return bool(found) and not subprocess.run([found, "--version"], capture_output=True).returncode
+
+
 def size_mb(folder: Path) -> float:
     """What lies in a folder [MB]."""
     return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file()) / 1e6
@@ -48,7 +54,7 @@ def size_mb(folder: Path) -> float:
 
 def main(interpreters: list[str]) -> None:
     """Try each distribution with each interpreter."""
-    found = [name for name in interpreters if shutil.which(name)]
+    found = [name for name in interpreters if starts(name)]
     missing = [name for name in interpreters if name not in found]
     if not found:
         sys.exit(f"None of these interpreters is here: {', '.join(interpreters) or 'none given'}.")
