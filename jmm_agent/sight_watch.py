@@ -138,8 +138,8 @@ class MarkerWatch:
     def forget_estimate(self) -> None:
         """The map has changed: what was believed then is not comparable any more.
 
-        The map changes at rest, so that the marker still is where it was seen last when the next
-        is believed.
+        The map changes at rest, so that the marker still is where it was in the last frame when
+        the next is believed.
         """
         self._believed = None
 
@@ -160,11 +160,13 @@ class MarkerWatch:
             self._hidden.popleft()
 
     def _compare(self, frame_time: float, outcome: MarkerPose | Skip, believed: Floats) -> None:
-        if self._believed is None:
-            self._believed = believed
         expected = believed
         if self._seen is not None:
-            expected = self._seen @ np.linalg.inv(self._believed) @ believed
+            moved = (
+                np.eye(4) if self._believed is None else np.linalg.inv(self._believed) @ believed
+            )
+            self._seen = expected = self._seen @ moved
+        self._believed = believed
         if isinstance(outcome, MarkerPose):
             self._mirrored = self._is_mirrored(outcome, expected)
             since = min(self._mirrored_since, frame_time) if self._mirrored else np.inf
@@ -172,7 +174,7 @@ class MarkerWatch:
                 self._mirrored, since = False, np.inf
             self._mirrored_since = since
             if not self._mirrored:
-                self._seen, self._believed = outcome.pose_marker_in_camera, believed
+                self._seen = outcome.pose_marker_in_camera
         elif not self._doubled and self._seen is not None and self._must_be_in_view(expected):
             self._hidden.append(frame_time)
 

@@ -318,6 +318,16 @@ def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(marker: M
     assert list(marker.found()) == [faults.MARKER_HIDDEN]
 
 
+def test_a_marker_that_left_the_view_before_the_map_changed_is_not_missed(
+    marker: MarkerWatch,
+) -> None:
+    marker.update(0.2, Skip.NOT_SEEN, facing(1.0, x=0.45))
+    marker.forget_estimate()
+    for k in range(2, 6):
+        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.2, x=0.45))
+    assert list(marker.found()) == []
+
+
 @pytest.mark.parametrize("believed", [facing(1.0, x=0.45), facing(1.7)])
 def test_a_marker_that_leaves_the_view_is_not_missed(
     marker: MarkerWatch, believed: np.ndarray

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.checking import check_study
+from reality_gap.diagnosis import Experiment
 from reality_gap.errors import StudyError
 from reality_gap.measured import measured
+from reality_gap.pictures.commands import commands
 from reality_gap.plant import Suspect, build
 from reality_gap.reading import load_study
+from reality_gap.remainder import _quantities
 from reality_gap.replay import replay
 from reality_gap.system import System, look_at
 from tests.reality_gap.conftest import MODEL, StudyFolder
@@ -39,10 +44,15 @@ def last(study_folder: StudyFolder) -> System:
     return study(study_folder, MODEL.replace(END, BRAKE + END))
 
 
-def predict(system: System, suspect: Suspect | None = None) -> NDArray[np.float64]:
+def predict(
+    system: System, suspect: Suspect | None = None, share: float = 1.0
+) -> NDArray[np.float64]:
     parts = []
     if suspect is not None:
-        values = {p.name: p.starts[0] if p.starts else p.null + p.scale for p in suspect.parameters}
+        values = {
+            p.name: p.starts[0] if p.starts else p.null + share * p.scale
+            for p in suspect.parameters
+        }
         parts = [(suspect, values)]
     return replay(build(system, parts), system.study, measured(system.study)).prediction
 
@@ -57,8 +67,9 @@ def test_where_an_actuator_without_input_stands_does_not_matter(
     suspects = [
         Suspect(CATALOGUE[id], place, CATALOGUE[id].parameters(before, place)) for place in places
     ]
-    for suspect in (None, *suspects):
-        one, other = (predict(system, suspect) for system in (before, after))
+    # A small delay is one of the command, a larger one of the actuator.
+    for suspect, share in product((None, *suspects), (1.0, 0.1)):
+        one, other = (predict(system, suspect, share) for system in (before, after))
         np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9, err_msg=str(suspect))
 
 
@@ -69,6 +80,21 @@ def test_such_a_study_is_checked(study_folder: StudyFolder) -> None:
     model = systems[0].model
     assert model.actuator(0).name == "brake"
     assert [wire.actuator for wire in systems[0].wires] == ["flexor", "extensor"]
+
+
+def test_what_is_left_and_what_is_proposed_speak_of_commanded_actuators(
+    study_folder: StudyFolder,
+) -> None:
+    system = first(study_folder)
+    readings = measured(system.study)
+    records = replay(build(system, []), system.study, readings).records
+    forces = [name for name, _ in _quantities(records, readings) if name.startswith("force")]
+    assert forces == ["force of flexor", "force of extensor"]
+    time = np.arange(3.0)
+    command = np.column_stack([0.1 * time, 0.2 * time])
+    picture = commands(Experiment("", "", time, command, 2.0, 1.0), system.model)
+    _, labels = picture.axes[0].get_legend_handles_labels()
+    assert labels == ["flexor [mm]", "extensor [mm]"]
 
 
 @pytest.mark.parametrize("begin", [True, False])
