@@ -14,7 +14,8 @@ integrated out:
     min  sum_k |log(P_vision,k^-1 P(theta_k))|^2_V  +  sum_m r_m' (Phi Phi' + s^2 I)^-1 r_m,
     r_m = (l_km - f_m(theta_k))_k,
 
-by Gauss-Newton steps inside the joint limits. The paper (sec. III-C) solves each look alone, with
+by Gauss-Newton steps inside the joint limits; joints that the cost pushes against a limit are held
+there, and the others find their way. The paper (sec. III-C) solves each look alone, with
 the least movement from the estimate; `fit_alone` does.
 """
 
@@ -121,10 +122,15 @@ def fit_looks(
     damping, converged = 1e-3, False
     for _ in range(options.steps):
         matrix, gradient = problem.normal_equations(angles)
-        scale = np.diag(matrix)
+        rising = gradient.reshape(angles.shape) >= 0.0
+        held = np.where(rising, angles <= low, angles >= high)  # pushed against their limits
+        free = np.flatnonzero(~held)
+        slope, curvature = gradient[free], matrix[np.ix_(free, free)]
+        scale = np.diag(curvature)
         while damping < 1e6:
-            matrix_damped = matrix + np.diag(damping * scale)
-            step = -cho_solve(cho_factor(matrix_damped), gradient).reshape(angles.shape)
+            damped = cho_factor(curvature + np.diag(damping * scale))
+            step = np.zeros(angles.shape)
+            step.flat[free] = -cho_solve(damped, slope)
             trial = np.clip(angles + np.clip(step, -0.3, 0.3), low, high)
             trial_cost, trial_errors = problem.cost(trial)
             if trial_cost <= cost:

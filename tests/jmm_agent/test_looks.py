@@ -138,6 +138,26 @@ def test_angles_stay_inside_the_limits(
     assert fit.sight_error[:, 0].max() > 0.01
 
 
+def test_a_first_look_at_a_robot_far_from_its_drawing_is_explained(
+    true: np.ndarray,
+    drawn: JointMuscleMap,
+    arm: ArmKinematics,
+    prior: MapPrior,
+    sight: MarkerSight,
+) -> None:
+    """Its guesses have joints at their limits: the fit must hold them there and move the others."""
+    low, high = arm.limits.T
+    lengths = ArmDrawing(ARM).lengths(true) - ArmDrawing(ARM).lengths(1.5 * MISTAKE)
+    guesses = np.array([estimate(drawn, row, arm.limits) for row in lengths])
+    assert np.count_nonzero(np.any((guesses <= low) | (guesses >= high), axis=1)) >= COUNT / 2
+    for q, row, guess in zip(true, lengths, guesses, strict=True):
+        look = Look(arm.pose("marker_hand", q, relative_to="eye"), row, guess)
+        fit = fit_looks([look], prior, sight, arm.limits, LooksOptions())
+        assert fit.converged
+        assert fit.sight_error[0, 0] < 0.003
+        assert fit.sight_error[0, 1] < 0.01
+
+
 def test_a_fit_that_is_cut_short_says_so(
     looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
 ) -> None:
