@@ -91,7 +91,6 @@ class Guard:
         self._camera = CameraWatch(options.sight)
         self._marker = MarkerWatch(camera, options.sight)
         self._felt: Felt
-        self._period = 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -113,7 +112,6 @@ class Guard:
         self, period: float, lengths: Floats, tensions: Floats, command: Floats, expected: Floats
     ) -> Felt:
         """What can be used of the readings; see `WireWatch.update`."""
-        self._period = period
         self._felt = felt = self._wires.update(period, lengths, tensions, command, expected)
         self._late.update(felt.lengths, felt.tensions, command, ~(felt.doubted | felt.numb))
         return felt
@@ -138,13 +136,11 @@ class Guard:
         doubtful = (self._felt.doubted | self._felt.numb).any()
         if self._gravity is None or self._steps % every or doubtful:
             return
-        if time - self._force_time > self.options.push.onset:
-            self._push.interrupt()
-        self._force_time = time
         torques = self._gravity(estimate) - map_jacobian().T @ self._felt.tensions
         jacobian = self._kinematics.frame_jacobian(self.options.hand, estimate)[:3]
         rotation = self._kinematics.pose(self.options.hand, estimate)[:3, :3]
-        self._push.update(every * self._period, torques, jacobian, rotation, self._trusted)
+        self._push.update(time - self._force_time, torques, jacobian, rotation, self._trusted)
+        self._force_time = time
 
     def leave_hand(self) -> None:
         """The hand holds something: what pushes it now is no fault."""

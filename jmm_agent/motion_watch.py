@@ -120,10 +120,6 @@ class PushWatch:
         self._lasted = np.inf
         self.pushed = False
 
-    def interrupt(self) -> None:
-        """No force was known for a while: what comes is not compared with what was before that."""
-        self._forces.clear()
-
     def update(
         self,
         dt: float,
@@ -135,13 +131,16 @@ class PushWatch:
         """Take one estimate; whether the hand is pushed.
 
         Args:
-            dt: time since the last estimate [s].
+            dt: time since the last estimate [s]; after more than `onset` all begins anew, for
+                what comes cannot be compared with what was before.
             torques: what tensions and gravity leave in the joints (n,) [N m].
             hand_jacobian: velocity of the hand in its own axes per joint (3, n) [m/rad].
             rotation: of the hand in the world (3, 3).
             trusted: whether the map is; as long as it is not, every change is the map's error.
         """
         options, forces = self._options, self._forces
+        if dt > options.onset:
+            forces.clear()
         matrix = hand_jacobian @ hand_jacobian.T
         forces.append(rotation @ np.linalg.solve(matrix, hand_jacobian @ -torques))
         self._lasted += dt
