@@ -43,7 +43,7 @@ class Args(common.Args):
         out: folder of the results, one inside it for each experiment.
         only: names of some experiments; all if left out.
         page: folder for the page that shows all results, README.md with its figures and summaries;
-            the folder of the results if left out.
+            the folder of the results if left out. Results that lie beside it already stay on it.
     """
 
     seeds: str = "0"
@@ -73,7 +73,7 @@ def main(args: Args) -> list[dict[str, Any]]:
             failed.append(name)
     there = [path for name in NAMES if (path := args.out / name / "summary.json").is_file()]
     if there:
-        page = write_page(there, args.page or args.out)
+        page = write_page(there, NAMES, args.page or args.out)
         console.print(f"All results on one page: {page}")
     if failed:
         raise ExperimentError(

@@ -27,23 +27,26 @@ compare the target with the truth, which only a simulation knows.
 """
 
 
-def write_page(summaries: Sequence[Path], out: Path) -> Path:
+def write_page(summaries: Sequence[Path], names: Sequence[str], out: Path) -> Path:
     """Write ``README.md`` to ``out``, with ``results/`` and ``figures/`` beside it.
+
+    What already lies beside the page from earlier runs stays on it.
 
     Args:
         summaries: files ``summary.json``, each with ``figure_1.png`` beside it.
+        names: of all experiments, in the order of the page.
         out: folder of the page.
     """
-    found = []
+    results = out / RESULTS
     for path in summaries:
         summary = json.loads(path.read_text(encoding="utf-8"))
-        found.append(summary)
-        write_json(out / RESULTS / f"{summary['name']}.json", summary)
+        write_json(results / f"{summary['name']}.json", summary)
         picture = path.with_name("figure_1.png")
         if picture.is_file():
             write_bytes(out / FIGURES / f"{summary['name']}.png", picture.read_bytes())
+    there = [path for name in names if (path := results / f"{name}.json").is_file()]
     page = out / "README.md"
-    write_text(page, page_of(found))
+    write_text(page, page_of([json.loads(path.read_text(encoding="utf-8")) for path in there]))
     return page
 
 

@@ -53,15 +53,31 @@ def test_what_is_not_reached_is_said(summary: dict[str, Any]) -> None:
     assert "**no**" in page_of([summary])
 
 
+def run_of(summary: dict[str, Any], folder: Path) -> Path:
+    """The summary as a run leaves it, with a picture beside it."""
+    folder.mkdir(parents=True)
+    (folder / "summary.json").write_text(json.dumps(summary))
+    (folder / "figure_1.png").write_bytes(b"png")
+    return folder / "summary.json"
+
+
 def test_the_page_lies_beside_its_sources(summary: dict[str, Any], tmp_path: Path) -> None:
-    source = tmp_path / "out" / "some-study"
-    source.mkdir(parents=True)
-    (source / "summary.json").write_text(json.dumps(summary))
-    (source / "figure_1.png").write_bytes(b"png")
-    page = write_page([source / "summary.json"], tmp_path / "page")
+    run = run_of(summary, tmp_path / "out" / "some-study")
+    page = write_page([run], ["some-study"], tmp_path / "page")
     assert page.read_text() == page_of([summary])
     assert json.loads((tmp_path / "page/results/some-study.json").read_text()) == summary
     assert (tmp_path / "page/figures/some-study.png").read_bytes() == b"png"
+
+
+def test_an_experiment_that_runs_again_leaves_the_others_on_the_page(
+    summary: dict[str, Any], tmp_path: Path
+) -> None:
+    names, other = ["other", "some-study"], {**summary, "name": "other"}
+    write_page([run_of(summary, tmp_path / "a")], names, tmp_path)
+    again = {**summary, "core_s": 30.0}
+    write_page([run_of(other, tmp_path / "b")], names, tmp_path)
+    page = write_page([run_of(again, tmp_path / "c")], names, tmp_path)
+    assert page.read_text() == page_of([other, again])
 
 
 def test_the_page_of_the_project_is_that_of_its_summaries() -> None:
