@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from reality_gap.evidence import PRIOR
 from reality_gap.fitting import at, free_parameters, to_theta
@@ -38,6 +39,8 @@ STEP = 3e-3
 """Finite difference of parameters, in scales."""
 LEAP = 0.5
 """Farthest that a joint goes in a step [rad or m]."""
+ROUNDING = 1e-12
+"""How far beyond its bounds a step may end, so that there is room for one [scales]."""
 
 
 @dataclass(frozen=True)
@@ -224,8 +227,8 @@ def _step(
     """Theta, positions, cost and damping after one step; None where none is better."""
     while damping < 1e8:
         matrix, right, solved = normal.reduced(damping)
-        change = -np.linalg.solve(matrix, right)
-        there = np.clip(theta + change, problem.low, problem.high)
+        change = _within(matrix, right, problem.low - theta, problem.high - theta)
+        there = np.clip(theta + change, problem.low, problem.high)  # but for rounding it is there
         turn = -solved[:, :, -1] - solved[:, :, :-1] @ change
         stand = qpos + np.clip(turn, -LEAP, LEAP)
         after = problem.cost(problem.residual(there, stand), there, stand)
@@ -233,3 +236,10 @@ def _step(
             return there, stand, after, damping / 8
         damping = max(8 * damping, 1e-2)
     return None
+
+
+def _within(matrix: Array, right: Array, low: Array, high: Array) -> Array:
+    """The step x (p,) from low to high with the least x' matrix x / 2 + right' x."""
+    root = np.linalg.cholesky(matrix).T
+    ends = (low - ROUNDING, high + ROUNDING)
+    return np.asarray(lsq_linear(root, -np.linalg.solve(root.T, right), ends).x)

@@ -18,7 +18,7 @@ from reality_gap.moments import Moments, find_moments
 from reality_gap.output import write_diagnosis
 from reality_gap.plant import Suspect, build
 from reality_gap.replay import replay
-from reality_gap.settled import Settled, fit_at_rest
+from reality_gap.settled import ROUNDS, Settled, fit_at_rest
 from reality_gap.statics import Statics
 from reality_gap.study import Channel, Episode, Initial, Reading, Study
 from reality_gap.system import System, look_at
@@ -130,12 +130,16 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Workbench:
     return Workbench(_measure(_study(tmp_path_factory.mktemp("arm"))))
 
 
-def _fit(bench: Workbench, moments: Moments) -> Settled:
+def _suspects(system: System) -> list[Part]:
+    groups = (_group(system, "joint_offset"), _group(system, "attachment_shift"))
+    return [(group, group.nulls()) for group in groups]
+
+
+def _fit(bench: Workbench, moments: Moments, start: list[Part] | None = None) -> Settled:
     system, statics = bench.system, Statics(bench.system, moments)
     qpos = positions_at(moments, bench.look([]))
     noise = noise_at_rest(system, statics, channel_noise(system.study), qpos)
-    suspects = (_group(system, "joint_offset"), _group(system, "attachment_shift"))
-    return fit_at_rest(system, statics, [(s, s.nulls()) for s in suspects], qpos, noise)
+    return fit_at_rest(system, statics, start or _suspects(system), qpos, noise)
 
 
 @pytest.fixture(scope="module")
@@ -184,6 +188,21 @@ def test_finds_where_joints_stood(bench: Workbench, found: Settled) -> None:
     truth = positions_at(moments, bench.look(_planted(bench.system)))
     before = positions_at(moments, bench.look([]))
     assert np.std(found.qpos - truth) < 0.2 * np.std(before - truth)
+
+
+def test_a_parameter_at_its_bound_does_not_stop_the_others(bench: Workbench) -> None:
+    """Sites are allowed a sixth of what they are off: the best fit within that is one."""
+    moments, (zero, (shift, _)) = find_moments(bench.system.study), _suspects(bench.system)
+    narrow = tuple(replace(p, low=-0.001, high=0.001) for p in shift.parameters)
+    shift = replace(shift, parameters=narrow)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, len(narrow)))
+    ends = []
+    for row in signs:
+        start = {p.name: 0.001 * sign for p, sign in zip(narrow, row, strict=True)}
+        found = _fit(bench, moments, [zero, (shift, start)])
+        assert len(found.cost) < ROUNDS
+        ends.append(found.cost[-1])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-5)
 
 
 def test_the_cost_falls(found: Settled) -> None:
