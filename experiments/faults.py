@@ -213,7 +213,7 @@ def trial(life: Life, ruler: Ruler, kind: str, seed: int, sizes: Sizes) -> dict[
     life.env.largest_demand = life.largest_tension = 0.0
     life.env.inject(injected)
     life.live(sizes.fault)
-    gone = life.session.time
+    gone, shown = life.session.time, life.env.shown
     if kind != faults.WIRE_SNAPPED:
         life.env.inject(None)
         life.live(sizes.after)
@@ -222,6 +222,7 @@ def trial(life: Life, ruler: Ruler, kind: str, seed: int, sizes: Sizes) -> dict[
         "kind": kind,
         "where": "" if injected is None else injected.where,
         "begin": begin,
+        "shown": shown,
         "gone": gone,
         "before_mm": before,
         "after_mm": ruler.error_mm(life.agent),

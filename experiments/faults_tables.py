@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,13 +39,14 @@ def seed_entry(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
-    begin, gone = trial["begin"], trial["gone"]
+    gone = trial["gone"]
+    shown = np.inf if trial["shown"] is None else trial["shown"]
     right = [
-        time - begin
+        time - shown
         for kind, where, times in trial["named"]
         if (kind, where) == (trial["kind"], trial["where"])
         for time in times
-        if time >= begin
+        if time >= shown
     ]
     healed = gone + LINGERS if trial["kind"] != faults.WIRE_SNAPPED else np.inf
     during, later = [], []
@@ -54,10 +55,11 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
         for time in times:
             if time > healed or trial["kind"] == NO_FAULT:
                 later.append(f"{kind} {where}")
-            elif not same or time < begin:
+            elif not same or time < shown:
                 during.append(f"{kind} {where}")
     return {
         "where": trial["where"],
+        "shown_after_s": round(shown - trial["begin"], 2) if np.isfinite(shown) else None,
         "noticed_after_s": round(min(right), 2) if right else None,
         "also_named": sorted(set(during)),
         "false_namings": later,
@@ -75,26 +77,33 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
 def metrics(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
     """The numbers that the guard is judged by."""
     entries = list(per_seed.values())
-    trials = [entry[kind] for entry in entries for kind in KINDS if kind in entry]
+    trials = _shown(entry[kind] for entry in entries for kind in KINDS if kind in entry)
     whole = [part for entry in entries for part in entry.values()]
     found: dict[str, Any] = {}
     for kind in (NO_FAULT, *KINDS):
         mine = [entry[kind] for entry in entries if kind in entry]
         if not mine:
             continue
-        if kind != NO_FAULT:
-            in_time = [float(100 * _in_time(trial)) for trial in mine]
-            share = metric([float(np.mean(in_time))], "%", 100.0, good="high")
-            found[f"{kind}_in_time"] = share
+        if shown := _shown(mine):
+            found[f"{kind}_in_time"] = _share_in_time(shown)
         if kind != faults.WIRE_SNAPPED:
             found[f"{kind}_ratio"] = metric([trial["ratio"] for trial in mine], "", KEPT)
-    found["noticed_in_time"] = metric(
-        [float(100 * np.mean([_in_time(trial) for trial in trials]))], "%", 100.0, good="high"
-    )
+    if trials:
+        found["noticed_in_time"] = _share_in_time(trials)
     demands = [part["largest_demand_N"] for part in whole]
     found["largest_demand"] = metric([max(demands)], "N")
     found["not_finite"] = metric([float(sum(part["not_finite"] for part in whole))], "", 0.0)
     return found
+
+
+def _shown(trials: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Those in which the fault showed: a marker that is not in view is neither hidden nor two."""
+    return [trial for trial in trials if trial["shown_after_s"] is not None]
+
+
+def _share_in_time(trials: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    share = 100.0 * sum(map(_in_time, trials)) / len(trials)
+    return metric([share], "%", 100.0, good="high")
 
 
 def _in_time(trial: Mapping[str, Any]) -> bool:
@@ -116,9 +125,11 @@ def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
         "largest tension [N]", "not finite",
     )  # fmt: skip
     note = (
-        f"{len(entries)} robots. Seconds, ratios: median (worst robot). Also named: on how many "
-        "robots something else was named during the fault. Demand: the largest tension that a "
-        "command demanded by the lengths that the agent felt; tension: the largest true one."
+        f"{len(entries)} robots. Seconds, ratios: median (worst robot). Seconds count from when "
+        "the fault first shows: a marker's, when it is in view; where it never is, there is "
+        "nothing to name. Also named: on how many robots something else was named during the "
+        "fault. Demand: the largest tension that a command demanded by the lengths that the agent "
+        "felt; tension: the largest true one."
     )
     return [Table("Faults in the middle of learning", head, rows, note), _false_table(entries)]
 
@@ -126,10 +137,10 @@ def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
 def _row(kind: str, trials: list[Mapping[str, Any]]) -> list[object]:
     after = [t["noticed_after_s"] for t in trials if t["noticed_after_s"] is not None]
     ratios = [trial["ratio"] for trial in trials]
-    healed = kind != faults.WIRE_SNAPPED
+    healed, shown = kind != faults.WIRE_SNAPPED, _shown(trials)
     return [
         kind,
-        "-" if kind == NO_FAULT else f"{sum(map(_in_time, trials))} of {len(trials)}",
+        f"{sum(map(_in_time, shown))} of {len(shown)}" if shown else "-",
         f"{np.median(after):.2f} ({max(after):.2f})" if after else "-",
         sum(bool(trial["also_named"]) for trial in trials),
         f"{np.median(ratios):.2f} ({max(ratios):.2f})" if healed else "does not heal",

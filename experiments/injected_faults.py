@@ -40,6 +40,9 @@ PUSH = 40.0
 SNAPPED = 10.0
 """Length by which a wire is too long to pull ever again [m]."""
 
+IN_FRAMES = (faults.MARKER_HIDDEN, faults.SECOND_MARKER, faults.MIRRORED_MARKER)
+"""Faults of the hand's marker, which frames only show while it is in view."""
+
 
 @dataclass(frozen=True)
 class Injection:
@@ -117,6 +120,9 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         self.eyes = MirroringEyes(detector)
         self._injection: Injection | None = None
         self._begin = 0.0
+        self.shown: float | None = None
+        """When what was injected last first touched anything [s]; None: it has not yet. In a frame
+        without a marker there is nothing to hide, to double or to mirror."""
         self.largest_demand = 0.0
         """Largest tension that a command has demanded [N], by the lengths that the agent felt."""
         self._frozen: np.ndarray | None = None
@@ -126,9 +132,11 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
     def inject(self, injection: Injection | None) -> None:
         """Let something be wrong from now on; None: no longer, but a snapped wire stays."""
         self._injection, self._begin = injection, self.world.robot.time
+        later = injection is None or injection.kind in IN_FRAMES
+        self.shown = None if later else self._begin
         self._frozen = None
         self._commands.clear()
-        self.eyes.mirrored = injection is not None and injection.kind == faults.MIRRORED_MARKER
+        self.eyes.mirrored = False
         force = np.zeros(3)
         if injection is not None and injection.kind == faults.PUSHED:
             force = PUSH * np.array(injection.direction)
@@ -172,10 +180,13 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         self._true = self._read = observation["lengths"]
         if injection is None:
             return observation
+        shows = injection.kind not in IN_FRAMES
         if injection.muscle:
             self._spoil_wire(observation, injection, last)
         elif "frame" in observation:
-            self._spoil_frame(observation, injection)
+            shows = self._spoil_frame(observation, injection)
+        if shows and self.shown is None:
+            self.shown = self.world.robot.time
         return observation
 
     def _spoil_wire(self, observation: dict[str, Any], injection: Injection, last: Floats) -> None:
@@ -191,30 +202,47 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
             observation["tensions"][wire] = 0.0
         observation["lengths"] = self._read
 
-    def _spoil_frame(self, observation: dict[str, Any], injection: Injection) -> None:
+    def _spoil_frame(self, observation: dict[str, Any], injection: Injection) -> bool:
+        """Change the frame, in place; whether what is wrong shows in it."""
         frame = observation["frame"]
         if injection.kind == faults.CAMERA_FROZEN:
             self._frozen = frame if self._frozen is None else self._frozen
             observation["frame"] = self._frozen.copy()
-        elif injection.kind == faults.MARKER_HIDDEN:
-            since = float(observation["frame_time"][0]) - self._begin
-            if since % CYCLE < HIDDEN_SHARE * CYCLE:
-                self._paint(frame, copy=False)
-        elif injection.kind == faults.SECOND_MARKER:
-            self._paint(frame, copy=True)
-
-    def _paint(self, frame: np.ndarray, copy: bool) -> None:
-        """Paint over the hand's marker (0), or a copy of it elsewhere, in place."""
+        if injection.kind not in IN_FRAMES:
+            return True
         marker = self._detector.detect(frame).poses.get(0)
         if marker is None:
-            return
-        margin = 0.25 * float(np.ptp(marker.corners_px, axis=0).max())
-        low = np.maximum(np.floor(marker.corners_px.min(axis=0) - margin).astype(int), 0)
-        high = np.ceil(marker.corners_px.max(axis=0) + margin).astype(int)
-        patch = frame[low[1] : high[1], low[0] : high[0]]
-        if copy:
-            height, width = patch.shape[:2]
-            corner = 20 if low[0] > frame.shape[1] // 2 else frame.shape[1] - width - 20
-            frame[20 : 20 + height, corner : corner + width] = patch.copy()
+            return False
+        if injection.kind == faults.MARKER_HIDDEN:
+            since = float(observation["frame_time"][0]) - self._begin
+            hidden = since % CYCLE < HIDDEN_SHARE * CYCLE
+            if hidden:
+                _paint_over(frame, marker)
+            return hidden
+        if injection.kind == faults.SECOND_MARKER:
+            _paint_copy(frame, marker)
         else:
-            cv2.rectangle(frame, low.tolist(), high.tolist(), (90, 80, 70), -1)
+            self.eyes.mirrored = True
+        return True
+
+
+def _paint_over(frame: np.ndarray, marker: MarkerPose) -> None:
+    """Paint over a marker, in place."""
+    low, high = _box(marker)
+    cv2.rectangle(frame, low.tolist(), high.tolist(), (90, 80, 70), -1)
+
+
+def _paint_copy(frame: np.ndarray, marker: MarkerPose) -> None:
+    """Paint a copy of a marker into a corner of its frame, in place."""
+    low, high = _box(marker)
+    patch = frame[low[1] : high[1], low[0] : high[0]]
+    height, width = patch.shape[:2]
+    corner = 20 if low[0] > frame.shape[1] // 2 else frame.shape[1] - width - 20
+    frame[20 : 20 + height, corner : corner + width] = patch.copy()
+
+
+def _box(marker: MarkerPose) -> tuple[np.ndarray, np.ndarray]:
+    """Upper left and lower right (x, y) of a marker with its white margin [px]."""
+    margin = 0.25 * float(np.ptp(marker.corners_px, axis=0).max())
+    low = np.maximum(np.floor(marker.corners_px.min(axis=0) - margin).astype(int), 0)
+    return low, np.ceil(marker.corners_px.max(axis=0) + margin).astype(int)

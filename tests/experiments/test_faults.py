@@ -12,7 +12,7 @@ import pytest
 
 from experiments.arm import ACTUAL, CAMERA, SIDES, make_env
 from experiments.faults import QUICK, conclude, guarded_agent, run
-from experiments.faults_tables import NO_FAULT, seed_entry, tables
+from experiments.faults_tables import NO_FAULT, metrics, seed_entry, tables
 from experiments.injected_faults import (
     HIDDEN_SHARE,
     JUMP,
@@ -145,6 +145,9 @@ def test_a_marker_is_hidden_for_a_share_of_the_time_doubled_and_mirrored(
     hidden = [0 not in eyes.detect(look(faults.MARKER_HIDDEN, t)).poses for t in times]
     assert np.mean(hidden) == pytest.approx(HIDDEN_SHARE, abs=0.05)
     assert eyes.detect(look(faults.SECOND_MARKER, 0.0)).skips[0] is Skip.TWICE
+    env.inject(Injection(faults.MIRRORED_MARKER))
+    pose = eyes.detect(frame).poses[0].pose_marker_in_camera
+    np.testing.assert_array_equal(pose, marker.pose_marker_in_camera, "a frame from before")
     mirrored = eyes.detect(look(faults.MIRRORED_MARKER, 0.0)).poses[0]
     np.testing.assert_array_equal(mirrored.pose_marker_in_camera, marker.flipped_in_camera)
     env.inject(None)
@@ -164,10 +167,16 @@ def told(named: list[Any], **more: Any) -> dict[str, Any]:
     }
 
 
-def trial(kind: str, where: str, named: list[Any], after_mm: float = 3.0) -> dict[str, Any]:
+def trial(
+    kind: str,
+    where: str,
+    named: list[Any],
+    after_mm: float = 3.0,
+    shown: float | None = 100.0,
+) -> dict[str, Any]:
     return told(
-        named, kind=kind, where=where, begin=100.0, gone=110.0, before_mm=4.0, after_mm=after_mm,
-        still_named=[],
+        named, kind=kind, where=where, begin=100.0, shown=shown, gone=110.0, before_mm=4.0,
+        after_mm=after_mm, still_named=[],
     )  # fmt: skip
 
 
@@ -178,7 +187,7 @@ def test_namings_are_counted_as_right_wrong_or_late() -> None:
         {
             "learning": told([late]),
             "trials": {
-                NO_FAULT: trial(NO_FAULT, "", [late]),
+                NO_FAULT: trial(NO_FAULT, "", [late], shown=None),
                 faults.PUSHED: trial(faults.PUSHED, "hand", [pushed, late], after_mm=6.0),
                 faults.COMMAND_LATE: trial(faults.COMMAND_LATE, "commands", [late]),
             },
@@ -196,6 +205,30 @@ def test_namings_are_counted_as_right_wrong_or_late() -> None:
     assert row[faults.PUSHED][1] == "1 of 1"
     assert row[faults.COMMAND_LATE][1] == "0 of 1"
     assert row[faults.PUSHED][5] == 1
+
+
+def test_seconds_count_from_when_a_fault_shows() -> None:
+    named, entries = [faults.SECOND_MARKER, "marker", [104.5]], {}
+    for seed, shown in enumerate((100.0, 104.0, None)):
+        part = trial(faults.SECOND_MARKER, "marker", [named], shown=shown)
+        entries[seed] = seed_entry({"learning": told([]), "trials": {faults.SECOND_MARKER: part}})
+    told_after = [entry[faults.SECOND_MARKER]["noticed_after_s"] for entry in entries.values()]
+    assert told_after == [4.5, 0.5, None]
+    never = entries[2][faults.SECOND_MARKER]
+    assert never["also_named"] == ["second_marker marker"]
+    assert tables(entries)[0].rows[0][1] == "1 of 2"
+    assert metrics(entries)["noticed_in_time"]["median"] == 50.0
+
+
+def test_a_marker_that_is_not_in_view_is_not_hidden_yet(env: FaultyEnv, frame: np.ndarray) -> None:
+    env.inject(Injection(faults.PUSHED))
+    assert env.shown == env.world.robot.time
+    for kind in (faults.MARKER_HIDDEN, faults.SECOND_MARKER, faults.MIRRORED_MARKER):
+        env.inject(Injection(kind))
+        for picture, shown in ((np.zeros_like(frame), None), (frame, env.world.robot.time)):
+            now = {"lengths": np.zeros(36), "frame": picture.copy(), "frame_time": np.zeros(1)}
+            env._felt(now)
+            assert env.shown == shown
 
 
 def test_the_agent_watches_and_undoes_what_harms(request: pytest.FixtureRequest) -> None:
