@@ -17,7 +17,6 @@ from jmm_agent.drawing import Floats
 from jmm_agent.faults import (
     CAMERA_FROZEN,
     COMMAND_LATE,
-    MARKER_HIDDEN,
     PUSHED,
     Fault,
     MotorControl,
@@ -40,8 +39,8 @@ class GuardOptions:
         hand: the frame that may be pushed.
         eye: that of the camera.
         learned: so many looks must be remembered before the map is trusted: before that it may be
-            wrong by as much as a push or a hidden marker would have it. 0 for a map that is right
-            from the start.
+            wrong by as much as a push would have it, or a marker that is hidden as the hand moves.
+            0 for a map that is right from the start.
         history: for how long estimates are kept, since frames come late [s].
         take_back: what was learned for so long before a fault was noticed is taken back [s].
         wires, late, push, sight: of the watchers.
@@ -173,7 +172,7 @@ class Guard:
         if not self._camera.is_another(frame, self._felt.lengths, in_view, rotation):
             return
         believed = None if estimate is None else believe(estimate)
-        self._marker.update(frame_time, outcome, believed)
+        self._marker.update(frame_time, outcome, believed, self._trusted)
 
     def _estimate_at(self, time: float) -> Floats | None:
         """Joint angles (n,) [rad] as estimated at a time [s]; None from before the history."""
@@ -197,8 +196,7 @@ class Guard:
         if self._camera.frozen:
             yield CAMERA_FROZEN, "camera"
         for kind in self._marker.found():
-            if self._trusted or kind != MARKER_HIDDEN:
-                yield kind, "marker"
+            yield kind, "marker"
 
     def safe(self, target_lengths: Floats) -> Floats:
         """Target lengths (m,) [m] that demand no tension above the limit.

@@ -29,6 +29,8 @@ class SightWatchOptions:
         turned: so is any picture if the camera itself turned by this [rad].
         memory: time over which hidden markers are counted [s].
         hidden_frames: so many frames without the marker within it, and it is hidden.
+        still_m, still_rad: as long as the map is not trusted, a marker is only missed if since it
+            was seen it moved no further [m], [rad], by the wires.
         margin: how far inside the frame the marker must be expected to be missed [px].
         facing: and its face at most this far from the line of sight [rad].
         mirrored: least angle between the expected and a mirrored pose [rad].
@@ -41,6 +43,8 @@ class SightWatchOptions:
     turned: float = 0.1
     memory: float = 2.0
     hidden_frames: int = 2
+    still_m: float = 0.05
+    still_rad: float = 0.15
     margin: float = 70.0
     facing: float = 1.0
     mirrored: float = 0.2
@@ -133,6 +137,7 @@ class MarkerWatch:
         self._doubled = self._mirrored = False
         self._mirrored_since = np.inf
         self._seen: Floats | None = None
+        self._sighting = np.eye(4)
         self._believed: Floats | None = None
 
     def forget_estimate(self) -> None:
@@ -144,7 +149,11 @@ class MarkerWatch:
         self._believed = None
 
     def update(
-        self, frame_time: float, outcome: MarkerPose | Skip, believed: Floats | None
+        self,
+        frame_time: float,
+        outcome: MarkerPose | Skip,
+        believed: Floats | None,
+        trusted: bool = True,
     ) -> None:
         """Take what a new frame shows of the marker.
 
@@ -152,14 +161,17 @@ class MarkerWatch:
             frame_time: when the frame was taken [s].
             outcome: of the detection.
             believed: pose_marker_in_camera (4, 4) by the wires at that time; None if unknown.
+            trusted: whether the map is.
         """
         self._doubled = outcome is Skip.TWICE
         if believed is not None:
-            self._compare(frame_time, outcome, believed)
+            self._compare(frame_time, outcome, believed, trusted)
         while self._hidden and frame_time - self._hidden[0] > self._options.memory:
             self._hidden.popleft()
 
-    def _compare(self, frame_time: float, outcome: MarkerPose | Skip, believed: Floats) -> None:
+    def _compare(
+        self, frame_time: float, outcome: MarkerPose | Skip, believed: Floats, trusted: bool
+    ) -> None:
         expected = believed
         if self._seen is not None:
             moved = (
@@ -174,9 +186,11 @@ class MarkerWatch:
                 self._mirrored, since = False, np.inf
             self._mirrored_since = since
             if not self._mirrored:
-                self._seen = outcome.pose_marker_in_camera
-        elif not self._doubled and self._seen is not None and self._must_be_in_view(expected):
-            self._hidden.append(frame_time)
+                self._seen = self._sighting = outcome.pose_marker_in_camera
+        elif not self._doubled and self._seen is not None:
+            known = trusted or self._is_still(expected)
+            if known and self._must_be_in_view(expected):
+                self._hidden.append(frame_time)
 
     def found(self) -> Iterator[str]:
         """Kinds of faults that are seen now."""
@@ -194,6 +208,12 @@ class MarkerWatch:
         if self._mirrored:  # until the pose is clearly the right one
             return away > options.nearer * other
         return away > options.mirrored and other < options.nearer * away
+
+    def _is_still(self, pose: Floats) -> bool:
+        """Whether the marker, by its pose (4, 4), is about where it was seen last."""
+        moved = float(np.linalg.norm(pose[:3, 3] - self._sighting[:3, 3]))
+        turned = _angle(pose, self._sighting)
+        return moved <= self._options.still_m and turned <= self._options.still_rad
 
     def _must_be_in_view(self, pose: Floats) -> bool:
         position, normal = pose[:3, 3], pose[:3, 2]

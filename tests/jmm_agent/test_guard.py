@@ -155,7 +155,7 @@ def test_nothing_is_learned_while_a_fault_is_seen(
 
 
 @pytest.mark.parametrize(("learned", "named"), [(2, [faults.MARKER_HIDDEN]), (3, [])])
-def test_a_hidden_marker_is_named_where_enough_was_learned(
+def test_a_marker_that_is_hidden_as_it_moves_is_named_where_enough_was_learned(
     learned: int, named: list[str], drawn: JointMuscleMap, arm: ArmKinematics
 ) -> None:
     life = Life(drawn, arm, options=GuardOptions(learned=learned))
@@ -163,8 +163,15 @@ def test_a_hidden_marker_is_named_where_enough_was_learned(
     life.rest(FIRST)
     assert len(life.agent.vision.memory.looks) == 2
     life.hidden = True
-    life.rest(FIRST, 60)
+    life.rest(START, 60)
     assert life.kinds == named
+
+
+def test_a_marker_that_is_hidden_at_rest_is_named_before_anything_was_learned(life: Life) -> None:
+    life.rest(START)
+    life.hidden = True
+    life.rest(START, 60)
+    assert life.kinds == [faults.MARKER_HIDDEN]
 
 
 def test_a_picture_that_stays_while_the_head_turns_is_of_a_frozen_camera(life: Life) -> None:

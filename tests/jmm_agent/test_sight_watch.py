@@ -82,6 +82,26 @@ def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerWatch) -> None:
     assert list(marker.found()) == []
 
 
+@pytest.mark.parametrize(
+    ("believed", "named"),
+    [
+        (facing(1.0), [faults.MARKER_HIDDEN]),
+        (facing(1.1, x=0.04), [faults.MARKER_HIDDEN]),
+        (facing(1.2), []),
+        (facing(1.0, x=0.06), []),
+    ],
+)
+def test_a_map_that_is_not_trusted_only_misses_a_marker_that_did_not_move(
+    marker: MarkerWatch, believed: np.ndarray, named: list[str]
+) -> None:
+    for k in (1, 2):
+        marker.update(0.2 * k, Skip.NOT_SEEN, believed, trusted=False)
+    assert list(marker.found()) == named
+    for k in (3, 4):
+        marker.update(0.2 * k, Skip.NOT_SEEN, believed)
+    assert list(marker.found()) == [faults.MARKER_HIDDEN]
+
+
 def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(marker: MarkerWatch) -> None:
     marker.forget_estimate()
     for k in (1, 2):
