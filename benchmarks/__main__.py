@@ -22,7 +22,8 @@ def summary(name: str) -> str:
 def main(arguments: list[str]) -> int:
     """Run the benchmarks named in `arguments`, in order; returns the exit code."""
     available = names()
-    if not arguments:
+    if not arguments or {"-h", "--help"} & set(arguments):
+        print("usage: python -m benchmarks NAME [NAME ...]\n")
         for name in available:
             print(f"{name:<20} {summary(name)}")
         return 0

@@ -19,9 +19,12 @@ def two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("two")
-def test_lists(capsys: pytest.CaptureFixture[str]) -> None:
-    assert benchmarks.main([]) == 0
-    lines = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["toy_one", "-h"]])
+def test_lists(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert benchmarks.main(arguments) == 0
+    usage, empty, *listed = capsys.readouterr().out.splitlines()
+    assert (usage, empty) == ("usage: python -m benchmarks NAME [NAME ...]", "")
+    lines = [line.split(maxsplit=1) for line in listed]
     assert lines == [["toy_one", "What toy_one measures."], ["toy_two", "What toy_two measures."]]
 
 
