@@ -1,24 +1,16 @@
-"""Watching a run: the page is for this computer only, shows what happens, and changes nothing."""
+"""Watching a run shows what happens and changes nothing."""
 
 from __future__ import annotations
 
-import base64
-import http.client
 import json
-import os
-import shutil
-import socket
-import subprocess
-import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -29,7 +21,6 @@ from experiments.arm import ACTUAL, make_session, new_agent, shuffled_postures
 from experiments.common import Args
 from experiments.errors import ExperimentError
 from experiments.session import Session, looked_on
-from experiments.streaming import Broadcast, PageServer, Shown, data_url
 from experiments.study import Study, run_watched
 from experiments.watching import Scene
 from experiments.window import Viewer, Window
@@ -37,99 +28,9 @@ from kengoro_env.assets import asset_path
 from kengoro_env.postures import posture_set
 from kengoro_env.rendering import RenderingError
 from kengoro_env.robot import Robot
+from tests.experiments.onlooking import CHROME, CHROMEDRIVER, Browser, read_event, wait_for
 
 POSTURE = posture_set()[0]
-
-
-@pytest.fixture
-def served() -> Iterator[tuple[Broadcast, PageServer]]:
-    broadcast = Broadcast()
-    server = PageServer(broadcast)
-    yield broadcast, server
-    server.close()
-
-
-def ask(port: int, path: str, method: str = "GET", host: str = "127.0.0.1") -> tuple[int, str, Any]:
-    """Status, body and headers of an answer."""
-    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=10)) as connection:
-        connection.request(method, path, headers={"Host": f"{host}:{port}"})
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode(), answer.headers
-
-
-def test_the_page_is_all_that_is_served(served: tuple[Broadcast, PageServer]) -> None:
-    port = served[1].port
-    status, page, headers = ask(port, "/")
-    assert status == 200
-    assert "<h1" in page
-    assert headers["Content-Security-Policy"].startswith("default-src 'none'")
-    assert ask(port, "/", host="localhost")[0] == 200
-    for path in ("/window.html", "/../pyproject.toml", "//etc/passwd", "/events/", "/?x"):
-        assert ask(port, path)[0] == 404
-    assert ask(port, "/", "POST")[0] == 501
-
-
-def test_only_this_computer_is_answered(served: tuple[Broadcast, PageServer]) -> None:
-    broadcast, server = served
-    for path in ("/", "/events"):
-        assert ask(server.port, path, host="elsewhere.example")[0] == 403
-    assert broadcast.watchers == 0
-    with socket.socket() as other:  # bound to one address: the port is free on the others
-        other.bind(("127.0.0.2", server.port))
-
-
-def read_event(stream: Any) -> str:
-    """The next event of a stream, as text."""
-    lines = []
-    while (line := stream.readline().decode().strip()) or not lines:
-        lines.append(line)
-    return "\n".join(lines)
-
-
-def test_the_stream_sends_what_is_new_and_the_panel_where_it_changed(
-    served: tuple[Broadcast, PageServer],
-) -> None:
-    broadcast, server = served
-    with urllib.request.urlopen(f"{server.address}events", timeout=10) as stream:
-        found = []
-        for number, panel in enumerate(("a", "a", "b")):
-            broadcast.publish(Shown({"title": "<b>"}, f"scene {number}", panel))
-            found.append(json.loads(read_event(stream).removeprefix("data: ")))
-        assert found == [
-            {"title": "<b>", "scene": "scene 0", "panel": "a"},
-            {"title": "<b>", "scene": "scene 1"},
-            {"title": "<b>", "scene": "scene 2", "panel": "b"},
-        ]
-        assert broadcast.watchers == 1
-        broadcast.end()
-        assert read_event(stream).startswith("event: end")
-    wait_for(lambda: broadcast.watchers == 0)
-
-
-def test_who_closes_the_page_is_forgotten(
-    served: tuple[Broadcast, PageServer], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("experiments.streaming.SILENCE", 0.05)
-    broadcast, server = served
-    with urllib.request.urlopen(f"{server.address}events", timeout=10):
-        wait_for(lambda: broadcast.watchers == 1)
-    wait_for(lambda: broadcast.watchers == 0)
-
-
-def wait_for(happens: Callable[[], object], limit: float = 10.0) -> None:
-    """Wait up to ``limit`` [s] until something happens."""
-    end = time.monotonic() + limit
-    while not happens():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.02)
-
-
-def test_pictures_arrive_as_they_were() -> None:
-    picture = np.random.default_rng(0).integers(0, 255, (6, 8, 3), dtype=np.uint8)
-    kind, text = data_url(picture, "png").split(",")
-    assert kind == "data:image/png;base64"
-    read = cv2.imdecode(np.frombuffer(base64.b64decode(text), np.uint8), cv2.IMREAD_COLOR)
-    np.testing.assert_array_equal(cv2.cvtColor(read, cv2.COLOR_BGR2RGB), picture)
 
 
 @pytest.fixture(scope="module")
@@ -337,64 +238,6 @@ def test_watching_changes_no_bit(maps: Path) -> None:
         np.testing.assert_array_equal(getattr(watched.log, name), getattr(alone.log, name))
     for name, value in alone.observation.items():
         np.testing.assert_array_equal(watched.observation[name], value)
-
-
-CHROME = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
-CHROMEDRIVER = shutil.which("chromedriver") or ""
-
-
-class Browser:
-    """A headless Chromium, driven by chromedriver in the words of W3C WebDriver.
-
-    Args:
-        folder: for what the browser writes.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        home = {**os.environ, "HOME": str(folder)}
-        self._driver = subprocess.Popen(
-            [CHROMEDRIVER, f"--port={port}"], stdout=subprocess.DEVNULL, env=home
-        )
-        self._base = f"http://127.0.0.1:{port}/session"
-        wait_for(lambda: self._answers(port))
-        flags = ["headless=new", "no-sandbox", "disable-dev-shm-usage", "window-size=1280,940"]
-        options = {"binary": CHROME, "args": [f"--{flag}" for flag in flags]}
-        wanted = {"alwaysMatch": {"goog:chromeOptions": options}}
-        self._base += f"/{self._tell('', capabilities=wanted)['sessionId']}"
-
-    def _answers(self, port: int) -> bool:
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", port)) == 0
-
-    def _tell(self, command: str, **arguments: Any) -> Any:
-        body = json.dumps(arguments).encode()
-        request = urllib.request.Request(self._base + command, body)
-        with urllib.request.urlopen(request, timeout=60) as answer:
-            return json.load(answer)["value"]
-
-    def open(self, address: str) -> None:
-        self._tell("/url", url=address)
-
-    def run(self, script: str) -> Any:
-        """What a script returns."""
-        return self._tell("/execute/sync", script=script, args=[])
-
-    def screenshot(self) -> np.ndarray:
-        """What is seen (h, w, 3), BGR."""
-        with urllib.request.urlopen(f"{self._base}/screenshot", timeout=60) as answer:
-            data = base64.b64decode(json.load(answer)["value"])
-        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-
-    def close(self) -> None:
-        request = urllib.request.Request(self._base, method="DELETE")
-        urllib.request.urlopen(request, timeout=60).close()
-        self._driver.terminate()
-        self._driver.wait(10)
 
 
 @pytest.mark.slow

@@ -10,23 +10,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 from kengoro_env.departures import Elongation, actual
 from kengoro_env.env import KengoroEnv
+from tests.kengoro_env.making import make
 
 ROOT = Path(__file__).resolve().parents[2]
 PICKLE = import_module("pickle")  # what multiprocessing does; the project itself writes none
 IDS = ("Kengoro/CanGrasp-v0", "Kengoro/Posture-v0", "Kengoro/Elbow-v0")
 MUSCLE = {"Kengoro/Elbow-v0": "biceps"}
-
-
-def make(env_id: str, **arguments: Any) -> KengoroEnv:
-    env = gym.make(env_id, **arguments).unwrapped
-    assert isinstance(env, KengoroEnv)
-    return env
 
 
 def roll(env: KengoroEnv, steps: int, seed: int) -> list[np.ndarray]:
