@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -128,6 +129,83 @@ def test_shadows_are_left_out() -> None:
     flags = painter._renderer.scene.flags
     assert not flags[mujoco.mjtRndFlag.mjRND_SHADOW]
     assert not flags[mujoco.mjtRndFlag.mjRND_REFLECTION]
+    painter.close()
+
+
+def drawn_in_full(robot: Robot, camera: str) -> np.ndarray:
+    """What MuJoCo draws at our quality, without shadows and reflections."""
+    renderer = rendering.open_renderer(robot.model)
+    renderer.update_scene(robot.data, camera)
+    for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+        renderer.scene.flags[flag] = False
+    picture = renderer.render()
+    renderer.close()
+    return picture
+
+
+@pytest.mark.parametrize("camera", ["eye", "outside"])
+@pytest.mark.parametrize("scene", ["posture", "can_grasp"])
+def test_floor_and_wires_look_as_mujoco_draws_them(scene: str, camera: str) -> None:
+    robot = Robot(asset_path(f"mjcf/kengoro_arm/{scene}.xml"))
+    robot.reset(posture_set()[0], np.random.default_rng(0))
+    painter = Painter(robot.model)
+    picture = painter.draw(robot.data, camera)
+    painter.close()
+    difference = np.abs(picture.astype(int) - drawn_in_full(robot, camera)).max(axis=2)
+    # Wires alone differ, along their edges; without the floor half of the pixels would.
+    assert np.mean(difference > 10) < 0.01
+
+
+def test_the_sky_is_left_out_only_where_the_floor_hides_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, said = Robot(SCENE), list[bool]()
+    fills_picture = rendering.fills_picture
+
+    def recorded(*args: Any) -> bool:
+        said.append(fills_picture(*args))
+        return said[-1]
+
+    painter = Painter(robot.model)
+    for posture in posture_set()[:12]:
+        robot.reset(posture, np.random.default_rng(0))
+        monkeypatch.setattr(rendering, "fills_picture", recorded)
+        picture = painter.draw(robot.data, "eye")
+        monkeypatch.setattr(rendering, "fills_picture", lambda *_: False)
+        assert np.array_equal(picture, painter.draw(robot.data, "eye"))
+    painter.close()
+    assert 2 < sum(said) < 10
+
+
+SKY = """
+<mujoco>
+  <asset><texture type="skybox" builtin="flat" rgb1="0 0 1" width="8" height="8"/></asset>
+  <worldbody>
+    <geom type="plane" {}/>
+    <camera name="eye" pos="0 0 1" fovy="90" {}/>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("plane", "camera", "filled"),
+    [
+        ('size="3 3 1"', "", True),
+        ('size="1.2 1.2 1"', "", False),  # the picture is 2 m high and 2.7 m wide there
+        ('size="3 3 1" rgba="1 1 1 0.5"', "", False),
+        ('size="3 3 1" pos="0 0 2"', "", False),  # behind the camera, and seen from below
+        ('size="3 3 1" pos="2 0 0"', "", False),
+        ('size="3 3 1"', 'euler="70 0 0"', False),
+        ('size="0 0 1"', "", False),  # without an end, MuJoCo draws it with haze
+    ],
+)
+def test_what_fills_a_picture(plane: str, camera: str, filled: bool) -> None:
+    model = mujoco.MjModel.from_xml_string(SKY.format(plane, camera))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    painter = Painter(model)
+    painter.draw(data, "eye")
+    assert painter._renderer is not None
+    assert painter._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] == (not filled)
     painter.close()
 
 
