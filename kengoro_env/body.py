@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kengoro_env.draft import Senses
-from kengoro_env.motors import Index, Motors
+from kengoro_env.motors import Index, Motors, reader
 
 Array = NDArray[np.float64]
 
@@ -52,19 +52,33 @@ class Body(ABC):
     target: Array
     _senses: Senses
     _position: Index
-    _sites: dict[str, int]
     _bodies: dict[str, int]
     _zero: Array
+    _none: Array
     _offset: Array
     _has_offset: bool
     _tension_offset: Array
     _has_tension_offset: bool
+    _length_noise: Array
+    _length_quantum: Array
+    _tension_noise: Array
+    _noises: int
+
+    def _look(self) -> None:
+        """Find the arrays of MuJoCo that are read in each step."""
+        data, model = self.data, self.model
+        places, turns = data.site_xpos, data.site_xmat
+        shape = (*places.shape[:-2], 3, 3)
+        self._angles = reader(data.qpos, self._position)
+        self._sites = {
+            model.site(i).name: (places[..., i, :], turns[..., i, :].reshape(shape))
+            for i in range(model.nsite)
+        }
 
     @property
     def joint_angles(self) -> Array:
         """True joint angles (n,) [rad]."""
-        angles: Array = self.data.qpos[..., self._position]
-        return angles.copy()
+        return self._angles()
 
     @property
     def lengths(self) -> Array:
@@ -79,7 +93,7 @@ class Body(ABC):
     def measure(self) -> Moment:
         """What is true now: once for all that is felt, judged and known of it."""
         paths, paid_out, tensions = self.motors.measure()
-        return Moment(self.joint_angles, paths, paid_out, paid_out - self._zero, tensions)
+        return Moment(self._angles(), paths, paid_out, paid_out - self._zero, tensions)
 
     def slack(self, target: Array, now: Moment | None = None) -> tuple[Array, Array]:
         """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
@@ -88,12 +102,11 @@ class Body(ABC):
         beyond_length = target - now.lengths
         if self._has_offset:
             beyond_length -= self._offset
-        return beyond_path, np.maximum(beyond_length, 0.0, out=beyond_length)
+        return beyond_path, np.maximum(beyond_length, self._none, out=beyond_length)
 
     def site_place(self, name: str) -> Array:
         """Where a site is in the world (3,) [m], true."""
-        place: Array = self.data.site_xpos[..., self._sites[name], :].copy()
-        return place
+        return self._sites[name][0].copy()
 
     def body_place(self, name: str) -> Array:
         """Where a body is in the world (3,) [m], true."""
@@ -102,13 +115,13 @@ class Body(ABC):
 
     def site_pose(self, name: str) -> Array:
         """Pose of a site in the world (4, 4), true."""
-        index = self._sites[name]
-        return _pose(self.data.site_xpos[..., index, :], self.data.site_xmat[..., index, :])
+        return _pose(*self._sites[name])
 
     def body_pose(self, name: str) -> Array:
         """Pose of a body in the world (4, 4), true."""
         index = self._bodies[name]
-        return _pose(self.data.xpos[..., index, :], self.data.xmat[..., index, :])
+        place, turn = self.data.xpos[..., index, :], self.data.xmat[..., index, :]
+        return _pose(place, turn.reshape(*place.shape[:-1], 3, 3))
 
     def _commanded(self, target: Array) -> Array:
         """What is to be paid out (m,) [m] for target lengths (m,) [m] as the encoders call them.
@@ -121,8 +134,12 @@ class Body(ABC):
         return paid_out
 
     def sense(self, now: Moment) -> tuple[Array, Array]:
-        """What encoders (m,) [m] and tension sensors (m,) [N] read."""
-        return self._read_lengths(now.lengths), self._read_tensions(now.tensions)
+        """What encoders (m,) [m] and tension sensors (m,) [N] read; where it is true, ``now``'s."""
+        if self._noises < 2:
+            return self._read_lengths(now.lengths), self._read_tensions(now.tensions)
+        noise = self._noise(2)  # the bits of two calls, in the time of one
+        lengths = self._read_lengths(now.lengths, noise[..., 0, :])
+        return lengths, self._read_tensions(now.tensions, noise[..., 1, :])
 
     def sense_lengths(self) -> Array:
         """What the encoders read (m,) [m]: with offset, noise and quantum."""
@@ -132,34 +149,38 @@ class Body(ABC):
         """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
         return self._read_tensions(self.tensions)
 
-    def _read_lengths(self, lengths: Array) -> Array:
+    def _read_lengths(self, lengths: Array, noise: Array | None = None) -> Array:
         senses = self._senses
-        reading = lengths + self._offset if self._has_offset else lengths.copy()
+        reading = lengths + self._offset if self._has_offset else lengths
         if senses.length_noise:
-            reading += senses.length_noise * self._noise()
+            if noise is None:
+                noise = self._noise(1)[..., 0, :]
+            reading = reading + self._length_noise * noise
         if senses.length_quantum:
-            reading /= senses.length_quantum
+            reading = reading / self._length_quantum
             np.rint(reading, out=reading)
-            reading *= senses.length_quantum
+            reading *= self._length_quantum
         return reading
 
-    def _read_tensions(self, tensions: Array) -> Array:
-        reading = tensions.copy()
-        if self._has_tension_offset:
-            reading += self._tension_offset
-        if self._senses.tension_noise:
-            reading += self._senses.tension_noise * self._noise()
-        if self._has_tension_offset or self._senses.tension_noise:
-            np.maximum(reading, 0.0, out=reading)
-        return reading
+    def _read_tensions(self, tensions: Array, noise: Array | None = None) -> Array:
+        senses = self._senses
+        if not self._has_tension_offset and not senses.tension_noise:
+            return tensions
+        reading = tensions + self._tension_offset
+        if senses.tension_noise:
+            if noise is None:
+                noise = self._noise(1)[..., 0, :]
+            reading += self._tension_noise * noise
+        return np.maximum(reading, self._none, out=reading)
 
     @abstractmethod
-    def _noise(self) -> Array:
-        """Standard normal noise of the sensors (m,)."""
+    def _noise(self, sensors: int) -> Array:
+        """Standard normal noise (sensors, m), one sensor's after the other's."""
 
 
 def _pose(position: Array, rotation: Array) -> Array:
     pose = np.zeros((*position.shape[:-1], 4, 4))
-    pose[..., :3, :3] = rotation.reshape(*position.shape[:-1], 3, 3)
-    pose[..., :3, 3], pose[..., 3, 3] = position, 1.0
+    pose[..., :3, :3] = rotation
+    pose[..., :3, 3] = position
+    pose[..., 3, 3] = 1.0
     return pose

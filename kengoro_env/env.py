@@ -293,10 +293,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 def felt(body: Body, now: Moment, bounds: LengthBounds) -> Observation:
     """What is observed of any robot, or of many at once: lengths and tensions, within bounds."""
     lengths, tensions = body.sense(now)
-    np.maximum(lengths, bounds.low, out=lengths)
+    lengths = np.maximum(lengths, bounds.low)
     np.minimum(lengths, bounds.high, out=lengths)
-    np.minimum(tensions, TENSION_RANGE, out=tensions)
-    return {"lengths": lengths, "tensions": tensions}
+    return {"lengths": lengths, "tensions": np.minimum(tensions, bounds.most_tension)}
 
 
 def known(body: Body, now: Moment) -> dict[str, Any]:

@@ -44,6 +44,7 @@ class Fleet(Body):
         self._batch = self.data = Batch(robot.model, count, threads, persistent=alone)
         for name in ("actuator_force", "ten_length", "ten_velocity", "site_xpos", "site_xmat"):
             self._batch.bind(name)  # what is bound later is zero until the next step
+        self._look()
         fields = robot.changing_fields
         self._fields = SimpleNamespace(**{name: self._batch.expand(name) for name in fields})
         self.motors = robot.motors.of_many(count, self._fields, self._batch)
@@ -112,10 +113,10 @@ class Fleet(Body):
             self.motors.elongate_one(i, elongation)
         self._next[i] = _first_time(coming)
 
-    def _noise(self) -> Array:
-        noise = np.empty((len(self._random), len(self.muscles)))
-        for one, row in zip(self._random, noise, strict=True):
-            one.standard_normal(out=row)
+    def _noise(self, sensors: int) -> Array:
+        noise = np.empty((len(self._random), sensors, len(self.muscles)))
+        for one, rows in zip(self._random, noise, strict=True):
+            one.standard_normal(out=rows)
         return noise
 
 

@@ -6,8 +6,10 @@ affine actuator of MuJoCo, cut at T_bias and T_max; it runs at the physics rate 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import mujoco
@@ -48,18 +50,12 @@ def index_of(numbers: NDArray[np.int64]) -> Index:
     return numbers
 
 
-class WireState(NamedTuple):
-    """Where the wires are and how they pull, true; of many robots with an axis of robots before.
-
-    Attributes:
-        paths: lengths from guide to end (m,) [m].
-        paid_out: what an encoder without error reads (m,) [m]: path minus stretch minus elongation.
-        tensions: never negative (m,) [N].
-    """
-
-    paths: Array
-    paid_out: Array
-    tensions: Array
+def reader(array: Array, index: Index) -> Callable[[], Array]:
+    """What reads the entries at ``index`` of the last axis of an array that lives on: a copy."""
+    if isinstance(index, slice):
+        return array[..., index].copy
+    take: Callable[..., Array] = array.take
+    return partial(take, index, -1)
 
 
 class _Friction(NamedTuple):
@@ -70,13 +66,13 @@ class _Friction(NamedTuple):
         actuator: whose force counts at each place (k,); any where the friction is constant.
         ratio: friction per force (k,) [1], with the sign that the force of a pull has; 0 where the
             friction is constant.
-        constant: friction without force (k,) [N or N m].
+        constant: friction without force (k,) [N or N m]; None where there is none.
     """
 
     field: str
     actuator: NDArray[np.int64]
     ratio: Array
-    constant: Array
+    constant: Array | None
 
 
 class Motors:
@@ -106,7 +102,7 @@ class Motors:
             for name, spooled in zip(self.muscles, self._spooled, strict=True)
             if spooled
         ]
-        self._spool_position = np.array([joint.qposadr[0] for joint in spools], dtype=int)
+        self._spool_position = index_of(np.array([j.qposadr[0] for j in spools], dtype=int))
         self._spool_velocity = np.array([joint.dofadr[0] for joint in spools], dtype=int)
         self._spooled_tendon = tendons[self._spooled]
         self._polynomial = np.array([wire.stiffness or (0.0, 0.0, 0.0) for wire in wires]).T.copy()
@@ -126,6 +122,7 @@ class Motors:
         self._elongation = np.array([wire.elongation for wire in wires])
         self._elongated = bool(self._elongation.any())
         self._drum = np.zeros(len(wires))  # paid out when the spool stands at zero
+        self._look()
         self._lay_out()
         self.set_stiffness(gains.stiffness, gains.bias)
 
@@ -140,7 +137,27 @@ class Motors:
         many = copy(self)
         many._model, many._data = model, data
         many._elongation = np.tile(self._elongation, (count, 1))
+        many._look()
         return many
+
+    def _look(self) -> None:
+        """Find the arrays of MuJoCo that are read and written in each step."""
+        data = self._data
+        self._lengths = reader(data.ten_length, self._tendon)
+        self._velocities = reader(data.ten_velocity, self._tendon)
+        self._commands = reader(data.ctrl, self._actuator)
+        self._spools = reader(data.qpos, self._spool_position)
+        self._ctrl, self._forces = data.ctrl, data.actuator_force
+        self._losses = [(getattr(self._model, found.field), found) for found in self._frictions]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Arrays of MuJoCo do not travel with a copy."""
+        looked = ("_lengths", "_velocities", "_commands", "_spools", "_ctrl", "_forces", "_losses")
+        return {name: value for name, value in self.__dict__.items() if name not in looked}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._look()
 
     def _lay_out(self) -> None:
         """Choose each wire's length such that its spool's travel stays beyond the guide."""
@@ -180,32 +197,36 @@ class Motors:
         model.actuator_biasprm[index, 1] = -self.stiffness
         model.actuator_forcerange[index] = np.column_stack([low, high])
 
-    def measure(self) -> WireState:
-        """Where the wires are and how they pull now.
+    def measure(self) -> tuple[Array, Array, Array]:
+        """Where the wires are and how they pull now, true.
 
         A wire that stretches pulls with its spring's force, another one with its motor's.
+
+        Returns:
+            Lengths of the paths from guide to end (m,) [m]; what encoders without error would read
+            (m,) [m], path minus stretch minus elongation; tensions, never negative (m,) [N].
         """
-        lengths = self._data.ten_length[..., self._tendon]
+        lengths = self._lengths()
         if not self._has_spools:
-            paths = lengths.copy()
-            paid_out = paths - self._elongation if self._elongated else paths
-            return WireState(paths, paid_out, self._motor_pull(lengths))
+            paid_out = lengths - self._elongation if self._elongated else lengths
+            return lengths, paid_out, self._motor_pull(lengths)
         turned = self._turned()
         paths, paid_out = lengths - turned, self._drum - turned
-        tensions = self._pull(paths - paid_out - self._elongation)
+        stretch = paths - paid_out
+        stretch -= self._elongation
+        tensions = self._pull(stretch)
         if not self._all_spooled:
             paid_out = np.where(self._spooled, paid_out, lengths - self._elongation)
             tensions = np.where(self._spooled, tensions, self._motor_pull(lengths))
-        return WireState(paths, paid_out, tensions)
+        return paths, paid_out, tensions
 
     def paths(self) -> Array:
         """Lengths of the wires' paths from guide to end [m], true."""
-        lengths: Array = self._data.ten_length[..., self._tendon] - self._turned()
-        return lengths
+        return self._lengths() - self._turned()
 
     def _turned(self) -> Array:
         """How far spools have turned from where they stand at zero [m]; 0 without a spool."""
-        positions: Array = self._data.qpos[..., self._spool_position]
+        positions = self._spools()
         if self._all_spooled:
             return positions
         turned = np.zeros((*positions.shape[:-1], len(self.muscles)))
@@ -213,17 +234,19 @@ class Motors:
         return turned
 
     def _motor_pull(self, lengths: Array) -> Array:
-        data = self._data
-        pull: Array = lengths - data.ctrl[..., self._actuator]
+        pull = self._commands()
+        np.subtract(lengths, pull, out=pull)
         pull *= self.stiffness
         pull += self.bias
         np.maximum(pull, self.bias, out=pull)
         np.minimum(pull, self._limits, out=pull)
-        pull += data.ten_velocity[..., self._tendon] * self._damping
+        damped = self._velocities()
+        damped *= self._damping
+        pull += damped
         return np.maximum(pull, self._none, out=pull)
 
     def _pull(self, stretch: Array) -> Array:
-        x = np.maximum(stretch, 0.0)
+        x = np.maximum(stretch, self._none)
         k1, k2, k3 = self._polynomial
         pull: Array = k3 * x
         pull += k2
@@ -238,7 +261,7 @@ class Motors:
             return np.zeros(paths.shape)
         beyond = paid_out + self._elongation
         beyond -= paths
-        return np.maximum(beyond, 0.0, out=beyond)
+        return np.maximum(beyond, self._none, out=beyond)
 
     def stretch_at(self, tension: Array) -> Array:
         """Stretch [m] of each wire at a tension [N] (m,), by Newton's method; 0 without stretch."""
@@ -258,9 +281,9 @@ class Motors:
     def command(self, paid_out: Array) -> None:
         """Set the target of what is paid out [m] (m,) for the stiffness control."""
         target = paid_out + self._elongation if self._elongated else paid_out
-        if self._has_spools:
+        if self._elongated and self._has_spools:
             target = np.where(self._spooled, paid_out, target)
-        self._data.ctrl[..., self._actuator] = target
+        self._ctrl[..., self._actuator] = target
 
     def elongate(self, elongation: Array) -> None:
         """Let wires give for good, in all by ``elongation`` [m] (m,) since they were mounted."""
@@ -282,12 +305,12 @@ class Motors:
 
     def update_friction(self) -> None:
         """Let the dry friction follow the tension, as a rope's over a pulley does."""
-        force = self._data.actuator_force
-        for field, actuator, ratio, constant in self._frictions:
-            loss = getattr(self._model, field)
-            force.take(actuator, -1, loss, "clip")
-            loss *= ratio
-            loss += constant
+        take = self._forces.take
+        for loss, (_, actuator, ratio, constant) in self._losses:
+            take(actuator, -1, loss, "clip")
+            np.multiply(loss, ratio, loss)
+            if constant is not None:
+                np.add(loss, constant, loss)
 
 
 def _friction(
@@ -301,4 +324,4 @@ def _friction(
     constant = getattr(model, field).copy()
     actuator, ratio = np.zeros(len(constant), dtype=np.int64), np.zeros(len(constant))
     actuator[places], ratio[places] = actuators, ratios
-    return _Friction(field, actuator, ratio, constant)
+    return _Friction(field, actuator, ratio, constant if constant.any() else None)

@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of what is not finite: positions, velocities, accelerations, commands."""
 
+NOWHERE = b"", b""
+"""What no robot's positions and velocities are."""
+
 
 class DivergedError(KengoroError):
     """The simulation left the realm of finite numbers."""
@@ -70,7 +73,6 @@ class Robot(Body):
         add_fingers(draft.spec)
         self.model = draft.spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
         self.control_period = control_period
         self._substeps = round(control_period / self.model.opt.timestep)
         if not np.isclose(self._substeps * self.model.opt.timestep, control_period):
@@ -78,16 +80,24 @@ class Robot(Body):
                 f"control_period {control_period} s is not a multiple of the physics time step "
                 f"{self.model.opt.timestep} s"
             )
-        self._gains, self._senses, self._planned = gains, draft.senses, tuple(draft.events)
+        self._gains, self._planned = gains, tuple(draft.events)
+        self._senses = senses = draft.senses
         self.joints = wired_joints(self.model)
         addresses = [self.model.joint(joint) for joint in self.joints]
         self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
-        self._sites = {self.model.site(i).name: i for i in range(self.model.nsite)}
         self._bodies = {self.model.body(i).name: i for i in range(self.model.nbody)}
         self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
+        self._look()
         mujoco.mj_forward(self.model, self.data)
         self.motors = Motors(self.model, self.data, draft, gains)
         self.muscles = self.motors.muscles
+        # NumPy is faster with an array than with a number.
+        self._none = np.zeros(len(self.muscles))
+        self._length_noise, self._length_quantum, self._tension_noise = (
+            np.full(len(self.muscles), value)
+            for value in (senses.length_noise, senses.length_quantum, senses.tension_noise)
+        )
+        self._noises = bool(senses.length_noise) + bool(senses.tension_noise)
         self._zero = self._length_at_zero_posture()
         offset = self._senses.length_offset
         self._offset = np.array([offset.get(muscle, 0.0) for muscle in self.muscles])
@@ -141,11 +151,12 @@ class Robot(Body):
         mujoco.mj_forward(self.model, self.data)
         self.motors.wind_up()
         mujoco.mj_forward(self.model, self.data)
-        self.motors.command(self.motors.measure().paid_out)
+        _, paid_out, _ = self.motors.measure()
+        self.motors.command(paid_out)
         self.close_fingers(-1.0)
         mujoco.mj_forward(self.model, self.data)
         self.target = self.lengths + self._offset
-        self._left_at = b""
+        self._left_at = NOWHERE
 
     def step(self, target: Array) -> None:
         """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
@@ -189,15 +200,19 @@ class Robot(Body):
         mujoco.mj_fwdPosition(model, data)
         self._left_at = self._state()
 
-    def _state(self) -> bytes:
+    def _look(self) -> None:
+        super()._look()
+        self._qpos, self._qvel = self.data.qpos, self.data.qvel
+        self._warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
+
+    def _state(self) -> tuple[bytes, bytes]:
         """Positions and velocities, to be compared."""
-        return self.data.qpos.tobytes() + self.data.qvel.tobytes()
+        return self._qpos.tobytes(), self._qvel.tobytes()
 
     def _check_finite(self) -> None:
         """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
-        data = self.data
         # Velocities that are finite leave positions finite, and so does the sum of their squares.
-        finite = isfinite(data.qvel.dot(data.qvel))
+        finite = isfinite(self._qvel.dot(self._qvel))
         if not finite or any(self._warnings.tolist()):
             raise DivergedError
 
@@ -214,16 +229,18 @@ class Robot(Body):
         elongation[self.muscles.index(muscle)] += length
         self.motors.elongate(elongation)
 
-    def _noise(self) -> Array:
-        return self.random.standard_normal(len(self.muscles))
+    def _noise(self, sensors: int) -> Array:
+        return self.random.standard_normal((sensors, len(self.muscles)))
 
     def __getstate__(self) -> dict[str, Any]:
-        """What MuJoCo computed for the next time step does not travel with a copy."""
-        return {**self.__dict__, "_left_at": b"", "_warnings": None}
+        """MuJoCo's arrays, and what it computed for the next time step, stay when it is copied."""
+        looked = ("_angles", "_sites", "_qpos", "_qvel", "_warnings")
+        state = {name: value for name, value in self.__dict__.items() if name not in looked}
+        return {**state, "_left_at": NOWHERE}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._warnings = self.data.warning.number[DIVERGENCE]
+        self._look()
 
 
 def load_spec(path: Path) -> mujoco.MjSpec:

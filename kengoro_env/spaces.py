@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -50,18 +49,30 @@ class LengthBounds:
     high: Array
 
     @cached_property
+    def _middle(self) -> Array:
+        """Half way from low to high (m,) [m]: what an action of 0 commands."""
+        return (self.low + self.high) / 2.0
+
+    @cached_property
     def _half(self) -> Array:
         """Half the way from low to high (m,) [m]: what an action of 1 moves a target by."""
         return (self.high - self.low) / 2.0
+
+    @cached_property
+    def most_tension(self) -> Array:
+        """What the tension sensors read at most (m,) [N]."""
+        return np.full(self.low.shape, TENSION_RANGE)
 
     def to_action(self, lengths: Array) -> NDArray[np.float32]:
         """The action that commands ``lengths`` (m,) [m]; lengths out of bounds are cut."""
         share = (lengths - self.low) / (self.high - self.low)
         return np.clip(2.0 * share - 1.0, -1.0, 1.0).astype(np.float32)
 
-    def to_lengths(self, action: NDArray[Any]) -> Array:
-        """The lengths (m,) [m] that an action (m,) commands."""
-        return self.low + (np.asarray(action, dtype=float) + 1.0) * self._half
+    def to_lengths(self, action: Array) -> Array:
+        """The lengths (m,) [m] that an action (m,), in float64, commands."""
+        lengths: Array = action * self._half
+        lengths += self._middle
+        return lengths
 
 
 @cache
@@ -84,14 +95,19 @@ def box(low: object, high: object, shape: tuple[int, ...]) -> spaces.Box:
     return spaces.Box(low.copy(), high.copy(), dtype=np.float64)
 
 
-def checked_action(action: object, entries: Sequence[str]) -> NDArray[Any]:
-    """The action as an array with an entry for each of ``entries``.
+@cache
+def _ones(count: int) -> Array:
+    return np.ones(count)
+
+
+def checked_action(action: object, entries: Sequence[str]) -> Array:
+    """The action as an array, float64, with an entry for each of ``entries``.
 
     Raises:
         InvalidActionError: wrong shape, or an entry that is not a number in [-1, 1].
     """
     try:
-        array = np.asarray(action, dtype=float)
+        array = np.asarray(action, float)
     except (TypeError, ValueError):
         raise InvalidActionError(
             f"an action must be {len(entries)} numbers within [-1, 1], got {action!r}"
@@ -101,8 +117,8 @@ def checked_action(action: object, entries: Sequence[str]) -> NDArray[Any]:
             f"an action must have the shape ({len(entries)},), one entry a muscle"
             f"{' and one for the fingers' if entries[-1] == 'fingers' else ''}, got {array.shape}"
         )
-    within = np.abs(array) <= 1.0
-    if np.count_nonzero(within) < array.size:
+    within = np.abs(array) <= _ones(array.size)
+    if b"\0" in within.tobytes():  # some are not, in a quarter of the time that NumPy takes
         first = np.flatnonzero(~within)[0]
         raise InvalidActionError(
             f"entry {first} of the action ({entries[first]}) is {array[first]:g}: every entry must "

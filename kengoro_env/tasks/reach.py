@@ -11,7 +11,8 @@ and a little lower for wires that pull against each other. Success is an error b
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import inf, radians
+from functools import cache
+from math import exp, inf, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -31,18 +32,17 @@ REWARD_SCALE = radians(20.0)
 EFFORT, EFFORT_SCALE = 0.05, 500.0
 
 
-def judged(angles: Array, target: Array, tensions: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Reward and success of joint angles (..., n) and tensions (..., m), of one robot or many."""
-    error = np.sqrt(_mean((angles - target) ** 2))
-    effort = np.minimum(_mean(tensions) / EFFORT_SCALE, 1.0)
-    return np.exp(-error / REWARD_SCALE) - EFFORT * effort, error < TOLERANCE
+def judged(square: float, tension: float) -> tuple[float, bool]:
+    """Reward and success of a mean square error of the joints [rad^2] under a mean tension [N]."""
+    error = sqrt(square)
+    effort = min(tension / EFFORT_SCALE, 1.0)
+    return exp(-error / REWARD_SCALE) - EFFORT * effort, error < TOLERANCE
 
 
-def _mean(values: Array) -> Array:
-    """Mean along the last axis; `numpy.mean` is the same in five times as long."""
-    # Sums along what does not lie side by side have another order, and end in other bits.
-    total: Array = np.add.reduce(np.ascontiguousarray(values), -1)
-    return total / values.shape[-1]
+@cache
+def shares(count: int) -> Array:
+    """What the dot product with is a mean: for few numbers faster than `numpy.mean`."""
+    return np.full(count, 1.0 / count)
 
 
 class Reach:
@@ -90,9 +90,11 @@ class Reach:
 
     def judge(self, robot: Robot, now: Moment) -> Outcome:
         """Reward and success for the present target; then a new one if it is time."""
-        reward, success = judged(now.joint_angles, self._target, now.tensions)
+        error, tensions = now.joint_angles - self._target, now.tensions
+        square = error.dot(error) / error.size
+        reward, success = judged(square, tensions.dot(shares(tensions.size)))
         self.go_on(robot.time)
-        return Outcome(float(reward), bool(success))
+        return Outcome(reward, success)
 
     def go_on(self, time: float) -> None:
         """Choose a new target if it is time [s]."""
