@@ -57,6 +57,8 @@ class LiftMonitor:
 
     def _touching(self, data: mujoco.MjData) -> set[int]:
         """Geoms that touch the can."""
+        if data.ncon == 0:
+            return set()
         contacts, can = data.contact, self._can_geom
         pairs = zip(contacts.geom.tolist(), contacts.exclude.tolist(), strict=True)
         return {

@@ -10,7 +10,7 @@ that a learner gains by holding on; a can that falls off the table does.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import radians
+from math import dist, exp, radians
 from typing import Any
 
 import mujoco
@@ -107,7 +107,7 @@ class CanGrasp:
         return self._distance(robot) > START_DISTANCE and bool(hand @ can < np.cos(CLEAR_VIEW))
 
     def _distance(self, robot: Robot) -> float:
-        return float(np.linalg.norm(robot.site_place("grip") - robot.body_place("can")))
+        return dist(robot.site_place("grip").tolist(), robot.body_place("can").tolist())
 
     def target(self) -> Array:
         """There is none: the agent looks for the can itself."""
@@ -117,7 +117,7 @@ class CanGrasp:
         """Reward and success now, and whether the can has left the table."""
         monitor = self._monitor
         monitor.update(robot.data)
-        reach = float(np.exp(-self._distance(robot) / REACH_SCALE))
+        reach = exp(-self._distance(robot) / REACH_SCALE)
         lift = min(max(monitor.rise / LIFT_HEIGHT, 0.0), 1.0) if monitor.grasped else 0.0
         reward = (reach + float(monitor.grasped) + lift) / 3.0
         if monitor.rise > -FALLEN:
