@@ -30,7 +30,7 @@ from jmm_agent.marker import MarkerDetector
 from kengoro_env.departures.senses import EYE
 from kengoro_env.env import KengoroEnv
 from kengoro_env.postures import posture_set
-from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_renderer
+from kengoro_env.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_renderer
 from kengoro_env.robot import Robot
 
 IDS = ("Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
@@ -83,7 +83,7 @@ def compared(env_id: str, poses: int) -> tuple[dict[str, Tally], dict[str, float
     robot = env.robot
     open_renderer(robot.model).close()  # finds the GL library that draws here
     painters: dict[str, Painter | DefaultPainter] = {
-        "ours": Painter(robot.model),
+        "ours": Painter(robot.model, quality=COARSE),
         "MuJoCo's default": DefaultPainter(robot.model),
     }
     fovy = np.radians(robot.model.camera(EYE).fovy[0])

@@ -21,7 +21,7 @@ from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.head_camera import HeadCamera
 from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter, open_window
+from kengoro_env.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
 from kengoro_env.robot import DivergedError, Robot
 from kengoro_env.spaces import (
     LATEST,
@@ -128,7 +128,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if camera and not self.task.has_camera:
             raise KengoroError(f"the task {task!r} has no camera: leave camera out or False")
         if self.task.has_camera and camera is not False:
-            self._camera = HeadCamera(self._painter, robot.frame_delay)
+            self._camera = HeadCamera(Painter(robot.model, quality=COARSE), robot.frame_delay)
         self.bounds = length_bounds(scene)
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._entries),), dtype=np.float32)
@@ -279,11 +279,13 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         return self._painter.draw(robot.data, OUTSIDE)
 
     def close(self) -> None:
-        """Close the window and free the GL context; may be called again."""
+        """Close the window and free the GL contexts; may be called again."""
         if self._window is not None:
             self._window.close()
             self._window = None
         self._painter.close()
+        if self._camera is not None:
+            self._camera.close()
 
     def __getstate__(self) -> dict[str, Any]:
         """A copied or unpickled environment goes on where this one stands, without its window."""

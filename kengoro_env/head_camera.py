@@ -45,6 +45,10 @@ class HeadCamera:
         while self._coming and now + INSTANT >= self._coming[0][0] + self._delay:
             self._newest = self._coming.popleft()
 
+    def close(self) -> None:
+        """Free the GL context; the next exposure opens another."""
+        self._painter.close()
+
     def newest(self) -> tuple[float, Image]:
         """Time of exposure [s] and a copy of the newest frame (480, 640, 3) that has come."""
         time, image = self._newest

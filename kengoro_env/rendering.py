@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -33,12 +33,18 @@ QUALITY = {"numslices": 16, "numstacks": 8, "offsamples": 0, "shadowsize": 0}
 """Round things are drawn with fewer faces than MuJoCo's 28 x 16, and without anti-aliasing: most
 of a picture's time went there, and the poses of markers are no better for it."""
 
+COARSE = {**QUALITY, "numstacks": 4}
+"""For who sees no skull and no rib cage: along an arm, fewer faces look the same."""
+
 MOST_GEOMS = 1000
 """More than any scene of the arm has; MuJoCo's 10,000 take long to make room for."""
 
 
 def open_renderer(
-    model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT
+    model: mujoco.MjModel,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+    quality: Mapping[str, int] = QUALITY,
 ) -> mujoco.Renderer:
     """A renderer of a model, with the first of MuJoCo's GL backends that draws here.
 
@@ -54,7 +60,8 @@ def open_renderer(
         try:
             if backend in ("glfw", "egl", "osmesa"):
                 gl_context.GLContext = importlib.import_module(f"mujoco.{backend}").GLContext
-            return _renderer(model, width, height)
+            with _cheap(model, width, height, quality):
+                return _renderer(model, width, height)
         # What a broken driver raises is up to MuJoCo, PyOpenGL and the driver.
         except Exception as error:
             reason = f"{backend or 'default'}: {type(error).__name__}"
@@ -73,7 +80,7 @@ def open_renderer(
 
 def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
     """A renderer that has drawn a first, empty picture."""
-    with warnings.catch_warnings(), _cheap(model, width, height):
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         font = mujoco.mjtFontScale.mjFONTSCALE_50
         renderer = mujoco.Renderer(model, height, width, MOST_GEOMS, font)
@@ -82,10 +89,12 @@ def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer
 
 
 @contextmanager
-def _cheap(model: mujoco.MjModel, width: int, height: int) -> Iterator[None]:
+def _cheap(
+    model: mujoco.MjModel, width: int, height: int, quality: Mapping[str, int]
+) -> Iterator[None]:
     """Lets a renderer that is made meanwhile draw no finer and no larger than it must."""
     visual = model.vis
-    wanted = [(visual.quality, name, value) for name, value in QUALITY.items()]
+    wanted = [(visual.quality, name, value) for name, value in quality.items()]
     wanted += [(visual.global_, "offwidth", width), (visual.global_, "offheight", height)]
     before = [getattr(group, name) for group, name, _ in wanted]
     for group, name, value in wanted:
@@ -144,10 +153,18 @@ class Painter:
     Args:
         model: what is drawn.
         width, height: of each picture [pixels].
+        quality: `QUALITY` or `COARSE`.
     """
 
-    def __init__(self, model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        quality: Mapping[str, int] = QUALITY,
+    ) -> None:
         self._model, self._width, self._height = model, width, height
+        self._quality = quality
         self._renderer: mujoco.Renderer | None = None
         self._spooled = {
             i for i in range(model.ntendon) if _has_joint(model, spool_joint(model.tendon(i).name))
@@ -170,7 +187,8 @@ class Painter:
             RenderingError: there is no way to draw here.
         """
         if self._renderer is None:
-            self._renderer = open_renderer(self._model, self._width, self._height)
+            size = self._width, self._height
+            self._renderer = open_renderer(self._model, *size, self._quality)
         scene = self._renderer.scene
         self._renderer.update_scene(data, camera)
         # Shadows and reflections cost most of the time, and markers are read better without.
