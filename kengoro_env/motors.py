@@ -10,7 +10,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.draft import Draft
 from kengoro_env.errors import KengoroError
+from kengoro_env.friction import GrowingFriction
 from kengoro_env.wires import MOTOR_DAMPING, SPOOL_TRAVEL, spool_joint
 
 Array = NDArray[np.float64]
@@ -58,23 +59,6 @@ def reader(array: Array, index: Index) -> Callable[[], Array]:
     return partial(take, index, -1)
 
 
-class _Friction(NamedTuple):
-    """Dry friction that follows tension, for one of the arrays (k,) in which MuJoCo holds it.
-
-    Attributes:
-        field: the array's name in the model.
-        actuator: whose force counts at each place (k,); any where the friction is constant.
-        ratio: friction per force (k,) [1], with the sign that the force of a pull has; 0 where the
-            friction is constant.
-        constant: friction without force (k,) [N or N m]; None where there is none.
-    """
-
-    field: str
-    actuator: NDArray[np.int64]
-    ratio: Array
-    constant: Array | None
-
-
 class Motors:
     """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles.
 
@@ -112,7 +96,7 @@ class Motors:
         self.friction_grows = bool(np.any(ratio > 0.0))
         straight = ~self._spooled
         self._frictions = tuple(
-            _friction(model, field, places, actuators[these], (self._sign * ratio)[these])
+            GrowingFriction(model, field, places, actuators[these], (self._sign * ratio)[these])
             for field, places, these in (
                 ("tendon_frictionloss", tendons[straight], straight),
                 ("dof_frictionloss", self._spool_velocity, self._spooled),
@@ -147,12 +131,12 @@ class Motors:
         self._velocities = reader(data.ten_velocity, self._tendon)
         self._commands = reader(data.ctrl, self._actuator)
         self._spools = reader(data.qpos, self._spool_position)
-        self._ctrl, self._forces = data.ctrl, data.actuator_force
-        self._losses = [(getattr(self._model, found.field), found) for found in self._frictions]
+        self._ctrl = data.ctrl
+        self._followed = [friction.follow(self._model, data) for friction in self._frictions]
 
     def __getstate__(self) -> dict[str, Any]:
         """Arrays of MuJoCo do not travel with a copy."""
-        looked = ("_lengths", "_velocities", "_commands", "_spools", "_ctrl", "_forces", "_losses")
+        looked = ("_lengths", "_velocities", "_commands", "_spools", "_ctrl", "_followed")
         return {name: value for name, value in self.__dict__.items() if name not in looked}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -304,24 +288,6 @@ class Motors:
         return self._elongation.copy()
 
     def update_friction(self) -> None:
-        """Let the dry friction follow the tension, as a rope's over a pulley does."""
-        take = self._forces.take
-        for loss, (_, actuator, ratio, constant) in self._losses:
-            take(actuator, -1, loss, "clip")
-            np.multiply(loss, ratio, loss)
-            if constant is not None:
-                np.add(loss, constant, loss)
-
-
-def _friction(
-    model: mujoco.MjModel,
-    field: str,
-    places: NDArray[np.int64],
-    actuators: NDArray[np.int64],
-    ratios: Array,
-) -> _Friction:
-    """Friction at ``places`` of a model's array that follows the force of ``actuators``."""
-    constant = getattr(model, field).copy()
-    actuator, ratio = np.zeros(len(constant), dtype=np.int64), np.zeros(len(constant))
-    actuator[places], ratio[places] = actuators, ratios
-    return _Friction(field, actuator, ratio, constant if constant.any() else None)
+        """Let the dry friction follow the tension."""
+        for follow in self._followed:
+            follow()
