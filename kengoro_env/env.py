@@ -15,29 +15,22 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
-from kengoro_env.body import Body, Moment
+from kengoro_env.body import Moment
 from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.head_camera import HeadCamera
 from kengoro_env.motors import DEFAULT_GAINS, Gains
+from kengoro_env.observing import Observation, felt, known
 from kengoro_env.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
 from kengoro_env.robot import DivergedError, Robot
-from kengoro_env.spaces import (
-    LATEST,
-    TENSION_RANGE,
-    LengthBounds,
-    box,
-    checked_action,
-    length_bounds,
-)
+from kengoro_env.spaces import LATEST, box, checked_action, length_bounds
 from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.posture import posture_task
 from kengoro_env.tasks.task import Task
 
 Array = NDArray[np.float64]
-Observation = dict[str, Any]
 
 TASKS: dict[str, Callable[[], Task]] = {
     "can_grasp": CanGrasp,
@@ -139,7 +132,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         muscles = (len(self.muscles),)
         entries: dict[str, spaces.Space[Any]] = {
             "lengths": box(self.bounds.low, self.bounds.high, muscles),
-            "tensions": box(0.0, TENSION_RANGE, muscles),
+            "tensions": box(0.0, self.bounds.most_tension, muscles),
         }
         if self._camera is not None:
             entries["frame"] = spaces.Box(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
@@ -290,25 +283,6 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __getstate__(self) -> dict[str, Any]:
         """A copied or unpickled environment goes on where this one stands, without its window."""
         return {**self.__dict__, "_window": None}
-
-
-def felt(body: Body, now: Moment, bounds: LengthBounds) -> Observation:
-    """What is observed of any robot, or of many at once: lengths and tensions, within bounds."""
-    lengths, tensions = body.sense(now)
-    lengths = np.maximum(lengths, bounds.low)
-    np.minimum(lengths, bounds.high, out=lengths)
-    return {"lengths": lengths, "tensions": np.minimum(tensions, bounds.most_tension)}
-
-
-def known(body: Body, now: Moment) -> dict[str, Any]:
-    """What ``info`` says of the state of any robot, or of many at once."""
-    paid_out, target = body.slack(body.target, now)
-    return {
-        "joint_angles": now.joint_angles,
-        "hand_pose": body.site_pose("grip"),
-        "slack_paid_out": paid_out,
-        "slack_target": target,
-    }
 
 
 def _finite(name: str, value: object, size: int) -> Array:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from kengoro_env.body import Moment
 from kengoro_env.draft import Departure
-from kengoro_env.env import METADATA, KengoroEnv, felt, known
+from kengoro_env.env import METADATA, KengoroEnv
 from kengoro_env.errors import KengoroError
 from kengoro_env.fleet import Fleet
 from kengoro_env.motors import DEFAULT_GAINS, Gains
+from kengoro_env.observing import felt, known
 from kengoro_env.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
 from kengoro_env.tasks.reach import Reach, judged, shares
