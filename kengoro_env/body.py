@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.draft import Senses
 from kengoro_env.motors import Index, Motors, reader
+from kengoro_env.sensors import Sensors
 
 Array = NDArray[np.float64]
 
@@ -50,19 +50,11 @@ class Body(ABC):
     data: Any
     motors: Motors
     target: Array
-    _senses: Senses
+    _sensors: Sensors
     _position: Index
     _bodies: dict[str, int]
     _zero: Array
     _none: Array
-    _offset: Array
-    _has_offset: bool
-    _tension_offset: Array
-    _has_tension_offset: bool
-    _length_noise: Array
-    _length_quantum: Array
-    _tension_noise: Array
-    _noises: int
 
     def _look(self) -> None:
         """Find the arrays of MuJoCo that are read in each step."""
@@ -100,8 +92,9 @@ class Body(ABC):
         now = now or self.measure()
         beyond_path = self.motors.slack(now.paths, now.paid_out)
         beyond_length = target - now.lengths
-        if self._has_offset:
-            beyond_length -= self._offset
+        offset = self._sensors.length_offset
+        if offset is not None:
+            beyond_length -= offset
         return beyond_path, np.maximum(beyond_length, self._none, out=beyond_length)
 
     def site_place(self, name: str) -> Array:
@@ -129,53 +122,26 @@ class Body(ABC):
         The controller works on what encoders read, so their offsets move the wires.
         """
         paid_out = target + self._zero
-        if self._has_offset:
-            paid_out -= self._offset
+        offset = self._sensors.length_offset
+        if offset is not None:
+            paid_out -= offset
         return paid_out
 
     def sense(self, now: Moment) -> tuple[Array, Array]:
         """What encoders (m,) [m] and tension sensors (m,) [N] read; where it is true, ``now``'s."""
-        if self._noises < 2:
-            return self._read_lengths(now.lengths), self._read_tensions(now.tensions)
-        noise = self._noise(2)  # the bits of two calls, in the time of one
-        lengths = self._read_lengths(now.lengths, noise[..., 0, :])
-        return lengths, self._read_tensions(now.tensions, noise[..., 1, :])
+        return self._sensors.read(now.lengths, now.tensions, self._noise)
 
     def sense_lengths(self) -> Array:
         """What the encoders read (m,) [m]: with offset, noise and quantum."""
-        return self._read_lengths(self.lengths)
+        return self._sensors.read_lengths(self.lengths, self._noise)
 
     def sense_tensions(self) -> Array:
         """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
-        return self._read_tensions(self.tensions)
-
-    def _read_lengths(self, lengths: Array, noise: Array | None = None) -> Array:
-        senses = self._senses
-        reading = lengths + self._offset if self._has_offset else lengths
-        if senses.length_noise:
-            if noise is None:
-                noise = self._noise(1)[..., 0, :]
-            reading = reading + self._length_noise * noise
-        if senses.length_quantum:
-            reading = reading / self._length_quantum
-            np.rint(reading, out=reading)
-            reading *= self._length_quantum
-        return reading
-
-    def _read_tensions(self, tensions: Array, noise: Array | None = None) -> Array:
-        senses = self._senses
-        if not self._has_tension_offset and not senses.tension_noise:
-            return tensions
-        reading = tensions + self._tension_offset
-        if senses.tension_noise:
-            if noise is None:
-                noise = self._noise(1)[..., 0, :]
-            reading += self._tension_noise * noise
-        return np.maximum(reading, self._none, out=reading)
+        return self._sensors.read_tensions(self.tensions, self._noise)
 
     @abstractmethod
-    def _noise(self, sensors: int) -> Array:
-        """Standard normal noise (sensors, m), one sensor's after the other's."""
+    def _noise(self, kinds: int) -> Array:
+        """Standard normal noise (kinds, m) of the sensors, one kind's after the other's."""
 
 
 def _pose(position: Array, rotation: Array) -> Array:

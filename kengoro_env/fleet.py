@@ -113,8 +113,8 @@ class Fleet(Body):
             self.motors.elongate_one(i, elongation)
         self._next[i] = _first_time(coming)
 
-    def _noise(self, sensors: int) -> Array:
-        noise = np.empty((len(self._random), sensors, len(self.muscles)))
+    def _noise(self, kinds: int) -> Array:
+        noise = np.empty((len(self._random), kinds, len(self.muscles)))
         for one, rows in zip(self._random, noise, strict=True):
             one.standard_normal(out=rows)
         return noise

@@ -21,6 +21,7 @@ from kengoro_env.draft import Departure, Draft, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
 from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors, index_of
+from kengoro_env.sensors import Sensors
 from kengoro_env.wires import wind, wired_joints
 from strange_files.errors import StrangeFileError
 from strange_files.mjcf import check_model
@@ -80,8 +81,7 @@ class Robot(Body):
                 f"control_period {control_period} s is not a multiple of the physics time step "
                 f"{self.model.opt.timestep} s"
             )
-        self._gains, self._planned = gains, tuple(draft.events)
-        self._senses = senses = draft.senses
+        self._gains, self._senses, self._planned = gains, draft.senses, tuple(draft.events)
         self.joints = wired_joints(self.model)
         addresses = [self.model.joint(joint) for joint in self.joints]
         self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
@@ -91,20 +91,9 @@ class Robot(Body):
         mujoco.mj_forward(self.model, self.data)
         self.motors = Motors(self.model, self.data, draft, gains)
         self.muscles = self.motors.muscles
-        # NumPy is faster with an array than with a number.
         self._none = np.zeros(len(self.muscles))
-        self._length_noise, self._length_quantum, self._tension_noise = (
-            np.full(len(self.muscles), value)
-            for value in (senses.length_noise, senses.length_quantum, senses.tension_noise)
-        )
-        self._noises = bool(senses.length_noise) + bool(senses.tension_noise)
+        self._sensors = Sensors(self._senses, self.muscles)
         self._zero = self._length_at_zero_posture()
-        offset = self._senses.length_offset
-        self._offset = np.array([offset.get(muscle, 0.0) for muscle in self.muscles])
-        self._has_offset = bool(self._offset.any())
-        tension_offset = self._senses.tension_offset
-        self._tension_offset = np.array([tension_offset.get(m, 0.0) for m in self.muscles])
-        self._has_tension_offset = bool(self._tension_offset.any())
         self._mounted = self.motors.elongation
         fingers = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, FINGERS)
         self._fingers = fingers if fingers >= 0 else None
@@ -155,7 +144,9 @@ class Robot(Body):
         self.motors.command(paid_out)
         self.close_fingers(-1.0)
         mujoco.mj_forward(self.model, self.data)
-        self.target = self.lengths + self._offset
+        self.target = self.lengths
+        if self._sensors.length_offset is not None:
+            self.target += self._sensors.length_offset
         self._left_at = NOWHERE
 
     def step(self, target: Array) -> None:
@@ -229,8 +220,8 @@ class Robot(Body):
         elongation[self.muscles.index(muscle)] += length
         self.motors.elongate(elongation)
 
-    def _noise(self, sensors: int) -> Array:
-        return self.random.standard_normal((sensors, len(self.muscles)))
+    def _noise(self, kinds: int) -> Array:
+        return self.random.standard_normal((kinds, len(self.muscles)))
 
     def __getstate__(self) -> dict[str, Any]:
         """MuJoCo's arrays, and what it computed for the next time step, stay when it is copied."""
