@@ -138,11 +138,13 @@ def fills_picture(plane: mujoco.MjvGeom, camera: mujoco.MjvGLCamera, aspect: flo
     plane_axes = plane.mat.astype(float)  # columns: x, y, normal
     origin = (camera.pos - plane.pos) @ plane_axes
     rays = corners @ plane_axes
-    towards = rays[:, 2] * origin[2] < 0.0
-    if plane.rgba[3] < 1.0 or origin[2] <= 0.0 or not towards.all():
+    opaque_from_here = plane.rgba[3] == 1.0 and origin[2] > 0.0 and not camera.orthographic
+    if not opaque_from_here or not (rays[:, 2] < 0.0).all():
         return False
-    hits = origin[:2] - rays[:, :2] * (origin[2] / rays[:, 2:])
-    return bool((np.abs(hits) < plane.size[:2]).all())
+    times = -origin[2] / rays[:, 2]
+    hits = origin[:2] + times[:, None] * rays[:, :2]
+    near_enough = times * camera.frustum_near < camera.frustum_far
+    return bool(near_enough.all() and (np.abs(hits) < plane.size[:2]).all())
 
 
 class Painter:

@@ -177,6 +177,7 @@ def test_the_sky_is_left_out_only_where_the_floor_hides_it(monkeypatch: pytest.M
 
 SKY = """
 <mujoco>
+  <statistic extent="1"/>
   <asset><texture type="skybox" builtin="flat" rgb1="0 0 1" width="8" height="8"/></asset>
   <worldbody>
     <geom type="plane" {}/>
@@ -195,6 +196,9 @@ SKY = """
         ('size="3 3 1" pos="0 0 2"', "", False),  # behind the camera, and seen from below
         ('size="3 3 1" pos="2 0 0"', "", False),
         ('size="3 3 1"', 'euler="70 0 0"', False),
+        ('size="3 3 1"', 'projection="orthographic"', False),
+        ('size="90 90 1" pos="0 0 -39"', "", True),
+        ('size="90 90 1" pos="0 0 -59"', "", False),  # what is farther than 50 m is not drawn
         ('size="0 0 1"', "", False),  # without an end, MuJoCo draws it with haze
     ],
 )
