@@ -7,66 +7,40 @@ on the way to the target posture through the joint-muscle mapping.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from jmm_agent.agent_options import AgentOptions
 from jmm_agent.drawing import Floats
 from jmm_agent.errors import AgentError
 from jmm_agent.estimator import JointEstimator
-from jmm_agent.estimator_options import EstimatorOptions
 from jmm_agent.faults import Fault
 from jmm_agent.guard import Guard
 from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.learner import BatchOptions, Learner, RidgeRule, Rule
+from jmm_agent.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.marker import Eyes, MarkerPose, Skip
-from jmm_agent.prior import MapPrior, PriorOptions
+from jmm_agent.prior import MapPrior
 from jmm_agent.senses import Senses
-from jmm_agent.settling import SettlingDetector, SettlingOptions
+from jmm_agent.settling import SettlingDetector
 from jmm_agent.sight import MarkerSight
 from jmm_agent.updaters import (
     AntagonismMemory,
-    AntagonismOptions,
     AntagonismUpdater,
     Seen,
     VisionMemory,
-    VisionOptions,
     VisionUpdater,
 )
 from jmm_agent.way import Way
+
+__all__ = ["Agent", "AgentOptions"]
 
 PERIOD = 0.02
 """Control period [s]."""
 
 WAKING = 50
 """Estimates of the first lengths before the first command."""
-
-
-@dataclass(frozen=True)
-class AgentOptions:
-    """Everything that can be set; the defaults are what the experiments use.
-
-    Attributes:
-        learn_antagonism, learn_vision: which updaters run.
-        hand_marker, can_marker: ids of the markers.
-        camera, marker_site: frames of the kinematics.
-        prior, batch, settling, antagonism, vision, estimator: of the parts.
-    """
-
-    learn_antagonism: bool = True
-    learn_vision: bool = True
-    hand_marker: int = 0
-    can_marker: int = 1
-    camera: str = "eye"
-    marker_site: str = "marker_hand"
-    prior: PriorOptions = field(default_factory=PriorOptions)
-    batch: BatchOptions = field(default_factory=BatchOptions)
-    settling: SettlingOptions = field(default_factory=SettlingOptions)
-    antagonism: AntagonismOptions = field(default_factory=AntagonismOptions)
-    vision: VisionOptions = field(default_factory=VisionOptions)
-    estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
 
 
 class Learned(NamedTuple):
