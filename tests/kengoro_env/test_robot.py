@@ -123,6 +123,21 @@ def test_noise_offset_and_quantum() -> None:
     assert tensions.min() >= 0.0
 
 
+@pytest.mark.parametrize(
+    "departures",
+    [(), actual(0), (EncoderError(noise=0.001),), (TensionSensorError(noise=2.0, offset=1.0),)],
+    ids=["true", "actual", "noisy lengths", "noisy tensions"],
+)
+def test_both_sensors_read_as_one_after_the_other(departures: tuple[Departure, ...]) -> None:
+    at_once, in_turn = (Robot(ELBOW, departures) for _ in range(2))
+    for robot in (at_once, in_turn):
+        robot.reset(np.array([0.7]), np.random.default_rng(3))
+    for _ in range(3):
+        lengths, tensions = at_once.sense(at_once.measure())
+        assert np.array_equal(lengths, in_turn.sense_lengths())
+        assert np.array_equal(tensions, in_turn.sense_tensions())
+
+
 def test_offsets_of_encoders_move_the_arm() -> None:
     """The controller sees what the encoders read: it holds the reading, not the truth."""
     robot = Robot(ELBOW, (EncoderError(offset=0.003, seed=2),))
