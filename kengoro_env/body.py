@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import mujoco
@@ -61,16 +62,19 @@ class Body(ABC):
         data, model = self.data, self.model
         places, turns = data.site_xpos, data.site_xmat
         shape = (*places.shape[:-2], 3, 3)
-        self._angles = reader(data.qpos, self._position)
-        self._sites = {
-            model.site(i).name: (places[..., i, :], turns[..., i, :].reshape(shape))
-            for i in range(model.nsite)
-        }
+        self._mujoco = SimpleNamespace(
+            angles=reader(data.qpos, self._position),
+            sites={
+                model.site(i).name: (places[..., i, :], turns[..., i, :].reshape(shape))
+                for i in range(model.nsite)
+            },
+        )
 
     @property
     def joint_angles(self) -> Array:
         """True joint angles (n,) [rad]."""
-        return self._angles()
+        angles: Array = self._mujoco.angles()
+        return angles
 
     @property
     def lengths(self) -> Array:
@@ -85,7 +89,7 @@ class Body(ABC):
     def measure(self) -> Moment:
         """What is true now: once for all that is felt, judged and known of it."""
         paths, paid_out, tensions = self.motors.measure()
-        return Moment(self._angles(), paths, paid_out, paid_out - self._zero, tensions)
+        return Moment(self._mujoco.angles(), paths, paid_out, paid_out - self._zero, tensions)
 
     def slack(self, target: Array, now: Moment | None = None) -> tuple[Array, Array]:
         """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
@@ -99,7 +103,8 @@ class Body(ABC):
 
     def site_place(self, name: str) -> Array:
         """Where a site is in the world (3,) [m], true."""
-        return self._sites[name][0].copy()
+        place: Array = self._mujoco.sites[name][0].copy()
+        return place
 
     def body_place(self, name: str) -> Array:
         """Where a body is in the world (3,) [m], true."""
@@ -108,7 +113,7 @@ class Body(ABC):
 
     def site_pose(self, name: str) -> Array:
         """Pose of a site in the world (4, 4), true."""
-        return _pose(*self._sites[name])
+        return _pose(*self._mujoco.sites[name])
 
     def body_pose(self, name: str) -> Array:
         """Pose of a body in the world (4, 4), true."""

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -127,17 +128,18 @@ class Motors:
     def _look(self) -> None:
         """Find the arrays of MuJoCo that are read and written in each step."""
         data = self._data
-        self._lengths = reader(data.ten_length, self._tendon)
-        self._velocities = reader(data.ten_velocity, self._tendon)
-        self._commands = reader(data.ctrl, self._actuator)
-        self._spools = reader(data.qpos, self._spool_position)
-        self._ctrl = data.ctrl
-        self._followed = [friction.follow(self._model, data) for friction in self._frictions]
+        self._mujoco = SimpleNamespace(
+            lengths=reader(data.ten_length, self._tendon),
+            velocities=reader(data.ten_velocity, self._tendon),
+            commands=reader(data.ctrl, self._actuator),
+            spools=reader(data.qpos, self._spool_position),
+            ctrl=data.ctrl,
+            frictions=[friction.follow(self._model, data) for friction in self._frictions],
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """Arrays of MuJoCo do not travel with a copy."""
-        looked = ("_lengths", "_velocities", "_commands", "_spools", "_ctrl", "_followed")
-        return {name: value for name, value in self.__dict__.items() if name not in looked}
+        return {**self.__dict__, "_mujoco": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -190,7 +192,7 @@ class Motors:
             Lengths of the paths from guide to end (m,) [m]; what encoders without error would read
             (m,) [m], path minus stretch minus elongation; tensions, never negative (m,) [N].
         """
-        lengths = self._lengths()
+        lengths = self._mujoco.lengths()
         if not self._has_spools:
             paid_out = lengths - self._elongation if self._elongated else lengths
             return lengths, paid_out, self._motor_pull(lengths)
@@ -206,11 +208,12 @@ class Motors:
 
     def paths(self) -> Array:
         """Lengths of the wires' paths from guide to end [m], true."""
-        return self._lengths() - self._turned()
+        lengths: Array = self._mujoco.lengths() - self._turned()
+        return lengths
 
     def _turned(self) -> Array:
         """How far spools have turned from where they stand at zero [m]; 0 without a spool."""
-        positions = self._spools()
+        positions: Array = self._mujoco.spools()
         if self._all_spooled:
             return positions
         turned = np.zeros((*positions.shape[:-1], len(self.muscles)))
@@ -218,13 +221,13 @@ class Motors:
         return turned
 
     def _motor_pull(self, lengths: Array) -> Array:
-        pull = self._commands()
+        pull: Array = self._mujoco.commands()
         np.subtract(lengths, pull, out=pull)
         pull *= self.stiffness
         pull += self.bias
         np.maximum(pull, self.bias, out=pull)
         np.minimum(pull, self._limits, out=pull)
-        damped = self._velocities()
+        damped = self._mujoco.velocities()
         damped *= self._damping
         pull += damped
         return np.maximum(pull, self._none, out=pull)
@@ -267,7 +270,7 @@ class Motors:
         target = paid_out + self._elongation if self._elongated else paid_out
         if self._elongated and self._has_spools:
             target = np.where(self._spooled, paid_out, target)
-        self._ctrl[..., self._actuator] = target
+        self._mujoco.ctrl[..., self._actuator] = target
 
     def elongate(self, elongation: Array) -> None:
         """Let wires give for good, in all by ``elongation`` [m] (m,) since they were mounted."""
@@ -289,5 +292,5 @@ class Motors:
 
     def update_friction(self) -> None:
         """Let the dry friction follow the tension."""
-        for follow in self._followed:
+        for follow in self._mujoco.frictions:
             follow()

@@ -193,18 +193,19 @@ class Robot(Body):
 
     def _look(self) -> None:
         super()._look()
-        self._qpos, self._qvel = self.data.qpos, self.data.qvel
-        self._warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
+        self._mujoco.qpos, self._mujoco.qvel = self.data.qpos, self.data.qvel
+        self._mujoco.warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
 
     def _state(self) -> tuple[bytes, bytes]:
         """Positions and velocities, to be compared."""
-        return self._qpos.tobytes(), self._qvel.tobytes()
+        return self._mujoco.qpos.tobytes(), self._mujoco.qvel.tobytes()
 
     def _check_finite(self) -> None:
         """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
         # Velocities that are finite leave positions finite, and so does the sum of their squares.
-        finite = isfinite(self._qvel.dot(self._qvel))
-        if not finite or any(self._warnings.tolist()):
+        velocity = self._mujoco.qvel
+        finite = isfinite(velocity.dot(velocity))
+        if not finite or any(self._mujoco.warnings.tolist()):
             raise DivergedError
 
     def close_fingers(self, command: float) -> None:
@@ -225,9 +226,7 @@ class Robot(Body):
 
     def __getstate__(self) -> dict[str, Any]:
         """MuJoCo's arrays, and what it computed for the next time step, stay when it is copied."""
-        looked = ("_angles", "_sites", "_qpos", "_qvel", "_warnings")
-        state = {name: value for name, value in self.__dict__.items() if name not in looked}
-        return {**state, "_left_at": NOWHERE}
+        return {**self.__dict__, "_mujoco": None, "_left_at": NOWHERE}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

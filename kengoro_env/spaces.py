@@ -61,7 +61,9 @@ class LengthBounds:
     @cached_property
     def most_tension(self) -> Array:
         """What the tension sensors read at most (m,) [N]."""
-        return np.full(self.low.shape, TENSION_RANGE)
+        most = np.full(self.low.shape, TENSION_RANGE)
+        most.setflags(write=False)
+        return most
 
     def to_action(self, lengths: Array) -> NDArray[np.float32]:
         """The action that commands ``lengths`` (m,) [m]; lengths out of bounds are cut."""
@@ -69,7 +71,7 @@ class LengthBounds:
         return np.clip(2.0 * share - 1.0, -1.0, 1.0).astype(np.float32)
 
     def to_lengths(self, action: Array) -> Array:
-        """The lengths (m,) [m] that an action (m,), in float64, commands."""
+        """The lengths (m,) [m] that an action (m,), in float64, commands, to rounding."""
         lengths: Array = action * self._half
         lengths += self._middle
         return lengths

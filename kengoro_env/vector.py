@@ -20,7 +20,7 @@ from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.observing import felt, known
 from kengoro_env.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
-from kengoro_env.tasks.reach import Reach, judged, shares
+from kengoro_env.tasks.reach import Reach, judged
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -161,8 +161,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         moved = ~begins & ~diverged
         targets = self._observed["target"]
         now = fleet.measure()
-        reward, success = judged_each(now.joint_angles - targets, now.tensions)
-        reward = np.where(moved, reward, 0.0)
+        each = map(judged, now.joint_angles.tolist(), targets.tolist(), now.tensions.tolist())
+        rewards, successes = zip(*each, strict=True)
+        reward, success = np.where(moved, rewards, 0.0), np.array(successes)
         self._observe(now, moved, success)
         self._steps += 1
         truncated = moved & (self._steps >= self._most)
@@ -216,20 +217,6 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
     def close_extras(self, **kwargs: Any) -> None:
         """Free what the template holds."""
         self._env.close()
-
-
-def judged_each(errors: Array, tensions: Array) -> tuple[Array, Mask]:
-    """Rewards and successes (k,) of errors of the joints (k, n) [rad] under tensions (k, m) [N].
-
-    In plain numbers, for NumPy's exponential has other bits than that of a single environment.
-    """
-    # A sum over what does not lie side by side has another order, and ends in other bits.
-    tensions = np.ascontiguousarray(tensions)
-    squares = (np.vecdot(errors, errors) / errors.shape[1]).tolist()
-    means = np.vecdot(tensions, shares(tensions.shape[1])).tolist()
-    each = [judged(square, mean) for square, mean in zip(squares, means, strict=True)]
-    rewards, successes = zip(*each, strict=True)
-    return np.array(rewards), np.array(successes)
 
 
 def _write(arrays: Mapping[str, NDArray[Any]], rows: Any, values: Mapping[str, Any]) -> None:

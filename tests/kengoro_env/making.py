@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
 
+from kengoro_env.draft import Draft
 from kengoro_env.env import KengoroEnv
 
 
@@ -14,3 +16,12 @@ def make(env_id: str, **arguments: Any) -> KengoroEnv:
     env = gym.make(env_id, **arguments).unwrapped
     assert isinstance(env, KengoroEnv)
     return env
+
+
+@dataclass(frozen=True)
+class EveryOtherStretches:
+    """Every other wire stretches and rubs in proportion to its tension; the rest is as drawn."""
+
+    def edit(self, draft: Draft) -> None:
+        for wire in list(draft.wires.values())[::2]:
+            wire.stiffness, wire.friction_ratio = (8e4, 4e6, 0.0), 0.1

@@ -63,6 +63,7 @@ def test_no_observation_is_constant(env_id: str, entries: set[str]) -> None:
     for _ in range(220):
         observation, reward, terminated, _, _ = env.step(env.action_space.sample())
         assert env.observation_space.contains(observation)
+        assert type(reward) is float
         assert np.isfinite(reward)
         assert -1.0 <= reward <= 1.0
         for name, value in observation.items():
@@ -336,6 +337,20 @@ def test_human_with_a_display_shows_each_step(monkeypatch: pytest.MonkeyPatch) -
     assert env.render() is None
     env.close()
     assert (window.shown, window.closed) == (3, 1)
+
+
+def test_closing_frees_what_draws_for_the_robot_and_for_people() -> None:
+    env = make("Kengoro/Posture-v0", render_mode="rgb_array")
+    first, _ = env.reset(seed=0)
+    env.render()
+    assert env._camera is not None
+    painters = env._painter, env._camera._painter
+    assert all(painter._renderer is not None for painter in painters)
+    env.close()
+    assert all(painter._renderer is None for painter in painters)
+    again, _ = env.reset(seed=0)
+    assert np.array_equal(first["frame"], again["frame"])
+    env.close()
 
 
 def test_a_closed_painter_draws_again() -> None:

@@ -16,7 +16,7 @@ from kengoro_env import gl_backend, rendering
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import WireStretch
 from kengoro_env.postures import posture_set
-from kengoro_env.rendering import Painter, RenderingError
+from kengoro_env.rendering import Image, Painter, RenderingError
 from kengoro_env.robot import Robot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -181,36 +181,57 @@ SKY = """
   <asset><texture type="skybox" builtin="flat" rgb1="0 0 1" width="8" height="8"/></asset>
   <worldbody>
     <geom type="plane" {}/>
-    <camera name="eye" pos="0 0 1" fovy="90" {}/>
+    <camera name="eye" {}/>
   </worldbody>
 </mujoco>
 """
 
 
-@pytest.mark.parametrize(
-    ("plane", "camera", "filled"),
-    [
-        ('size="3 3 1"', "", True),
-        ('size="1.2 1.2 1"', "", False),  # the picture is 2 m high and 2.7 m wide there
-        ('size="3 3 1" rgba="1 1 1 0.5"', "", False),
-        ('size="3 3 1" pos="0 0 2"', "", False),  # behind the camera, and seen from below
-        ('size="3 3 1" pos="2 0 0"', "", False),
-        ('size="3 3 1"', 'euler="70 0 0"', False),
-        ('size="3 3 1"', 'projection="orthographic"', False),
-        ('size="90 90 1" pos="0 0 -39"', "", True),
-        ('size="90 90 1" pos="0 0 -59"', "", False),  # what is farther than 50 m is not drawn
-        ('size="0 0 1"', "", False),  # without an end, MuJoCo draws it with haze
-    ],
-)
-def test_what_fills_a_picture(plane: str, camera: str, filled: bool) -> None:
+DOWN = 'pos="0 0 1" fovy="90"'
+LENS = 'pos="0 0 1" resolution="640 480" sensorsize="0.008 0.002" focal="0.002 0.001"'
+
+
+def painted(plane: str, camera: str) -> tuple[Image, bool]:
+    """A picture of a plane under a blue sky, and whether the sky was drawn."""
     model = mujoco.MjModel.from_xml_string(SKY.format(plane, camera))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     painter = Painter(model)
-    painter.draw(data, "eye")
+    picture = painter.draw(data, "eye")
     assert painter._renderer is not None
-    assert painter._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] == (not filled)
+    sky = bool(painter._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX])
     painter.close()
+    return picture, sky
+
+
+@pytest.mark.parametrize(
+    ("plane", "camera", "filled"),
+    [
+        ('size="3 3 1"', DOWN, True),
+        ('size="1.2 1.2 1"', DOWN, False),  # the picture is 2 m high and 2.7 m wide there
+        ('size="3 3 1" rgba="1 1 1 0.5"', DOWN, False),
+        ('size="3 3 1" pos="0 0 2"', DOWN, False),  # behind the camera
+        ('size="3 3 1" pos="2 0 0"', DOWN, False),
+        ('size="3 3 1"', DOWN + ' euler="70 0 0"', False),
+        ('size="3 3 1"', DOWN + ' projection="orthographic"', False),
+        ('size="3 3 1"', LENS, True),
+        ('size="1.5 1.5 1"', LENS, False),  # it sees 4 m of the plane
+        ('size="90 90 1" pos="0 0 -39"', DOWN, True),
+        ('size="90 90 1" pos="0 0 -59"', DOWN, False),  # what is farther than 50 m is not drawn
+        ('size="0 0 1"', DOWN, False),  # without an end, MuJoCo draws it with haze
+    ],
+)
+def test_what_fills_a_picture(plane: str, camera: str, filled: bool) -> None:
+    assert painted(plane, camera)[1] == (not filled)
+
+
+def test_a_plane_hides_from_above_what_is_behind_it() -> None:
+    above, _ = painted('size="3 3 1"', DOWN)
+    below, _ = painted('size="3 3 1"', 'pos="0 0 -1" fovy="90" euler="180 0 0"')
+    red, _, blue = above[240, 320].astype(int)
+    assert red == blue
+    red, _, blue = below[240, 320].astype(int)
+    assert blue > red + 50  # the sky shines through
 
 
 def test_a_painter_leaves_the_models_quality_to_others() -> None:

@@ -24,6 +24,7 @@ from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot import Robot
 from kengoro_env.wires import wired_joints
+from tests.kengoro_env.making import EveryOtherStretches
 
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
 ELBOW = asset_path("mjcf/kengoro_arm/elbow.xml")
@@ -89,6 +90,32 @@ def test_a_stretched_wire_is_path_minus_stretch() -> None:
     assert np.all(tension > 40.0)
     expected = path.lengths(robot.joint_angles)[0] - stretch + zeroed
     assert np.allclose(robot.lengths, expected, rtol=0.0, atol=1e-6)
+
+
+def test_every_other_wire_may_stretch() -> None:
+    """Each obeys its stiffness control, and has the friction that its tension makes."""
+    gains = Gains(stiffness=20_000.0, bias=20.0, limit=150.0)
+    robot = Robot(ELBOW, (EveryOtherStretches(),), gains)
+    robot.reset(np.array([1.0]), np.random.default_rng(0))
+    drawing = ArmDrawing(ELBOW)
+    target = robot.lengths - 0.002
+    settle(robot, target, 300)
+    tensions, lengths = robot.tensions, robot.lengths
+    pull = gains.bias + np.maximum(0.0, gains.stiffness * (lengths - target))
+    assert np.all(tensions > 25.0)
+    stretches = [robot.model.joint(j).name for j in range(robot.model.njnt)][1:]
+    assert stretches == [f"spool_{muscle}" for muscle in robot.muscles[::2]]
+    assert robot.model.tendon_frictionloss.tolist() == [0.0] * 3
+    loss = robot.model.dof_frictionloss
+    assert loss[0] == 0.0
+    # A spool that rubs holds with what its motor pulls, give or take the friction.
+    assert np.allclose(tensions[::2], pull[::2], atol=1.1 * loss[1:].max())
+    assert np.allclose(loss[1:], 0.1 * pull[::2], rtol=0.02)
+    assert tensions[1] == pytest.approx(pull[1], abs=0.05)
+    straight = drawing.lengths(robot.joint_angles)[0]
+    stretch = straight - lengths
+    assert abs(stretch[1]) < 1e-9
+    assert np.all(stretch[::2] > 1e-4)
 
 
 def test_lengths_are_zero_at_the_posture_called_zero() -> None:

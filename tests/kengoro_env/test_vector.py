@@ -12,6 +12,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from kengoro_env.departures.wires import DryFriction, Elongation
 from kengoro_env.errors import KengoroError
 from kengoro_env.vector import KengoroVectorEnv
+from tests.kengoro_env.making import EveryOtherStretches
 
 ELBOW, POSTURE = "Kengoro/Elbow-v0", "Kengoro/Posture-v0"
 GIVES = {
@@ -37,6 +38,7 @@ def same(one: Any, other: Any) -> bool:
         (ELBOW, {}),
         (ELBOW, {"robot_seed": 3}),
         (ELBOW, GIVES),
+        (ELBOW, {"departures": (EveryOtherStretches(), Elongation("biceps", 0.004))}),
         (POSTURE, {}),
         (POSTURE, {"robot_seed": 1}),
     ],

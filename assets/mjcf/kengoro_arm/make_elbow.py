@@ -20,11 +20,11 @@ CAMERA = {
 }
 SKY = {
     "type": "skybox",
-    "builtin": "gradient",
-    "rgb1": "0.82 0.88 0.94",
-    "rgb2": "0.60 0.66 0.74",
-    "width": "64",
-    "height": "64",
+    "builtin": "flat",
+    "rgb1": "0.72 0.78 0.85",
+    "rgb2": "0.72 0.78 0.85",
+    "width": "1",
+    "height": "1",
 }
 
 
