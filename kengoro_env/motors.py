@@ -53,7 +53,10 @@ def index_of(numbers: NDArray[np.int64]) -> Index:
 
 
 def reader(array: Array, index: Index) -> Callable[[], Array]:
-    """What reads the entries at ``index`` of the last axis of an array that lives on: a copy."""
+    """What reads the entries at ``index`` of the last axis of an array that lives on: a copy.
+
+    It lies side by side in memory, so that sums over it have the same bits for one and for many.
+    """
     if isinstance(index, slice):
         return array[..., index].copy
     take: Callable[..., Array] = array.take

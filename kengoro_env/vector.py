@@ -20,7 +20,7 @@ from kengoro_env.motors import DEFAULT_GAINS, Gains
 from kengoro_env.observing import felt, known
 from kengoro_env.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
-from kengoro_env.tasks.reach import Reach, judged
+from kengoro_env.tasks.reach import Reach, judged, mean
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -161,8 +161,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         moved = ~begins & ~diverged
         targets = self._observed["target"]
         now = fleet.measure()
-        each = map(judged, now.joint_angles.tolist(), targets.tolist(), now.tensions.tolist())
-        rewards, successes = zip(*each, strict=True)
+        errors = now.joint_angles - targets
+        squares, tensions = mean(errors * errors).tolist(), mean(now.tensions).tolist()
+        rewards, successes = zip(*map(judged, squares, tensions), strict=True)
         reward, success = np.where(moved, rewards, 0.0), np.array(successes)
         self._observe(now, moved, success)
         self._steps += 1
@@ -202,15 +203,21 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._observed["target"][i], self._until[i] = task.target(), task.until
         told = felt(fleet, now, bounds)
         truth = known(fleet, now) | {"success": success, "time": time}
+        if moved.all():  # as nearly always: what is new replaces what was known
+            self._observed |= told
+            self._known |= truth
+            return
         _write(self._observed, moved, {name: values[moved] for name, values in told.items()})
         _write(self._known, moved, {name: values[moved] for name, values in truth.items()})
 
     def _told(self, which: Mask) -> tuple[Observations, Infos]:
         """Copies of what is observed by now and of the truth, which is known of ``which``."""
         infos: Infos = {}
+        everybody = which.all()
         for name, values in self._known.items():
             shape = (self.num_envs,) + (1,) * (values.ndim - 1)
-            infos[name] = np.where(which.reshape(shape), values, np.zeros_like(values))
+            told = values if everybody else np.where(which.reshape(shape), values, 0)
+            infos[name] = told.astype(values.dtype)
             infos[f"_{name}"] = which.copy()
         return {name: values.copy() for name, values in self._observed.items()}, infos
 

@@ -11,7 +11,7 @@ and a little lower for wires that pull against each other. Success is an error b
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import dist, exp, inf, radians, sqrt
+from math import exp, inf, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -31,15 +31,20 @@ REWARD_SCALE = radians(20.0)
 EFFORT, EFFORT_SCALE = 0.05, 500.0
 
 
-def judged(angles: list[float], target: list[float], tensions: list[float]) -> tuple[float, bool]:
-    """Reward and success of joint angles (n,) [rad] and tensions (m,) [N] of one robot.
+def judged(square: float, tension: float) -> tuple[float, bool]:
+    """Reward and success of a mean square error of the joints [rad^2] under a mean tension [N].
 
-    In plain numbers: faster for so few, and the same on every processor, as NumPy's sums and
-    exponentials are not.
+    In plain numbers, which is faster for one robot; NumPy's exponential has other bits.
     """
-    error = dist(angles, target) / sqrt(len(angles))
-    effort = min(sum(tensions) / (len(tensions) * EFFORT_SCALE), 1.0)
+    error = sqrt(square)
+    effort = min(tension / EFFORT_SCALE, 1.0)
     return exp(-error / REWARD_SCALE) - EFFORT * effort, error < TOLERANCE
+
+
+def mean(values: Array) -> Array:
+    """Mean along the last axis, side by side in memory: `numpy.mean` in a fifth of the time."""
+    total: Array = np.add.reduce(values, -1)
+    return total / values.shape[-1]
 
 
 class Reach:
@@ -87,9 +92,8 @@ class Reach:
 
     def judge(self, robot: Robot, now: Moment) -> Outcome:
         """Reward and success for the present target; then a new one if it is time."""
-        reward, success = judged(
-            now.joint_angles.tolist(), self._target.tolist(), now.tensions.tolist()
-        )
+        error = now.joint_angles - self._target
+        reward, success = judged(float(mean(error * error)), float(mean(now.tensions)))
         self.go_on(robot.time)
         return Outcome(reward, success)
 
