@@ -193,8 +193,7 @@ class Painter:
             RenderingError: there is no way to draw here.
         """
         if self._renderer is None:
-            size = self._width, self._height
-            self._renderer = open_renderer(self._model, *size, self._quality)
+            self._renderer = open_renderer(self._model, self._width, self._height, self._quality)
         scene = self._renderer.scene
         self._renderer.update_scene(data, camera)
         # Shadows and reflections cost most of the time, and markers are read better without.

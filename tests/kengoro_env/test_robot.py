@@ -10,6 +10,7 @@ import pytest
 
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import (
+    Elongation,
     EncoderError,
     TensionSensorError,
     WireStretch,
@@ -62,7 +63,16 @@ def test_a_wire_within_one_body_crosses_nothing() -> None:
     assert wired_joints(model) == ("slide",)
 
 
-@pytest.mark.parametrize("departures", [(), (WireStretch(1e-5, 4e6),)], ids=["ideal", "stretch"])
+@pytest.mark.parametrize(
+    "departures",
+    [
+        (),
+        (WireStretch(1e-5, 4e6),),
+        (Elongation("biceps", 0.01),),
+        (WireStretch(1e-5, 4e6), Elongation("biceps", 0.01)),
+    ],
+    ids=["ideal", "stretch", "given", "stretch and given"],
+)
 def test_muscle_stiffness_control(departures: tuple[Departure, ...]) -> None:
     """T = T_bias + max(0, K (l - l_target)), cut at T_max (paper, sec. III-B)."""
     gains = Gains(stiffness=20_000.0, bias=20.0, limit=150.0)
