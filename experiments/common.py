@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from platformdirs import user_cache_path
 
 from experiments.errors import ExperimentError
 from jmm_agent.drawing import Drawing
@@ -161,8 +162,7 @@ def drawing_for_agent(scene: Path | None = None) -> Drawing:
 
 def default_cache() -> Path:
     """Folder of trained maps in the user's cache folder."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "kengoro"
+    return user_cache_path("kengoro")
 
 
 def trained_map(

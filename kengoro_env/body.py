@@ -44,13 +44,12 @@ class Body(ABC):
         model: of MuJoCo.
         data: an `MjData`, or the fields of one with an axis of robots before theirs.
         motors: of the wires.
-        target: lengths that the motors hold (m,) [m], as the encoders call them.
     """
 
     model: mujoco.MjModel
     data: Any
     motors: Motors
-    target: Array
+    _target: Array
     _sensors: Sensors
     _position: Index
     _bodies: dict[str, int]
@@ -69,6 +68,11 @@ class Body(ABC):
                 for i in range(model.nsite)
             },
         )
+
+    @property
+    def target(self) -> Array:
+        """Lengths that the motors hold (m,) [m], as the encoders call them."""
+        return self._target.copy()
 
     @property
     def joint_angles(self) -> Array:

@@ -15,13 +15,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
-from kengoro_env.body import Moment
+from kengoro_env.compiled_control import control_of
 from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.head_camera import HeadCamera
 from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.observing import Observation, felt, known
+from kengoro_env.observing import Observation
 from kengoro_env.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
 from kengoro_env.robot import DivergedError, Robot
 from kengoro_env.spaces import LATEST, box, checked_action, length_bounds
@@ -126,6 +126,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._entries),), dtype=np.float32)
         self.observation_space = self._make_observation_space()
+        self._control = control_of(robot, self.bounds, self._entries)
         self._ended: str | None = "none has begun"
 
     def _make_observation_space(self) -> spaces.Dict:
@@ -185,8 +186,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._ended = None
         if self._camera is not None:
             self._camera.reset(self.robot.data)
-        now = self.robot.measure()
-        self._last = self._observe(now), self._info(now, success=False)
+        observation, info, *_ = self._control.tell(self.task.goal)
+        self._last = self._whole(observation, info, success=False)
         if self.render_mode == "human":
             self.render()
         return self._last
@@ -214,45 +215,40 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold the commanded lengths for `CONTROL_PERIOD`."""
-        checked = checked_action(action, self._entries)
         if self._ended is not None:
             raise KengoroError(f"there is no episode to step ({self._ended}): call reset")
+        task = self.task
         try:
-            self.robot.close_fingers(float(checked[-1]) if self.task.fingers else -1.0)
-            self.robot.step(self.bounds.to_lengths(checked[: len(self.muscles)]))
-        except DivergedError as error:
-            self._ended = str(error)
+            observation, info, error, tension = self._control.step(action, task.goal)
+        except DivergedError as diverged:
+            self._ended = reason = str(diverged)
             observation, info = deepcopy(self._last)
-            return observation, 0.0, True, False, {**info, "success": False, "reason": str(error)}
-        now = self.robot.measure()
-        outcome = self.task.judge(self.robot, now)
+            return observation, 0.0, True, False, {**info, "success": False, "reason": reason}
+        reward, success, ended = task.judge(self.robot, info["time"], error, tension)
         if self._camera is not None:
             self._camera.update(self.robot.data)
-        self._ended = outcome.ended
-        observation, info = self._last = self._observe(now), self._info(now, outcome.success)
-        if outcome.ended is not None:
-            info["reason"] = outcome.ended
+        self._ended = ended
+        self._last = self._whole(observation, info, success)
+        if ended is not None:
+            info["reason"] = ended
         if self.render_mode == "human":
             self.render()
-        return observation, outcome.reward, outcome.ended is not None, False, info
+        return observation, reward, ended is not None, False, info
 
-    def _observe(self, now: Moment) -> Observation:
-        observation = felt(self.robot, now, self.bounds)
+    def _whole(
+        self, observation: Observation, info: dict[str, Any], success: bool
+    ) -> tuple[Observation, dict[str, Any]]:
+        """What the robot feels, with what camera and task show; the truth, with the task's."""
         if self._camera is not None:
             time, frame = self._camera.newest()
             observation["frame"] = frame
             observation["frame_time"] = np.array([min(time, LATEST)])
-        if self.task.shows_target:
-            observation["target"] = self.task.target()
-        return observation
-
-    def _info(self, now: Moment, success: bool) -> dict[str, Any]:
-        robot = self.robot
-        info = known(robot, now)
+        goal = self.task.goal
+        if goal is not None:
+            observation["target"] = goal.copy()
         info["success"] = success
-        info["time"] = robot.time
-        info.update(self.task.truth(robot))
-        return info
+        self.task.add_truth(self.robot, info)
+        return observation, info
 
     def render(self) -> Image | None:
         """The outside view (480, 640, 3) uint8, or None where a window shows it.
@@ -282,7 +278,11 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def __getstate__(self) -> dict[str, Any]:
         """A copied or unpickled environment goes on where this one stands, without its window."""
-        return {**self.__dict__, "_window": None}
+        return {**self.__dict__, "_window": None, "_control": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._control = control_of(self.robot, self.bounds, self._entries)
 
 
 def _finite(name: str, value: object, size: int) -> Array:

@@ -27,9 +27,6 @@ class Fleet(Body):
         robot: drawing or actual robot; the fleet resets and reads through it.
         count: how many.
         threads: how many threads step them; 0: one a core.
-
-    Attributes:
-        target: lengths that the motors hold (count, m) [m], as the encoders call them.
     """
 
     muscles: tuple[str, ...]
@@ -48,7 +45,7 @@ class Fleet(Body):
         fields = robot.changing_fields
         self._fields = SimpleNamespace(**{name: self._batch.expand(name) for name in fields})
         self.motors = robot.motors.of_many(count, self._fields, self._batch)
-        self.target = np.zeros((count, len(robot.muscles)))
+        self._target = np.zeros((count, len(robot.muscles)))
         self._random = [np.random.default_rng(0)] * count
         self._coming = [list(robot.events)] * count
         self._next = np.full(count, np.inf)  # when each one's next event is due
@@ -68,7 +65,7 @@ class Fleet(Body):
         self.motors.elongate_one(i, robot.motors.elongation)
         batch.state[i], batch.warning[i] = self._state, 0
         batch.forward([i])
-        self.target[i] = robot.target
+        self._target[i] = robot.target
         self._random[i], self._coming[i] = robot.random, list(robot.events)
         self._next[i] = _first_time(robot.events)
 
@@ -87,8 +84,8 @@ class Fleet(Body):
         ids = None if moving.all() else np.flatnonzero(moving)
         for i in np.flatnonzero(moving & (self._next <= batch.bind("time"))):
             self._let_wires_give(int(i))
-        self.target[moving] = target[moving]
-        motors.command(self._commanded(self.target))
+        self._target[moving] = target[moving]
+        motors.command(self._commanded(self._target))
         # Paths, poses and cameras follow the joints, which mj_step leaves a time step behind.
         stage = int(mujoco.mjtStage.mjSTAGE_POS)
         if motors.friction_grows:

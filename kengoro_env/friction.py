@@ -53,3 +53,13 @@ class GrowingFriction:
                 np.add(loss, constant, loss)
 
         return update
+
+    def layout(self, model: mujoco.MjModel) -> dict[str, int | Array | NDArray[np.int64] | None]:
+        """Its number of places and its arrays, by their names in control_step.c."""
+        return {
+            "count": len(self._ratio),
+            "loss": getattr(model, self._field),
+            "actuator": self._actuator,
+            "ratio": self._ratio,
+            "constant": self._constant,
+        }

@@ -65,7 +65,6 @@ def reader(array: Array, index: Index) -> Callable[[], Array]:
 
 class Motors:
     """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles.
-
     Of many robots at once (`of_many`) they have the robots as a leading axis.
     """
 
@@ -110,6 +109,7 @@ class Motors:
         self._elongation = np.array([wire.elongation for wire in wires])
         self._elongated = bool(self._elongation.any())
         self._drum = np.zeros(len(wires))  # paid out when the spool stands at zero
+        self.stiffness, self.bias = (np.zeros(len(wires)) for _ in range(2))
         self._look()
         self._lay_out()
         self.set_stiffness(gains.stiffness, gains.bias)
@@ -125,6 +125,7 @@ class Motors:
         many = copy(self)
         many._model, many._data = model, data
         many._elongation = np.tile(self._elongation, (count, 1))
+        many.stiffness, many.bias = self.stiffness.copy(), self.bias.copy()
         many._look()
         return many
 
@@ -172,10 +173,10 @@ class Motors:
                     f"set_stiffness: {name} must be finite, not negative and of shape () or "
                     f"{shape}, got {value!r}"
                 )
-            values.append(np.broadcast_to(array, shape).copy())
+            values.append(np.broadcast_to(array, shape))
         if np.any(values[1] > self._limit):
             raise KengoroError(f"set_stiffness: bias must be at most T_max = {self._limit} N")
-        self.stiffness, self.bias = values
+        self.stiffness[:], self.bias[:] = values
         sign = self._sign
         low, high = np.sort([sign * self.bias, sign * self._limit], axis=0)
         model, index = self._model, self._actuator
@@ -277,7 +278,7 @@ class Motors:
 
     def elongate(self, elongation: Array) -> None:
         """Let wires give for good, in all by ``elongation`` [m] (m,) since they were mounted."""
-        self._elongation = elongation.copy()
+        self._elongation[:] = elongation
         self._elongated = bool(elongation.any())
         self._write_slack_lengths()
 
@@ -292,6 +293,28 @@ class Motors:
     def elongation(self) -> Array:
         """By how much each wire has given for good [m]."""
         return self._elongation.copy()
+
+    def layout(self) -> dict[str, Array | NDArray[np.int64]]:
+        """Arrays by their names in control_step.c, which are written in place, never replaced."""
+        spool = np.full(len(self.muscles), -1)
+        spool[self._spooled] = np.arange(self._model.nq)[self._spool_position]
+        return {
+            "tendon": np.arange(self._model.ntendon)[self._tendon],
+            "actuator": np.arange(self._model.nu)[self._actuator],
+            "spool": spool,
+            "drum": self._drum,
+            "elongation": self._elongation,
+            "stiffness": self.stiffness,
+            "bias": self.bias,
+            "limit": self._limits,
+            "damping": self._damping,
+            "polynomial": self._polynomial,
+        }
+
+    @property
+    def frictions(self) -> tuple[GrowingFriction, ...]:
+        """Those that follow tension, of tendons or joints."""
+        return self._frictions
 
     def update_friction(self) -> None:
         """Let the dry friction follow the tension."""

@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kengoro_env.body import Body, Moment
 from kengoro_env.spaces import LengthBounds
+
+Array = NDArray[np.float64]
 
 Observation = dict[str, Any]
 
@@ -29,3 +32,9 @@ def known(body: Body, now: Moment) -> dict[str, Any]:
         "slack_paid_out": paid_out,
         "slack_target": target,
     }
+
+
+def mean(values: Array) -> Array:
+    """Mean along the last axis, summed from the first entry to the last, as compiled code does."""
+    total: Array = np.add.accumulate(values, -1)[..., -1]
+    return total / values.shape[-1]

@@ -31,9 +31,6 @@ Array = NDArray[np.float64]
 DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of what is not finite: positions, velocities, accelerations, commands."""
 
-NOWHERE = b"", b""
-"""What no robot's positions and velocities are."""
-
 
 class DivergedError(KengoroError):
     """The simulation left the realm of finite numbers."""
@@ -55,7 +52,6 @@ class Robot(Body):
         muscles: names, in the order of every (m,) array.
         joints: names of the joints that wires cross, in the order of every (n,) array.
         lower, upper: joint limits (n,) [rad].
-        target: lengths that the motors hold (m,) [m], as the encoders call them.
         random: where the sensors' noise comes from.
         events: what will happen to wires in this episode, the next first.
     """
@@ -87,11 +83,12 @@ class Robot(Body):
         self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
         self._bodies = {self.model.body(i).name: i for i in range(self.model.nbody)}
         self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
+        self._left_at = np.empty(self.model.nq + self.model.nv)
         self._look()
         mujoco.mj_forward(self.model, self.data)
         self.motors = Motors(self.model, self.data, draft, gains)
         self.muscles = self.motors.muscles
-        self._none = np.zeros(len(self.muscles))
+        self._none, self._target = (np.zeros(len(self.muscles)) for _ in range(2))
         self._sensors = Sensors(self._senses, self.muscles)
         self._zero = self._length_at_zero_posture()
         self._mounted = self.motors.elongation
@@ -144,10 +141,10 @@ class Robot(Body):
         self.motors.command(paid_out)
         self.close_fingers(-1.0)
         mujoco.mj_forward(self.model, self.data)
-        self.target = self.lengths
+        self._target[:] = self.lengths
         if self._sensors.length_offset is not None:
-            self.target += self._sensors.length_offset
-        self._left_at = NOWHERE
+            self._target += self._sensors.length_offset
+        self._left_at[:] = np.nan
 
     def step(self, target: Array) -> None:
         """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
@@ -155,12 +152,16 @@ class Robot(Body):
         Raises:
             DivergedError: the simulation is no longer finite.
         """
+        self.let_wires_give()
+        self._target[:] = target
+        self.motors.command(self._commanded(target))
+        self._advance()
+
+    def let_wires_give(self) -> None:
+        """Let happen to wires what is due."""
         while self.events and self.events[0].time <= self.time:
             event = self.events.pop(0)
             self.elongate(event.muscle, event.elongation)
-        self.target = target.copy()
-        self.motors.command(self._commanded(target))
-        self._advance()
 
     def _advance(self) -> None:
         """Step the physics for one control period, and let paths and poses follow the joints.
@@ -176,7 +177,7 @@ class Robot(Body):
         """
         model, data, motors = self.model, self.data, self.motors
         left = self._substeps
-        if self._left_at == self._state():
+        if self._left_at.tobytes() == self._state().tobytes():
             mujoco.mj_fwdVelocity(model, data)
             mujoco.mj_step2(model, data)
             left -= 1
@@ -189,16 +190,16 @@ class Robot(Body):
             mujoco.mj_step(model, data, left)
         self._check_finite()
         mujoco.mj_fwdPosition(model, data)
-        self._left_at = self._state()
+        self._left_at[:] = self._state()
 
     def _look(self) -> None:
         super()._look()
         self._mujoco.qpos, self._mujoco.qvel = self.data.qpos, self.data.qvel
         self._mujoco.warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
 
-    def _state(self) -> tuple[bytes, bytes]:
+    def _state(self) -> Array:
         """Positions and velocities, to be compared."""
-        return self._mujoco.qpos.tobytes(), self._mujoco.qvel.tobytes()
+        return np.concatenate([self._mujoco.qpos, self._mujoco.qvel])
 
     def _check_finite(self) -> None:
         """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
@@ -221,12 +222,36 @@ class Robot(Body):
         elongation[self.muscles.index(muscle)] += length
         self.motors.elongate(elongation)
 
+    def layout(self) -> dict[str, int | Array | NDArray[np.int64] | None]:
+        """Numbers, and arrays that are never replaced, by their names in control_step.c."""
+        return {
+            "model": self.model._address,
+            "data": self.data._address,
+            "substeps": self._substeps,
+            "muscles": len(self.muscles),
+            "joints": len(self.joints),
+            "fingers": -1 if self._fingers is None else self._fingers,
+            "grip": self.model.site("grip").id,
+            "zero": self._zero,
+            "position": np.arange(self.model.nq)[self._position],
+            "left_at": self._left_at,
+            "target": self._target,
+            **self.motors.layout(),
+            **self._sensors.layout(),
+        }
+
+    @property
+    def kinds_of_noise(self) -> int:
+        """How many kinds of sensors have noise."""
+        return self._sensors.kinds_of_noise
+
     def _noise(self, kinds: int) -> Array:
         return self.random.standard_normal((kinds, len(self.muscles)))
 
     def __getstate__(self) -> dict[str, Any]:
         """MuJoCo's arrays, and what it computed for the next time step, stay when it is copied."""
-        return {**self.__dict__, "_mujoco": None, "_left_at": NOWHERE}
+        nowhere = np.full_like(self._left_at, np.nan)
+        return {**self.__dict__, "_mujoco": None, "_left_at": nowhere}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

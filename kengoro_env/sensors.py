@@ -39,6 +39,21 @@ class Sensors:
         self.length_offset = _of_each(senses.length_offset, muscles)
         self._tension_offset = _of_each(senses.tension_offset, muscles)
 
+    @property
+    def kinds_of_noise(self) -> int:
+        """How many kinds of sensors have noise."""
+        return sum(noise is not None for noise in (self._length_noise, self._tension_noise))
+
+    def layout(self) -> dict[str, Array | None]:
+        """Arrays (m,) by their names in control_step.c; None where a sensor reads the truth."""
+        return {
+            "length_offset": self.length_offset,
+            "length_noise": self._length_noise,
+            "length_quantum": self._length_quantum,
+            "tension_offset": self._tension_offset,
+            "tension_noise": self._tension_noise,
+        }
+
     def read(self, lengths: Array, tensions: Array, noise: Noise) -> tuple[Array, Array]:
         """What both read [m], [N]: the same as lengths first, then tensions."""
         if self._length_noise is None or self._tension_noise is None:

@@ -65,6 +65,16 @@ class LengthBounds:
         most.setflags(write=False)
         return most
 
+    def layout(self) -> dict[str, Array]:
+        """Arrays (m,) by their names in control_step.c."""
+        return {
+            "half": self._half,
+            "middle": self._middle,
+            "low": self.low,
+            "high": self.high,
+            "most_tension": self.most_tension,
+        }
+
     def to_action(self, lengths: Array) -> NDArray[np.float32]:
         """The action that commands ``lengths`` (m,) [m]; lengths out of bounds are cut."""
         share = (lengths - self.low) / (self.high - self.low)

@@ -17,10 +17,10 @@ from kengoro_env.env import METADATA, KengoroEnv
 from kengoro_env.errors import KengoroError
 from kengoro_env.fleet import Fleet
 from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.observing import felt, known
+from kengoro_env.observing import felt, known, mean
 from kengoro_env.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
-from kengoro_env.tasks.reach import Reach, judged, mean
+from kengoro_env.tasks.reach import Reach, judged
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -199,8 +199,8 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         time = fleet.time
         for i in np.flatnonzero(moved & (time >= self._until)):
             task = self._tasks[i]
-            task.go_on(float(time[i]))
-            self._observed["target"][i], self._until[i] = task.target(), task.until
+            task.go_on()
+            self._observed["target"][i], self._until[i] = task.goal, task.until
         told = felt(fleet, now, bounds)
         truth = known(fleet, now) | {"success": success, "time": time}
         if moved.all():  # as nearly always: what is new replaces what was known

@@ -17,7 +17,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.body import Moment
 from kengoro_env.departures.senses import EYE
 from kengoro_env.errors import KengoroError
 from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor
@@ -55,6 +54,7 @@ class CanGrasp:
     fingers = True
     options: Mapping[str, int | None] = {"can": 2}
     shows_target = False
+    goal: Array | None = None
 
     def start(
         self,
@@ -109,11 +109,7 @@ class CanGrasp:
     def _distance(self, robot: Robot) -> float:
         return dist(robot.site_place("grip").tolist(), robot.body_place("can").tolist())
 
-    def target(self) -> Array:
-        """There is none: the agent looks for the can itself."""
-        raise KengoroError("CanGrasp has no target posture: the agent looks for the can itself")
-
-    def judge(self, robot: Robot, now: Moment) -> Outcome:
+    def judge(self, robot: Robot, time: float, error: float, tension: float) -> Outcome:
         """Reward and success now, and whether the can has left the table."""
         monitor = self._monitor
         monitor.update(robot.data)
@@ -121,15 +117,13 @@ class CanGrasp:
         lift = min(max(monitor.rise / LIFT_HEIGHT, 0.0), 1.0) if monitor.grasped else 0.0
         reward = (reach + float(monitor.grasped) + lift) / 3.0
         if monitor.rise > -FALLEN:
-            self._on_table = robot.time
-        fallen = robot.time - self._on_table > FALLEN_TIME
+            self._on_table = time
+        fallen = time - self._on_table > FALLEN_TIME
         ended = "the can fell off the table" if fallen else None
-        return Outcome(reward, monitor.lifted, ended)
+        return reward, monitor.lifted, ended
 
-    def truth(self, robot: Robot) -> dict[str, Any]:
+    def add_truth(self, robot: Robot, info: dict[str, Any]) -> None:
         """Pose of the can (4, 4), whether the hand holds it, and how far it has risen [m]."""
-        return {
-            "can_pose": robot.body_pose("can"),
-            "grasped": self._monitor.grasped,
-            "rise": self._monitor.rise,
-        }
+        info["can_pose"] = robot.body_pose("can")
+        info["grasped"] = self._monitor.grasped
+        info["rise"] = self._monitor.rise

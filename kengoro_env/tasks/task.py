@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.body import Moment
 from kengoro_env.robot import Robot
 
 Array = NDArray[np.float64]
 
 
-class Outcome(NamedTuple):
-    """What a control step came to.
-
-    Attributes:
-        reward: for a learner, bounded.
-        success: whether the goal is reached now.
-        ended: why the episode is over; None while it goes on.
-    """
-
-    reward: float
-    success: bool
-    ended: str | None = None
+Outcome = tuple[float, bool, str | None]
+"""What a control step came to: a bounded reward for a learner, whether the goal is reached now, and
+why the episode is over, None while it goes on."""
 
 
 class Task(Protocol):
@@ -37,7 +27,8 @@ class Task(Protocol):
         fingers: whether the last entry of an action closes the fingers.
         options: names of the options that `start` takes beside ``posture``, and their lengths;
             None stands for the number of joints.
-        shows_target: whether ``target`` is observed.
+        shows_target: whether ``target``, which is the goal, is observed.
+        goal: joint angles to reach now (n,) [rad], an array that nobody writes to; None for none.
     """
 
     scene: str
@@ -45,6 +36,7 @@ class Task(Protocol):
     fingers: bool
     options: Mapping[str, int | None]
     shows_target: bool
+    goal: Array | None
 
     def start(
         self,
@@ -55,11 +47,15 @@ class Task(Protocol):
     ) -> None:
         """Reset the robot, whose sensors draw from ``noise``, and choose the goal from ``rng``."""
 
-    def target(self) -> Array:
-        """Joint angles to reach (n,) [rad]; only where ``shows_target``."""
+    def judge(self, robot: Robot, time: float, error: float, tension: float) -> Outcome:
+        """Judge the present state; called once after each control step.
 
-    def judge(self, robot: Robot, now: Moment) -> Outcome:
-        """Judge the present state, measured as ``now``; called once after each control step."""
+        Args:
+            robot: where it is now.
+            time: of it [s].
+            error: mean square error of its joint angles [rad^2]; 0 without a goal.
+            tension: mean of its wires [N].
+        """
 
-    def truth(self, robot: Robot) -> dict[str, Any]:
-        """Entries for ``info`` beside those that every task has."""
+    def add_truth(self, robot: Robot, info: dict[str, Any]) -> None:
+        """Add to ``info`` what not every task has."""

@@ -1,0 +1,96 @@
+"""The C code of a control step, compiled where there is a compiler.
+
+`control_step.c` is compiled by the system's C compiler when it is needed first, and kept in the
+user's cache folder under a name that says from what: source, MuJoCo, compiler's options, machine.
+Where that fails there is a reason (`library`), and NumPy does the same, with the same bits, slower.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+import mujoco
+from platformdirs import user_cache_path
+
+SWITCH = "KENGORO_COMPILED"
+"""The environment variable that is 0 where nothing shall be compiled."""
+
+_SOURCE = Path(__file__).with_name("control_step.c")
+_OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared")
+_PATIENCE = 60.0
+_LOG = logging.getLogger(__name__)
+
+
+class NotCompiledError(Exception):
+    """Why there is no compiled code, in a clause."""
+
+
+@cache
+def library() -> ctypes.CDLL | None:
+    """The compiled code; None where there is none: a message of the log's level INFO says why."""
+    try:
+        return load(user_cache_path("kengoro"))
+    except NotCompiledError as reason:
+        _LOG.info("control steps are computed by NumPy, which is slower: %s", reason)
+        return None
+
+
+def load(folder: Path) -> ctypes.CDLL:
+    """The compiled code in ``folder``, compiled now where it is not there yet.
+
+    Raises:
+        NotCompiledError: switched off, no compiler, or no place to write to.
+    """
+    if os.environ.get(SWITCH) == "0":
+        raise NotCompiledError(f"{SWITCH} is 0")
+    mujocos = Path(mujoco.__file__).parent
+    engines = sorted(mujocos.glob("libmujoco.*"))
+    if len(engines) != 1:
+        raise NotCompiledError(f"{mujocos} does not have the one library of MuJoCo")
+    compiler = shlex.split(os.environ.get("CC", "cc"))
+    parts = (_SOURCE.read_text(), mujoco.__version__, *compiler, *_OPTIONS, platform.machine())
+    name = sha256("\0".join(parts).encode()).hexdigest()[:16]
+    path = folder / f"control_step-{name}.so"
+    if not path.is_file():
+        options = [*_OPTIONS, "-I", str(mujocos / "include")]
+        _compile([*compiler, *options, str(_SOURCE), str(engines[0]), "-lm"], path)
+    try:
+        compiled = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise NotCompiledError(f"{path} cannot be loaded: {error}") from None
+    compiled.why_it_broke.restype = ctypes.c_char_p
+    return compiled
+
+
+def _compile(command: list[str], path: Path) -> None:
+    """Run the compiler, and put what it made to ``path``: whole, or not at all."""
+    if shutil.which(command[0]) is None:
+        raise NotCompiledError(f"there is no C compiler {command[0]!r}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as beside:
+            made = Path(beside) / path.name
+            subprocess.run(
+                [*command, "-o", str(made)],
+                check=True,
+                capture_output=True,
+                text=True,
+                timeout=_PATIENCE,
+                stdin=subprocess.DEVNULL,
+            )
+            made.replace(path)
+    except subprocess.CalledProcessError as error:
+        first = (error.stderr.strip() or "no message").splitlines()[0]
+        raise NotCompiledError(f"{command[0]} failed: {first}") from None
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NotCompiledError(f"it cannot be compiled: {error}") from None
