@@ -20,6 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from kengoro_env.compiled_fleet import cores
 from kengoro_env.env import CONTROL_PERIOD
 from kengoro_env.vector import KengoroVectorEnv
 
@@ -29,15 +30,9 @@ COUNTS = (1, 8, 64, 256)
 ROUNDS, STEPS = 25, 20
 
 
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def medians_us(env: KengoroVectorEnv) -> tuple[float, float]:
     """Medians of the time of a step of one environment of many, and of its physics alone [us]."""
-    batch, single = env.fleet.data, env.fleet.model
-    substeps = round(CONTROL_PERIOD / single.opt.timestep)
+    substeps = round(CONTROL_PERIOD / env.fleet.parts(0)[0].opt.timestep)
     actions = np.zeros((env.num_envs, len(env.muscles)), dtype=np.float32)
     stepped, raw = [], []
     workers = cores()
@@ -45,7 +40,7 @@ def medians_us(env: KengoroVectorEnv) -> tuple[float, float]:
         for seed in range(ROUNDS):
             env.reset(seed=seed)
             env.step(actions)
-            robots = [(batch.get_model(i), batch.get_data(i)) for i in range(env.num_envs)]
+            robots = [env.fleet.parts(i) for i in range(env.num_envs)]
             start = perf_counter()
             for _ in range(STEPS):
                 env.step(actions)

@@ -26,7 +26,7 @@ SWITCH = "KENGORO_COMPILED"
 """The environment variable that is 0 where nothing shall be compiled."""
 
 _SOURCE = Path(__file__).with_name("control_step.c")
-_OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared")
+_OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared", "-pthread")
 _PATIENCE = 60.0
 _LOG = logging.getLogger(__name__)
 
@@ -65,11 +65,9 @@ def load(folder: Path) -> ctypes.CDLL:
         options = [*_OPTIONS, "-I", str(mujocos / "include")]
         _compile([*compiler, *options, str(_SOURCE), str(engines[0]), "-lm"], path)
     try:
-        compiled = ctypes.CDLL(str(path))
+        return ctypes.CDLL(str(path))
     except OSError as error:
         raise NotCompiledError(f"{path} cannot be loaded: {error}") from None
-    compiled.why_it_broke.restype = ctypes.c_char_p
-    return compiled
 
 
 def _compile(command: list[str], path: Path) -> None:

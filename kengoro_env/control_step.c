@@ -7,7 +7,9 @@
    Arrays are NumPy's or MuJoCo's, of doubles, but for indices. Lengths are in m, tensions in N. */
 
 #include <math.h>
+#include <pthread.h>
 #include <setjmp.h>
+#include <stdatomic.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -69,8 +71,11 @@ typedef struct {
   double* target; /* (m,) that the action commanded */
   double* told;   /* (4 m + n + 3,): see tell */
   double* pose;   /* (4, 4) of the grip; its last row is not written */
+
+  char reason[256]; /* why it broke */
 } Step;
 
+enum { MOST_THREADS = 256 };
 enum { DONE, NOT_AN_ACTION, DIVERGED, BROKEN };
 
 /* MuJoCo's errors end the process unless they are caught, as its own bindings do it, too. */
@@ -78,9 +83,7 @@ extern mjfLogHandler _mjPRIVATE_setTlsLogHandler(mjfLogHandler handler);
 extern mjfLogHandler _mjPRIVATE_getGlobalLogHandler(void);
 
 static _Thread_local jmp_buf before;
-static _Thread_local char reason[1024];
-
-const char* why_it_broke(void) { return reason; }
+static _Thread_local char* reason;
 
 size_t size_of_step(void) { return sizeof(Step); }
 
@@ -89,7 +92,7 @@ static void note(const mjLogMessage* message) {
     _mjPRIVATE_getGlobalLogHandler()(message);
     return;
   }
-  memcpy(reason, message->subject, sizeof reason - 1);
+  memcpy(reason, message->subject, sizeof ((Step*)0)->reason - 1);
   longjmp(before, 1);
 }
 
@@ -217,8 +220,9 @@ static void tell(const Step* s) {
 }
 
 /* Carry out the action for a control period, then tell what came of it. */
-int control_step(const Step* s) {
+int control_step(Step* s) {
   if (!is_action(s)) return NOT_AN_ACTION;
+  reason = s->reason;
   mjfLogHandler outer = _mjPRIVATE_setTlsLogHandler(note);
   int state = BROKEN;
   if (!setjmp(before)) {
@@ -228,4 +232,35 @@ int control_step(const Step* s) {
   }
   _mjPRIVATE_setTlsLogHandler(outer);
   return state;
+}
+
+/* Many robots, each stepped by one of some threads. */
+typedef struct {
+  Step* steps;           /* (count,) */
+  const uint8_t* moving; /* (count,) which of them */
+  int32_t* states;       /* (count,) what came of it; DONE where it does not move */
+  int64_t count;
+  atomic_int_fast64_t next;
+} Crowd;
+
+static void* work(void* crowd) {
+  Crowd* c = crowd;
+  int64_t i;
+  while ((i = atomic_fetch_add(&c->next, 1)) < c->count) {
+    c->states[i] = c->moving[i] ? control_step(&c->steps[i]) : DONE;
+  }
+  return NULL;
+}
+
+void control_steps(
+    Step* steps, const uint8_t* moving, int32_t* states, int64_t count, int64_t threads) {
+  Crowd crowd = {steps, moving, states, count, 0};
+  pthread_t others[MOST_THREADS];
+  int64_t started = 0;
+  while (started < MOST_THREADS && started < threads - 1 &&
+         !pthread_create(&others[started], NULL, work, &crowd)) {
+    started++;
+  }
+  work(&crowd);
+  for (int64_t k = 0; k < started; k++) pthread_join(others[k], NULL);
 }

@@ -1,9 +1,13 @@
-"""Many robots of one model, stepped on all cores by `mujoco.batch`, each as if it were alone."""
+"""Many robots of one model, stepped on all cores by `mujoco.batch`, each as if it were alone.
+
+For machines without a compiler; elsewhere compiled_fleet.py does the same.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -12,12 +16,30 @@ from numpy.typing import NDArray
 
 from kengoro_env.body import Body
 from kengoro_env.draft import Event
-from kengoro_env.robot import DIVERGENCE, Robot
+from kengoro_env.observing import Observation, felt, known, mean
+from kengoro_env.robot import DIVERGENCE, STATE, Robot
+from kengoro_env.spaces import LengthBounds
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+class ToldOfMany(NamedTuple):
+    """What came of a control step of many robots; of those that moved and did not diverge.
+
+    Attributes:
+        diverged: which did (count,).
+        observation: lengths and tensions (count, m).
+        truth: entries of ``info``, with an axis of robots before theirs.
+        errors: mean square error of the joint angles (count,) [rad^2].
+        tensions: mean of the wires (count,) [N].
+    """
+
+    diverged: Mask
+    observation: Observation
+    truth: dict[str, Any]
+    errors: Array
+    tensions: Array
 
 
 class Fleet(Body):
@@ -25,6 +47,7 @@ class Fleet(Body):
 
     Args:
         robot: drawing or actual robot; the fleet resets and reads through it.
+        bounds: of the wires' lengths, for actions and observations.
         count: how many.
         threads: how many threads step them; 0: one a core.
     """
@@ -32,9 +55,9 @@ class Fleet(Body):
     muscles: tuple[str, ...]
     _substeps: int
 
-    def __init__(self, robot: Robot, count: int, threads: int = 0) -> None:
+    def __init__(self, robot: Robot, bounds: LengthBounds, count: int, threads: int = 0) -> None:
         vars(self).update(vars(robot))  # what they have in common
-        self._robot = robot
+        self._robot, self._bounds = robot, bounds
         # Where friction follows tension, a call is one time step only. Then one `MjData` a thread,
         # which stays in its core's cache, is faster than one a robot; else it is slower.
         alone = not robot.motors.friction_grows
@@ -49,7 +72,7 @@ class Fleet(Body):
         self._random = [np.random.default_rng(0)] * count
         self._coming = [list(robot.events)] * count
         self._next = np.full(count, np.inf)  # when each one's next event is due
-        self._state = np.empty(mujoco.mj_stateSize(robot.model, _STATE))
+        self._state = np.empty(mujoco.mj_stateSize(robot.model, STATE))
 
     @property
     def time(self) -> Array:
@@ -59,7 +82,7 @@ class Fleet(Body):
     def take(self, i: int) -> None:
         """Let the ``i``-th robot be where ``robot`` is: to be called after each of its resets."""
         robot, batch = self._robot, self._batch
-        mujoco.mj_getState(robot.model, robot.data, self._state, _STATE)
+        mujoco.mj_getState(robot.model, robot.data, self._state, STATE)
         for name, values in vars(self._fields).items():
             values[i] = getattr(robot.model, name)
         self.motors.elongate_one(i, robot.motors.elongation)
@@ -69,16 +92,27 @@ class Fleet(Body):
         self._random[i], self._coming[i] = robot.random, list(robot.events)
         self._next[i] = _first_time(robot.events)
 
-    def step(self, target: Array, moving: Mask) -> Mask:
-        """Hold ``target`` lengths (count, m) [m] for one control period.
+    def step(self, actions: Array, moving: Mask, goals: Array) -> ToldOfMany:
+        """Carry out actions for one control period.
 
         Args:
-            target: of every robot.
+            actions: (count, m), valid ones.
             moving: (count,) which robots go on; the others wait to be reset.
-
-        Returns:
-            (count,): which of these diverged.
+            goals: joint angles to reach (count, n) [rad].
         """
+        diverged = self._move(self._bounds.to_lengths(actions), moving)
+        now = self.measure()
+        off = now.joint_angles - goals
+        return ToldOfMany(
+            diverged,
+            felt(self, now, self._bounds),
+            known(self, now) | {"time": self.time},
+            mean(off * off),
+            mean(now.tensions),
+        )
+
+    def _move(self, target: Array, moving: Mask) -> Mask:
+        """Hold target lengths (count, m) [m]; gives back which (count,) diverged."""
         batch, motors = self._batch, self.motors
         # Where each step is a call of its own, looking through the numbers of all takes its time.
         ids = None if moving.all() else np.flatnonzero(moving)
@@ -100,6 +134,10 @@ class Fleet(Body):
         velocity = batch.bind("qvel")
         finite = np.isfinite(np.vecdot(velocity, velocity))  # as `Robot` looks at its own
         return moving & (~finite | warned.any(axis=1))
+
+    def parts(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of the ``i``-th robot, for reading."""
+        return self._batch.get_model(i), self._batch.get_data(i)
 
     def _let_wires_give(self, i: int) -> None:
         coming, now = self._coming[i], self._batch.bind("time")[i]

@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of what is not finite: positions, velocities, accelerations, commands."""
 
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""All that a robot's motion follows from."""
+
 
 class DivergedError(KengoroError):
     """The simulation left the realm of finite numbers."""
@@ -145,6 +148,20 @@ class Robot(Body):
         if self._sensors.length_offset is not None:
             self._target += self._sensors.length_offset
         self._left_at[:] = np.nan
+
+    def become(self, other: Robot) -> None:
+        """Be where another robot of the same model is, and go on as it would."""
+        model, data = self.model, self.data
+        state = np.empty(mujoco.mj_stateSize(model, STATE))
+        mujoco.mj_getState(other.model, other.data, state, STATE)
+        for name in self.changing_fields:
+            getattr(model, name)[:] = getattr(other.model, name)
+        self.motors.elongate(other.motors.elongation)
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_setState(model, data, state, STATE)
+        mujoco.mj_forward(model, data)
+        self._target[:], self._left_at[:] = other._target, np.nan
+        self.random, self.events = other.random, list(other.events)
 
     def step(self, target: Array) -> None:
         """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.

@@ -11,13 +11,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from kengoro_env.body import Moment
+from kengoro_env.compiled_fleet import fleet_of
 from kengoro_env.draft import Departure
 from kengoro_env.env import METADATA, KengoroEnv
 from kengoro_env.errors import KengoroError
-from kengoro_env.fleet import Fleet
+from kengoro_env.fleet import ToldOfMany
 from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.observing import felt, known, mean
 from kengoro_env.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
 from kengoro_env.tasks.reach import Reach, judged
@@ -35,9 +34,10 @@ MANY: dict[str, Any] = {
 
 
 class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
-    """``num_envs`` times `KengoroEnv` without a camera, stepped on all cores by `mujoco.batch`.
+    """``num_envs`` times `KengoroEnv` without a camera, stepped on all cores.
 
-    Bit for bit what as many single environments give, whatever the number of threads; an
+    By compiled code, or by `mujoco.batch` where there is no compiler, which is slower for few
+    environments. Bit for bit what as many single ones give, whatever the number of threads; an
     environment that ended is reset by the next step (`AutoresetMode.NEXT_STEP`). Observations,
     actions and infos are those of `KengoroEnv` with an axis of environments before theirs.
 
@@ -90,7 +90,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.muscles, self.joints = self._env.muscles, self._env.joints
-        self.fleet = Fleet(self._env.robot, num_envs, threads)
+        self.fleet = fleet_of(self._env.robot, self._env.bounds, num_envs, threads)
         self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
@@ -157,15 +157,13 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         if not self._tasks:
             raise KengoroError("there is no episode to step (none has begun): call reset")
         fleet, begins = self.fleet, self._ended.copy()
-        diverged = fleet.step(self._env.bounds.to_lengths(checked), ~begins)
+        told = fleet.step(checked, ~begins, self._observed["target"])
+        diverged = told.diverged
         moved = ~begins & ~diverged
-        targets = self._observed["target"]
-        now = fleet.measure()
-        errors = now.joint_angles - targets
-        squares, tensions = mean(errors * errors).tolist(), mean(now.tensions).tolist()
-        rewards, successes = zip(*map(judged, squares, tensions), strict=True)
-        reward, success = np.where(moved, rewards, 0.0), np.array(successes)
-        self._observe(now, moved, success)
+        outcomes = map(judged, told.errors.tolist(), told.tensions.tolist())
+        rewards, successes = zip(*outcomes, strict=True)
+        reward = np.where(moved, rewards, 0.0)
+        self._observe(told, moved, np.array(successes))
         self._steps += 1
         truncated = moved & (self._steps >= self._most)
         for i in np.flatnonzero(begins):
@@ -193,22 +191,19 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
                 raise InvalidActionError(f"environment {i}: {error}") from None
         return array
 
-    def _observe(self, now: Moment, moved: Mask, success: Mask) -> None:
+    def _observe(self, told: ToldOfMany, moved: Mask, success: Mask) -> None:
         """Write what those that moved sense, and the truth about them."""
-        fleet, bounds = self.fleet, self._env.bounds
-        time = fleet.time
-        for i in np.flatnonzero(moved & (time >= self._until)):
+        for i in np.flatnonzero(moved & (told.truth["time"] >= self._until)):
             task = self._tasks[i]
             task.go_on()
             self._observed["target"][i], self._until[i] = task.goal, task.until
-        told = felt(fleet, now, bounds)
-        truth = known(fleet, now) | {"success": success, "time": time}
+        truth = told.truth | {"success": success}
         if moved.all():  # as nearly always: what is new replaces what was known
-            self._observed |= told
+            self._observed |= told.observation
             self._known |= truth
             return
-        _write(self._observed, moved, {name: values[moved] for name, values in told.items()})
-        _write(self._known, moved, {name: values[moved] for name, values in truth.items()})
+        for arrays, news in ((self._observed, told.observation), (self._known, truth)):
+            _write(arrays, moved, {name: values[moved] for name, values in news.items()})
 
     def _told(self, which: Mask) -> tuple[Observations, Infos]:
         """Copies of what is observed by now and of the truth, which is known of ``which``."""

@@ -12,8 +12,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from kengoro_env import compiled_control, compiling
+from kengoro_env import compiled_control, compiled_steps, compiling
 from kengoro_env.compiled_control import CompiledControl
+from kengoro_env.compiled_fleet import CompiledFleet
 from kengoro_env.compiling import NotCompiledError, library, load
 from kengoro_env.control import Control
 from kengoro_env.departures import (
@@ -27,6 +28,7 @@ from kengoro_env.departures.wires import DryFriction
 from kengoro_env.env import KengoroEnv
 from kengoro_env.motors import Gains
 from kengoro_env.spaces import InvalidActionError
+from kengoro_env.vector import KengoroVectorEnv
 from tests.kengoro_env.making import EveryOtherStretches, make
 
 ELBOW, POSTURE, GRASP = "Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0"
@@ -232,11 +234,25 @@ def test_an_error_of_mujoco_is_raised_as_its_bindings_do() -> None:
     assert env.step(np.zeros(3, dtype=np.float32))[4]["time"] == pytest.approx(0.02)
 
 
+def test_an_error_of_mujoco_in_one_of_many_is_raised() -> None:
+    many = KengoroVectorEnv(5, "elbow", robot_seed=1, threads=3)
+    if not isinstance(many.fleet, CompiledFleet):
+        pytest.skip("there is no compiled code here")
+    rest = np.zeros((5, 3), dtype=np.float32)
+    many.reset(seed=0)
+    many.fleet.parts(3)[0].opt.integrator = 99
+    with pytest.raises(mujoco.FatalError, match="integrator"):
+        many.step(rest)
+    many.fleet.parts(3)[0].opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    many.reset(seed=0)
+    assert many.step(rest)[4]["time"] == pytest.approx([0.02] * 5)
+
+
 def test_structures_are_as_large_as_in_c() -> None:
     found = library()
     if found is None:
         pytest.skip("there is no compiled code here")
-    assert found.size_of_step() == ctypes.sizeof(compiled_control._Step)
+    assert found.size_of_step() == ctypes.sizeof(compiled_steps.Step)
 
 
 def _no_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
@@ -279,6 +295,7 @@ def test_without_compiled_code_numpy_does_it_and_the_log_says_why(
 ) -> None:
     folder = tmp_path / "cache"
     folder.mkdir()
+    monkeypatch.delenv(compiling.SWITCH, raising=False)
     obstacle(monkeypatch, folder)
     with pytest.raises(NotCompiledError, match=reason):
         load(folder)

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
+from kengoro_env import compiled_fleet
+from kengoro_env.compiled_fleet import CompiledFleet
 from kengoro_env.departures.wires import DryFriction, Elongation
 from kengoro_env.errors import KengoroError
+from kengoro_env.fleet import Fleet
 from kengoro_env.vector import KengoroVectorEnv
 from tests.kengoro_env.making import EveryOtherStretches
 
@@ -22,6 +25,16 @@ GIVES = {
         DryFriction(5.0, 0.1),
     )
 }
+
+
+@pytest.fixture(params=[CompiledFleet, Fleet], autouse=True)
+def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """By compiled code and by `mujoco.batch`; single environments are compiled where they can."""
+    if request.param is Fleet:
+        monkeypatch.setattr(compiled_fleet, "library", lambda: None)
+    elif compiled_fleet.library() is None:
+        pytest.skip("there is no compiled code here")
+    return request.param
 
 
 def same(one: Any, other: Any) -> bool:
@@ -43,7 +56,9 @@ def same(one: Any, other: Any) -> bool:
         (POSTURE, {"robot_seed": 1}),
     ],
 )
-def test_they_are_single_ones_bit_for_bit(task: str, more: dict[str, Any], threads: int) -> None:
+def test_they_are_single_ones_bit_for_bit(
+    task: str, more: dict[str, Any], threads: int, kind: type
+) -> None:
     """Through truncations and resets, each in its own time."""
     count, steps = 4, 5
     many: Any = gym.make_vec(task, count, max_episode_steps=steps, threads=threads, **more)
@@ -53,6 +68,7 @@ def test_they_are_single_ones_bit_for_bit(task: str, more: dict[str, Any], threa
     )
     rng = np.random.default_rng(0)
     assert isinstance(many, KengoroVectorEnv)
+    assert type(many.fleet) is kind
 
     for seeds in (7, [4, 5, 5, 6]):
         found, expected = many.reset(seed=seeds), one_by_one.reset(seed=seeds)
@@ -89,7 +105,7 @@ def test_a_target_comes_and_goes_in_its_own_time() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e12])
-def test_one_that_diverges_ends_alone(value: float) -> None:
+def test_one_that_diverges_ends_alone(value: float, kind: type) -> None:
     many, calm = (KengoroVectorEnv(3, "elbow", robot_seed=1) for _ in range(2))
     rest = np.zeros(many.action_space.shape, dtype=np.float32)
     there = {"posture": [0.8], "target": [0.8]}
@@ -98,7 +114,8 @@ def test_one_that_diverges_ends_alone(value: float) -> None:
     before, *_, known = many.step(rest)
     assert known["success"].all()
     calm.step(rest)
-    many.fleet.data.qvel[1] = value
+    velocities = many.fleet.data.qvel[1] if kind is Fleet else many.fleet.parts(1)[1].qvel
+    velocities[:] = value
 
     found, reward, terminated, truncated, infos = many.step(rest)
     expected, expected_reward, *_ = calm.step(rest)
