@@ -122,7 +122,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise KengoroError(f"the task {task!r} has no camera: leave camera out or False")
         if self.task.has_camera and camera is not False:
             self._camera = HeadCamera(Painter(robot.model, quality=COARSE), robot.frame_delay)
-        self.bounds = length_bounds(scene)
+        self.bounds = length_bounds(self.task.scene)
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._entries),), dtype=np.float32)
         self.observation_space = self._make_observation_space()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -10,10 +12,17 @@ from hypothesis import strategies as st
 
 from kengoro_env.assets import asset_path
 from kengoro_env.drawing import ArmDrawing
-from kengoro_env.env import KengoroEnv
+from kengoro_env.env import TASKS, KengoroEnv
 from kengoro_env.errors import KengoroError
 from kengoro_env.postures import posture_set
-from kengoro_env.spaces import MARGIN, InvalidActionError, LengthBounds, length_bounds
+from kengoro_env.spaces import (
+    MARGIN,
+    SCENES,
+    InvalidActionError,
+    LengthBounds,
+    computed_bounds,
+    length_bounds,
+)
 
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
 BOUNDS = LengthBounds(np.array([-0.1, 0.0]), np.array([0.1, 0.4]))
@@ -38,8 +47,23 @@ def test_lengths_out_of_bounds_are_cut() -> None:
     assert np.array_equal(BOUNDS.to_action(np.array([-1.0, 1.0])), [-1.0, 1.0])
 
 
+@pytest.mark.parametrize("scene", SCENES)
+def test_shipped_bounds_are_those_of_the_model(scene: str) -> None:
+    """Else `python -m kengoro_env.spaces` was forgotten after a change of the arm."""
+    shipped, computed = length_bounds(scene), computed_bounds(ArmDrawing(asset_path(scene)))
+    assert np.allclose(shipped.low, computed.low, rtol=0.0, atol=1e-9)
+    assert np.allclose(shipped.high, computed.high, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_each_task_has_shipped_bounds_in_the_order_of_its_muscles(task: str) -> None:
+    env = KengoroEnv(task, camera=False)
+    shipped = json.loads(asset_path("bounds.json").read_text(encoding="utf-8"))
+    assert tuple(shipped[env.task.scene]) == env.muscles
+
+
 def test_bounds_hold_the_drawings_lengths_with_room_to_spare() -> None:
-    drawing, bounds = ArmDrawing(ARM), length_bounds(ARM)
+    drawing, bounds = ArmDrawing(ARM), length_bounds(SCENES[0])
     rng = np.random.default_rng(99)
     postures = rng.uniform(drawing.lower, drawing.upper, (1000, len(drawing.joints)))
     lengths = drawing.lengths(np.vstack([postures, posture_set()]))
@@ -48,7 +72,7 @@ def test_bounds_hold_the_drawings_lengths_with_room_to_spare() -> None:
 
 
 def test_bounds_are_not_wider_than_the_lengths_need() -> None:
-    drawing, bounds = ArmDrawing(ARM), length_bounds(ARM)
+    drawing, bounds = ArmDrawing(ARM), length_bounds(SCENES[0])
     rng = np.random.default_rng(98)
     share = rng.random((2000, len(drawing.joints)))
     share[1000:] = np.round(share[1000:])
