@@ -51,7 +51,9 @@ class CompiledControl(Control):
         self._noise, self._noisy = steps.noise[0], bool(steps.noise.size)
         self._told, self._pose = steps.told[0], steps.poses[0]
         self._goal: Array | None = None
-        self._run = partial(compiled.control_step, ctypes.byref(steps.structures[0]))
+        one = ctypes.byref(steps.structures[0])
+        self._run = partial(compiled.control_step, one)
+        self._act, self._tell = partial(compiled.act, one), partial(compiled.tell, one)
 
     def step(self, action: object, goal: Array | None) -> Told:
         """Carry out ``action`` for a control period; as `Control.step`."""
@@ -66,16 +68,18 @@ class CompiledControl(Control):
             self._goal = goal
             self._steps.aim(0, goal)
         if robot.events:
+            checked_action(self._action, self._entries)
             robot.let_wires_give()
-        if self._noisy:
-            robot.random.standard_normal(out=self._noise)
-        state = self._run()
+        state = self._act() if self._noisy else self._run()
         if state == NOT_AN_ACTION:
-            checked_action(action, self._entries)  # which says what is wrong
+            checked_action(self._action, self._entries)  # which says what is wrong
         if state == BROKEN:
             raise mujoco.FatalError(self._steps.reason(0))
         if state == DIVERGED:
             raise DivergedError
+        if self._noisy:
+            robot.random.standard_normal(out=self._noise)
+            self._tell()
         told = self._told.copy()
         lengths, tensions, slack, beyond, angles, numbers = self._steps.parts
         error, tension, time = told[numbers].tolist()

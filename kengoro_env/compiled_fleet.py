@@ -38,7 +38,7 @@ class CompiledFleet:
         robot: drawing or actual robot; the fleet resets through it.
         bounds: of the wires' lengths, for actions and observations.
         count: how many.
-        threads: how many threads step them; 0: one a core.
+        threads: how many threads step them, at most 256; 0: as many as pay, at most one a core.
         compiled: the code, of `library`.
     """
 
@@ -51,8 +51,13 @@ class CompiledFleet:
         compiled: ctypes.CDLL,
     ) -> None:
         self._robot = robot
-        memo = {} if robot.changing_fields else {id(robot.model): deepcopy(robot.model)}
-        self._robots = [deepcopy(robot, dict(memo)) for _ in range(count)]
+        model = deepcopy(robot.model)
+        self._robots = []
+        for _ in range(count):
+            if robot.changing_fields:
+                model = deepcopy(robot.model)
+            memo = {id(robot.model): model, id(robot.data): mujoco.MjData(model)}
+            self._robots.append(deepcopy(robot, memo))  # its state comes with `take`
         self._steps = Steps(self._robots, bounds)
         self._goals = np.zeros((count, len(robot.joints)))
         for i, goal in enumerate(self._goals):
@@ -103,7 +108,7 @@ class CompiledFleet:
         return ToldOfMany(diverged, observation, truth, numbers[:, 0], numbers[:, 1])
 
     def parts(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Model and data of the ``i``-th robot."""
+        """Model and data of the ``i``-th robot, for reading."""
         return self._robots[i].model, self._robots[i].data
 
 

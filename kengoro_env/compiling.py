@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
-import platform
 import shlex
 import shutil
 import subprocess
@@ -18,6 +17,7 @@ import tempfile
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from platform import machine
 
 import mujoco
 from platformdirs import user_cache_path
@@ -31,7 +31,7 @@ _PATIENCE = 60.0
 _LOG = logging.getLogger(__name__)
 
 
-class NotCompiledError(Exception):
+class NotCompiledError(RuntimeError):
     """Why there is no compiled code, in a clause."""
 
 
@@ -39,56 +39,59 @@ class NotCompiledError(Exception):
 def library() -> ctypes.CDLL | None:
     """The compiled code; None where there is none: a message of the log's level INFO says why."""
     try:
+        if os.environ.get(SWITCH) == "0":
+            raise NotCompiledError(f"{SWITCH} is 0")
         return load(user_cache_path("kengoro"))
-    except NotCompiledError as reason:
+    except (OSError, RuntimeError, ValueError) as reason:
         _LOG.info("control steps are computed by NumPy, which is slower: %s", reason)
         return None
 
 
 def load(folder: Path) -> ctypes.CDLL:
-    """The compiled code in ``folder``, compiled now where it is not there yet.
+    """The compiled code in ``folder``, compiled now where it is not there yet, or does not load.
 
     Raises:
-        NotCompiledError: switched off, no compiler, or no place to write to.
+        NotCompiledError, OSError, RuntimeError, ValueError: no compiler, or one that fails, or no
+            place to write to.
     """
-    if os.environ.get(SWITCH) == "0":
-        raise NotCompiledError(f"{SWITCH} is 0")
     mujocos = Path(mujoco.__file__).parent
     engines = sorted(mujocos.glob("libmujoco.*"))
     if len(engines) != 1:
         raise NotCompiledError(f"{mujocos} does not have the one library of MuJoCo")
-    compiler = shlex.split(os.environ.get("CC", "cc"))
-    parts = (_SOURCE.read_text(), mujoco.__version__, *compiler, *_OPTIONS, platform.machine())
+    compiler = shlex.split(os.environ.get("CC") or "cc")
+    parts = (_SOURCE.read_text("utf-8"), mujoco.__version__, *compiler, *_OPTIONS, machine())
     name = sha256("\0".join(parts).encode()).hexdigest()[:16]
     path = folder / f"control_step-{name}.so"
-    if not path.is_file():
-        options = [*_OPTIONS, "-I", str(mujocos / "include")]
-        _compile([*compiler, *options, str(_SOURCE), str(engines[0]), "-lm"], path)
-    try:
-        return ctypes.CDLL(str(path))
-    except OSError as error:
-        raise NotCompiledError(f"{path} cannot be loaded: {error}") from None
+    if path.is_file():
+        try:
+            return ctypes.CDLL(str(path))
+        except OSError:
+            pass  # of another machine that shares the folder, or broken
+    options = [*_OPTIONS, "-I", str(mujocos / "include")]
+    _compile([*compiler, *options, str(_SOURCE), str(engines[0]), "-lm"], path)
+    return ctypes.CDLL(str(path))
 
 
 def _compile(command: list[str], path: Path) -> None:
     """Run the compiler, and put what it made to ``path``: whole, or not at all."""
     if shutil.which(command[0]) is None:
         raise NotCompiledError(f"there is no C compiler {command[0]!r}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent) as beside:
-            made = Path(beside) / path.name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as beside:
+        made = Path(beside) / path.name
+        try:
             subprocess.run(
                 [*command, "-o", str(made)],
                 check=True,
                 capture_output=True,
-                text=True,
+                encoding="utf-8",
+                errors="replace",
                 timeout=_PATIENCE,
                 stdin=subprocess.DEVNULL,
             )
-            made.replace(path)
-    except subprocess.CalledProcessError as error:
-        first = (error.stderr.strip() or "no message").splitlines()[0]
-        raise NotCompiledError(f"{command[0]} failed: {first}") from None
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise NotCompiledError(f"it cannot be compiled: {error}") from None
+        except subprocess.CalledProcessError as error:
+            first = (error.stderr.strip() or "no message").splitlines()[0]
+            raise NotCompiledError(f"{command[0]} failed: {first}") from None
+        except subprocess.TimeoutExpired:
+            raise NotCompiledError(f"{command[0]} took longer than {_PATIENCE} s") from None
+        made.replace(path)

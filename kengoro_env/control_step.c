@@ -11,6 +11,7 @@
 #include <setjmp.h>
 #include <stdatomic.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <mujoco/mujoco.h>
@@ -92,7 +93,9 @@ static void note(const mjLogMessage* message) {
     _mjPRIVATE_getGlobalLogHandler()(message);
     return;
   }
-  memcpy(reason, message->subject, sizeof ((Step*)0)->reason - 1);
+  snprintf(
+      reason, sizeof ((Step*)0)->reason, "%s%s%s", message->func ? message->func : "",
+      message->func ? ": " : "", message->subject);
   longjmp(before, 1);
 }
 
@@ -163,7 +166,7 @@ static int advance(const Step* s) {
 /* Write lengths and tensions that are sensed, within bounds (m,) each; how much more is paid out
    than the path takes, and than the target says (m,) each; joint angles (n,); the mean square
    error of these, the mean tension and the time. */
-static void tell(const Step* s) {
+void tell(const Step* s) {
   const mjData* data = s->data;
   int64_t m = s->muscles, n = s->joints;
   const double *k1 = s->polynomial, *k2 = k1 + m, *k3 = k2 + m;
@@ -219,8 +222,8 @@ static void tell(const Step* s) {
   }
 }
 
-/* Carry out the action for a control period, then tell what came of it. */
-int control_step(Step* s) {
+/* Carry out the action for a control period. */
+int act(Step* s) {
   if (!is_action(s)) return NOT_AN_ACTION;
   reason = s->reason;
   mjfLogHandler outer = _mjPRIVATE_setTlsLogHandler(note);
@@ -228,9 +231,15 @@ int control_step(Step* s) {
   if (!setjmp(before)) {
     command(s);
     state = advance(s);
-    if (state == DONE) tell(s);
   }
   _mjPRIVATE_setTlsLogHandler(outer);
+  return state;
+}
+
+/* Act, then tell what came of it. */
+int control_step(Step* s) {
+  int state = act(s);
+  if (state == DONE) tell(s);
   return state;
 }
 

@@ -216,6 +216,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold the commanded lengths for `CONTROL_PERIOD`."""
         if self._ended is not None:
+            checked_action(action, self._entries)
             raise KengoroError(f"there is no episode to step ({self._ended}): call reset")
         task = self.task
         try:

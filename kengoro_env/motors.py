@@ -65,6 +65,7 @@ def reader(array: Array, index: Index) -> Callable[[], Array]:
 
 class Motors:
     """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles.
+
     Of many robots at once (`of_many`) they have the robots as a leading axis.
     """
 
@@ -173,7 +174,7 @@ class Motors:
                     f"set_stiffness: {name} must be finite, not negative and of shape () or "
                     f"{shape}, got {value!r}"
                 )
-            values.append(np.broadcast_to(array, shape))
+            values.append(np.broadcast_to(array, shape).copy())
         if np.any(values[1] > self._limit):
             raise KengoroError(f"set_stiffness: bias must be at most T_max = {self._limit} N")
         self.stiffness[:], self.bias[:] = values

@@ -50,10 +50,10 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             has them.
         gains: muscle stiffness control.
         max_episode_steps: after so many steps an episode is truncated; None: never.
-        threads: how many threads step; 0: one a core.
+        threads: how many threads step; 0: as many as pay, at most one a core.
 
     Attributes:
-        fleet: the simulated robots.
+        fleet: the simulated robots; `parts` gives model and data of one of them, for reading.
         muscles, joints: names, in the order of (num_envs, m) and (num_envs, n) arrays.
 
     Raises:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
-import logging
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
-from kengoro_env import compiled_control, compiled_steps, compiling
+from kengoro_env import compiled_control
 from kengoro_env.compiled_control import CompiledControl
 from kengoro_env.compiled_fleet import CompiledFleet
-from kengoro_env.compiling import NotCompiledError, library, load
 from kengoro_env.control import Control
 from kengoro_env.departures import (
     Elongation,
@@ -33,6 +28,8 @@ from tests.kengoro_env.making import EveryOtherStretches, make
 
 ELBOW, POSTURE, GRASP = "Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0"
 GIVES = Elongation("biceps", 0.004, time=0.03)
+DUE = Elongation("biceps", 0.004, time=0.01)
+REST = np.zeros(3, dtype=np.float32)
 
 
 def compiled(env_id: str, **arguments: Any) -> KengoroEnv:
@@ -69,7 +66,7 @@ def assert_same(one: Any, other: Any) -> None:
             assert_same(mine, theirs)
     elif isinstance(one, np.ndarray):
         assert (one.dtype, one.shape) == (other.dtype, other.shape)
-        assert np.array_equal(one, other)
+        assert one.tobytes() == other.tobytes()
     else:
         assert one == other
 
@@ -155,14 +152,13 @@ def test_somebody_may_move_the_robot_between_two_steps() -> None:
 
 @pytest.mark.parametrize("value", [np.nan, 1e200, 1e12])
 def test_both_diverge_at_the_same_time(value: float) -> None:
-    """Not finite; finite, but not its square; finite, but too large for MuJoCo."""
     envs = pair(ELBOW, robot_seed=2)
     for env in envs:
         env.reset(seed=0)
     go(envs, 2, 0)
     for env in envs:
         env.robot.data.qvel[0] = value
-    told = [env.step(np.zeros(3, dtype=np.float32)) for env in envs]
+    told = [env.step(REST) for env in envs]
     assert_same(*told)
     assert told[0][2]
     assert_same(*(env.reset() for env in envs))
@@ -206,32 +202,61 @@ def test_actions_of_many_kinds(action: Any) -> None:
         None,
     ],
 )
+@pytest.mark.parametrize("more", [{}, {"departures": (*actual(0), DUE)}], ids=["drawing", "actual"])
 @pytest.mark.filterwarnings("ignore:invalid value encountered")
-def test_what_is_no_action_is_refused_in_the_same_words_and_moves_nothing(action: Any) -> None:
-    envs = pair(ELBOW)
+def test_what_is_no_action_is_refused_in_the_same_words_and_moves_nothing(
+    action: Any, more: dict[str, Any]
+) -> None:
+    """Nor draws noise, nor lets a wire give that is due."""
+    envs = pair(ELBOW, **more)
     said = []
     for env in envs:
+        with pytest.raises(InvalidActionError):  # also before an episode
+            env.step(action)
         env.reset(seed=0)
-        env.step(np.zeros(3, dtype=np.float32))
-        target = env.robot.target
+        env.step(REST)
+        target, elongation = env.robot.target, env.robot.motors.elongation
+        noise = env.robot.random.bit_generator.state
         with pytest.raises(InvalidActionError) as refused:
             env.step(action)
         said.append(str(refused.value))
         assert env.robot.time == pytest.approx(0.02)
         assert np.array_equal(env.robot.target, target)
+        assert np.array_equal(env.robot.motors.elongation, elongation)
+        assert env.robot.random.bit_generator.state == noise
     assert said[0] == said[1]
     go(envs, 3, 0)
 
 
-def test_an_error_of_mujoco_is_raised_as_its_bindings_do() -> None:
-    env = compiled(ELBOW)
-    env.reset(seed=0)
-    env.robot.model.opt.integrator = 99
-    with pytest.raises(mujoco.FatalError, match="integrator"):
-        env.step(np.zeros(3, dtype=np.float32))
-    env.robot.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    env.reset(seed=0)
-    assert env.step(np.zeros(3, dtype=np.float32))[4]["time"] == pytest.approx(0.02)
+@pytest.mark.parametrize("more", [{}, {"robot_seed": 1}], ids=["drawing", "actual"])
+def test_an_error_of_mujoco_is_raised_as_its_bindings_do(more: dict[str, Any]) -> None:
+    envs = pair(ELBOW, **more)
+    for _ in range(2):
+        said = []
+        for env in envs:
+            env.reset(seed=0)
+            env.robot.model.opt.integrator = 99
+            with pytest.raises(mujoco.FatalError) as broken:
+                env.step(REST)
+            said.append(str(broken.value))
+            env.robot.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        assert said == ["mj_step: invalid integrator"] * 2
+        go(envs, 3, 0)
+    envs[0].robot.model.opt.integrator = 99
+    with pytest.raises(mujoco.FatalError, match="invalid integrator"):  # as before by the bindings
+        mujoco.mj_step(envs[0].robot.model, envs[0].robot.data)
+
+
+def test_errors_of_mujoco_in_many_threads_at_once() -> None:
+    many = KengoroVectorEnv(40, "elbow", robot_seed=1, threads=4)
+    if not isinstance(many.fleet, CompiledFleet):
+        pytest.skip("there is no compiled code here")
+    for _ in range(20):
+        many.reset(seed=0)
+        for i in range(40):
+            many.fleet.parts(i)[0].opt.integrator = 99
+        with pytest.raises(mujoco.FatalError, match="mj_step: invalid integrator"):
+            many.step(np.tile(REST, (40, 1)))
 
 
 def test_an_error_of_mujoco_in_one_of_many_is_raised() -> None:
@@ -246,97 +271,3 @@ def test_an_error_of_mujoco_in_one_of_many_is_raised() -> None:
     many.fleet.parts(3)[0].opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     many.reset(seed=0)
     assert many.step(rest)[4]["time"] == pytest.approx([0.02] * 5)
-
-
-def test_structures_are_as_large_as_in_c() -> None:
-    found = library()
-    if found is None:
-        pytest.skip("there is no compiled code here")
-    assert found.size_of_step() == ctypes.sizeof(compiled_steps.Step)
-
-
-def _no_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
-    patch.setenv("CC", "a-compiler-that-is-not-there")
-
-
-def _failing_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
-    patch.setenv("CC", "false")
-
-
-def _switched_off(patch: pytest.MonkeyPatch, folder: Path) -> None:
-    patch.setenv(compiling.SWITCH, "0")
-
-
-def _no_folder(patch: pytest.MonkeyPatch, folder: Path) -> None:
-    folder.rmdir()
-    folder.write_text("a file")
-
-
-def _other_mujoco(patch: pytest.MonkeyPatch, folder: Path) -> None:
-    patch.setattr(mujoco, "__file__", str(folder / "__init__.py"))
-
-
-@pytest.mark.parametrize(
-    ("obstacle", "reason"),
-    [
-        (_no_compiler, "there is no C compiler 'a-compiler-that-is-not-there'"),
-        (_failing_compiler, "false failed: no message"),
-        (_switched_off, "KENGORO_COMPILED is 0"),
-        (_no_folder, "it cannot be compiled: .*exists"),
-        (_other_mujoco, "does not have the one library of MuJoCo"),
-    ],
-)
-def test_without_compiled_code_numpy_does_it_and_the_log_says_why(
-    obstacle: Callable[[pytest.MonkeyPatch, Path], None],
-    reason: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    folder = tmp_path / "cache"
-    folder.mkdir()
-    monkeypatch.delenv(compiling.SWITCH, raising=False)
-    obstacle(monkeypatch, folder)
-    with pytest.raises(NotCompiledError, match=reason):
-        load(folder)
-    assert not folder.is_dir() or not list(folder.iterdir())
-
-    monkeypatch.setattr(compiling, "user_cache_path", lambda name: folder)
-    library.cache_clear()
-    try:
-        with caplog.at_level(logging.INFO, logger="kengoro_env"):
-            env = make(ELBOW)
-    finally:
-        library.cache_clear()
-    assert type(env._control) is Control
-    assert "control steps are computed by NumPy" in caplog.text
-    env.reset(seed=0)
-    assert env.step(np.zeros(3, dtype=np.float32))[4]["time"] == pytest.approx(0.02)
-
-
-def test_code_is_compiled_once_and_for_each_kind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if library() is None:
-        pytest.skip("there is no compiled code here")
-    folder = tmp_path / "new" / "cache"
-    load(folder)
-    (made,) = folder.iterdir()
-    when = made.stat().st_mtime_ns
-    load(folder)
-    assert [path.stat().st_mtime_ns for path in folder.iterdir()] == [when]
-    monkeypatch.setattr(compiling, "_OPTIONS", (*compiling._OPTIONS, "-DOTHER"))
-    load(folder)
-    assert len(list(folder.iterdir())) == 2
-
-
-def test_a_broken_file_in_the_cache_is_named(tmp_path: Path) -> None:
-    if library() is None:
-        pytest.skip("there is no compiled code here")
-    load(tmp_path / "whole")
-    (made,) = (tmp_path / "whole").iterdir()
-    broken = tmp_path / "broken" / made.name
-    broken.parent.mkdir()
-    broken.write_bytes(b"not a library")
-    with pytest.raises(NotCompiledError, match=rf"{made.name} cannot be loaded"):
-        load(broken.parent)
