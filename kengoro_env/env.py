@@ -187,7 +187,10 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if self._camera is not None:
             self._camera.reset(self.robot.data)
         observation, info, *_ = self._control.tell(self.task.goal)
-        self._last = self._whole(observation, info, success=False)
+        self._show(observation)
+        info["success"] = False
+        self.task.tell(self.robot, info)
+        self._last = observation, info
         if self.render_mode == "human":
             self.render()
         return self._last
@@ -225,21 +228,20 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             self._ended = reason = str(diverged)
             observation, info = deepcopy(self._last)
             return observation, 0.0, True, False, {**info, "success": False, "reason": reason}
-        reward, success, ended = task.judge(self.robot, info["time"], error, tension)
+        reward, ended = task.judge(self.robot, info, error, tension)
         if self._camera is not None:
             self._camera.update(self.robot.data)
         self._ended = ended
-        self._last = self._whole(observation, info, success)
+        self._show(observation)
+        self._last = observation, info
         if ended is not None:
             info["reason"] = ended
         if self.render_mode == "human":
             self.render()
         return observation, reward, ended is not None, False, info
 
-    def _whole(
-        self, observation: Observation, info: dict[str, Any], success: bool
-    ) -> tuple[Observation, dict[str, Any]]:
-        """What the robot feels, with what camera and task show; the truth, with the task's."""
+    def _show(self, observation: Observation) -> None:
+        """Add to what the robot feels what camera and task show."""
         if self._camera is not None:
             time, frame = self._camera.newest()
             observation["frame"] = frame
@@ -247,9 +249,6 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         goal = self.task.goal
         if goal is not None:
             observation["target"] = goal.copy()
-        info["success"] = success
-        self.task.add_truth(self.robot, info)
-        return observation, info
 
     def render(self) -> Image | None:
         """The outside view (480, 640, 3) uint8, or None where a window shows it.

@@ -109,7 +109,7 @@ class CanGrasp:
     def _distance(self, robot: Robot) -> float:
         return dist(robot.site_place("grip").tolist(), robot.body_place("can").tolist())
 
-    def judge(self, robot: Robot, time: float, error: float, tension: float) -> Outcome:
+    def judge(self, robot: Robot, info: dict[str, Any], error: float, tension: float) -> Outcome:
         """Reward and success now, and whether the can has left the table."""
         monitor = self._monitor
         monitor.update(robot.data)
@@ -117,12 +117,14 @@ class CanGrasp:
         lift = min(max(monitor.rise / LIFT_HEIGHT, 0.0), 1.0) if monitor.grasped else 0.0
         reward = (reach + float(monitor.grasped) + lift) / 3.0
         if monitor.rise > -FALLEN:
-            self._on_table = time
-        fallen = time - self._on_table > FALLEN_TIME
+            self._on_table = info["time"]
+        fallen = info["time"] - self._on_table > FALLEN_TIME
         ended = "the can fell off the table" if fallen else None
-        return reward, monitor.lifted, ended
+        info["success"] = monitor.lifted
+        self.tell(robot, info)
+        return reward, ended
 
-    def add_truth(self, robot: Robot, info: dict[str, Any]) -> None:
+    def tell(self, robot: Robot, info: dict[str, Any]) -> None:
         """Pose of the can (4, 4), whether the hand holds it, and how far it has risen [m]."""
         info["can_pose"] = robot.body_pose("can")
         info["grasped"] = self._monitor.grasped

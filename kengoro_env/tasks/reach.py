@@ -82,12 +82,12 @@ class Reach:
         self.until = inf if "target" in options else TARGET_PERIOD - INSTANT
         robot.reset(options.get("posture", start), noise)
 
-    def judge(self, robot: Robot, time: float, error: float, tension: float) -> Outcome:
+    def judge(self, robot: Robot, info: dict[str, Any], error: float, tension: float) -> Outcome:
         """Reward and success for the present target; then a new one if it is time."""
-        reward, success = judged(error, tension)
-        if time >= self.until:
+        reward, info["success"] = judged(error, tension)
+        if info["time"] >= self.until:
             self.go_on()
-        return reward, success, None
+        return reward, None
 
     def go_on(self) -> None:
         """Choose a new target."""
@@ -95,5 +95,5 @@ class Reach:
         self._targets += 1
         self.until = self._targets * TARGET_PERIOD - INSTANT
 
-    def add_truth(self, robot: Robot, info: dict[str, Any]) -> None:
+    def tell(self, robot: Robot, info: dict[str, Any]) -> None:
         """Nothing beside what every task has."""

@@ -13,9 +13,9 @@ from kengoro_env.robot import Robot
 Array = NDArray[np.float64]
 
 
-Outcome = tuple[float, bool, str | None]
-"""What a control step came to: a bounded reward for a learner, whether the goal is reached now, and
-why the episode is over, None while it goes on."""
+Outcome = tuple[float, str | None]
+"""What a control step came to: a bounded reward for a learner, and why the episode is over, None
+while it goes on."""
 
 
 class Task(Protocol):
@@ -47,15 +47,16 @@ class Task(Protocol):
     ) -> None:
         """Reset the robot, whose sensors draw from ``noise``, and choose the goal from ``rng``."""
 
-    def judge(self, robot: Robot, time: float, error: float, tension: float) -> Outcome:
+    def tell(self, robot: Robot, info: dict[str, Any]) -> None:
+        """Write into ``info`` what only this task knows; called after each start."""
+
+    def judge(self, robot: Robot, info: dict[str, Any], error: float, tension: float) -> Outcome:
         """Judge the present state; called once after each control step.
 
         Args:
             robot: where it is now.
-            time: of it [s].
+            info: the truth about it; gets ``success``, whether the goal is reached now, and what
+                `tell` writes.
             error: mean square error of its joint angles [rad^2]; 0 without a goal.
             tension: mean of its wires [N].
         """
-
-    def add_truth(self, robot: Robot, info: dict[str, Any]) -> None:
-        """Add to ``info`` what not every task has."""
