@@ -13,6 +13,7 @@ import os
 import shlex
 import shutil
 import subprocess
+import sys
 import tempfile
 from functools import cache
 from hashlib import sha256
@@ -41,6 +42,8 @@ def library() -> ctypes.CDLL | None:
     try:
         if os.environ.get(SWITCH) == "0":
             raise NotCompiledError(f"{SWITCH} is 0")
+        if sys.platform != "linux":
+            raise NotCompiledError("it has been tried on Linux only")
         return load(user_cache_path("kengoro"))
     except (OSError, RuntimeError, ValueError) as reason:
         _LOG.info("control steps are computed by NumPy, which is slower: %s", reason)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import os
+import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +18,13 @@ from kengoro_env import compiled_steps, compiling
 from kengoro_env.compiling import library, load
 from kengoro_env.control import Control
 from tests.kengoro_env.making import make
+
+
+def test_on_linux_a_compiler_is_enough() -> None:
+    """So that the other tests of compiled code are not left out for another reason."""
+    compiler = os.environ.get("CC", "cc")
+    if sys.platform == "linux" and shutil.which(compiler) and compiling.SWITCH not in os.environ:
+        assert library() is not None
 
 
 def test_structures_are_as_large_as_in_c() -> None:
@@ -100,6 +110,14 @@ def test_somebody_without_a_home_folder_has_numpy(
 ) -> None:
     monkeypatch.setattr(compiling, "user_cache_path", _homeless)
     assert "could not determine the home directory" in log_of_a_library()
+
+
+def test_other_systems_have_numpy(
+    monkeypatch: pytest.MonkeyPatch, log_of_a_library: Callable[[], str]
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "platform", "darwin")
+        assert "tried on Linux only" in log_of_a_library()
 
 
 def _homeless(name: str) -> Path:
