@@ -125,6 +125,8 @@ def _parse(path: Path) -> object:
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         reason = " ".join(str(error).split()) or "nested too deeply"
         raise StudyError(f"{path} is not valid YAML: {reason}") from error
+    except (LookupError, AttributeError) as error:  # as PyYAML says that of !!bool and !!timestamp
+        raise StudyError(f"{path} is not valid YAML: a value does not fit its tag") from error
 
 
 def _refuse_repeated_keys(path: Path, root: yaml.Node | None) -> None:

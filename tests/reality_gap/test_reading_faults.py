@@ -274,6 +274,10 @@ def test_a_link_that_leads_outside(study_folder: Any, tmp_path_factory: Any) -> 
         ("name: a\nname: b\n", "line 2: 'name' is given twice"),
         ("!!python/object/apply:os.system ['true']", "not valid YAML"),
         ("[" * 1000, "not valid YAML"),
+        ("name: !!bool maybe", "not valid YAML: a value does not fit its tag"),
+        ("name: !!int ''", "not valid YAML: a value does not fit its tag"),
+        ("name: !!timestamp yesterday", "not valid YAML: a value does not fit its tag"),
+        ("name: !!float two", "not valid YAML: could not convert"),
     ],
 )
 def test_yaml_that_is_none(study_folder: Any, text: str, word: str) -> None:
