@@ -28,6 +28,9 @@ MAX_CELLS = 100_000_000
 LARGEST = 1e30
 """Largest size of a number: no measurement is beyond it, and its square is a number, too."""
 
+_DAMAGED = (pa.ArrowException, OSError, UnicodeDecodeError)
+"""What pyarrow raises for a file that is not as its metadata say."""
+
 _MAX_HEADER = 1 << 20
 
 
@@ -108,8 +111,8 @@ def _check_file(path: Path, name: str) -> None:
 def _open_parquet(path: Path, name: str) -> pyarrow.parquet.ParquetFile:
     try:
         return pyarrow.parquet.ParquetFile(path)
-    except (pa.ArrowException, OSError) as error:
-        raise StudyError(f"{name} is not a Parquet file, or is truncated") from error
+    except _DAMAGED as error:
+        raise StudyError(f"{name} is not a Parquet file, or is truncated or damaged") from error
 
 
 def _read_parquet(path: Path, name: str, columns: tuple[str, ...]) -> pa.Table:
@@ -119,7 +122,7 @@ def _read_parquet(path: Path, name: str, columns: tuple[str, ...]) -> pa.Table:
             raise StudyError(f"{name} has {cells} cells; a log may have {MAX_CELLS}")
         try:
             return file.read(columns=list(columns), use_threads=False).select(list(columns))
-        except (pa.ArrowException, OSError) as error:
+        except _DAMAGED as error:
             raise StudyError(f"{name} is a damaged Parquet file") from error
 
 

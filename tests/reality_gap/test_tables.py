@@ -97,6 +97,14 @@ def test_a_fault_of_a_parquet_file(tmp_path: Path, cells: list, words: str) -> N
         read_table(path, "log.parquet", ("a",))
 
 
+def test_names_that_are_not_text_in_a_parquet_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    pyarrow.parquet.write_table(pa.table({"length": [1.0, 2.0]}), path, store_schema=False)
+    path.write_bytes(path.read_bytes().replace(b"length", b"le\xe7gth"))
+    with pytest.raises(StudyError, match=r"^log.parquet is not a Parquet file, or is truncated"):
+        read_header(path, "log.parquet")
+
+
 def test_a_truncated_parquet_file(tmp_path: Path) -> None:
     path = tmp_path / "log.parquet"
     pyarrow.parquet.write_table(pa.table({"a": [1.0, 2.0]}), path)
