@@ -25,9 +25,10 @@ from rich.table import Table
 from kengoro_env.compiling import library
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
 
+Array = NDArray[np.float64]
+
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
 ROBOTS = (None, 0)
-Array = NDArray[np.float64]
 ROUNDS, STEPS = 25, 40
 
 

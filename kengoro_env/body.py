@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.motors import Index, Motors, reader
+from kengoro_env.indexing import Index, reader
+from kengoro_env.motors import Motors
 from kengoro_env.sensors import Sensors
 
 Array = NDArray[np.float64]

@@ -51,11 +51,10 @@ class CompiledFleet:
         compiled: ctypes.CDLL,
     ) -> None:
         self._robot = robot
-        model = deepcopy(robot.model)
+        shared = None if robot.changing_fields else deepcopy(robot.model)
         self._robots = []
         for _ in range(count):
-            if robot.changing_fields:
-                model = deepcopy(robot.model)
+            model = deepcopy(robot.model) if shared is None else shared
             memo = {id(robot.model): model, id(robot.data): mujoco.MjData(model)}
             self._robots.append(deepcopy(robot, memo))  # its state comes with `take`
         self._steps = Steps(self._robots, bounds)

@@ -60,7 +60,7 @@ class Fleet(Body):
         self._robot, self._bounds = robot, bounds
         # Where friction follows tension, a call is one time step only. Then one `MjData` a thread,
         # which stays in its core's cache, is faster than one a robot; else it is slower.
-        alone = not robot.motors.friction_grows
+        alone = not robot.motors.frictions
         self._batch = self.data = Batch(robot.model, count, threads, persistent=alone)
         for name in ("actuator_force", "ten_length", "ten_velocity", "site_xpos", "site_xmat"):
             self._batch.bind(name)  # what is bound later is zero until the next step
@@ -122,7 +122,7 @@ class Fleet(Body):
         motors.command(self._commanded(self._target))
         # Paths, poses and cameras follow the joints, which mj_step leaves a time step behind.
         stage = int(mujoco.mjtStage.mjSTAGE_POS)
-        if motors.friction_grows:
+        if motors.frictions:
             for _ in range(self._substeps - 1):
                 motors.update_friction()
                 batch.step(ids)

@@ -6,10 +6,8 @@ affine actuator of MuJoCo, cut at T_bias and T_max; it runs at the physics rate 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 from kengoro_env.draft import Draft
 from kengoro_env.errors import KengoroError
 from kengoro_env.friction import GrowingFriction
+from kengoro_env.indexing import index_of, reader
 from kengoro_env.wires import MOTOR_DAMPING, SPOOL_TRAVEL, spool_joint
 
 Array = NDArray[np.float64]
@@ -42,31 +41,15 @@ class Gains:
 
 DEFAULT_GAINS = Gains()
 
-Index = slice | NDArray[np.int64]
-
-
-def index_of(numbers: NDArray[np.int64]) -> Index:
-    """An index of entries of an array: a slice, which is faster, where one follows the other."""
-    if len(numbers) and np.all(np.diff(numbers) == 1):
-        return slice(int(numbers[0]), int(numbers[-1]) + 1)
-    return numbers
-
-
-def reader(array: Array, index: Index) -> Callable[[], Array]:
-    """What reads the entries at ``index`` of the last axis of an array that lives on: a copy.
-
-    It lies side by side in memory, so that sums over it have the same bits for one and for many.
-    """
-    if isinstance(index, slice):
-        return array[..., index].copy
-    take: Callable[..., Array] = array.take
-    return partial(take, index, -1)
-
 
 class Motors:
     """The wires' motors of a compiled robot; every array is (m,), in the order of the muscles.
 
     Of many robots at once (`of_many`) they have the robots as a leading axis.
+
+    Attributes:
+        stiffness, bias: K_stiff (m,) [N/m] and T_bias (m,) [N].
+        frictions: those that follow tension, of tendons or joints.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, draft: Draft, gains: Gains):
@@ -97,9 +80,8 @@ class Motors:
         # A tendon pulls by a negative force on its length, a spool by a positive one on its travel.
         self._sign = np.where(self._spooled, 1.0, -1.0)
         ratio = np.array([wire.friction_ratio for wire in wires])
-        self.friction_grows = bool(np.any(ratio > 0.0))
         straight = ~self._spooled
-        self._frictions = tuple(
+        self.frictions = tuple(
             GrowingFriction(model, field, places, actuators[these], (self._sign * ratio)[these])
             for field, places, these in (
                 ("tendon_frictionloss", tendons[straight], straight),
@@ -139,7 +121,7 @@ class Motors:
             commands=reader(data.ctrl, self._actuator),
             spools=reader(data.qpos, self._spool_position),
             ctrl=data.ctrl,
-            frictions=[friction.follow(self._model, data) for friction in self._frictions],
+            frictions=[friction.follow(self._model, data) for friction in self.frictions],
         )
 
     def __getstate__(self) -> dict[str, Any]:
@@ -311,11 +293,6 @@ class Motors:
             "damping": self._damping,
             "polynomial": self._polynomial,
         }
-
-    @property
-    def frictions(self) -> tuple[GrowingFriction, ...]:
-        """Those that follow tension, of tendons or joints."""
-        return self._frictions
 
     def update_friction(self) -> None:
         """Let the dry friction follow the tension."""

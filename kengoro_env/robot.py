@@ -20,7 +20,8 @@ from kengoro_env.body import Body
 from kengoro_env.draft import Departure, Draft, UnknownNameError
 from kengoro_env.errors import KengoroError
 from kengoro_env.fingers import FINGERS, add_fingers
-from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors, index_of
+from kengoro_env.indexing import index_of
+from kengoro_env.motors import DEFAULT_GAINS, Gains, Motors
 from kengoro_env.sensors import Sensors
 from kengoro_env.wires import wind, wired_joints
 from strange_files.errors import StrangeFileError
@@ -112,7 +113,7 @@ class Robot(Body):
     def changing_fields(self) -> tuple[str, ...]:
         """Names of the model's arrays that change while the robot moves."""
         found: list[str] = []
-        if self.motors.friction_grows:
+        if self.motors.frictions:
             found += ["tendon_frictionloss", "dof_frictionloss"]
         if self._planned:
             found += ["tendon_lengthspring"]
@@ -198,7 +199,7 @@ class Robot(Body):
             mujoco.mj_fwdVelocity(model, data)
             mujoco.mj_step2(model, data)
             left -= 1
-        if motors.friction_grows:
+        if motors.frictions:
             for _ in range(left):
                 motors.update_friction()
                 mujoco.mj_step(model, data)

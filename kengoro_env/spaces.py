@@ -8,8 +8,8 @@ where low and high are the least and the largest length that the drawing's wire 
 of joint ranges, and `MARGIN` more: a real robot's lengths were zeroed elsewhere. Actions are
 float32, as learning libraries send them: one step of it is at most 0.04 micrometres of wire.
 
-Bounds take 30 ms to compute, a twelfth of a start, so they are an asset; after a change of the
-arm's model ``python -m kengoro_env.spaces`` writes them anew.
+Bounds are an asset, so that no start waits for them; after a change of the arm's model
+``python -m kengoro_env.spaces`` writes them anew.
 """
 
 from __future__ import annotations
