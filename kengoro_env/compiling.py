@@ -1,8 +1,9 @@
-"""The C code of a control step, compiled where there is a compiler.
+"""The C code of control steps and pictures, compiled where there is a compiler.
 
-`control_step.c` is compiled by the system's C compiler when it is needed first, and kept in the
-user's cache folder under a name that says from what: source, MuJoCo, compiler's options, machine.
-Where that fails there is a reason (`library`), and NumPy does the same, with the same bits, slower.
+The system's C compiler compiles it when it is needed first, and it is kept in the user's cache
+folder under a name that says from what: source, MuJoCo, compiler's options, machine. Where that
+fails there is a reason (`library`): NumPy computes the same bits and MuJoCo draws the same pixels,
+slower.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from platformdirs import user_cache_path
 SWITCH = "KENGORO_COMPILED"
 """The environment variable that is 0 where nothing shall be compiled."""
 
-_SOURCE = Path(__file__).with_name("control_step.c")
+_SOURCES = [Path(__file__).with_name(name) for name in ("control_step.c", "picture.c")]
 _OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared", "-pthread")
 _PATIENCE = 60.0
 _LOG = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ def library() -> ctypes.CDLL | None:
             raise NotCompiledError("it has been tried on Linux only")
         return load(user_cache_path("kengoro"))
     except (OSError, RuntimeError, ValueError) as reason:
-        _LOG.info("control steps are computed by NumPy, which is slower: %s", reason)
+        _LOG.info("steps by NumPy and pictures of all there is, which is slower: %s", reason)
         return None
 
 
@@ -62,16 +63,17 @@ def load(folder: Path) -> ctypes.CDLL:
     if len(engines) != 1:
         raise NotCompiledError(f"{mujocos} does not have the one library of MuJoCo")
     compiler = shlex.split(os.environ.get("CC") or "cc")
-    parts = (_SOURCE.read_text("utf-8"), mujoco.__version__, *compiler, *_OPTIONS, machine())
+    texts = [path.read_text("utf-8") for path in _SOURCES]
+    parts = (*texts, mujoco.__version__, *compiler, *_OPTIONS, machine())
     name = sha256("\0".join(parts).encode()).hexdigest()[:16]
-    path = folder / f"control_step-{name}.so"
+    path = folder / f"compiled-{name}.so"
     if path.is_file():
         try:
             return ctypes.CDLL(str(path))
         except OSError:
             pass  # of another machine that shares the folder, or broken
     options = [*_OPTIONS, "-I", str(mujocos / "include")]
-    _compile([*compiler, *options, str(_SOURCE), str(engines[0]), "-lm"], path)
+    _compile([*compiler, *options, *map(str, _SOURCES), str(engines[0]), "-lm"], path)
     return ctypes.CDLL(str(path))
 
 

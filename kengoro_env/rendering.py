@@ -7,19 +7,18 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import mujoco
-import numpy as np
 from gymnasium import logger
 from mujoco.rendering.classic import gl_context
-from numpy.typing import NDArray
 
 from kengoro_env import gl_backend
+from kengoro_env.compiling import library
 from kengoro_env.errors import KengoroError
+from kengoro_env.quick_renderer import Image, QuickRenderer
 from kengoro_env.wires import spool_joint
-
-Image = NDArray[np.uint8]
 
 WIDTH, HEIGHT = 640, 480
 """Size of every picture [pixels]."""
@@ -29,11 +28,12 @@ class RenderingError(KengoroError):
     """No GL library draws here; the message says what to install."""
 
 
-QUALITY = {"numslices": 16, "numstacks": 8, "offsamples": 0, "shadowsize": 0}
-"""Round things are drawn with fewer faces than MuJoCo's 28 x 16, and without anti-aliasing: most
-of a picture's time went there, and the poses of markers are no better for it."""
+QUALITY = {"numslices": 16, "numstacks": 8, "numquads": 1, "offsamples": 0, "shadowsize": 0}
+"""Round things are drawn with fewer faces than MuJoCo's 28 x 16, sides of boxes with one where it
+has 4 x 4, and without anti-aliasing: most of a picture's time went there, and the poses of markers
+are no better for it."""
 
-COARSE = {**QUALITY, "numstacks": 4}
+COARSE = {**QUALITY, "numslices": 12, "numstacks": 4}
 """For who sees no skull and no rib cage: along an arm, fewer faces look the same."""
 
 MOST_GEOMS = 1000
@@ -45,10 +45,18 @@ def open_renderer(
     width: int = WIDTH,
     height: int = HEIGHT,
     quality: Mapping[str, int] = QUALITY,
+    quick: bool = False,
 ) -> mujoco.Renderer:
     """A renderer of a model, with the first of MuJoCo's GL backends that draws here.
 
     MuJoCo's own renderers use that backend from then on.
+
+    Args:
+        model: what is drawn.
+        width, height: of each picture [pixels].
+        quality: `QUALITY` or `COARSE`.
+        quick: for scenes without shadows and reflections, a `QuickRenderer` where code can be
+            compiled.
 
     Raises:
         RenderingError: there is none.
@@ -61,7 +69,7 @@ def open_renderer(
             if backend in ("glfw", "egl", "osmesa"):
                 gl_context.GLContext = importlib.import_module(f"mujoco.{backend}").GLContext
             with _cheap(model, width, height, quality):
-                return _renderer(model, width, height)
+                return _renderer(model, width, height, quick)
         # What a broken driver raises is up to MuJoCo, PyOpenGL and the driver.
         except Exception as error:
             reason = f"{backend or 'default'}: {type(error).__name__}"
@@ -78,12 +86,14 @@ def open_renderer(
     )
 
 
-def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+def _renderer(model: mujoco.MjModel, width: int, height: int, quick: bool) -> mujoco.Renderer:
     """A renderer that has drawn a first, empty picture."""
+    compiled = library() if quick else None
+    kind = mujoco.Renderer if compiled is None else partial(QuickRenderer, compiled)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         font = mujoco.mjtFontScale.mjFONTSCALE_50
-        renderer = mujoco.Renderer(model, height, width, MOST_GEOMS, font)
+        renderer = kind(model, height, width, MOST_GEOMS, font)
     renderer.render()
     return renderer
 
@@ -118,37 +128,6 @@ THIN = 1e-4
 def from_above(plane: mujoco.MjvGeom, camera: mujoco.MjvGLCamera) -> bool:
     """Whether a camera looks at the side of a plane that hides what is behind."""
     return bool((camera.pos - plane.pos) @ plane.mat[:, 2] > 0.0)
-
-
-def fills_picture(plane: mujoco.MjvGeom, camera: mujoco.MjvGLCamera, aspect: float) -> bool:
-    """Whether a plane that is seen from above lies behind every pixel of a picture, opaque.
-
-    Args:
-        plane: of a scene, of finite size.
-        camera: of that scene.
-        aspect: width of the picture per height.
-    """
-    forward, up = camera.forward.astype(float), camera.up.astype(float)
-    right = np.cross(forward, up)
-    top, bottom = camera.frustum_top, camera.frustum_bottom
-    half = camera.frustum_width or aspect * (top - bottom) / 2.0
-    center = camera.frustum_center
-    corners = np.array(
-        [
-            camera.frustum_near * forward + y * up + x * right
-            for y in (top, bottom)
-            for x in (center - half, center + half)
-        ]
-    )
-    plane_axes = plane.mat.astype(float)  # columns: x, y, normal
-    origin = (camera.pos - plane.pos) @ plane_axes
-    rays = corners @ plane_axes
-    if plane.rgba[3] < 1.0 or camera.orthographic or not (rays[:, 2] < 0.0).all():
-        return False
-    times = -origin[2] / rays[:, 2]
-    hits = origin[:2] + times[:, None] * rays[:, :2]
-    near_enough = times * camera.frustum_near < camera.frustum_far
-    return bool(near_enough.all() and (np.abs(hits) < plane.size[:2]).all())
 
 
 class Painter:
@@ -193,38 +172,36 @@ class Painter:
             RenderingError: there is no way to draw here.
         """
         if self._renderer is None:
-            self._renderer = open_renderer(self._model, self._width, self._height, self._quality)
+            self._renderer = open_renderer(
+                *(self._model, self._width, self._height, self._quality), quick=True
+            )
         scene = self._renderer.scene
         self._renderer.update_scene(data, camera)
         # Shadows and reflections cost most of the time, and markers are read better without.
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not self._simplify(scene)
+        self._simplify(scene)
         if decorate is not None:
             decorate(scene)
         return self._renderer.render()
 
-    def _simplify(self, scene: mujoco.MjvScene) -> bool:
+    def _simplify(self, scene: mujoco.MjvScene) -> None:
         """Draw planes and wires with fewer faces, and what is wound up of a wire not at all.
 
         A plane is drawn as a thin box, which takes Mesa less: from above it looks the same under
         lights that shine from afar. A wire, a few pixels wide, is drawn as a box along it. Wound
         up is the first part of a wire with a spool, from there to its guide.
-
-        Returns:
-            Whether a plane fills the picture, so that there is no sky to be seen.
         """
-        wound_up, filled, camera = set(self._spooled), False, scene.camera[0]
+        wound_up, camera = set(self._spooled), scene.camera[0]
         for geom in scene.geoms[: scene.ngeom]:
             if geom.objtype == TENDON:
-                geom.type = BOX
                 if geom.objid in wound_up:
                     wound_up.remove(geom.objid)
                     geom.type = NONE
+                elif geom.type != NONE:
+                    geom.type = BOX
             elif geom.type == PLANE and min(geom.size[:2]) > 0.0 and from_above(geom, camera):
-                filled = filled or fills_picture(geom, camera, self._width / self._height)
                 geom.type, geom.size[2] = BOX, THIN
-        return filled
 
     def close(self) -> None:
         """Free the GL context; the next picture opens another."""

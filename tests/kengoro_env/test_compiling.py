@@ -92,7 +92,7 @@ def test_without_compiled_code_numpy_does_it_and_the_log_says_why(
     with monkeypatch.context() as patch:
         obstacle(patch, folder)
         told = log_of_a_library()
-    assert "control steps are computed by NumPy" in told
+    assert "steps by NumPy and pictures of all there is" in told
     assert reason in told
     assert not folder.is_dir() or not list(folder.iterdir())
 

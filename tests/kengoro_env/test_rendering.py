@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,8 +15,9 @@ from kengoro_env import gl_backend, rendering
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import WireStretch
 from kengoro_env.postures import posture_set
-from kengoro_env.rendering import Image, Painter, RenderingError
+from kengoro_env.rendering import Painter, RenderingError
 from kengoro_env.robot import Robot
+from tests.kengoro_env.painting import painted
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = asset_path("mjcf/kengoro_arm/posture.xml")
@@ -163,78 +163,19 @@ def test_floor_and_wires_look_as_mujoco_draws_them(scene: str, camera: str) -> N
     assert np.mean(boxes > 60) < 0.5 * np.mean(without_wires > 60)
 
 
-def test_the_sky_is_left_out_only_where_the_floor_hides_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot, said = Robot(SCENE), list[bool]()
-    fills_picture = rendering.fills_picture
-
-    def recorded(*args: Any) -> bool:
-        said.append(fills_picture(*args))
-        return said[-1]
-
-    painter = Painter(robot.model)
-    for posture in posture_set()[:12]:
-        robot.reset(posture, np.random.default_rng(0))
-        monkeypatch.setattr(rendering, "fills_picture", recorded)
-        picture = painter.draw(robot.data, "eye")
-        monkeypatch.setattr(rendering, "fills_picture", lambda *_: False)
-        assert np.array_equal(picture, painter.draw(robot.data, "eye"))
-    painter.close()
-    assert 2 < sum(said) < 10
-
-
 SKY = """
 <mujoco>
-  <statistic extent="1"/>
   <asset><texture type="skybox" builtin="flat" rgb1="0 0 1" width="8" height="8"/></asset>
-  <worldbody>
-    <geom type="plane" {}/>
-    <camera name="eye" {}/>
-  </worldbody>
+  <worldbody><geom type="plane" size="3 3 1"/><camera name="eye" {}/></worldbody>
 </mujoco>
 """
 
 
-DOWN = 'pos="0 0 1" fovy="90"'
-LENS = 'pos="0 0 1" resolution="640 480" sensorsize="0.008 0.002" focal="0.002 0.001"'
-
-
-def painted(plane: str, camera: str) -> tuple[Image, bool]:
-    """A picture of a plane under a blue sky, and whether the sky was drawn."""
-    model = mujoco.MjModel.from_xml_string(SKY.format(plane, camera))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    painter = Painter(model)
-    picture = painter.draw(data, "eye")
-    assert painter._renderer is not None
-    sky = bool(painter._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX])
-    painter.close()
-    return picture, sky
-
-
-@pytest.mark.parametrize(
-    ("plane", "camera", "filled"),
-    [
-        ('size="3 3 1"', DOWN, True),
-        ('size="1.2 1.2 1"', DOWN, False),  # the picture is 2 m high and 2.7 m wide there
-        ('size="3 3 1" rgba="1 1 1 0.5"', DOWN, False),
-        ('size="3 3 1" pos="0 0 2"', DOWN, False),  # behind the camera
-        ('size="3 3 1" pos="2 0 0"', DOWN, False),
-        ('size="3 3 1"', DOWN + ' euler="70 0 0"', False),
-        ('size="3 3 1"', DOWN + ' projection="orthographic"', False),
-        ('size="3 3 1"', LENS, True),
-        ('size="1.5 1.5 1"', LENS, False),  # it sees 4 m of the plane
-        ('size="90 90 1" pos="0 0 -39"', DOWN, True),
-        ('size="90 90 1" pos="0 0 -59"', DOWN, False),  # what is farther than 50 m is not drawn
-        ('size="0 0 1"', DOWN, False),  # without an end, MuJoCo draws it with haze
-    ],
-)
-def test_what_fills_a_picture(plane: str, camera: str, filled: bool) -> None:
-    assert painted(plane, camera)[1] == (not filled)
-
-
 def test_a_plane_hides_from_above_what_is_behind_it() -> None:
-    above, _ = painted('size="3 3 1"', DOWN)
-    below, _ = painted('size="3 3 1"', 'pos="0 0 -1" fovy="90" euler="180 0 0"')
+    above, below = (
+        painted(mujoco.MjModel.from_xml_string(SKY.format(f'pos="{place}" fovy="90"')), "eye")
+        for place in ("0 0 1", '0 0 -1" euler="180 0 0')
+    )
     red, _, blue = above[240, 320].astype(int)
     assert red == blue
     red, _, blue = below[240, 320].astype(int)
