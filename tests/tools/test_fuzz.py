@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tools.fuzz.cases import CRASH, FINE, OUTSIDE, RAN, REFUSED, attempt
+from tools.fuzz import cases
+from tools.fuzz.cases import CRASH, FINE, HANG, OUTSIDE, RAN, REFUSED, attempt
 from tools.fuzz.mutating import mutate
 from tools.fuzz.seeds import MODEL, STUDY
 from tools.fuzz.targets import TARGETS
@@ -76,6 +77,28 @@ def test_what_becomes_of_a_case(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(TARGETS, "toy", use)
+    assert attempt("toy", folder, watch).what == what
+
+
+@pytest.mark.parametrize(
+    ("longer", "what"), [((0.0, 0.15, 0.15), FINE), ((0.0, 0.25), HANG), ((0.25, 0.0), HANG)]
+)
+def test_each_command_has_its_own_time(
+    folder: Path,
+    watch: Watch,
+    longer: tuple[float, ...],
+    what: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def compute(folder: Path) -> Iterator[tuple[int, str]]:
+        for seconds in longer:
+            now[0] += seconds
+            yield 0, ""
+
+    now = [5.0]
+    monkeypatch.setattr(cases, "SECONDS", 0.2)
+    monkeypatch.setattr(cases, "computed", lambda: now[0])
+    monkeypatch.setitem(TARGETS, "toy", compute)
     assert attempt("toy", folder, watch).what == what
 
 

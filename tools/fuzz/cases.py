@@ -6,6 +6,7 @@ import multiprocessing
 import resource
 import signal
 import traceback
+from collections.abc import Iterable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -19,9 +20,9 @@ OUTCOMES = (FINE, REFUSED, CRASH, HANG, OUTSIDE, RAN)
 BAD = (CRASH, HANG, OUTSIDE, RAN)
 
 SECONDS = 10.0
-"""How long a case may compute [s]."""
+"""How long a command may compute [s]."""
 PATIENCE = 60.0
-"""How long it may take at all, on a machine that does other things, too [s]."""
+"""How long a case may take at all, on a machine that does other things, too [s]."""
 MEMORY = 6 << 30
 """Largest address space of a worker [bytes]."""
 LONGEST = 3000
@@ -52,11 +53,9 @@ class Worker:
         try:
             self._pipe.send(str(folder))
             if self._pipe.poll(PATIENCE):
-                what, detail, seconds = self._pipe.recv()
-                if seconds < SECONDS:
-                    return Outcome(what, detail)
+                return Outcome(*self._pipe.recv())
             self.stop()
-            return Outcome(HANG, f"longer than {SECONDS:g} s")
+            return Outcome(HANG, f"longer than {PATIENCE:g} s")
         except (EOFError, ConnectionError):
             self._process.join()
             code = self._process.exitcode
@@ -88,9 +87,8 @@ def _work(kind: str, pipe: Connection) -> None:
     warm_up(kind)
     pipe.send("ready")
     while True:
-        folder, begin = Path(pipe.recv()), computed()
-        outcome = attempt(kind, folder, watch)
-        pipe.send((outcome.what, outcome.detail, computed() - begin))
+        outcome = attempt(kind, Path(pipe.recv()), watch)
+        pipe.send((outcome.what, outcome.detail))
 
 
 def computed() -> float:
@@ -120,8 +118,7 @@ def attempt(kind: str, folder: Path, watch: Watch) -> Outcome:
 
     watch.begin(folder)
     try:
-        said = TARGETS[kind](folder)
-        outcome = _judge(said)
+        outcome = _judge(TARGETS[kind](folder))
     except BaseException as error:
         outcome = Outcome(CRASH, _where(error))
     finally:
@@ -133,13 +130,19 @@ def attempt(kind: str, folder: Path, watch: Watch) -> Outcome:
     return outcome
 
 
-def _judge(said: list[tuple[int, str]]) -> Outcome:
-    for code, text in said:
+def _judge(commands: Iterable[tuple[int, str]]) -> Outcome:
+    """What became of commands, each of which is run for what it says."""
+    what, begin = FINE, computed()
+    for code, text in commands:
+        end = computed()
+        if end - begin >= SECONDS:
+            return Outcome(HANG, f"longer than {SECONDS:g} s")
         if code not in (0, 2) or (code == 2 and not text):
             return Outcome(CRASH, f"exit code {code} and {text[:80]!r}")
         if code == 2 and ("\n" in text or len(text) > LONGEST):
             return Outcome(CRASH, f"more than one sentence: {text.splitlines()[0][:60]}")
-    return Outcome(REFUSED if any(code for code, _ in said) else FINE)
+        what, begin = REFUSED if code else what, end
+    return Outcome(what)
 
 
 def _where(error: BaseException) -> str:

@@ -1,16 +1,17 @@
-"""What users call with files, by kind: each gives an exit code and what it said, or raises."""
+"""What users call with files, by kind: one command after the other, exit code and what it said."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 KEY = "the same"
+Said = Iterator[tuple[int, str]]
 RESULT = {"rms": [1.0, 2.0]}
 BAGS = ("one.bag", "sqlite", "mcap/mcap.mcap")
 FENCED = "bag behind the fence"
@@ -38,35 +39,40 @@ def kengoro_env(model: Path) -> tuple[int, str]:
     return 0, ""
 
 
-def use_study(folder: Path, log: str) -> list[tuple[int, str]]:
-    """Check a study, and draft another one from its parts."""
-    return [
-        reality_gap("check", folder / "STUDY.yaml"),
-        reality_gap("init", folder / "model.xml", folder / log, "--out", folder / "DRAFT.yaml"),
-    ]
+def check_study(folder: Path) -> Said:
+    """Check a study."""
+    yield reality_gap("check", folder / "STUDY.yaml")
 
 
-def use_model(folder: Path) -> list[tuple[int, str]]:
+def use_study(folder: Path, log: str) -> Said:
+    """The same, and draft another one from its parts."""
+    yield from check_study(folder)
+    yield reality_gap("init", folder / "model.xml", folder / log, "--out", folder / "DRAFT.yaml")
+
+
+def use_model(folder: Path) -> Said:
     """The same, and a robot of the environments."""
-    return [*use_study(folder, "log.csv"), kengoro_env(folder / "model.xml")]
+    yield from use_study(folder, "log.csv")
+    yield kengoro_env(folder / "model.xml")
 
 
-def use_checkpoints(folder: Path) -> list[tuple[int, str]]:
+def use_checkpoints(folder: Path) -> Said:
     """Load a map, go on with an experiment, and with a diagnosis."""
     from jmm_agent.errors import AgentError
     from jmm_agent.mapping import JointMuscleMap
     from reality_gap.shelf import Shelf
 
-    said = [(0, "")]
     try:
         jmm = JointMuscleMap.load(folder / "map.npz")
         jmm.lengths(np.zeros(len(jmm.joints)))
+        yield 0, ""
     except AgentError as error:
-        said.append((2, str(error)))
+        yield 2, str(error)
     with contextlib.redirect_stdout(io.StringIO()):
         _go_on(folder)
+    yield 0, ""
     Shelf(folder / "shelf", KEY).get(0, lambda: [np.arange(3, dtype=np.float32)])
-    return said
+    yield 0, ""
 
 
 def _go_on(folder: Path) -> None:
@@ -81,32 +87,28 @@ def result() -> dict[str, Any]:
     return RESULT
 
 
-def use_bags(folder: Path) -> list[tuple[int, str]]:
+def use_bags(folder: Path) -> Said:
     """Unpack each bag as what runs behind the fence does it, so that it can be watched."""
     from reality_gap.bags import unpack
     from reality_gap.errors import StudyError
 
-    said = []
     for name in BAGS:
         try:
             unpack(folder / name, folder / f"{Path(name).stem}_out")
-            said.append((0, ""))
+            yield 0, ""
         except StudyError as error:
-            said.append((2, str(error)))
-    return said
+            yield 2, str(error)
 
 
-def unpack_bags(folder: Path) -> list[tuple[int, str]]:
+def unpack_bags(folder: Path) -> Said:
     """Unpack each bag as users do."""
-    return [
-        reality_gap("unpack", folder / name, "--out", folder / f"{Path(name).stem}_new")
-        for name in BAGS
-    ]
+    for name in BAGS:
+        yield reality_gap("unpack", folder / name, "--out", folder / f"{Path(name).stem}_new")
 
 
-TARGETS: dict[str, Callable[[Path], list[tuple[int, str]]]] = {
+TARGETS: dict[str, Callable[[Path], Said]] = {
     "mjcf": use_model,
-    "yaml": lambda folder: [reality_gap("check", folder / "STUDY.yaml")],
+    "yaml": check_study,
     "csv": lambda folder: use_study(folder, "log.csv"),
     "parquet": lambda folder: use_study(folder, "log.parquet"),
     "checkpoint": use_checkpoints,
