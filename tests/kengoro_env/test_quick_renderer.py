@@ -247,7 +247,9 @@ def test_a_driver_for_which_the_background_differs_draws_it(
     painter.close()
 
 
-FLEX = '<flexcomp name="cloth" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2"/>'
+FLEX = (
+    '<flexcomp name="cloth" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2" rigid="true"/>'
+)
 
 
 def test_no_background_is_filled_in_where_geoms_do_not_tell_all(
