@@ -35,8 +35,8 @@ class QuickRenderer(mujoco.Renderer):
     """A `mujoco.Renderer` of scenes without shadows and reflections.
 
     Between `update_scene` and `render` geoms may be replaced by others in the same place, and some
-    be added. The first picture whose background was filled in is drawn in full, too; should they
-    differ, none is filled in any more.
+    be added. The first picture with a background that was filled in, and the first without, are
+    drawn by `mujoco.Renderer`, too; should they differ, it draws all others.
 
     Args:
         compiled: the code, of `compiling.library`.
@@ -50,13 +50,13 @@ class QuickRenderer(mujoco.Renderer):
         self._leave_out, self._to_picture = _functions(compiled)
         self._read_pixels = _gl("glReadPixels", *[_INT] * 4, *[_UINT] * 2, ctypes.c_void_p)
         self._leave_out_stencil()
-        self._pixels = np.zeros((height, width, 4), dtype=np.uint8)
+        self._pixels = np.full((height, width, 4), 99, dtype=np.uint8)  # which is no empty picture
         few = min(_FEW, width)
         self._small = mujoco.MjrRect(0, 0, few, max(few * height // width, 1))
         self._sample = np.zeros((self._small.height, self._small.width, 3), dtype=np.uint8)
         # Skins and flexes are no geoms, and a texture's alpha shows what is behind.
         self._fills = not (model.nskin or model.nflex or 4 in model.tex_nchannel)
-        self._proved = False
+        self._differs, self._compared = False, set[bool]()
         self._sky = _colour_of_sky(model)
         self._counted = self._said = 0
 
@@ -70,16 +70,18 @@ class QuickRenderer(mujoco.Renderer):
 
     def render(self, *, out: Image | None = None) -> Image:
         """As of `mujoco.Renderer`: (height, width, 3) uint8."""
-        if out is not None:
+        if out is not None or self._differs:
             return np.asarray(super().render(out=out))
         if self._gl_context:
             self._gl_context.make_current()
         background = self._background()
         picture = self._picture(background)
-        if background is None or self._proved:
+        kind = background is not None
+        if kind in self._compared:
             return picture
+        self._compared.add(kind)
         full = np.asarray(super().render())
-        self._proved = self._fills = np.array_equal(picture, full)
+        self._differs = not np.array_equal(picture, full)
         return full
 
     def _background(self) -> int | None:

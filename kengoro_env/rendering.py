@@ -56,7 +56,7 @@ def open_renderer(
         width, height: of each picture [pixels].
         quality: `QUALITY` or `COARSE`.
         quick: for scenes without shadows and reflections, a `QuickRenderer` where code can be
-            compiled.
+            compiled and a pixel is one sample.
 
     Raises:
         RenderingError: there is none.
@@ -88,6 +88,7 @@ def open_renderer(
 
 def _renderer(model: mujoco.MjModel, width: int, height: int, quick: bool) -> mujoco.Renderer:
     """A renderer that has drawn a first, empty picture."""
+    quick = quick and not model.vis.quality.offsamples  # of which there is one a pixel
     compiled = library() if quick else None
     kind = mujoco.Renderer if compiled is None else partial(QuickRenderer, compiled)
     with warnings.catch_warnings():

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
-from kengoro_env import rendering
+from kengoro_env import quick_renderer, rendering
 from kengoro_env.assets import asset_path
 from kengoro_env.compiling import library
 from kengoro_env.departures import WireStretch
@@ -201,7 +202,7 @@ def test_what_is_drawn(
     painter, data = Painter(model), mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for _ in range(2):
-        painter.draw(data, "eye")  # the first picture may be drawn in full, too
+        painter.draw(data, "eye")  # the first picture is drawn in full, too
     painter.close()
     assert drawn[-1] == (geoms, sky)
     assert_same(model)
@@ -232,18 +233,45 @@ def test_what_somebody_adds_is_not_hidden_by_the_background(
         each.close()
 
 
-def test_a_driver_for_which_the_background_differs_draws_it(
-    monkeypatch: pytest.MonkeyPatch, drawn: list[tuple[int, bool]]
+def _tell_another_colour(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(QuickRenderer, "_colour_of_first", lambda self: 0x0000FF)
+
+
+def _read_nothing(patch: pytest.MonkeyPatch) -> None:
+    gl = quick_renderer._gl
+    patch.setattr(
+        quick_renderer,
+        "_gl",
+        lambda name, *kinds: (lambda *_: None) if name == "glReadPixels" else gl(name, *kinds),
+    )
+
+
+@pytest.mark.parametrize("break_driver", [_tell_another_colour, _read_nothing])
+def test_mujoco_draws_all_where_pictures_differ(
+    break_driver: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{WIDE}<camera name='eye' {DOWN}/></worldbody></mujoco>"
     )
-    monkeypatch.setattr(QuickRenderer, "_colour_of_first", lambda self: 0x0000FF)
-    assert_same(model)
-    painter, data = Painter(model), mujoco.MjData(model)
+    data, full = mujoco.MjData(model), slow_painter(model)
     mujoco.mj_forward(model, data)
-    assert np.array_equal(painter.draw(data, "eye"), painter.draw(data, "eye"))
-    assert drawn[-1] == (1, False)
+    break_driver(monkeypatch)
+    painter = Painter(model)
+    for _ in range(3):
+        assert np.array_equal(painter.draw(data, "eye"), full.draw(data, "eye"))
+    assert type(painter._renderer) is QuickRenderer
+    for each in (painter, full):
+        each.close()
+
+
+def test_pictures_of_many_samples_a_pixel_are_mujocos() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{WIDE}<camera name='eye' {DOWN}/></worldbody></mujoco>"
+    )
+    painter, data = Painter(model, quality={"offsamples": 4}), mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert painter.draw(data, "eye").any()
+    assert type(painter._renderer) is mujoco.Renderer
     painter.close()
 
 
@@ -270,7 +298,7 @@ def test_no_background_is_filled_in_where_geoms_do_not_tell_all(
         for _ in range(2):
             painter.draw(data, "eye")
         painter.close()
-        assert len(drawn) == 3  # at the opening, and each picture once
+        assert len(drawn) == 4  # two by two renderers at the opening, and each picture once
 
 
 def test_painters_draw_in_turns() -> None:
