@@ -53,7 +53,6 @@ class Body(ABC):
     _target: Array
     _sensors: Sensors
     _position: Index
-    _bodies: dict[str, int]
     _zero: Array
     _none: Array
 
@@ -106,25 +105,9 @@ class Body(ABC):
             beyond_length -= offset
         return beyond_path, np.maximum(beyond_length, self._none, out=beyond_length)
 
-    def site_place(self, name: str) -> Array:
-        """Where a site is in the world (3,) [m], true."""
-        place: Array = self._mujoco.sites[name][0].copy()
-        return place
-
-    def body_place(self, name: str) -> Array:
-        """Where a body is in the world (3,) [m], true."""
-        place: Array = self.data.xpos[..., self._bodies[name], :].copy()
-        return place
-
     def site_pose(self, name: str) -> Array:
         """Pose of a site in the world (4, 4), true."""
-        return _pose(*self._mujoco.sites[name])
-
-    def body_pose(self, name: str) -> Array:
-        """Pose of a body in the world (4, 4), true."""
-        index = self._bodies[name]
-        place, turn = self.data.xpos[..., index, :], self.data.xmat[..., index, :]
-        return _pose(place, turn.reshape(*place.shape[:-1], 3, 3))
+        return pose_of(*self._mujoco.sites[name])
 
     def _commanded(self, target: Array) -> Array:
         """What is to be paid out (m,) [m] for target lengths (m,) [m] as the encoders call them.
@@ -154,7 +137,8 @@ class Body(ABC):
         """Standard normal noise (kinds, m) of the sensors, one kind's after the other's."""
 
 
-def _pose(position: Array, rotation: Array) -> Array:
+def pose_of(position: Array, rotation: Array) -> Array:
+    """Pose (..., 4, 4) of what is at a position (..., 3) [m], turned by (..., 3, 3)."""
     pose = np.zeros((*position.shape[:-1], 4, 4))
     pose[..., :3, :3] = rotation
     pose[..., :3, 3] = position

@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 from kengoro_env.compiled_steps import BROKEN, DIVERGED, NOT_AN_ACTION, Steps
 from kengoro_env.compiling import library
 from kengoro_env.control import Control, Told
+from kengoro_env.lift import Sight
 from kengoro_env.robot import DivergedError, Robot
 from kengoro_env.spaces import LengthBounds, checked_action
 
 Array = NDArray[np.float64]
 
 
-def control_of(robot: Robot, bounds: LengthBounds, entries: Sequence[str]) -> Control:
+def control_of(
+    robot: Robot, bounds: LengthBounds, entries: Sequence[str], thing: str | None
+) -> Control:
     """Control steps of a robot, compiled where that is possible; arguments as of `Control`."""
     compiled = library()
     if compiled is None:
-        return Control(robot, bounds, entries)
-    return CompiledControl(robot, bounds, entries, compiled)
+        return Control(robot, bounds, entries, thing)
+    return CompiledControl(robot, bounds, entries, thing, compiled)
 
 
 class CompiledControl(Control):
@@ -34,6 +37,7 @@ class CompiledControl(Control):
         robot: acts.
         bounds: of the wires' lengths, for actions and observations.
         entries: names of the entries of an action.
+        thing: that the hand is to lift, a body's name; None for nothing.
         compiled: the code, of `library`.
     """
 
@@ -42,14 +46,15 @@ class CompiledControl(Control):
         robot: Robot,
         bounds: LengthBounds,
         entries: Sequence[str],
+        thing: str | None,
         compiled: ctypes.CDLL,
     ) -> None:
-        super().__init__(robot, bounds, entries)
-        self._steps = steps = Steps([robot], bounds)
+        super().__init__(robot, bounds, entries, thing)
+        self._steps = steps = Steps([robot], bounds, self._thing)
         self._shape = (len(entries),)
         self._action = steps.actions[0, : len(entries)]
         self._noise, self._noisy = steps.noise[0], bool(steps.noise.size)
-        self._told, self._pose = steps.told[0], steps.poses[0]
+        self._told, self._pose, self._thing_pose = steps.told[0], steps.poses[0], steps.thing_pose
         self._goal: Array | None = None
         one = ctypes.byref(steps.structures[0])
         self._run = partial(compiled.control_step, one)
@@ -81,7 +86,7 @@ class CompiledControl(Control):
             robot.random.standard_normal(out=self._noise)
             self._tell()
         told = self._told.copy()
-        lengths, tensions, slack, beyond, angles, numbers = self._steps.parts
+        lengths, tensions, slack, beyond, angles, numbers, seen = self._steps.parts
         error, tension, time = told[numbers].tolist()
         truth = {
             "joint_angles": told[angles],
@@ -90,4 +95,8 @@ class CompiledControl(Control):
             "slack_target": told[beyond],
             "time": time,
         }
-        return {"lengths": told[lengths], "tensions": told[tensions]}, truth, error, tension
+        sight = None
+        if self._thing is not None:
+            distance, touched = told[seen].tolist()
+            sight = Sight(self._thing_pose.copy(), distance, int(touched))
+        return {"lengths": told[lengths], "tensions": told[tensions]}, truth, error, tension, sight

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.lift import Thing
 from kengoro_env.robot import Robot
 from kengoro_env.spaces import LengthBounds
 
@@ -32,6 +33,8 @@ class Step(ctypes.Structure):
         ("model", ctypes.c_void_p),
         ("data", ctypes.c_void_p),
         *((n, ctypes.c_int64) for n in ("substeps", "muscles", "joints", "fingers", "grip")),
+        *((n, ctypes.c_int64) for n in ("thing", "thing_geom")),
+        *((n, ctypes.c_void_p) for n in ("who", "thing_pose")),
         *((n, ctypes.c_void_p) for n in ("tendon", "actuator", "spool", "drum", "elongation")),
         *((n, ctypes.c_void_p) for n in ("stiffness", "bias", "limit", "damping", "polynomial")),
         ("friction", _Friction * 2),
@@ -50,26 +53,33 @@ class Steps:
     Args:
         robots: of one model, ``count`` of them.
         bounds: of the wires' lengths.
+        thing: that the hand of the only robot is to lift; None for nothing.
 
     Attributes:
         structures: (count,), for the compiled code.
         actions: (count, m + 1), the last entry for the fingers, -1: open.
         noise: (count, k), standard normal, drawn anew for each step.
-        told: (count, 4 m + n + 3), see ``tell`` of control_step.c.
+        told: (count, 4 m + n + 5), see ``tell`` of control_step.c.
         parts: which of these columns are lengths, tensions, slack paid out and beyond the target,
-            joint angles, and the numbers error, tension and time.
+            joint angles, the numbers error, tension and time, and what is seen of the thing, its
+            distance and by whom it is touched.
         poses: (count, 4, 4) of the grip.
+        thing_pose: (4, 4).
     """
 
-    def __init__(self, robots: Sequence[Robot], bounds: LengthBounds) -> None:
+    def __init__(
+        self, robots: Sequence[Robot], bounds: LengthBounds, thing: Thing | None = None
+    ) -> None:
         count, first = len(robots), robots[0]
         m, n = len(first.muscles), len(first.joints)
         self.actions = np.full((count, m + 1), -1.0)
         self.noise = np.zeros((count, m * first.kinds_of_noise))
-        ends = (*range(0, 4 * m + 1, m), 4 * m + n, 4 * m + n + 3)
+        ends = (*range(0, 4 * m + 1, m), 4 * m + n, 4 * m + n + 3, 4 * m + n + 5)
         self.parts = tuple(map(slice, ends, ends[1:]))
         self.told = np.zeros((count, ends[-1]))
         self.poses = np.tile(np.eye(4), (count, 1, 1))
+        self.thing_pose = np.eye(4)
+        watched = {"thing": -1} if thing is None else thing.layout()
         self.structures = (Step * count)()
         self._kept: list[Any] = []  # what pointers point to
         for i, (structure, robot) in enumerate(zip(self.structures, robots, strict=True)):
@@ -78,6 +88,8 @@ class Steps:
                 "noise": self.noise[i],
                 "told": self.told[i],
                 "pose": self.poses[i],
+                "thing_pose": self.thing_pose,
+                **watched,
             }
             self._fill(structure, {**robot.layout(), **bounds.layout(), **own})
             for place, friction in zip(structure.friction, robot.motors.frictions, strict=False):

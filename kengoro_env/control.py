@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.lift import Sight, Thing
 from kengoro_env.observing import Observation, felt, known, mean
 from kengoro_env.robot import Robot
 from kengoro_env.spaces import LengthBounds, checked_action
 
 Array = NDArray[np.float64]
 
-Told = tuple[Observation, dict[str, Any], float, float]
+Told = tuple[Observation, dict[str, Any], float, float, Sight | None]
 """Lengths and tensions that are observed; the truth; the mean square error of the joint angles
-[rad^2], 0 without a goal; the wires' mean tension [N]."""
+[rad^2], 0 without a goal; the wires' mean tension [N]; what is true of the thing to be lifted."""
 
 
 class Control:
@@ -26,10 +27,14 @@ class Control:
         robot: acts.
         bounds: of the wires' lengths, for actions and observations.
         entries: names of the entries of an action.
+        thing: that the hand is to lift, a body's name; None for nothing.
     """
 
-    def __init__(self, robot: Robot, bounds: LengthBounds, entries: Sequence[str]) -> None:
+    def __init__(
+        self, robot: Robot, bounds: LengthBounds, entries: Sequence[str], thing: str | None
+    ) -> None:
         self._robot, self._bounds, self._entries = robot, bounds, entries
+        self._thing = None if thing is None else Thing(robot.model, thing)
 
     def step(self, action: object, goal: Array | None) -> Told:
         """Carry out ``action`` (k,) for a control period.
@@ -58,4 +63,5 @@ class Control:
             error = float(mean(off * off))
         truth = known(robot, now)
         truth["time"] = robot.time
-        return felt(robot, now, self._bounds), truth, error, float(mean(now.tensions))
+        sight = None if self._thing is None else self._thing.look(robot.data)
+        return felt(robot, now, self._bounds), truth, error, float(mean(now.tensions)), sight

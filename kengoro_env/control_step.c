@@ -34,6 +34,12 @@ typedef struct {
   int64_t fingers;  /* their actuator; -1: there are none */
   int64_t grip;     /* the hand's site */
 
+  /* What the hand is to lift (lift.py). */
+  int64_t thing; /* its body; -1: there is nothing */
+  int64_t thing_geom;
+  const int64_t* who;  /* (ngeom + 1,) what a geom belongs to; the last for what is none */
+  double* thing_pose;  /* (4, 4); its last row is not written */
+
   /* Motors (motors.py): where each one's values lie in MuJoCo's arrays, and its constants, (m,). */
   const int64_t* tendon;
   const int64_t* actuator;
@@ -70,7 +76,7 @@ typedef struct {
   const double* goal;   /* (n,) [rad] joint angles to reach, or NULL */
 
   double* target; /* (m,) that the action commanded */
-  double* told;   /* (4 m + n + 3,): see tell */
+  double* told;   /* (4 m + n + 5,): see tell */
   double* pose;   /* (4, 4) of the grip; its last row is not written */
 
   char reason[256]; /* why it broke */
@@ -163,9 +169,35 @@ static int advance(const Step* s) {
   return DONE;
 }
 
+static void write_pose(double* pose, const double* place, const double* turn) {
+  for (int i = 0; i < 3; i++) {
+    memcpy(pose + 4 * i, turn + 3 * i, 3 * sizeof(double));
+    pose[4 * i + 3] = place[i];
+  }
+}
+
+/* Write the thing's distance from the grip, and by whom it is touched; and its pose (Thing). */
+static void look(const Step* s, double* seen) {
+  const mjData* data = s->data;
+  const double* place = data->xpos + 3 * s->thing;
+  const double* grip = data->site_xpos + 3 * s->grip;
+  double x = place[0] - grip[0], y = place[1] - grip[1], z = place[2] - grip[2];
+  int64_t touched = 0;
+  for (int i = 0; i < data->ncon; i++) {
+    const mjContact* contact = data->contact + i;
+    int first = contact->geom[0], second = contact->geom[1];
+    if (contact->exclude || (first != s->thing_geom && second != s->thing_geom)) continue;
+    int other = first == s->thing_geom ? second : first;
+    touched |= s->who[other < 0 ? s->model->ngeom : other];
+  }
+  seen[0] = sqrt(x * x + y * y + z * z);
+  seen[1] = (double)touched;
+  write_pose(s->thing_pose, place, data->xmat + 9 * s->thing);
+}
+
 /* Write lengths and tensions that are sensed, within bounds (m,) each; how much more is paid out
    than the path takes, and than the target says (m,) each; joint angles (n,); the mean square
-   error of these, the mean tension and the time. */
+   error of these, the mean tension and the time; and of the thing what is seen (2,). */
 void tell(const Step* s) {
   const mjData* data = s->data;
   int64_t m = s->muscles, n = s->joints;
@@ -216,10 +248,8 @@ void tell(const Step* s) {
   angles[n] = squares / (double)n;
   angles[n + 1] = total / (double)m;
   angles[n + 2] = data->time;
-  for (int i = 0; i < 3; i++) {
-    memcpy(s->pose + 4 * i, data->site_xmat + 9 * s->grip + 3 * i, 3 * sizeof(double));
-    s->pose[4 * i + 3] = data->site_xpos[3 * s->grip + i];
-  }
+  write_pose(s->pose, data->site_xpos + 3 * s->grip, data->site_xmat + 9 * s->grip);
+  if (s->thing >= 0) look(s, angles + n + 3);
 }
 
 /* Carry out the action for a control period. */

@@ -126,7 +126,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._entries),), dtype=np.float32)
         self.observation_space = self._make_observation_space()
-        self._control = control_of(robot, self.bounds, self._entries)
+        self._control = control_of(robot, self.bounds, self._entries, self.task.thing)
         self._ended: str | None = "none has begun"
 
     def _make_observation_space(self) -> spaces.Dict:
@@ -186,10 +186,10 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._ended = None
         if self._camera is not None:
             self._camera.reset(self.robot.data)
-        observation, info, *_ = self._control.tell(self.task.goal)
+        observation, info, _, _, sight = self._control.tell(self.task.goal)
         self._show(observation)
         info["success"] = False
-        self.task.tell(self.robot, info)
+        self.task.tell(info, sight)
         self._last = observation, info
         if self.render_mode == "human":
             self.render()
@@ -223,12 +223,12 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise KengoroError(f"there is no episode to step ({self._ended}): call reset")
         task = self.task
         try:
-            observation, info, error, tension = self._control.step(action, task.goal)
+            observation, info, error, tension, sight = self._control.step(action, task.goal)
         except DivergedError as diverged:
             self._ended = reason = str(diverged)
             observation, info = deepcopy(self._last)
             return observation, 0.0, True, False, {**info, "success": False, "reason": reason}
-        reward, ended = task.judge(self.robot, info, error, tension)
+        reward, ended = task.judge(info, error, tension, sight)
         if self._camera is not None:
             self._camera.update(self.robot.data)
         self._ended = ended
@@ -282,7 +282,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._control = control_of(self.robot, self.bounds, self._entries)
+        self._control = control_of(self.robot, self.bounds, self._entries, self.task.thing)
 
 
 def _finite(name: str, value: object, size: int) -> Array:

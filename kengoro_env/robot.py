@@ -85,7 +85,6 @@ class Robot(Body):
         self.joints = wired_joints(self.model)
         addresses = [self.model.joint(joint) for joint in self.joints]
         self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
-        self._bodies = {self.model.body(i).name: i for i in range(self.model.nbody)}
         self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
         self._left_at = np.empty(self.model.nq + self.model.nv)
         self._look()

@@ -10,7 +10,7 @@ that a learner gains by holding on; a can that falls off the table does.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import dist, exp, radians
+from math import exp, radians
 from typing import Any
 
 import mujoco
@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from kengoro_env.departures.senses import EYE
 from kengoro_env.errors import KengoroError
-from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor
+from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor, Sight, Thing
 from kengoro_env.postures import posture_set
 from kengoro_env.robot import Robot
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]
+
+CAN = "can"
 
 CAN_AREA = np.array([[0.36, 0.44], [-0.20, -0.10]])
 """Where the can is put, x and y of its axis [m], uniformly."""
@@ -54,6 +56,7 @@ class CanGrasp:
     fingers = True
     options: Mapping[str, int | None] = {"can": 2}
     shows_target = False
+    thing: str | None = CAN
     goal: Array | None = None
 
     def start(
@@ -68,29 +71,30 @@ class CanGrasp:
         place = options.get("can", drawn)
         self._check_place(robot, place)
         postures = posture_set()
+        self._can = Thing(robot.model, CAN)
         while True:
             posture = options.get("posture", postures[rng.integers(len(postures))])
             robot.reset(posture, noise)
-            can = robot.data.joint("can")
+            can = robot.data.joint(CAN)
             can.qpos[:2] = place
             mujoco.mj_forward(robot.model, robot.data)
             if "posture" in options or self._is_clear(robot):
                 break
         self._stood = can.qpos.copy()
         self._on_table = robot.time
-        self._monitor = LiftMonitor(robot.model, robot.data)
+        self._monitor = LiftMonitor(self._can.look(robot.data), robot.time)
 
     def tidy_up(self, robot: Robot) -> None:
         """Put the can back where it stood, unless the hand is there."""
         if np.linalg.norm(robot.site_pose("grip")[:3, 3] - self._stood[:3]) < HAND_SIZE:
             return
-        can = robot.data.joint("can")
+        can = robot.data.joint(CAN)
         can.qpos[:], can.qvel[:] = self._stood, 0.0
         mujoco.mj_forward(robot.model, robot.data)
-        self._monitor.reset(robot.data)
+        self._monitor.reset(self._can.look(robot.data), robot.time)
 
     def _check_place(self, robot: Robot, place: Array) -> None:
-        table, can = robot.model.geom("table_top"), robot.model.geom("can")
+        table, can = robot.model.geom("table_top"), robot.model.geom(CAN)
         centre = robot.model.body("table").pos[:2]
         if np.any(np.abs(place - centre) > table.size[:2] - can.size[0]):
             low, high = centre - table.size[:2], centre + table.size[:2]
@@ -104,16 +108,17 @@ class CanGrasp:
         eye = robot.data.camera(EYE).xpos
         views = [robot.data.site(name).xpos - eye for name in ("marker_hand", "marker_can")]
         hand, can = (view / np.linalg.norm(view) for view in views)
-        return self._distance(robot) > START_DISTANCE and bool(hand @ can < np.cos(CLEAR_VIEW))
+        distance = self._can.look(robot.data).distance
+        return distance > START_DISTANCE and bool(hand @ can < np.cos(CLEAR_VIEW))
 
-    def _distance(self, robot: Robot) -> float:
-        return dist(robot.site_place("grip").tolist(), robot.body_place("can").tolist())
-
-    def judge(self, robot: Robot, info: dict[str, Any], error: float, tension: float) -> Outcome:
+    def judge(
+        self, info: dict[str, Any], error: float, tension: float, sight: Sight | None
+    ) -> Outcome:
         """Reward and success now, and whether the can has left the table."""
+        assert sight is not None
         monitor = self._monitor
-        monitor.update(robot.data)
-        reach = exp(-self._distance(robot) / REACH_SCALE)
+        monitor.update(sight, info["time"])
+        reach = exp(-sight.distance / REACH_SCALE)
         lift = min(max(monitor.rise / LIFT_HEIGHT, 0.0), 1.0) if monitor.grasped else 0.0
         reward = (reach + float(monitor.grasped) + lift) / 3.0
         if monitor.rise > -FALLEN:
@@ -121,11 +126,12 @@ class CanGrasp:
         fallen = info["time"] - self._on_table > FALLEN_TIME
         ended = "the can fell off the table" if fallen else None
         info["success"] = monitor.lifted
-        self.tell(robot, info)
+        self.tell(info, sight)
         return reward, ended
 
-    def tell(self, robot: Robot, info: dict[str, Any]) -> None:
+    def tell(self, info: dict[str, Any], sight: Sight | None) -> None:
         """Pose of the can (4, 4), whether the hand holds it, and how far it has risen [m]."""
-        info["can_pose"] = robot.body_pose("can")
+        assert sight is not None
+        info["can_pose"] = sight.pose
         info["grasped"] = self._monitor.grasped
         info["rise"] = self._monitor.rise

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kengoro_env.body import INSTANT
+from kengoro_env.lift import Sight
 from kengoro_env.robot import Robot
 from kengoro_env.tasks.task import Outcome
 
@@ -57,6 +58,7 @@ class Reach:
     fingers = False
     options: Mapping[str, int | None] = {"target": None}
     shows_target = True
+    thing: str | None = None
 
     def __init__(
         self,
@@ -82,7 +84,9 @@ class Reach:
         self.until = inf if "target" in options else TARGET_PERIOD - INSTANT
         robot.reset(options.get("posture", start), noise)
 
-    def judge(self, robot: Robot, info: dict[str, Any], error: float, tension: float) -> Outcome:
+    def judge(
+        self, info: dict[str, Any], error: float, tension: float, sight: Sight | None
+    ) -> Outcome:
         """Reward and success for the present target; then a new one if it is time."""
         reward, info["success"] = judged(error, tension)
         if info["time"] >= self.until:
@@ -95,5 +99,5 @@ class Reach:
         self._targets += 1
         self.until = self._targets * TARGET_PERIOD - INSTANT
 
-    def tell(self, robot: Robot, info: dict[str, Any]) -> None:
+    def tell(self, info: dict[str, Any], sight: Sight | None) -> None:
         """Nothing beside what every task has."""

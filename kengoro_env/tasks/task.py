@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.lift import Sight
 from kengoro_env.robot import Robot
 
 Array = NDArray[np.float64]
@@ -29,6 +30,7 @@ class Task(Protocol):
             None stands for the number of joints.
         shows_target: whether ``target``, which is the goal, is observed.
         goal: joint angles to reach now (n,) [rad], an array that nobody writes to; None for none.
+        thing: what the hand is to lift, a body's name; None for nothing.
     """
 
     scene: str
@@ -37,6 +39,7 @@ class Task(Protocol):
     options: Mapping[str, int | None]
     shows_target: bool
     goal: Array | None
+    thing: str | None
 
     def start(
         self,
@@ -47,16 +50,18 @@ class Task(Protocol):
     ) -> None:
         """Reset the robot, whose sensors draw from ``noise``, and choose the goal from ``rng``."""
 
-    def tell(self, robot: Robot, info: dict[str, Any]) -> None:
+    def tell(self, info: dict[str, Any], sight: Sight | None) -> None:
         """Write into ``info`` what only this task knows; called after each start."""
 
-    def judge(self, robot: Robot, info: dict[str, Any], error: float, tension: float) -> Outcome:
+    def judge(
+        self, info: dict[str, Any], error: float, tension: float, sight: Sight | None
+    ) -> Outcome:
         """Judge the present state; called once after each control step.
 
         Args:
-            robot: where it is now.
-            info: the truth about it; gets ``success``, whether the goal is reached now, and what
-                `tell` writes.
+            info: the truth about the robot now; gets ``success``, whether the goal is reached now,
+                and what `tell` writes.
             error: mean square error of its joint angles [rad^2]; 0 without a goal.
             tension: mean of its wires [N].
+            sight: what is true of the thing; None where there is none.
         """

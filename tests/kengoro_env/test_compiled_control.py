@@ -21,6 +21,7 @@ from kengoro_env.departures import (
 )
 from kengoro_env.departures.wires import DryFriction
 from kengoro_env.env import KengoroEnv
+from kengoro_env.lift import FINGERS, OTHERS, PALM
 from kengoro_env.motors import Gains
 from kengoro_env.spaces import InvalidActionError
 from kengoro_env.vector import KengoroVectorEnv
@@ -116,6 +117,39 @@ def test_the_bits_are_numpys(env_id: str, more: dict[str, Any]) -> None:
         for env in envs:
             env.robot.elongate(env.muscles[-1], 0.01)
         go(envs, 4, seed + 20)
+
+
+def test_who_touches_the_can_is_told_alike() -> None:
+    """Fingers, palm, both, the table, nobody; who comes near without a force does not touch it."""
+    envs = pair(GRASP)
+    for env in envs:
+        env.reset(seed=0)
+    rest = envs[0].lengths_to_action(envs[0].robot.target)
+    touched = set()
+
+    def lay(place: np.ndarray) -> None:
+        for env in envs:
+            can = env.robot.data.joint("can")
+            can.qpos[:3], can.qvel[:] = place, 0.0
+            mujoco.mj_forward(env.robot.model, env.robot.data)
+        one, other = (env.step(rest) for env in envs)
+        assert_same(one, other)
+        sight = envs[1]._control.tell(None)[-1]
+        assert one[4]["grasped"] == (sight.touched == FINGERS | PALM)
+        touched.add(sight.touched)
+
+    on_table = envs[0].robot.data.joint("can").qpos[:3].copy()
+    lay(on_table)
+    assert touched == {OTHERS}
+    for env in envs:
+        env.robot.model.geom_gap[env.robot.model.geom("can").id] = 0.05
+    lay(on_table + np.array([0.0, 0.0, 0.01]))
+    assert envs[0].robot.data.ncon
+    assert touched == {OTHERS, 0}
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        lay(envs[0].robot.data.site("grip").xpos + rng.uniform(-0.08, 0.08, 3))
+    assert touched == {OTHERS, 0, FINGERS, PALM, FINGERS | PALM}
 
 
 @pytest.mark.parametrize("more", [{}, {"robot_seed": 1}], ids=["drawing", "actual"])

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from kengoro_env.assets import asset_path
 from kengoro_env.drawing import ArmDrawing
 from kengoro_env.fingers import FINGERS, add_fingers
-from kengoro_env.lift import LIFT_TIME, LiftMonitor
+from kengoro_env.lift import LIFT_TIME, LiftMonitor, Thing
 from kengoro_env.motors import Gains
 from kengoro_env.names import FINGER_JOINTS, JOINTS
 from kengoro_env.postures import RANGES_DEG
@@ -82,16 +82,17 @@ def grasp(
     data = mujoco.MjData(rig)
     mujoco.mj_forward(rig, data)
     grip = data.site("grip").xpos.copy()
-    can = data.body("can").xpos.copy()
+    place = data.body("can").xpos.copy()
     turn = np.radians(tilt)
-    goal = can + error + [0.0, 0.0, ABOVE] - Rotation.from_euler("XYZ", turn).apply(grip)
+    goal = place + error + [0.0, 0.0, ABOVE] - Rotation.from_euler("XYZ", turn).apply(grip)
     away = 0.12 * np.array([-STAND_OFF[2], STAND_OFF[1], 0.0])
     first = rig.joint("x").qposadr[0]
     springs = rig.qpos_spring
     springs[first + 3 : first + 6] = turn
     data.qpos[first : first + 6] = [*(goal + away), *turn]
     mujoco.mj_forward(rig, data)
-    monitor = LiftMonitor(rig, data)
+    can = Thing(rig, "can")
+    monitor = LiftMonitor(can.look(data), data.time)
     for step in range(round(4.4 / STEP)):
         time = step * STEP
         rise = np.interp(time, [2.2, 3.0], [0.0, 0.08])
@@ -99,7 +100,7 @@ def grasp(
         data.ctrl[rig.actuator(FINGERS).id] = -1.0 if time < 1.2 else close
         mujoco.mj_step(rig, data)
         if step % 10 == 9:
-            monitor.update(data)
+            monitor.update(can.look(data), data.time)
     return monitor, data
 
 
@@ -216,15 +217,15 @@ def carried(body: str, tilt: float = 0.0, seconds: float = 1.5) -> LiftMonitor:
         model = spec.compile()
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-    monitor = LiftMonitor(model, data)
+    can = Thing(model, "can")
+    monitor = LiftMonitor(can.look(data), data.time)
     data.joint("can").qpos[2] += 0.05
     data.joint("can").qpos[3:] = pose
     mujoco.mj_forward(model, data)
-    can = model.geom("can").id
-    assert any(can in contact.geom for contact in data.contact) == bool(body)
+    assert bool(can.look(data).touched) == bool(body)
     for _ in range(round(seconds / 0.02)):
         data.time += 0.02
-        monitor.update(data)
+        monitor.update(can.look(data), data.time)
     return monitor
 
 
@@ -301,7 +302,8 @@ def test_the_drawn_arm_lifts_the_can(reach: Reach, place: tuple[float, float]) -
     robot.reset(before, np.random.default_rng(0))
     robot.data.joint("can").qpos[:2] = place
     mujoco.mj_forward(robot.model, robot.data)
-    monitor = LiftMonitor(robot.model, robot.data)
+    thing = Thing(robot.model, "can")
+    monitor = LiftMonitor(thing.look(robot.data), robot.time)
     drawing = ArmDrawing(SCENE)
     path = np.array([before, before, half, at, at, at, up, up])
     for time in np.arange(0.0, 7.5, robot.control_period):
@@ -309,6 +311,6 @@ def test_the_drawn_arm_lifts_the_can(reach: Reach, place: tuple[float, float]) -
         posture = np.array([np.interp(time, keys, angles) for angles in path.T])
         robot.close_fingers(-1.0 if time < 3.4 else 1.0)
         robot.step(drawing.lengths(posture)[0])
-        monitor.update(robot.data)
+        monitor.update(thing.look(robot.data), robot.time)
     assert monitor.lifted
     assert robot.tensions.max() < 300.0
