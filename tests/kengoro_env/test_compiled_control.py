@@ -20,8 +20,9 @@ from kengoro_env.departures import (
     actual,
 )
 from kengoro_env.departures.wires import DryFriction
+from kengoro_env.draft import Draft
 from kengoro_env.env import KengoroEnv
-from kengoro_env.lift import FINGERS, OTHERS, PALM
+from kengoro_env.lift import FINGERS, OTHERS, PALM, Sight
 from kengoro_env.motors import Gains
 from kengoro_env.spaces import InvalidActionError
 from kengoro_env.vector import KengoroVectorEnv
@@ -119,30 +120,37 @@ def test_the_bits_are_numpys(env_id: str, more: dict[str, Any]) -> None:
         go(envs, 4, seed + 20)
 
 
+def seen_by_both(envs: tuple[KengoroEnv, KengoroEnv], action: np.ndarray) -> Sight:
+    """What is seen of the can after a control step."""
+    one, other = (env._control.step(action, None) for env in envs)
+    assert_same(one, other)
+    assert one[-1] is not None
+    return one[-1]
+
+
 def test_who_touches_the_can_is_told_alike() -> None:
     """Fingers, palm, both, the table, nobody; who comes near without a force does not touch it."""
     envs = pair(GRASP)
     for env in envs:
         env.reset(seed=0)
-    rest = envs[0].lengths_to_action(envs[0].robot.target)
+    can, still = envs[0].robot.model.geom("can").id, envs[0].robot.target
     touched = set()
 
-    def lay(place: np.ndarray) -> None:
+    def lay(place: np.ndarray, fingers: float = -1.0) -> None:
         for env in envs:
-            can = env.robot.data.joint("can")
-            can.qpos[:3], can.qvel[:] = place, 0.0
+            joint = env.robot.data.joint("can")
+            joint.qpos[:3], joint.qvel[:] = place, 0.0
             mujoco.mj_forward(env.robot.model, env.robot.data)
-        one, other = (env.step(rest) for env in envs)
-        assert_same(one, other)
-        sight = envs[1]._control.tell(None)[-1]
-        assert one[4]["grasped"] == (sight.touched == FINGERS | PALM)
-        touched.add(sight.touched)
+        touched.add(seen_by_both(envs, envs[0].lengths_to_action(still, fingers)).touched)
 
     on_table = envs[0].robot.data.joint("can").qpos[:3].copy()
-    lay(on_table)
+    for _ in range(20):
+        lay(on_table, fingers=1.0)
+    contacts = envs[0].robot.data.contact.geom.tolist()
+    assert any(can not in pair for pair in contacts)  # of the fingers with each other
     assert touched == {OTHERS}
     for env in envs:
-        env.robot.model.geom_gap[env.robot.model.geom("can").id] = 0.05
+        env.robot.model.geom_gap[can] = 0.05
     lay(on_table + np.array([0.0, 0.0, 0.01]))
     assert envs[0].robot.data.ncon
     assert touched == {OTHERS, 0}
@@ -150,6 +158,27 @@ def test_who_touches_the_can_is_told_alike() -> None:
     for _ in range(20):
         lay(envs[0].robot.data.site("grip").xpos + rng.uniform(-0.08, 0.08, 3))
     assert touched == {OTHERS, 0, FINGERS, PALM, FINGERS | PALM}
+
+
+class Cloth:
+    """A cloth under the can, which is no geom: MuJoCo calls it geom -1."""
+
+    def edit(self, draft: Draft) -> None:
+        cloth = mujoco.MjSpec.from_string(
+            "<mujoco><worldbody><flexcomp name='cloth' type='grid' dim='2' count='6 6 1' "
+            "spacing='0.05 0.05 0.05' radius='0.01' rigid='true' pos='0.4 -0.15 -0.382'/>"
+            "</worldbody></mujoco>"
+        )
+        draft.spec.attach(cloth, frame=draft.spec.worldbody.add_frame(), prefix="cloth_")
+
+
+def test_what_touches_the_can_may_be_no_geom() -> None:
+    envs = pair(GRASP, departures=(Cloth(),))
+    for env in envs:
+        env.reset(seed=0, options={"can": (0.4, -0.15)})
+    sight = seen_by_both(envs, np.zeros(envs[0].action_space.shape))
+    assert envs[0].robot.data.contact.geom.min() == -1
+    assert sight.touched == OTHERS
 
 
 @pytest.mark.parametrize("more", [{}, {"robot_seed": 1}], ids=["drawing", "actual"])

@@ -217,6 +217,7 @@ def carried(body: str, tilt: float = 0.0, seconds: float = 1.5) -> LiftMonitor:
         model = spec.compile()
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
+    data.time = 10.0
     can = Thing(model, "can")
     monitor = LiftMonitor(can.look(data), data.time)
     data.joint("can").qpos[2] += 0.05

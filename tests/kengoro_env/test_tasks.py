@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kengoro_env.errors import KengoroError
-from kengoro_env.tasks.can_grasp import FALLEN_TIME
+from kengoro_env.tasks.can_grasp import FALLEN_TIME, REACH_SCALE, START_DISTANCE
 from tests.kengoro_env.making import make
 
 
@@ -89,6 +89,18 @@ def test_a_can_that_is_put_back_in_time_ends_nothing() -> None:
             assert info["rise"] < -0.5
             env.put_can_back()
     assert np.allclose(info["can_pose"], start["can_pose"], atol=2e-3)
+
+
+def test_the_arm_starts_away_from_the_can_and_its_reward_is_how_close_it_is() -> None:
+    env = make("Kengoro/CanGrasp-v0", camera=False)
+    for seed in range(60):
+        _, info = env.reset(seed=seed)
+        assert np.linalg.norm((info["can_pose"] - info["hand_pose"])[:3, 3]) > START_DISTANCE
+    observation, _ = env.reset(seed=0)
+    _, reward, _, _, info = env.step(env.lengths_to_action(observation["lengths"]))
+    distance = np.linalg.norm((info["can_pose"] - info["hand_pose"])[:3, 3])
+    assert not info["grasped"]
+    assert reward == pytest.approx(np.exp(-distance / REACH_SCALE) / 3.0)
 
 
 def test_lifting_is_rewarded() -> None:
