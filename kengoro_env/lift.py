@@ -99,11 +99,11 @@ class LiftMonitor:
 
     def update(self, sight: Sight, time: float) -> None:
         """Judge what is true of it now, at a time [s]."""
-        _, _, leaning, height = sight.pose[2].tolist()
+        _, _, upright, height = sight.pose[2].tolist()
         by_hand = 0 < sight.touched < OTHERS
         self.grasped = sight.touched & (FINGERS | PALM) == FINGERS | PALM
         self.rise = height - self._height
-        if not (by_hand and leaning > cos(UPRIGHT) and self.rise >= LIFT_HEIGHT):
+        if not (by_hand and upright > cos(UPRIGHT) and self.rise >= LIFT_HEIGHT):
             self._up_since = time
         self.held = time - self._up_since
         self.lifted = self.lifted or self.held >= LIFT_TIME
