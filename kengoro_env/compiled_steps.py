@@ -17,7 +17,7 @@ DONE, NOT_AN_ACTION, DIVERGED, BROKEN = range(4)
 """What may come of a step."""
 
 
-class _Friction(ctypes.Structure):
+class Friction(ctypes.Structure):
     """``Friction`` of control_step.c."""
 
     _fields_ = [
@@ -37,7 +37,7 @@ class Step(ctypes.Structure):
         *((n, ctypes.c_void_p) for n in ("who", "thing_pose")),
         *((n, ctypes.c_void_p) for n in ("tendon", "actuator", "spool", "drum", "elongation")),
         *((n, ctypes.c_void_p) for n in ("stiffness", "bias", "limit", "damping", "polynomial")),
-        ("friction", _Friction * 2),
+        ("friction", Friction * 2),
         *((n, ctypes.c_void_p) for n in ("length_offset", "length_noise", "length_quantum")),
         *((n, ctypes.c_void_p) for n in ("tension_offset", "tension_noise", "noise")),
         *((n, ctypes.c_void_p) for n in ("zero", "position", "left_at")),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -32,6 +33,18 @@ def test_structures_are_as_large_as_in_c() -> None:
     if found is None:
         pytest.skip("there is no compiled code here")
     assert found.size_of_step() == ctypes.sizeof(compiled_steps.Step)
+
+
+@pytest.mark.parametrize("structure", [compiled_steps.Step, compiled_steps.Friction])
+def test_structures_have_their_fields_in_the_order_of_c(structure: type[ctypes.Structure]) -> None:
+    """A field in another place of the same size is a pointer that leads anywhere."""
+    source = (Path(compiling.__file__).parent / "control_step.c").read_text("utf-8")
+    source = re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL)
+    found = re.search(rf"typedef struct {{([^}}]*)}} {structure.__name__};", source)
+    assert found is not None
+    in_c = re.findall(r"(\*?)\s(\w+)(?:\[\d+\])?;", found[1])
+    fields = [("*" if kind is ctypes.c_void_p else "", name) for name, kind in structure._fields_]
+    assert in_c == fields
 
 
 def _no_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
