@@ -92,6 +92,7 @@ def locate(study: Path, name: str) -> Path:
     folder = study.parent.resolve()
     try:
         path = (folder / name).resolve()
+        path.is_file()  # which says whether a name is too long
     except (OSError, RuntimeError, ValueError) as error:
         raise StudyError(f"{study}: {short(name)} is no path of a file") from error
     if Path(name).is_absolute() or not path.is_relative_to(folder):

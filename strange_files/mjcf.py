@@ -121,6 +121,7 @@ def _inside(base: Path, place: str, name: str, folders: Sequence[Path]) -> Path:
     path = Path(os.path.normpath(base / written))
     try:
         ends = (path.resolve(), (base / written).resolve())
+        path.is_file()  # which says whether a name is too long
     except (OSError, RuntimeError, ValueError) as error:
         raise StrangeFileError(f"names {name!r}, which is no path of a file") from error
     if not all(any(end.is_relative_to(folder) for folder in folders) for end in ends):

@@ -161,6 +161,7 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "actuator left out": (_remove("actuators", "flexor"), ("every actuator", "lacks: flexor")),
     "absolute path": (_set("model", value="/etc/hostname"), ("outside the study's folder",)),
     "path above": (_set("model", value="../lever.xml"), ("outside the study's folder",)),
+    "name too long": (_set("model", value=300 * "x"), ("no path of a file",)),
     "other file": (
         _set("episodes", value=[{"commands": "lever.xml"}]),
         ("neither a .csv nor a .parquet",),

@@ -147,6 +147,15 @@ REFUSED = {
         "asks for more memory than a model may have",
     ),
     "no XML": ("mujoco", "cannot be read: model.xml is not well-formed XML: .*"),
+    "a name too long": (MESH.format("", 300 * "x"), "names .*, which is no path of a file"),
+    "a model's name too long": (
+        f"<mujoco><asset><model name='m' file='{300 * 'x'}'/></asset></mujoco>",
+        "names .*, which is no path of a file",
+    ),
+    "an included name too long": (
+        f"<mujoco><include file='{300 * 'x'}'/></mujoco>",
+        "names .*, which is no path of a file",
+    ),
     "a loop of links": (MESH.format("", "loop/x.obj"), "names .*, which is no path of a file"),
     "too little memory to simulate": (
         "<mujoco><size memory='1'/><worldbody><body><freejoint/><geom size='1'/></body>"
