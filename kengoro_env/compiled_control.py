@@ -66,7 +66,7 @@ class CompiledControl(Control):
         if type(action) is not np.ndarray or action.shape != self._shape:
             action = checked_action(action, self._entries)
         try:
-            self._action[:] = action
+            self._action[...] = action
         except (TypeError, ValueError):
             self._action[:] = checked_action(action, self._entries)  # which says what is wrong
         if goal is not self._goal:
@@ -86,8 +86,8 @@ class CompiledControl(Control):
             robot.random.standard_normal(out=self._noise)
             self._tell()
         told = self._told.copy()
-        lengths, tensions, slack, beyond, angles, numbers, seen = self._steps.parts
-        error, tension, time = told[numbers].tolist()
+        lengths, tensions, slack, beyond, angles, numbers = self._steps.parts
+        error, tension, time, distance, touched = told[numbers].tolist()
         truth = {
             "joint_angles": told[angles],
             "hand_pose": self._pose.copy(),
@@ -97,6 +97,5 @@ class CompiledControl(Control):
         }
         sight = None
         if self._thing is not None:
-            distance, touched = told[seen].tolist()
             sight = Sight(self._thing_pose.copy(), distance, int(touched))
         return {"lengths": told[lengths], "tensions": told[tensions]}, truth, error, tension, sight

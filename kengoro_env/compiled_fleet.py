@@ -92,7 +92,7 @@ class CompiledFleet:
         self._run(*self._arguments)
         for i in np.flatnonzero(self._states == BROKEN):
             raise mujoco.FatalError(steps.reason(int(i)))
-        lengths, tensions, slack, beyond, angles, numbers, _ = (
+        lengths, tensions, slack, beyond, angles, numbers = (
             steps.told[:, part] for part in steps.parts
         )
         truth = {

@@ -61,8 +61,8 @@ class Steps:
         noise: (count, k), standard normal, drawn anew for each step.
         told: (count, 4 m + n + 5), see ``tell`` of control_step.c.
         parts: which of these columns are lengths, tensions, slack paid out and beyond the target,
-            joint angles, the numbers error, tension and time, and what is seen of the thing, its
-            distance and by whom it is touched.
+            joint angles, and the numbers error, tension and time, and the thing's distance and by
+            whom it is touched, 0 where there is none.
         poses: (count, 4, 4) of the grip.
         thing_pose: (4, 4).
     """
@@ -74,7 +74,7 @@ class Steps:
         m, n = len(first.muscles), len(first.joints)
         self.actions = np.full((count, m + 1), -1.0)
         self.noise = np.zeros((count, m * first.kinds_of_noise))
-        ends = (*range(0, 4 * m + 1, m), 4 * m + n, 4 * m + n + 3, 4 * m + n + 5)
+        ends = (*range(0, 4 * m + 1, m), 4 * m + n, 4 * m + n + 5)
         self.parts = tuple(map(slice, ends, ends[1:]))
         self.told = np.zeros((count, ends[-1]))
         self.poses = np.tile(np.eye(4), (count, 1, 1))
