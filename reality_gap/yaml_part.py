@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from math import isfinite
 from pathlib import Path
 from reprlib import repr as short
 
 import yaml
 
 from reality_gap.errors import StudyError
+from reality_gap.tables import LARGEST
 
 MAX_BYTES = 1 << 20
 """Largest file [bytes]."""
@@ -89,15 +89,17 @@ class Part:
         return self.part(key).as_number()
 
     def as_number(self) -> float:
-        """This value as a finite number."""
+        """This value as a number of at most `LARGEST`."""
         # YAML 1.1 takes 1e-4, without a point, for text.
         if isinstance(self.value, str | int | float) and not isinstance(self.value, bool):
             try:
                 number = float(self.value)
             except (ValueError, OverflowError):
                 number = float("nan")
-            if isfinite(number):
+            if abs(number) <= LARGEST:
                 return number
+            if abs(number) > LARGEST:
+                raise self.fault(f"{short(self.value)} is larger than {LARGEST:g}")
         raise self.fault(f"a number is expected, not {short(self.value)}")
 
     def texts(self, key: str) -> tuple[str, ...]:

@@ -185,6 +185,7 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "negative noise": (_set("sensors", "length_flexor", "noise", value=-1), ("above 0",)),
     "noise in words": (_set("sensors", "length_flexor", "noise", value="low"), ("a number", "low")),
     "zero scale": (_set("sensors", "length_flexor", "scale", value=0), ("scale: 0",)),
+    "huge scale": (_set("sensors", "length_flexor", "scale", value=1e31), ("scale", "1e+30")),
     "yes for a column": (_set("time", "column", value=True), ("quotes",)),
     "negative settle": (_set("initial", "settle", value=-1), ("settle", "0 or more")),
     "settles for ever": (
