@@ -29,6 +29,9 @@ TOKEN = re.compile(
 )
 """A comment, a declaration, a tag or text."""
 
+LONGEST = 200
+"""Characters of a name that are repeated."""
+
 _survived: set[str] = set()
 
 
@@ -123,10 +126,17 @@ def _inside(base: Path, place: str, name: str, folders: Sequence[Path]) -> Path:
         ends = (path.resolve(), (base / written).resolve())
         path.is_file()  # which says whether a name is too long
     except (OSError, RuntimeError, ValueError) as error:
-        raise StrangeFileError(f"names {name!r}, which is no path of a file") from error
+        raise StrangeFileError(f"names {_short(name)!r}, which is no path of a file") from error
     if not all(any(end.is_relative_to(folder) for folder in folders) for end in ends):
-        raise StrangeFileError(f"names {written}, which lies outside {folders[0]}; copy it there")
+        raise StrangeFileError(
+            f"names {_short(str(written))}, which lies outside {folders[0]}; copy it there"
+        )
     return path
+
+
+def _short(name: str) -> str:
+    """A name that fits into a sentence."""
+    return name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
 
 
 def _parse(file: Path) -> ElementTree.Element:

@@ -147,7 +147,14 @@ REFUSED = {
         "asks for more memory than a model may have",
     ),
     "no XML": ("mujoco", "cannot be read: model.xml is not well-formed XML: .*"),
-    "a name too long": (MESH.format("", 300 * "x"), "names .*, which is no path of a file"),
+    "a name too long": (
+        MESH.format("", 300 * "x"),
+        r"names 'x{200}\.\.\.', which is no path of a file",
+    ),
+    "a long path outside": (
+        MESH.format("", f"../{100 * 'folder/'}x.obj"),
+        r"names \.\./[folder/]{197}\.\.\., which lies outside .*; copy it there",
+    ),
     "a model's name too long": (
         f"<mujoco><asset><model name='m' file='{300 * 'x'}'/></asset></mujoco>",
         "names .*, which is no path of a file",
