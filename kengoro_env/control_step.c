@@ -37,8 +37,8 @@ typedef struct {
   /* What the hand is to lift (lift.py). */
   int64_t thing; /* its body; -1: there is nothing */
   int64_t thing_geom;
-  const int64_t* who;  /* (ngeom + 1,) what a geom belongs to; the last for what is none */
-  double* thing_pose;  /* (4, 4); its last row is not written */
+  const int64_t* who; /* (ngeom + 1,) what a geom belongs to; the last for what is none */
+  double* thing_pose; /* (4, 4); its last row is not written */
 
   /* Motors (motors.py): where each one's values lie in MuJoCo's arrays, and its constants, (m,). */
   const int64_t* tendon;

@@ -20,7 +20,7 @@ LIFT_TIME = 1.0
 UPRIGHT = radians(30.0)
 """How far it may lean [rad]."""
 
-FINGERS, PALM, OTHERS = 1, 2, 4
+BY_FINGERS, BY_PALM, BY_OTHERS = 1, 2, 4
 """Who touches it: fingers; palm or thumb; anything else. A sum of those that do."""
 
 
@@ -30,7 +30,7 @@ class Sight(NamedTuple):
     Attributes:
         pose: in the world (4, 4).
         distance: of its centre from the grip point [m].
-        touched: by whom, a sum of `FINGERS`, `PALM` and `OTHERS`.
+        touched: by whom, a sum of `BY_FINGERS`, `BY_PALM` and `BY_OTHERS`.
     """
 
     pose: NDArray[np.float64]
@@ -49,9 +49,9 @@ class Thing:
     def __init__(self, model: mujoco.MjModel, name: str) -> None:
         self._body, self._geom = model.body(name).id, model.geom(name).id
         self._grip = model.site("grip").id
-        self._who = np.full(model.ngeom + 1, OTHERS)  # the last for what is no geom, which is -1
-        self._who[_geoms(model, "hand")] = PALM
-        self._who[_geoms(model, "fingers_proximal")] = FINGERS
+        self._who = np.full(model.ngeom + 1, BY_OTHERS)  # the last for what is no geom, which is -1
+        self._who[_geoms(model, "hand")] = BY_PALM
+        self._who[_geoms(model, "fingers_proximal")] = BY_FINGERS
 
     def look(self, data: mujoco.MjData) -> Sight:
         """What is true of it now."""
@@ -100,8 +100,8 @@ class LiftMonitor:
     def update(self, sight: Sight, time: float) -> None:
         """Judge what is true of it now, at a time [s]."""
         _, _, upright, height = sight.pose[2].tolist()
-        by_hand = 0 < sight.touched < OTHERS
-        self.grasped = sight.touched & (FINGERS | PALM) == FINGERS | PALM
+        by_hand = 0 < sight.touched < BY_OTHERS
+        self.grasped = sight.touched & (BY_FINGERS | BY_PALM) == BY_FINGERS | BY_PALM
         self.rise = height - self._height
         if not (by_hand and upright > cos(UPRIGHT) and self.rise >= LIFT_HEIGHT):
             self._up_since = time

@@ -97,8 +97,8 @@ def locate(study: Path, name: str) -> Path:
         raise StudyError(f"{study}: {short(name)} is no path of a file") from error
     if Path(name).is_absolute() or not path.is_relative_to(folder):
         raise StudyError(
-            f"{study}: {name} lies outside the study's folder; copy it beside the study and give "
-            "its path relative to it"
+            f"{study}: {short(name)} lies outside the study's folder; copy it beside the study and "
+            "give its path relative to it"
         )
     return path
 

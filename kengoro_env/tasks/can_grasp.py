@@ -27,6 +27,7 @@ from kengoro_env.tasks.task import Outcome
 Array = NDArray[np.float64]
 
 CAN = "can"
+"""Name of its body, joint and geom."""
 
 CAN_AREA = np.array([[0.36, 0.44], [-0.20, -0.10]])
 """Where the can is put, x and y of its axis [m], uniformly."""

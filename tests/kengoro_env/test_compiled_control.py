@@ -22,7 +22,7 @@ from kengoro_env.departures import (
 from kengoro_env.departures.wires import DryFriction
 from kengoro_env.draft import Draft
 from kengoro_env.env import KengoroEnv
-from kengoro_env.lift import FINGERS, OTHERS, PALM, Sight
+from kengoro_env.lift import BY_FINGERS, BY_OTHERS, BY_PALM, Sight
 from kengoro_env.motors import Gains
 from kengoro_env.spaces import InvalidActionError
 from kengoro_env.vector import KengoroVectorEnv
@@ -148,16 +148,16 @@ def test_who_touches_the_can_is_told_alike() -> None:
         lay(on_table, fingers=1.0)
     contacts = envs[0].robot.data.contact.geom.tolist()
     assert any(can not in pair for pair in contacts)  # of the fingers with each other
-    assert touched == {OTHERS}
+    assert touched == {BY_OTHERS}
     for env in envs:
         env.robot.model.geom_gap[can] = 0.05
     lay(on_table + np.array([0.0, 0.0, 0.01]))
     assert envs[0].robot.data.ncon
-    assert touched == {OTHERS, 0}
+    assert touched == {BY_OTHERS, 0}
     rng = np.random.default_rng(0)
     for _ in range(20):
         lay(envs[0].robot.data.site("grip").xpos + rng.uniform(-0.08, 0.08, 3))
-    assert touched == {OTHERS, 0, FINGERS, PALM, FINGERS | PALM}
+    assert touched == {BY_OTHERS, 0, BY_FINGERS, BY_PALM, BY_FINGERS | BY_PALM}
 
 
 class Cloth:
@@ -178,7 +178,7 @@ def test_what_touches_the_can_may_be_no_geom() -> None:
         env.reset(seed=0, options={"can": (0.4, -0.15)})
     sight = seen_by_both(envs, np.zeros(envs[0].action_space.shape))
     assert envs[0].robot.data.contact.geom.min() == -1
-    assert sight.touched == OTHERS
+    assert sight.touched == BY_OTHERS
 
 
 @pytest.mark.parametrize("more", [{}, {"robot_seed": 1}], ids=["drawing", "actual"])
