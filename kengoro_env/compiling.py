@@ -27,8 +27,8 @@ from platformdirs import user_cache_path
 SWITCH = "KENGORO_COMPILED"
 """The environment variable that is 0 where nothing shall be compiled."""
 
-_SOURCES = [Path(__file__).with_name(name) for name in ("control_step.c", "picture.c")]
-_OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared", "-pthread")
+_SOURCES = [Path(__file__).with_name(name) for name in ("control_step.c", "scene.c", "picture.c")]
+_OPTIONS = ("-O3", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared", "-pthread")
 _PATIENCE = 60.0
 _LOG = logging.getLogger(__name__)
 

@@ -1,25 +1,29 @@
-"""A renderer that draws nothing that nobody sees, by compiled code (picture.c).
+"""A renderer that draws nothing that nobody sees, by compiled code (scene.c, picture.c).
 
 A CPU that draws takes long for what fills a picture, and for each thing that it is given, seen or
-not. So what is outside of the picture is not drawn, and a background of one colour, be it the floor
-or the sky, is filled in when pixels are read. Not a pixel changes.
+not. So what is outside of the picture is not drawn, and a background of one colour, be it the sky
+or the floor, of which a piece is drawn, is filled in when pixels are read. Not a pixel changes.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.simplified import spooled
+
 Image = NDArray[np.uint8]
+Background = Literal["floor", "sky"]
 
 _SKYBOX, _SKY = int(mujoco.mjtRndFlag.mjRND_SKYBOX), int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
-_NONE = int(mujoco.mjtGeom.mjGEOM_NONE)
-_FILLED, _FIRST, _OPAQUE = 1, 2, 4  # what `leave_out` of picture.c says
+_PLANE, _ANY_PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE), -1
+_FILLED, _FIRST, _OPAQUE = 1, 2, 4  # what `prepare` of scene.c says
 
 # Of GL, in whose own header they are found.
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
@@ -27,12 +31,23 @@ _FRAMEBUFFER, _RENDERBUFFER = 0x8D40, 0x8D41
 _DEPTH_STENCIL_ATTACHMENT, _DEPTH_ATTACHMENT, _DEPTH_COMPONENT32F = 0x821A, 0x8D00, 0x8CAC
 
 _INT, _UINT = ctypes.c_int, ctypes.c_uint
-_FEW = 16
-"""How many pixels wide the picture is that shows whether a floor has one colour."""
+_PIECE = 2.0**-8
+"""How much of a floor's width and length is drawn where its colour is read: of a power of two no
+rounding makes another colour."""
+
+
+class Canvas(ctypes.Structure):
+    """What a scene is drawn to; Canvas of scene.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("width", "height")),
+        *((name, ctypes.c_void_p) for name in ("geom", "camera", "light", "spooled")),
+        *(("pixel", ctypes.c_int64), ("point", ctypes.c_float * 3)),
+    )
 
 
 class QuickRenderer(mujoco.Renderer):
-    """A `mujoco.Renderer` of scenes without shadows and reflections.
+    """A `mujoco.Renderer` of scenes without shadows, reflections and fog, of what faces the camera.
 
     Between `update_scene` and `render` geoms may be replaced by others in the same place, and some
     be added. The first picture with a background that was filled in, and the first without, are
@@ -47,26 +62,25 @@ class QuickRenderer(mujoco.Renderer):
         self, compiled: ctypes.CDLL, model: mujoco.MjModel, height: int, width: int, *args: Any
     ) -> None:
         super().__init__(model, height, width, *args)
-        self._leave_out, self._to_picture = _functions(compiled)
+        self._prepare, self._to_picture = _functions(compiled)
         self._read_pixels = _gl("glReadPixels", *[_INT] * 4, *[_UINT] * 2, ctypes.c_void_p)
         self._leave_out_stencil()
-        self._pixels = np.full((height, width, 4), 99, dtype=np.uint8)  # which is no empty picture
-        few = min(_FEW, width)
-        self._small = mujoco.MjrRect(0, 0, few, max(few * height // width, 1))
-        self._sample = np.zeros((self._small.height, self._small.width, 3), dtype=np.uint8)
+        self._pixels = np.full((height, width), 0x63636363, dtype=np.uint32)  # no empty picture
         # Skins and flexes are no geoms, and a texture's alpha shows what is behind.
         self._fills = not (model.nskin or model.nflex or 4 in model.tex_nchannel)
         self._differs, self._compared = False, set[bool]()
         self._sky = _colour_of_sky(model)
         self._counted = self._said = 0
+        self._spooled = spooled(model)  # which the picture points to
+        parts = (self.scene.geoms, self.scene.camera, self.scene.lights)
+        pointers = (*(each[0].pos.ctypes.data for each in parts), self._spooled.ctypes.data)
+        self._canvas = Canvas(width, height, *pointers)
 
     def update_scene(self, data: mujoco.MjData, *args: Any) -> None:
-        """As of `mujoco.Renderer`, without geoms that are outside of the picture."""
+        """As of `mujoco.Renderer`, simplified, without geoms that are outside of the picture."""
         super().update_scene(data, *args)
-        scene, aspect = self.scene, self.width / self.height
-        first, eyes = scene.geoms[0].pos, scene.camera[0].pos
-        self._counted = scene.ngeom
-        self._said = self._leave_out(first.ctypes.data, scene.ngeom, eyes.ctypes.data, aspect)
+        self._counted = self.scene.ngeom
+        self._said = self._prepare(self._canvas, self._counted, self.scene.nlight)
 
     def render(self, *, out: Image | None = None) -> Image:
         """As of `mujoco.Renderer`: (height, width, 3) uint8."""
@@ -74,50 +88,56 @@ class QuickRenderer(mujoco.Renderer):
             return np.asarray(super().render(out=out))
         if self._gl_context:
             self._gl_context.make_current()
-        background = self._background()
-        picture = self._picture(background)
-        kind = background is not None
-        if kind in self._compared:
+        behind = self._behind()
+        picture = self._drawn(behind)
+        filled = behind is not None
+        if filled in self._compared:
             return picture
-        self._compared.add(kind)
+        self._compared.add(filled)
         full = np.asarray(super().render())
         self._differs = not np.array_equal(picture, full)
         return full
 
-    def _background(self) -> int | None:
-        """The colour that is filled in, as a pixel; None: everything is drawn."""
+    def _behind(self) -> Background | None:
+        """What is filled in; None: everything is drawn."""
         if not (self._fills and self._said & _OPAQUE and self.scene.ngeom == self._counted):
             return None
         if not self._said & _FILLED:
-            return self._sky
-        return self._colour_of_first() if self._said & _FIRST else None
+            return None if self._sky is None else "sky"
+        return "floor" if self._said & _FIRST else None
 
-    def _colour_of_first(self) -> int | None:
-        """The one colour of the first geom, which fills the picture; None if there are more."""
-        scene, count = self.scene, self.scene.ngeom
-        scene.ngeom = 1
-        self._draw(self._small, sky=False)
-        scene.ngeom = count
-        mujoco.mjr_readPixels(self._sample, None, self._small, self._mjr_context)
-        colour = self._sample[0, 0]
-        return _as_pixel(colour) if (self._sample == colour).all() else None
-
-    def _picture(self, background: int | None) -> Image:
-        """What is seen before a colour, or drawn all."""
-        filled, floor = bool(self._said & _FILLED), self.scene.geoms[0]
-        kind = floor.type
-        if background is not None and filled:
-            floor.type = _NONE
-        self._draw(self._rect, sky=background is None and not filled)
-        floor.type = kind
-        picture = np.empty((self.height, self.width, 3), dtype=np.uint8)
+    def _drawn(self, behind: Background | None) -> Image:
+        """What is seen before a background, or drawn all."""
+        if behind == "floor":
+            with self._piece_of_floor():
+                self._draw(sky=False)
+        else:
+            self._draw(sky=behind is None and not self._said & _FILLED)
         pixels = self._pixels.ctypes.data
         self._read_pixels(0, 0, self.width, self.height, _RGBA, _UNSIGNED_BYTE, pixels)
+        colour = self._colour(behind)
+        picture = np.empty((self.height, self.width, 3), dtype=np.uint8)
         self._to_picture(
-            *(pixels, self.width, self.height),
-            *(background is not None, background or 0, picture.ctypes.data),
+            *(pixels, self.width, self.height, behind is not None, colour, picture.ctypes.data)
         )
         return picture
+
+    @contextmanager
+    def _piece_of_floor(self) -> Iterator[None]:
+        """Meanwhile the floor is no more than a piece of it where nothing else is seen."""
+        floor = self.scene.geoms[0]
+        before = floor.type, floor.dataid, floor.pos.copy(), floor.size.copy()
+        floor.type, floor.dataid = _PLANE, _ANY_PLANE
+        floor.pos[:] = self._canvas.point
+        floor.size[:2] *= _PIECE
+        yield
+        floor.type, floor.dataid, floor.pos[:], floor.size[:] = before
+
+    def _colour(self, behind: Background | None) -> int:
+        """The one of a background, of what was drawn."""
+        if behind == "floor":
+            return int(self._pixels.ravel()[self._canvas.pixel]) & 0xFFFFFF
+        return self._sky or 0
 
     def _leave_out_stencil(self) -> None:
         """Measure depth in half the memory: beside it is a stencil, for reflections only."""
@@ -131,20 +151,20 @@ class QuickRenderer(mujoco.Renderer):
         attach(_FRAMEBUFFER, _DEPTH_STENCIL_ATTACHMENT, _RENDERBUFFER, 0)
         attach(_FRAMEBUFFER, _DEPTH_ATTACHMENT, _RENDERBUFFER, buffer)
 
-    def _draw(self, where: mujoco.MjrRect, sky: bool) -> None:
+    def _draw(self, sky: bool) -> None:
         self.scene.flags[_SKYBOX] = sky
-        mujoco.mjr_render(where, self.scene, self._mjr_context)
+        mujoco.mjr_render(self._rect, self.scene, self._mjr_context)
         self.scene.flags[_SKYBOX] = True
 
 
 def _functions(compiled: ctypes.CDLL) -> tuple[Callable[..., int], Callable[..., None]]:
-    """`leave_out` and `to_picture` of picture.c."""
+    """`prepare` of scene.c and `to_picture` of picture.c."""
     pointer, number = ctypes.c_void_p, ctypes.c_int64
-    leave_out = ctypes.CFUNCTYPE(ctypes.c_int, pointer, number, pointer, ctypes.c_double)
+    prepare = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.POINTER(Canvas), number, number)
     to_picture = ctypes.CFUNCTYPE(
         None, pointer, number, number, ctypes.c_int, ctypes.c_uint32, pointer
     )
-    return leave_out(("leave_out", compiled)), to_picture(("to_picture", compiled))
+    return prepare(("prepare", compiled)), to_picture(("to_picture", compiled))
 
 
 def _gl(name: str, *arguments: type) -> Callable[..., None]:

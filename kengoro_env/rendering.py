@@ -18,7 +18,7 @@ from kengoro_env import gl_backend
 from kengoro_env.compiling import library
 from kengoro_env.errors import KengoroError
 from kengoro_env.quick_renderer import Image, QuickRenderer
-from kengoro_env.wires import spool_joint
+from kengoro_env.simplified import simplify, spooled
 
 WIDTH, HEIGHT = 640, 480
 """Size of every picture [pixels]."""
@@ -117,20 +117,6 @@ def _cheap(
             setattr(group, name, value)
 
 
-TENDON = int(mujoco.mjtObj.mjOBJ_TENDON)
-PLANE, BOX, NONE = (
-    int(kind)
-    for kind in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_NONE)
-)
-THIN = 1e-4
-"""Half the thickness of a plane that is drawn as a box [m]."""
-
-
-def from_above(plane: mujoco.MjvGeom, camera: mujoco.MjvGLCamera) -> bool:
-    """Whether a camera looks at the side of a plane that hides what is behind."""
-    return bool((camera.pos - plane.pos) @ plane.mat[:, 2] > 0.0)
-
-
 class Painter:
     """Draws a model offscreen; opens its GL context with the first picture.
 
@@ -152,9 +138,7 @@ class Painter:
         self._model, self._width, self._height = model, width, height
         self._quality = quality
         self._renderer: mujoco.Renderer | None = None
-        self._spooled = {
-            i for i in range(model.ntendon) if _has_joint(model, spool_joint(model.tendon(i).name))
-        }
+        self._spooled = spooled(model)
 
     def draw(
         self,
@@ -181,28 +165,11 @@ class Painter:
         # Shadows and reflections cost most of the time, and markers are read better without.
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        self._simplify(scene)
+        if not isinstance(self._renderer, QuickRenderer):
+            simplify(scene, self._spooled)
         if decorate is not None:
             decorate(scene)
         return self._renderer.render()
-
-    def _simplify(self, scene: mujoco.MjvScene) -> None:
-        """Draw planes and wires with fewer faces, and what is wound up of a wire not at all.
-
-        A plane is drawn as a thin box, which takes Mesa less: from above it looks the same under
-        lights that shine from afar. A wire, a few pixels wide, is drawn as a box along it. Wound
-        up is the first part of a wire with a spool, from there to its guide.
-        """
-        wound_up, camera = set(self._spooled), scene.camera[0]
-        for geom in scene.geoms[: scene.ngeom]:
-            if geom.objtype == TENDON:
-                if geom.objid in wound_up:
-                    wound_up.remove(geom.objid)
-                    geom.type = NONE
-                elif geom.type != NONE:
-                    geom.type = BOX
-            elif geom.type == PLANE and min(geom.size[:2]) > 0.0 and from_above(geom, camera):
-                geom.type, geom.size[2] = BOX, THIN
 
     def close(self) -> None:
         """Free the GL context; the next picture opens another."""
@@ -212,10 +179,6 @@ class Painter:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_renderer": None}
-
-
-def _has_joint(model: mujoco.MjModel, name: str) -> bool:
-    return bool(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0)
 
 
 def open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:

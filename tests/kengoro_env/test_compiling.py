@@ -18,6 +18,7 @@ import pytest
 from kengoro_env import compiled_steps, compiling
 from kengoro_env.compiling import library, load
 from kengoro_env.control import Control
+from kengoro_env.quick_renderer import Canvas
 from tests.kengoro_env.making import make
 
 
@@ -35,10 +36,19 @@ def test_structures_are_as_large_as_in_c() -> None:
     assert found.size_of_step() == ctypes.sizeof(compiled_steps.Step)
 
 
-@pytest.mark.parametrize("structure", [compiled_steps.Step, compiled_steps.Friction])
-def test_structures_have_their_fields_in_the_order_of_c(structure: type[ctypes.Structure]) -> None:
+@pytest.mark.parametrize(
+    ("structure", "file"),
+    [
+        (compiled_steps.Step, "control_step.c"),
+        (compiled_steps.Friction, "control_step.c"),
+        (Canvas, "scene.c"),
+    ],
+)
+def test_structures_have_their_fields_in_the_order_of_c(
+    structure: type[ctypes.Structure], file: str
+) -> None:
     """A field in another place of the same size is a pointer that leads anywhere."""
-    source = (Path(compiling.__file__).parent / "control_step.c").read_text("utf-8")
+    source = (Path(compiling.__file__).parent / file).read_text("utf-8")
     source = re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL)
     found = re.search(rf"typedef struct {{([^}}]*)}} {structure.__name__};", source)
     assert found is not None

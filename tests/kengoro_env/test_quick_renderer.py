@@ -118,14 +118,15 @@ def assert_same(model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT)
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bool]]:
-    """Of each picture that is drawn: how many geoms, and whether the sky."""
+    """Of each picture that is drawn: how many geoms but a piece of floor, and whether the sky."""
     noted = list[tuple[int, bool]]()
     draw = mujoco.mjr_render
 
     def noting(where: mujoco.MjrRect, scene: mujoco.MjvScene, context: Any) -> None:
-        kinds = [geom.type for geom in scene.geoms[: scene.ngeom]]
-        sky = bool(scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX])
-        noted.append((len(kinds) - kinds.count(mujoco.mjtGeom.mjGEOM_NONE), sky))
+        kinds = [(geom.type, geom.dataid) for geom in scene.geoms[: scene.ngeom]]
+        nothing, piece = mujoco.mjtGeom.mjGEOM_NONE, (mujoco.mjtGeom.mjGEOM_PLANE, -1)
+        geoms = sum(kind[0] != nothing and kind != piece for kind in kinds)
+        noted.append((geoms, bool(scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX])))
         draw(where, scene, context)
 
     monkeypatch.setattr(mujoco, "mjr_render", noting)
@@ -142,6 +143,11 @@ DOWN = 'pos="0 0 1" fovy="90"'
 LENS = 'pos="0 0 1" resolution="640 480" sensorsize="0.008 0.002" focal="0.002 0.001"'
 WIDE = '<geom type="plane" size="3 3 1" rgba=".5 .5 .5 1"/>'
 NARROW = '<geom type="plane" size="1.2 1.2 1"/>'  # the picture is 2 m high and 2.7 m wide there
+BESIDE = '<geom size="0.1" pos="{} {} 0.5"/>'
+CORNER = '<geom size="0.01" pos="{} {} 0.5"/>'
+PLACES = [((2 * i - 7) / 12, (2 * j - 5) / 12) for j in range(6) for i in range(8)]
+LOW_LEFT, ALL_BUT_LAST = PLACES[0], PLACES[:-1]
+AROUND = '<geom type="ellipsoid" size="{}" pos="{}"/>'
 BALL = '<geom size="0.1" pos="0.1 0.2 {}" rgba="1 0 0 {}"/>'
 
 
@@ -161,8 +167,22 @@ BALL = '<geom size="0.1" pos="0.1 0.2 {}" rgba="1 0 0 {}"/>'
         (FLAT, WIDE + BALL.format(0.3, 0.5), DOWN, 2, False),
         (CHECKED, '<geom type="plane" size="3 3 1" material="checked"/>', DOWN, 1, False),
         (FLAT, WIDE + '<light pos="1 0 3" cutoff="80" exponent="1"/>', DOWN, 1, False),
+        (FLAT, WIDE + '<light pos="1 0 3" dir="1 0 -3" type="directional"/>', DOWN, 1, False),
         (FLAT, BALL.format(0.3, 1) + WIDE, DOWN, 2, False),
         (FLAT, WIDE + WIDE, DOWN, 2, False),
+        (FLAT, WIDE + '<light pos="0 0 2" specular="0 0 0" type="point"/>', DOWN, 1, False),
+        # It is no matter what light is mirrored by who mirrors none.
+        (
+            '<material name="dull" specular="0"/>',
+            '<geom type="plane" size="3 3 1" material="dull"/>'
+            '<light pos="1 0 3" dir="1 0 -3" type="directional"/>',
+            *(DOWN, 0, False),
+        ),
+        # Its colour is read where nothing else is: at the second of 8 x 6 places, the last, none.
+        (FLAT, WIDE + CORNER.format(*LOW_LEFT), DOWN, 1, False),
+        (FLAT, WIDE + BESIDE.format(LOW_LEFT[0] + 0.125, LOW_LEFT[1]), DOWN, 1, False),
+        (FLAT, WIDE + "".join(CORNER.format(*at) for at in ALL_BUT_LAST), DOWN, 47, False),
+        (FLAT, WIDE + '<geom type="box" size="1 1 0.01" pos="0 0 0.4"/>', DOWN, 2, False),
         # A sky of one colour is not drawn.
         (FLAT, NARROW, DOWN, 1, False),
         ("", NARROW, DOWN, 1, False),
@@ -175,6 +195,7 @@ BALL = '<geom size="0.1" pos="0.1 0.2 {}" rgba="1 0 0 {}"/>'
         # Planes that do not fill the picture.
         (GRADED, '<geom type="plane" size="3 3 1" pos="0 0 2"/>', DOWN, 1, True),
         (GRADED, '<geom type="plane" size="3 3 1" pos="2 0 0"/>', DOWN, 1, True),
+        (GRADED, '<geom type="plane" size="1.2 1.2 9"/>', DOWN, 1, True),
         (GRADED, WIDE, 'pos="0 0 1" fovy="0.01" projection="orthographic"', 1, True),
         (GRADED, '<geom type="plane" size="1.5 1.5 1"/>', LENS, 1, True),  # it sees 4 m of it
         (
@@ -189,6 +210,12 @@ BALL = '<geom size="0.1" pos="0.1 0.2 {}" rgba="1 0 0 {}"/>'
         (FLAT, WIDE + '<geom size="0.1" pos="3 0 0.3"/>', DOWN, 0, False),
         (FLAT, WIDE + '<geom size="0.1" pos="0 -3 0.3"/>', DOWN, 0, False),
         (FLAT, WIDE + '<geom size="0.1" pos="0 0 1.3"/>', DOWN, 0, False),
+        # What is around the camera, near and not so near its middle.
+        (FLAT, WIDE + '<geom size="0.1" pos="0 0 1.06"/>', DOWN, 0, False),
+        (FLAT, WIDE + '<geom size="0.1" pos="0 0 1.08"/>', DOWN, 2, False),
+        (FLAT, WIDE + AROUND.format("0.1 0.2 0.3", "0.05 0.05 1"), DOWN, 0, False),
+        (FLAT, WIDE + BALL.format(1, 0.5).replace("0.1 0.2", "0 0"), DOWN, 0, False),
+        (FLAT, WIDE + AROUND.format("0.1 0.2 0.3", "0.09 0.05 1"), DOWN, 2, False),
     ],
 )
 def test_what_is_drawn(
@@ -203,6 +230,8 @@ def test_what_is_drawn(
     mujoco.mj_forward(model, data)
     for _ in range(2):
         painter.draw(data, "eye")  # the first picture is drawn in full, too
+    assert isinstance(painter._renderer, QuickRenderer)
+    assert not painter._renderer._differs
     painter.close()
     assert drawn[-1] == (geoms, sky)
     assert_same(model)
@@ -234,7 +263,7 @@ def test_what_somebody_adds_is_not_hidden_by_the_background(
 
 
 def _tell_another_colour(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(QuickRenderer, "_colour_of_first", lambda self: 0x0000FF)
+    patch.setattr(QuickRenderer, "_colour", lambda self, behind: 0x0000FF)
 
 
 def _read_nothing(patch: pytest.MonkeyPatch) -> None:
