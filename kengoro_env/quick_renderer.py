@@ -47,11 +47,11 @@ class Canvas(ctypes.Structure):
 
 
 class QuickRenderer(mujoco.Renderer):
-    """A `mujoco.Renderer` of scenes without shadows, reflections and fog, of what faces the camera.
+    """A `mujoco.Renderer` of scenes without shadows, reflections and fog, of the fronts of faces.
 
     Between `update_scene` and `render` geoms may be replaced by others in the same place, and some
-    be added. The first picture with a background that was filled in, and the first without, are
-    drawn by `mujoco.Renderer`, too; should they differ, it draws all others.
+    be added. The first picture with each background, and the first without, are drawn by
+    `mujoco.Renderer`, too; should they differ, it draws all others.
 
     Args:
         compiled: the code, of `compiling.library`.
@@ -68,7 +68,7 @@ class QuickRenderer(mujoco.Renderer):
         self._pixels = np.full((height, width), 0x63636363, dtype=np.uint32)  # no empty picture
         # Skins and flexes are no geoms, and a texture's alpha shows what is behind.
         self._fills = not (model.nskin or model.nflex or 4 in model.tex_nchannel)
-        self._differs, self._compared = False, set[bool]()
+        self._differs, self._compared = False, set[Background | None]()
         self._sky = _colour_of_sky(model)
         self._counted = self._said = 0
         self._spooled = spooled(model)  # which the picture points to
@@ -90,10 +90,9 @@ class QuickRenderer(mujoco.Renderer):
             self._gl_context.make_current()
         behind = self._behind()
         picture = self._drawn(behind)
-        filled = behind is not None
-        if filled in self._compared:
+        if behind in self._compared:
             return picture
-        self._compared.add(filled)
+        self._compared.add(behind)
         full = np.asarray(super().render())
         self._differs = not np.array_equal(picture, full)
         return full
