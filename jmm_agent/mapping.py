@@ -25,6 +25,8 @@ QUADRATIC_STEP = float(np.deg2rad(10.0))  # [rad] sec. II-B
 FORMAT = "jmm-1"
 MAX_BYTES = 256 << 20
 """Largest map, unfolded [bytes]; the arm's has less than one MiB."""
+LARGEST = 1e30
+"""Largest number of a map, of `scale` the largest inverse: none of their products overflows."""
 _ARRAYS = ("joint_index", "muscle_index", "centre", "scale", "W1", "b1", "W2", "b2")
 
 
@@ -51,7 +53,7 @@ class GroupMap:
     All arrays are read-only float64.
 
     Raises:
-        MappingError: shapes do not fit together, or something is not finite.
+        MappingError: shapes do not fit together, or a number is not finite, or beyond `LARGEST`.
     """
 
     name: str
@@ -76,10 +78,13 @@ class GroupMap:
                 raise MappingError(
                     f"Group {self.name!r}: {field} has shape {array.shape}, but {shape} fits."
                 )
-            if not np.isfinite(array).all():
-                raise MappingError(f"Group {self.name!r}: {field} is not finite.")
-        if (self.scale <= 0).any():
-            raise MappingError(f"Group {self.name!r}: scale must be positive.")
+            if not (np.abs(array) <= LARGEST).all():
+                raise MappingError(
+                    f"Group {self.name!r}: {field} has a number that is not finite, or beyond "
+                    f"{LARGEST:g}."
+                )
+        if not (self.scale >= 1.0 / LARGEST).all():
+            raise MappingError(f"Group {self.name!r}: scale must be {1.0 / LARGEST:g} or more.")
 
     def hidden(self, q: Floats) -> Floats:
         """Activities (B, H) in (0, 1) of the hidden units at all joints' postures (B, n) [rad]."""
@@ -221,7 +226,7 @@ class JointMuscleMap:
         Raises:
             CheckpointError: the file is missing, broken or something else.
         """
-        if not Path(path).is_file():
+        if not os.path.isfile(path):  # also where its name is too long
             raise CheckpointError(f"Checkpoint {os.fspath(path)}: there is no such file.")
         try:
             _check_size(path)

@@ -6,6 +6,7 @@ call them: relative to the posture at which somebody zeroed them.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
@@ -280,7 +281,7 @@ def load_spec(path: Path) -> mujoco.MjSpec:
 
     Models that are not ours may name files in their own folder and in our assets.
     """
-    if not path.is_file():
+    if not os.path.isfile(path):  # also where its name is too long
         raise KengoroError(f"no model file at {path}")
     try:
         if not path.resolve().is_relative_to(assets_root().resolve()):

@@ -2,6 +2,7 @@
 
 import contextlib
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jmm_agent.mapping import (
+    LARGEST,
     CheckpointError,
     JointMuscleMap,
     MappingError,
@@ -126,7 +128,8 @@ def test_a_map_shares_no_memory_with_what_it_was_made_of(jmm, postures):
     [
         ({"hip": None}, "unknown group 'hip'; groups are \\['near', 'far'\\]"),
         ({"near": (np.zeros((2, 6)), np.zeros(2))}, "W2 has shape \\(2, 6\\), but \\(2, 7\\) fits"),
-        ({"near": (np.full((2, 7), np.nan), np.zeros(2))}, "W2 is not finite"),
+        ({"near": (np.full((2, 7), np.nan), np.zeros(2))}, "W2 has a number that is not finite"),
+        ({"near": (np.full((2, 7), -1e31), np.zeros(2))}, "W2 has .* beyond 1e\\+30"),
     ],
 )
 def test_output_layers_that_do_not_fit_are_refused(jmm, layers, sentence):
@@ -226,6 +229,13 @@ def damage_nan(path):
         np.savez(file, **content)
 
 
+def damage_scale(path):
+    content = dict(np.load(path))
+    content["0_scale"][1] = 1e-31
+    with path.open("wb") as file:
+        np.savez(file, **content)
+
+
 def damage_shape(path):
     content = dict(np.load(path))
     content["0_b1"] = content["0_b1"][:-1]
@@ -278,6 +288,21 @@ def test_a_file_that_is_no_map_gives_one_sentence(jmm, tmp_path, damage):
         JointMuscleMap.load(path)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
+
+
+def test_a_name_that_is_too_long_is_of_no_file(tmp_path):
+    with pytest.raises(CheckpointError, match="there is no such file"):
+        JointMuscleMap.load(tmp_path / ("x" * 5000))
+
+
+def test_the_largest_numbers_of_a_map_overflow_nowhere(jmm, postures):
+    extreme = {"centre": -LARGEST, "scale": 1.0 / LARGEST, "W1": LARGEST, "W2": LARGEST}
+    groups = tuple(
+        replace(g, **{name: np.full_like(getattr(g, name), x) for name, x in extreme.items()})
+        for g in jmm.groups
+    )
+    for array in replace(jmm, groups=groups).lengths_and_jacobian(postures):
+        assert np.isfinite(array).all()
 
 
 def test_a_map_does_not_unfold_into_everything(jmm, tmp_path, monkeypatch):

@@ -271,6 +271,8 @@ def test_a_start_beyond_the_stops_is_at_the_stops() -> None:
 def test_bad_input_is_named(tmp_path: Path) -> None:
     with pytest.raises(KengoroError, match=r"no model file at .*nowhere.xml"):
         Robot(tmp_path / "nowhere.xml")
+    with pytest.raises(KengoroError, match=r"no model file at .*xxx"):
+        Robot(tmp_path / ("x" * 5000))
     broken = tmp_path / "broken.xml"
     broken.write_text("<mujoco><worldbody><bod/></worldbody></mujoco>")
     with pytest.raises(KengoroError, match=r"broken\.xml does not compile: XML Error"):
