@@ -1,4 +1,4 @@
-/* What of a scene a picture can do without, found before it is drawn.
+/* What of a scene a picture can do without, or with less of, found before it is drawn.
 
    quick_renderer.py calls it. Lengths are in m. */
 
