@@ -237,6 +237,19 @@ def test_what_is_drawn(
     assert_same(model)
 
 
+def test_a_wire_beside_the_picture_is_not_drawn(drawn: list[tuple[int, bool]]) -> None:
+    hidden = 'group="4"'
+    sites = "".join(f'<site name="{i}" pos="{2 * i - 2} 0 0.5" {hidden}/>' for i in range(6))
+    wire = "".join(f'<site site="{i}"/>' for i in range(6))
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{sites}<camera name='eye' {DOWN}/></worldbody>"
+        f"<tendon><spatial name='wire'>{wire}</spatial></tendon></mujoco>"
+    )
+    painted(model, "eye")
+    assert drawn[-2] == (2, False)  # of five parts, those that begin or end in the middle
+    assert_same(model)
+
+
 def test_what_somebody_adds_is_not_hidden_by_the_background(
     drawn: list[tuple[int, bool]],
 ) -> None:
