@@ -71,7 +71,7 @@ class QuickRenderer(mujoco.Renderer):
         self._differs, self._compared = False, set[Background | None]()
         self._sky = _colour_of_sky(model)
         self._counted = self._said = 0
-        self._spooled = spooled(model)  # which the picture points to
+        self._spooled = spooled(model)  # which the canvas points to
         parts = (self.scene.geoms, self.scene.camera, self.scene.lights)
         pointers = (*(each[0].pos.ctypes.data for each in parts), self._spooled.ctypes.data)
         self._canvas = Canvas(width, height, *pointers)

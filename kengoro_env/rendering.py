@@ -18,7 +18,7 @@ from kengoro_env import gl_backend
 from kengoro_env.compiling import library
 from kengoro_env.errors import KengoroError
 from kengoro_env.quick_renderer import Image, QuickRenderer
-from kengoro_env.simplified import simplify, spooled
+from kengoro_env.simplified import SimpleRenderer
 
 WIDTH, HEIGHT = 640, 480
 """Size of every picture [pixels]."""
@@ -45,7 +45,7 @@ def open_renderer(
     width: int = WIDTH,
     height: int = HEIGHT,
     quality: Mapping[str, int] = QUALITY,
-    quick: bool = False,
+    simple: bool = False,
 ) -> mujoco.Renderer:
     """A renderer of a model, with the first of MuJoCo's GL backends that draws here.
 
@@ -55,8 +55,8 @@ def open_renderer(
         model: what is drawn.
         width, height: of each picture [pixels].
         quality: `QUALITY` or `COARSE`.
-        quick: for scenes without shadows and reflections, a `QuickRenderer` where code can be
-            compiled and a pixel is one sample.
+        simple: of simplified scenes without shadows and reflections, by a `QuickRenderer` where
+            code can be compiled and a pixel is one sample.
 
     Raises:
         RenderingError: there is none.
@@ -69,7 +69,7 @@ def open_renderer(
             if backend in ("glfw", "egl", "osmesa"):
                 gl_context.GLContext = importlib.import_module(f"mujoco.{backend}").GLContext
             with _cheap(model, width, height, quality):
-                return _renderer(model, width, height, quick)
+                return _renderer(model, width, height, simple)
         # What a broken driver raises is up to MuJoCo, PyOpenGL and the driver.
         except Exception as error:
             reason = f"{backend or 'default'}: {type(error).__name__}"
@@ -86,11 +86,11 @@ def open_renderer(
     )
 
 
-def _renderer(model: mujoco.MjModel, width: int, height: int, quick: bool) -> mujoco.Renderer:
+def _renderer(model: mujoco.MjModel, width: int, height: int, simple: bool) -> mujoco.Renderer:
     """A renderer that has drawn a first, empty picture."""
-    quick = quick and not model.vis.quality.offsamples  # of which there is one a pixel
-    compiled = library() if quick else None
-    kind = mujoco.Renderer if compiled is None else partial(QuickRenderer, compiled)
+    kind: Callable[..., mujoco.Renderer] = SimpleRenderer if simple else mujoco.Renderer
+    if simple and not model.vis.quality.offsamples and (compiled := library()) is not None:
+        kind = partial(QuickRenderer, compiled)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         font = mujoco.mjtFontScale.mjFONTSCALE_50
@@ -138,7 +138,6 @@ class Painter:
         self._model, self._width, self._height = model, width, height
         self._quality = quality
         self._renderer: mujoco.Renderer | None = None
-        self._spooled = spooled(model)
 
     def draw(
         self,
@@ -158,15 +157,13 @@ class Painter:
         """
         if self._renderer is None:
             self._renderer = open_renderer(
-                *(self._model, self._width, self._height, self._quality), quick=True
+                *(self._model, self._width, self._height, self._quality), simple=True
             )
         scene = self._renderer.scene
         self._renderer.update_scene(data, camera)
         # Shadows and reflections cost most of the time, and markers are read better without.
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        if not isinstance(self._renderer, QuickRenderer):
-            simplify(scene, self._spooled)
         if decorate is not None:
             decorate(scene)
         return self._renderer.render()

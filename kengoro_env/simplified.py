@@ -7,6 +7,8 @@ part of a wire with a spool, from there to its guide. `simplify` of scene.c does
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -28,18 +30,26 @@ def spooled(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.array([mujoco.mj_name2id(model, _JOINT, name) >= 0 for name in joints], dtype=bool)
 
 
-def simplify(scene: mujoco.MjvScene, spooled: NDArray[np.bool_]) -> None:
-    """Replace geoms of a scene, whose wires with a spool are ``spooled``."""
-    last, camera = -1, scene.camera[0]
-    for geom in scene.geoms[: scene.ngeom]:
-        if geom.objtype == _TENDON:
-            if geom.objid != last and spooled[geom.objid]:
-                geom.type = _NONE
-            elif geom.type != _NONE:
-                geom.type = _BOX
-            last = geom.objid
-        elif geom.type == _PLANE and min(geom.size[:2]) > 0.0 and _from_above(geom, camera):
-            geom.type, geom.size[2] = _BOX, _THIN
+class SimpleRenderer(mujoco.Renderer):
+    """A `mujoco.Renderer` of simplified scenes."""
+
+    def __init__(self, model: mujoco.MjModel, *args: Any) -> None:
+        super().__init__(model, *args)
+        self._spooled = spooled(model)
+
+    def update_scene(self, data: mujoco.MjData, *args: Any) -> None:
+        """As of `mujoco.Renderer`, simplified."""
+        super().update_scene(data, *args)
+        last, camera = -1, self.scene.camera[0]
+        for geom in self.scene.geoms[: self.scene.ngeom]:
+            if geom.objtype == _TENDON:
+                if geom.objid != last and self._spooled[geom.objid]:
+                    geom.type = _NONE
+                elif geom.type != _NONE:
+                    geom.type = _BOX
+                last = geom.objid
+            elif geom.type == _PLANE and min(geom.size[:2]) > 0.0 and _from_above(geom, camera):
+                geom.type, geom.size[2] = _BOX, _THIN
 
 
 def _from_above(plane: mujoco.MjvGeom, camera: mujoco.MjvGLCamera) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from reality_gap.errors import RealityGapError, StudyError
 from reality_gap.units import Unit, parse_unit, symbols_of
 from reality_gap.yaml_part import Part, read_yaml
+from strange_files.errors import short_name
 
 Array = NDArray[np.float64]
 
@@ -94,11 +95,11 @@ def locate(study: Path, name: str) -> Path:
         path = (folder / name).resolve()
         path.is_file()  # which says whether a name is too long
     except (OSError, RuntimeError, ValueError) as error:
-        raise StudyError(f"{study}: {short(name)} is no path of a file") from error
+        raise StudyError(f"{study}: {short_name(name)!r} is no path of a file") from error
     if Path(name).is_absolute() or not path.is_relative_to(folder):
         raise StudyError(
-            f"{study}: {short(name)} lies outside the study's folder; copy it beside the study and "
-            "give its path relative to it"
+            f"{study}: {short_name(name)!r} lies outside the study's folder; copy it beside the "
+            "study and give its path relative to it"
         )
     return path
 

@@ -7,3 +7,12 @@ class StrangeFileError(Exception):
 
 class FenceError(StrangeFileError):
     """The reader of a file crashed, or took too much time or memory."""
+
+
+LONGEST = 200
+"""Characters of a file's name that are repeated."""
+
+
+def short_name(name: str) -> str:
+    """A file's name that fits into a sentence."""
+    return name if len(name) <= LONGEST else f"{name[:LONGEST]}..."

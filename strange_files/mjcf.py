@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from strange_files import fence
-from strange_files.errors import StrangeFileError
+from strange_files.errors import StrangeFileError, short_name
 
 LIMITS = fence.Limits(seconds=10.0, cpu=4, memory=2 << 30)
 """Models of arms with dozens of meshes need a tenth of it."""
@@ -28,9 +28,6 @@ TOKEN = re.compile(
     re.DOTALL,
 )
 """A comment, a declaration, a tag or text."""
-
-LONGEST = 200
-"""Characters of a name that are repeated."""
 
 _survived: set[str] = set()
 
@@ -126,17 +123,12 @@ def _inside(base: Path, place: str, name: str, folders: Sequence[Path]) -> Path:
         ends = (path.resolve(), (base / written).resolve())
         path.is_file()  # which says whether a name is too long
     except (OSError, RuntimeError, ValueError) as error:
-        raise StrangeFileError(f"names {_short(name)!r}, which is no path of a file") from error
+        raise StrangeFileError(f"names {short_name(name)!r}, which is no path of a file") from error
     if not all(any(end.is_relative_to(folder) for folder in folders) for end in ends):
         raise StrangeFileError(
-            f"names {_short(str(written))}, which lies outside {folders[0]}; copy it there"
+            f"names {short_name(str(written))}, which lies outside {folders[0]}; copy it there"
         )
     return path
-
-
-def _short(name: str) -> str:
-    """A name that fits into a sentence."""
-    return name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
 
 
 def _parse(file: Path) -> ElementTree.Element:
