@@ -161,7 +161,12 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "actuator left out": (_remove("actuators", "flexor"), ("every actuator", "lacks: flexor")),
     "absolute path": (_set("model", value="/etc/hostname"), ("outside the study's folder",)),
     "path above": (_set("model", value="../lever.xml"), ("outside the study's folder",)),
-    "name too long": (_set("model", value=300 * "x"), ("no path of a file",)),
+    "path of some length": (
+        _set("model", value="../../measured/2018-autumn/robot_0/lever.xml"),
+        ("'../../measured/2018-autumn/robot_0/lever.xml' lies outside",),
+    ),
+    "path above, endless": (_set("model", value=999 * "../"), ("...' lies outside",)),
+    "name too long": (_set("model", value=3000 * "x"), ("xxx...' is no path of a file",)),
     "other file": (
         _set("episodes", value=[{"commands": "lever.xml"}]),
         ("neither a .csv nor a .parquet",),
@@ -224,6 +229,7 @@ def test_a_fault_is_one_sentence(study_folder: Any, fault: str) -> None:
     spoil, words = FAULTS[fault]
     spoil(study_folder)
     sentence = fault_of(study_folder)
+    assert len(sentence) < 1000
     for word in words:
         assert word in sentence
 
