@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -93,3 +94,89 @@ def test_lengths_in_a_buffer_that_is_used_again_are_not_mistaken_for_still_ones(
     for step in range(60):
         buffer[:] = 0.01 * step
         assert not detector.update(PERIOD * step, buffer)
+
+
+RESTS, MOVE, HOLD, SPEED = 10, 1.0, 3.0, 0.02
+
+
+def stamps(period: float, jitter: float = 0.0, start: float = 0.0, lost: float = 0.0) -> np.ndarray:
+    """Time stamps [s] of ten moves and rests by a clock.
+
+    Args:
+        period: of the control loop [s].
+        jitter: largest deviation of a stamp from its moment [s].
+        start: the first moment [s].
+        lost: share of cycles that are missing.
+    """
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, RESTS * (MOVE + HOLD), period)
+    time = time[rng.random(len(time)) >= lost]
+    return start + time + rng.uniform(-jitter, jitter, len(time))
+
+
+def moves_and_rests(time: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
+    """Lengths (T, 36) [m] at moments [s] after the first move began: ten moves, ten rests."""
+    cycle, phase = np.divmod(time, MOVE + HOLD)
+    way = SPEED * (MOVE * cycle + np.clip(phase, 0.0, MOVE))
+    lengths = way[:, None] * np.linspace(-1.0, 1.0, 36)
+    return lengths + noise * np.random.default_rng(seed).standard_normal(lengths.shape)
+
+
+CLOCKS = {
+    "exact": {"period": 0.02},
+    "jitter of 1 us": {"period": 0.02, "jitter": 1e-6},
+    "jitter of 1 ms": {"period": 0.02, "jitter": 1e-3},
+    "jitter of 30 %": {"period": 0.02, "jitter": 6e-3},
+    "seconds since 1970": {"period": 0.02, "start": 1.7e9},
+    "since 1970 with jitter": {"period": 0.02, "start": 1.7e9, "jitter": 1e-3},
+    "lost cycles": {"period": 0.02, "lost": 0.05},
+    "5 ms": {"period": 0.005, "jitter": 1.5e-3},
+    "60 Hz": {"period": 1 / 60},
+    "30 ms": {"period": 0.03},
+    "50 ms": {"period": 0.05, "jitter": 0.015, "lost": 0.05},
+}
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_every_rest_is_found_once_by_any_clock(clock: str) -> None:
+    detector, time = SettlingDetector(OPTIONS), stamps(**CLOCKS[clock])
+    lengths = moves_and_rests(time - time[0], noise=1e-4)
+    found = [t - time[0] for t, row in zip(time, lengths, strict=True) if detector.update(t, row)]
+
+    cycle, phase = np.divmod(np.array(found), MOVE + HOLD)
+    np.testing.assert_array_equal(cycle, np.arange(RESTS))
+    assert phase.min() >= MOVE  # not before the move has ended, ...
+    assert phase.max() <= MOVE + OPTIONS.window + 0.15  # ... and soon after
+
+
+@pytest.mark.parametrize("noise", [3e-5, 1e-4, 3e-4])
+def test_the_threshold_follows_the_noise_of_the_encoders(noise: float) -> None:
+    for seed in range(5):
+        assert len(fired(moves_and_rests(stamps(0.02), noise, seed))) == RESTS
+
+
+def test_one_noisy_encoder_does_not_widen_the_threshold_of_the_others() -> None:
+    """All but the first creep by 1.3 mm in each window: more than their noise of 0.05 mm allows."""
+    time = stamps(0.02)
+    rng = np.random.default_rng(0)
+    lengths = np.array([3e-4, *([5e-5] * 35)]) * rng.standard_normal((len(time), 36))
+    lengths[:, 1:] += 0.00325 * time[:, None]
+    assert fired(lengths) == []
+
+
+@pytest.mark.parametrize("stamp", [0.98, 0.5, 1.0])
+def test_a_stamp_that_is_not_newer_is_skipped(stamp: float) -> None:
+    detector, rest = SettlingDetector(OPTIONS), np.zeros(2)
+    for step in range(51):
+        detector.update(PERIOD * step, rest)
+    since = detector.since
+    assert not detector.update(stamp, np.ones(2))
+    assert detector.since == since  # what came with it was not taken for a move
+
+
+def test_a_gap_is_not_taken_for_a_rest() -> None:
+    detector, rest = SettlingDetector(OPTIONS), np.zeros(2)
+    for step in range(10):
+        assert not detector.update(PERIOD * step, rest)
+    assert not detector.update(10.0, rest)  # what happened between is not known
+    assert [k for k in range(1, 30) if detector.update(10.0 + PERIOD * k, rest)] == [20]
