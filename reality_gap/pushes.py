@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.new_elements import add_actuator
 from reality_gap.plant import Suspect
 from reality_gap.system import System
 
@@ -39,7 +40,7 @@ def _no_parameters(system: System, place: Place) -> tuple[Parameter, ...]:
 def _edit_push(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     kinds = {"joint": mujoco.mjtTrn.mjTRN_JOINT, "tendon": mujoco.mjtTrn.mjTRN_TENDON}
     name = place.elements[0]
-    spec.add_actuator(name=f"unnamed/{name}", trntype=kinds[place.kind], target=name)
+    add_actuator(spec, name=f"unnamed/{name}", trntype=kinds[place.kind], target=name)
 
 
 def _attach_push(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from reality_gap.cause import Parameter, Place, Values
 from reality_gap.causes import sizes
 from reality_gap.causes.extra import Extra
+from reality_gap.causes.new_elements import add_actuator
 from reality_gap.system import System
 
 Array = NDArray[np.float64]
@@ -102,8 +103,8 @@ def brake(
     step = float(system.model.opt.timestep)
     for name in place.elements:
         stiffness = min(force / bend, STABLE / (_lightness(system, place, name) * step**2))
-        actuator = spec.add_actuator(
-            name=_name(system, cause, place, name), trntype=kind, target=name
+        actuator = add_actuator(
+            spec, name=_name(system, cause, place, name), trntype=kind, target=name
         )
         actuator.set_to_dcmotor(
             motorconst=[0.0, 0.0],

@@ -10,6 +10,7 @@ import numpy as np
 
 from reality_gap.cause import Cause, Parameter, Place, Values
 from reality_gap.causes import poses
+from reality_gap.causes.new_elements import add_site
 from reality_gap.system import System
 
 SHIFT = Parameter("shift", "m", 0.003, 0.0001, -0.1, 0.1)
@@ -47,7 +48,7 @@ def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> 
         poses.put(spec.site(name), *poses.moved(drawn.pos, drawn.quat, values))
         return
     pos, quat = poses.moved(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), values)
-    marker = spec.body(name).add_site(name=f"marker_of_{name}", pos=pos, quat=quat)
+    marker = add_site(spec.body(name), name=f"marker_of_{name}", pos=pos, quat=quat)
     for sensor in spec.sensors:
         if sensor.objtype == _OBJ.mjOBJ_XBODY and sensor.objname == name:
             sensor.objtype, sensor.objname = _OBJ.mjOBJ_SITE, marker.name

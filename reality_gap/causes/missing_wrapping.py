@@ -17,6 +17,7 @@ import mujoco
 
 from reality_gap.cause import Cause, Parameter, Place, Values
 from reality_gap.causes import kinematics, obstacles, paths, zeroing
+from reality_gap.causes.new_elements import add_geom, add_site
 from reality_gap.causes.obstacles import Obstacle
 from reality_gap.system import System
 
@@ -57,11 +58,19 @@ def _geometry(spec: mujoco.MjSpec, system: System, place: Place, values: Values)
     over = it.over
     element = spec.joint(over.name) if over.kind == "joint" else spec.geom(over.name)
     body, name = element.parent, f"{it.tendon}_over_{over.name}_from_{it.between[0]}"
-    geom = body.add_geom(
-        name=name, type=SHAPES[over.shape], pos=over.pos, quat=over.quat, size=[radius, LENGTH, 0.0]
+    geom = add_geom(
+        body,
+        name=name,
+        type=SHAPES[over.shape],
+        pos=over.pos,
+        quat=over.quat,
+        size=[radius, LENGTH, 0.0],
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+        group=4,
     )
-    geom.mass, geom.contype, geom.conaffinity, geom.group = 0.0, 0, 0, 4
-    side = body.add_site(name=f"{name}_side", pos=over.pos + SIDE * radius * it.side, group=4)
+    side = add_site(body, name=f"{name}_side", pos=over.pos + SIDE * radius * it.side, group=4)
     _free_of_armature(spec, system, it.tendon)
     paths.go_round(spec, it.tendon, it.between, geom.name, side.name)
 
