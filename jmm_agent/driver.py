@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import Protocol
 
 from jmm_agent.agent import Agent
 from jmm_agent.drawing import Floats
 from jmm_agent.senses import Senses
+
+ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that ask a process to end; Ctrl-C is an exception already."""
 
 
 class Driver(Protocol):
@@ -36,7 +43,9 @@ def drive(
     """Let an agent drive a robot for some time of the robot's clock.
 
     Call it again for the next posture (`Agent.go`); `Driver.stop` is left to the caller for when
-    all is done, but is called here if anything goes wrong.
+    all is done, but is called here if anything goes wrong. SIGTERM and SIGHUP count as such: the
+    robot is stopped, and SystemExit ends the process. That needs the main thread, where Python
+    handles signals; a handler of the caller's own is left in its place.
 
     Args:
         agent: the mind.
@@ -46,17 +55,42 @@ def drive(
 
     Raises:
         AgentError: the robot's senses cannot be used; it was stopped.
+        SystemExit: the process was asked to end; the robot was stopped. Its code is 128 and the
+            signal's number, as a shell reports it.
     """
     begin: float | None = None
+    with _endings_raised():
+        try:
+            while True:
+                senses = driver.read()
+                begin = senses.time if begin is None else begin
+                target_lengths = agent.step(senses)
+                driver.write(target_lengths)
+                watch(senses, target_lengths)
+                if senses.time - begin >= seconds - 1e-9:
+                    return
+        except BaseException:
+            driver.stop()
+            raise
+
+
+@contextmanager
+def _endings_raised() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise SystemExit where they would end the process; the first one only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    replaced = [number for number in ENDINGS if signal.getsignal(number) is signal.SIG_DFL]
+
+    def end(number: int, frame: FrameType | None) -> None:
+        for other in replaced:
+            signal.signal(other, signal.SIG_IGN)  # the robot is being stopped already
+        raise SystemExit(128 + number)
+
     try:
-        while True:
-            senses = driver.read()
-            begin = senses.time if begin is None else begin
-            target_lengths = agent.step(senses)
-            driver.write(target_lengths)
-            watch(senses, target_lengths)
-            if senses.time - begin >= seconds - 1e-9:
-                return
-    except BaseException:
-        driver.stop()
-        raise
+        for number in replaced:
+            signal.signal(number, end)
+        yield
+    finally:
+        for number in replaced:
+            signal.signal(number, signal.SIG_DFL)

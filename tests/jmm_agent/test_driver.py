@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
+import threading
 from typing import Any, cast
 
 import numpy as np
@@ -78,3 +82,63 @@ def test_the_robot_is_stopped_when_anything_goes_wrong(by: str) -> None:
         driven(mind, robot, watch=watch)
 
     assert robot.stopped == 1
+
+
+ENDLESS = """
+import sys, time
+import numpy as np
+from jmm_agent.driver import drive
+from jmm_agent.senses import Senses
+
+class Robot:
+    time = 0.0
+    def read(self):
+        time.sleep(0.01)
+        self.time += 0.02
+        return Senses(self.time, np.zeros(2), np.zeros(2))
+    def write(self, target_lengths):
+        print("commanded", flush=True)
+    def stop(self):
+        print("stopped", flush=True)
+
+class Agent:
+    def step(self, senses):
+        return senses.lengths
+
+drive(Agent(), Robot(), 60.0)
+"""
+
+
+@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP])
+def test_the_robot_is_stopped_when_the_process_is_asked_to_end(ending: signal.Signals) -> None:
+    with subprocess.Popen([sys.executable, "-c", ENDLESS], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"commanded\n"
+        process.send_signal(ending)
+        said = process.stdout.read().splitlines()
+    assert said.count(b"stopped") == 1
+    assert said[-1] == b"stopped"
+    assert process.returncode == 128 + ending
+
+
+def test_signals_are_what_they_were_after_a_drive() -> None:
+    def mine(number: int, frame: object) -> None:
+        """The caller's own way to end."""
+
+    before = signal.signal(signal.SIGHUP, mine)
+    try:
+        handlers = list[object]()
+        driven(Mind(), Robot(), watch=lambda *_: handlers.append(signal.getsignal(signal.SIGHUP)))
+        assert set(handlers) == {mine}
+        assert signal.getsignal(signal.SIGHUP) is mine
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_thread_may_drive() -> None:
+    robot = Robot()
+    thread = threading.Thread(target=driven, args=(Mind(), robot))
+    thread.start()
+    thread.join()
+    assert len(robot.commands) == 6
