@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reality_gap.diagnosis import Verdict
 from reality_gap.remainder import Remainder, examine
 from reality_gap.search import Search, Settings, revise
-from reality_gap.workbench import Workbench
+from reality_gap.workbench import Hypothesis, Workbench
 
 Array = NDArray[np.float64]
 
@@ -18,6 +18,9 @@ BEATEN = 1.1
 """Evidence of a learner in place of the causes, over theirs, that makes them no names."""
 LEFT = 5.0
 """What a learner finds in what causes leave, over what it may, that makes them no names."""
+
+NEAR = 0.01
+"""Distance of a parameter from its bound, over the bound's from the null, that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +86,21 @@ def weighed(
     return revised, left if revised.best is result.best else leaves(revised)
 
 
-def decide(result: Search, left: Remainder, options: Options) -> Verdict:
-    """Named if the causes leave little that could still be learned, and hold where not fitted."""
-    if result.best is None:
-        found = left.learned.evidence > options.certain
+def decide(result: Search, left: Remainder, pays: bool, options: Options) -> Verdict:
+    """Named if the causes leave little that could still be learned, and hold where not fitted.
+
+    Args:
+        result: the causes.
+        left: what they leave.
+        pays: whether the causes surely predict the report split better than the study's model.
+        options: thresholds.
+    """
+    if result.best is None or not pays:
+        # Without causes both are of the whole gap.
+        found = left.instead.evidence > options.certain
         return Verdict.UNEXPLAINED if found else Verdict.NOTHING_WRONG
+    if at_bound(result.best.hypothesis):
+        return Verdict.UNEXPLAINED
     named = result.best.evidence
     much = left.learned.evidence > _may_leave(named, options)
     better = left.instead.evidence > named + options.better
@@ -96,6 +109,17 @@ def decide(result: Search, left: Remainder, options: Options) -> Verdict:
     events = all(suspect.cause.event for suspect in result.best.suspects)
     no_event = events and left.instead.evidence > options.by_chance * named
     return Verdict.UNEXPLAINED if much or better or worse or no_event else Verdict.NAMED
+
+
+def at_bound(hypothesis: Hypothesis) -> bool:
+    """Whether a parameter went as far as it may: what it stands for is something else."""
+    return any(
+        abs(values[p.name] - bound) <= NEAR * abs(bound - p.null)
+        for suspect, values in hypothesis
+        for p in suspect.parameters
+        for bound in (p.low, p.high)
+        if bound != p.null and np.isfinite(bound)
+    )
 
 
 def _may_leave(named: float, options: Options) -> float:

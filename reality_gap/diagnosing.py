@@ -102,9 +102,9 @@ def diagnose(
         rest = power(bench.measured, after)
         if whole is not None and rest > max(options.large**2, whole.power / BETTER):
             return of_groups(bench, whole, null, begin)
-        verdict = decide(result, left, options)
-        certain = verdict is Verdict.NAMED
         tried = score(bench.system.study, bench.measured, null, after)
+        verdict = decide(result, left, tried.pays, options)
+        certain = verdict is Verdict.NAMED
         # What has no name is not built into a model.
         built = after if certain else null
         scored = tried if certain else score(bench.system.study, bench.measured, null, null)

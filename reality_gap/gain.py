@@ -19,13 +19,21 @@ DRAWS = 1000
 
 @dataclass(frozen=True)
 class Score:
-    """RMS of whitened residuals on the report split, and what an extension gains."""
+    """RMS of whitened residuals on the report split, and what an extension gains.
+
+    Attributes:
+        before, after, floor: RMS without and with the extension, and of the readings' own noise.
+        gain: None where ``before`` is not surely above the floor.
+        unexplained: share of the power above the floor that is left, 0 to 1.
+        pays: whether the 95 % interval of ``before - after`` lies above zero.
+    """
 
     before: float
     after: float
     floor: float
     gain: Gain | None
     unexplained: float
+    pays: bool
 
 
 def score(study: Study, measured: Measured, before: Array, after: Array) -> Score:
@@ -55,7 +63,8 @@ def score(study: Study, measured: Measured, before: Array, after: Array) -> Scor
         gain = Gain(float((first - last) / (first - low)), float(ends[0]), float(ends[1]))
     power = first**2 - low**2
     unexplained = float(np.clip((last**2 - low**2) / power, 0.0, 1.0)) if power > 0 else 0.0
-    return Score(first, last, low, gain, unexplained)
+    pays = bool(np.quantile(draws[:, 0] - draws[:, 1], 0.025) > 0.0)
+    return Score(first, last, low, gain, unexplained, pays)
 
 
 def _rms(sums: Array) -> tuple[float, float, float]:

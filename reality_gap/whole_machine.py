@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from reality_gap.cause import Cause
 from reality_gap.causes import CATALOGUE
+from reality_gap.deciding import at_bound
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Rival, Verdict
 from reality_gap.gain import score
 from reality_gap.groups import Group, find_groups, noise_at_rest, positions_at
@@ -80,6 +81,9 @@ def explain(
 ) -> Whole | None:
     """Fit groups of causes; None where there is no need or no way to, or where they are no better.
 
+    As for single causes, no name holds with a parameter at its bound, or without a gain on held-out
+    readings.
+
     Args:
         bench: replays.
         causes: the catalogue.
@@ -100,7 +104,9 @@ def explain(
     found = table.fit(f"fitting {table.count} parameters at {len(moments)} moments of rest")
     residual = bench.residual(found.hypothesis)
     after = power(bench.measured, residual)
-    if not after < BETTER * before:
+    if not after < BETTER * before or at_bound(found.hypothesis):
+        return None
+    if not score(bench.system.study, bench.measured, best, residual).pays:
         return None
     worse = [_worse(table, found, group, after, len(moments)) for group in groups]
     named = [_name(g, found, w) for g, w in zip(groups, worse, strict=True)]

@@ -11,17 +11,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reality_gap.cause import Parameter, Place
 from reality_gap.causes import CATALOGUE
 from reality_gap.confidence import TEMPER
-from reality_gap.deciding import Options, decide, weighed
+from reality_gap.deciding import Options, at_bound, decide, weighed
 from reality_gap.diagnosing import diagnose
 from reality_gap.diagnosis import Verdict
 from reality_gap.fitting import fit
 from reality_gap.newcomers import again
+from reality_gap.plant import Suspect
 from reality_gap.reading import load_study
 from reality_gap.remainder import Remainder, examine
 from reality_gap.ruler import Ruler
 from reality_gap.search import Settings
+from reality_gap.splits import BLOCK, REPORT, TURN
 from reality_gap.study import Channel, Episode, Reading, Study
 from reality_gap.workbench import Hypothesis, Workbench
 
@@ -35,18 +38,20 @@ def decided(
     before: float = 5.0,
     after: float = 1.0,
     events: tuple[bool, ...] = (False,),
+    pays: bool = True,
+    hypothesis: Hypothesis = (),
 ) -> Verdict:
     """For causes of this evidence, or none; what could be learned beside and instead [nats]."""
     suspects = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
-    best = None if evidence is None else SimpleNamespace(evidence=evidence, suspects=suspects)
-    result: Any = SimpleNamespace(best=best)
+    best = SimpleNamespace(evidence=evidence, suspects=suspects, hypothesis=hypothesis)
+    result: Any = SimpleNamespace(best=None if evidence is None else best)
     left: Any = SimpleNamespace(
         learned=SimpleNamespace(evidence=learned),
-        instead=SimpleNamespace(evidence=instead),
+        instead=SimpleNamespace(evidence=learned if evidence is None else instead),
         before=before,
         after=after,
     )
-    return decide(result, left, Options())
+    return decide(result, left, pays, Options())
 
 
 @pytest.mark.parametrize(
@@ -111,6 +116,55 @@ def test_what_the_posture_explains_nearly_as_well_is_no_event(
     events: tuple[bool, ...], instead: float, expected: Verdict
 ) -> None:
     assert decided(100.0, instead=instead, events=events) is expected
+
+
+@pytest.mark.parametrize(
+    ("instead", "expected"), [(5.9, Verdict.NOTHING_WRONG), (6.1, Verdict.UNEXPLAINED)]
+)
+def test_causes_that_do_not_pay_on_held_out_readings_are_as_none(
+    instead: float, expected: Verdict
+) -> None:
+    assert decided(1000.0, instead=instead, pays=False) is expected
+
+
+def one(value: float, low: float, high: float, null: float = 0.0) -> Hypothesis:
+    """A cause with one parameter."""
+    parameter = Parameter("size", "1", 1.0, 0.0, low, high, null)
+    suspect = Suspect(CATALOGUE["payload"], Place("body", ("hand",)), (parameter,))
+    return [(suspect, {"size": value})]
+
+
+@pytest.mark.parametrize(
+    ("hypothesis", "expected"),
+    [
+        (one(2.0, -1.0, 2.0), True),
+        (one(1.99, -1.0, 2.0), True),  # an optimiser stops just before it
+        (one(-1.0, -1.0, 2.0), True),
+        (one(1.9, -1.0, 2.0), False),
+        (one(0.0, 0.0, 2.0), False),  # where the cause does nothing
+        (one(1.0, 1.0, 2.0, null=1.0), False),
+        (one(1e9, -np.inf, np.inf), False),
+        ([*one(0.5, 0.0, 2.0), *one(2.0, 0.0, 2.0)], True),
+    ],
+)
+def test_no_name_has_a_parameter_at_its_bound(hypothesis: Hypothesis, expected: bool) -> None:
+    assert at_bound(hypothesis) is expected
+    named = decided(1000.0, hypothesis=hypothesis) is Verdict.NAMED
+    assert named is not expected
+
+
+@pytest.mark.usefixtures("frictionless")
+def test_what_does_not_hold_on_held_out_readings_is_not_named(study_folder: Any) -> None:
+    """A tension that is read wrong, but not in those blocks of time that are only reported on."""
+    for log in study_folder.logs.values():
+        if "tension_flexor" in log:
+            block = np.floor(np.array(log["time"]) / BLOCK).astype(int)
+            wrong = block % len(TURN) != TURN.index(REPORT)
+            log["tension_flexor"] = list(np.array(log["tension_flexor"]) * np.where(wrong, 1.5, 1))
+    found = diagnose(load_study(study_folder.write()), causes=[CATALOGUE["tension_scale"]])
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert not found.causes
+    assert found.rms_after == found.rms_before
 
 
 STILL = """
