@@ -31,9 +31,9 @@ from jmm_agent.senses import Senses
 from jmm_agent.sight import MarkerSight
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
-from kengoro_env.draft import Departure
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Robot
+from kengoro_env.robot.draft import Departure
+from kengoro_env.robot.robot import Robot
 
 Floats = NDArray[np.float64]
 

@@ -27,11 +27,11 @@ from rich.table import Table
 from benchmarks.marker_pose import OPENCV_IN_MUJOCO, SIDE, Tally
 from jmm_agent.camera import Camera
 from jmm_agent.marker import MarkerDetector
-from kengoro_env.departures.senses import EYE
+from kengoro_env.departures.sensors import EYE
 from kengoro_env.env import KengoroEnv
 from kengoro_env.postures import posture_set
-from kengoro_env.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_renderer
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
+from kengoro_env.vision.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_renderer
 
 IDS = ("Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
 POSES, PER_POSE = 120, 2

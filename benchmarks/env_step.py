@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from kengoro_env.compiling import library
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
+from kengoro_env.stepping.c_compiler import library
 
 Array = NDArray[np.float64]
 

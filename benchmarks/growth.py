@@ -31,8 +31,8 @@ from scipy.stats import linregress, t
 from experiments.gap_trial import Case, write_case
 from experiments.report import png
 from kengoro_env.assets import asset_path
-from kengoro_env.draft import Draft, Wire
-from kengoro_env.robot import Robot
+from kengoro_env.robot.draft import Draft, Wire
+from kengoro_env.robot.robot import Robot
 from kengoro_env.vector import KengoroVectorEnv
 from reality_gap import CATALOGUE, Options, diagnose, load_study
 
@@ -95,7 +95,7 @@ class Wires:
     count: int
 
     def edit(self, draft: Draft) -> None:
-        """See `kengoro_env.draft.Departure`."""
+        """See `kengoro_env.robot.draft.Departure`."""
         spec, drawn = draft.spec, list(draft.wires)
         spec.option.gravity = np.zeros(3)
         kept = {drawn[i * len(drawn) // self.count] for i in range(self.count)}

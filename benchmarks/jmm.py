@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from experiments.common import drawing_for_agent
 from jmm_agent.training import train
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 POSTURES = 1000
 CALLS = 300

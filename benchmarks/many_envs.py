@@ -20,8 +20,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from kengoro_env.compiled_fleet import cores
 from kengoro_env.env import CONTROL_PERIOD
+from kengoro_env.stepping.compiled_fleet import cores
 from kengoro_env.vector import KengoroVectorEnv
 
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0")

@@ -22,9 +22,9 @@ from experiments.statistics import interval, metric, paired
 from experiments.study import Findings, Results, Study
 from jmm_agent.minibatch import MinibatchRule
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
-from kengoro_env.motors import DEFAULT_GAINS
 from kengoro_env.postures import least_tension
+from kengoro_env.robot.motors import DEFAULT_GAINS
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 ANGLES_DEG = (30.0, 60.0, 90.0)
 START_N = 375.0

@@ -23,8 +23,8 @@ from experiments.errors import ExperimentError
 from jmm_agent.drawing import Drawing
 from jmm_agent.mapping import JointMuscleMap
 from kengoro_env.assets import asset_path, assets_root
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.names import GROUP_JOINTS, JOINTS
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 ARM = "mjcf/kengoro_arm/arm.xml"
 FIRST_REPORTED_SEED = 100

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.departures.senses import EYE
-from kengoro_env.draft import Draft
-from kengoro_env.fingers import FINGERS, add_fingers
-from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.robot import load_spec
-from kengoro_env.wires import wind
+from kengoro_env.departures.sensors import EYE
+from kengoro_env.robot.draft import Draft
+from kengoro_env.robot.fingers import FINGERS, add_fingers
+from kengoro_env.robot.motors import DEFAULT_GAINS, Gains
+from kengoro_env.robot.robot import load_spec
+from kengoro_env.robot.tendons import wind
 
 MARKER = "marker_hand"
 MARKER_POSITION, MARKER_ORIENTATION = "marker_position", "marker_orientation"

@@ -21,8 +21,8 @@ from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual, drawing
-from kengoro_env.draft import Draft
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
+from kengoro_env.robot.draft import Draft
 
 SCENE = "mjcf/kengoro_arm/elbow.xml"
 MUSCLES = ("biceps", "brachialis", "triceps")

@@ -18,8 +18,8 @@ from jmm_agent.drawing import Floats
 from jmm_agent.length_map import LengthMap
 from jmm_agent.updaters import VisionUpdater
 from kengoro_env.departures import actual, drawing
-from kengoro_env.motors import Gains
-from kengoro_env.robot import Robot
+from kengoro_env.robot.motors import Gains
+from kengoro_env.robot.robot import Robot
 
 
 class PostureMap(LengthMap, Protocol):

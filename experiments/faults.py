@@ -32,9 +32,9 @@ from jmm_agent.marker import Eyes, MarkerDetector
 from jmm_agent.updaters import VisionOptions
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Robot
+from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.robot import Robot
 
 WIRE_FAULTS = (
     faults.ENCODER_STUCK,

@@ -13,9 +13,9 @@ import numpy as np
 from experiments.common import ARM
 from jmm_agent.drawing import Floats
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
-from kengoro_env.motors import DEFAULT_GAINS
 from kengoro_env.postures import posture_set
+from kengoro_env.robot.motors import DEFAULT_GAINS
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 POSTURES = 5
 """Postures of the set over which the effect is taken."""

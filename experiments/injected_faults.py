@@ -20,7 +20,7 @@ from jmm_agent.drawing import Floats
 from jmm_agent.faults import MotorControl
 from jmm_agent.marker import Detections, MarkerDetector, MarkerPose
 from kengoro_env.env import KengoroEnv
-from kengoro_env.motors import DEFAULT_GAINS
+from kengoro_env.robot.motors import DEFAULT_GAINS
 
 MOTORS = MotorControl(DEFAULT_GAINS.stiffness, DEFAULT_GAINS.bias, DEFAULT_GAINS.limit)
 """What the agent is told of the motors."""

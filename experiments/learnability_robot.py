@@ -18,12 +18,12 @@ from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.prior import MapPrior, PriorOptions
 from jmm_agent.sight import MarkerSight
 from kengoro_env.assets import asset_path
-from kengoro_env.draft import Departure
-from kengoro_env.drawing import ArmDrawing
-from kengoro_env.motors import Gains
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Robot
+from kengoro_env.robot.draft import Departure
+from kengoro_env.robot.motors import Gains
+from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.robot import Robot
 
 EYE, MARKER, GRIP = "eye", "marker_hand", "grip"
 ESTIMATE_MARGIN = 0.1  # [rad] by which an estimate may lie outside the joint limits

@@ -15,7 +15,7 @@ import numpy as np
 
 from jmm_agent.drawing import Drawing, Floats
 from jmm_agent.mapping import METRES, QUADRATIC_STEP, JointMuscleMap
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
 
 Arms = Callable[[Floats], Floats]
 """Posture (n,) [rad] -> dl/dq (m, n) [m/rad]."""

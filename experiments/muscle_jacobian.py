@@ -50,7 +50,7 @@ from experiments.waviness import measures, numbers
 from jmm_agent.drawing import Drawing
 from jmm_agent.mapping import METRES, JointMuscleMap
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 
 @dataclass(frozen=True)

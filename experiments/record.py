@@ -34,7 +34,7 @@ from experiments.drawing_model import (
 from experiments.errors import ExperimentError
 from experiments.recording import SETTLE, Arm, Recording, Tour, elbow, record, whole_arm
 from jmm_agent.drawing import Floats
-from kengoro_env.drawing import ArmDrawing
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 ARMS = {"whole": whole_arm, "elbow": elbow}
 

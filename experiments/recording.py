@@ -18,10 +18,10 @@ from jmm_agent.drawing import Floats
 from jmm_agent.kinematics import ArmKinematics
 from jmm_agent.marker import MarkerDetector
 from kengoro_env.assets import asset_path
-from kengoro_env.departures.senses import EYE
-from kengoro_env.drawing import ArmDrawing
+from kengoro_env.departures.sensors import EYE
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
 from kengoro_env.names import JOINTS
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 SETTLE = 2.0
 """The first command is held so long before the log begins [s]."""

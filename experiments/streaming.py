@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import cv2
 
-from kengoro_env.rendering import Image
+from kengoro_env.vision.rendering import Image
 
 SILENCE = 5.0
 """After so long [s] a page that does not read is given up, and one without news is told so."""

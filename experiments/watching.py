@@ -27,8 +27,8 @@ from jmm_agent.kinematics import ArmKinematics
 from kengoro_env.assets import asset_path
 from kengoro_env.env import OUTSIDE
 from kengoro_env.names import JOINTS
-from kengoro_env.rendering import HEIGHT, WIDTH, Image, Painter
-from kengoro_env.wires import spool_joint
+from kengoro_env.robot.tendons import spool_joint
+from kengoro_env.vision.rendering import HEIGHT, WIDTH, Image, Painter
 
 NOTE_PERIOD = 0.1
 """Time between two points of the curves [s of the robot's time]."""

@@ -19,7 +19,7 @@ from rich import get_console
 from experiments.session import Session
 from experiments.streaming import Broadcast, PageServer, Shown, data_url
 from experiments.watching import Curves, Moment, Panel, Scene, Story, add_marks, look_from_outside
-from kengoro_env.rendering import RenderingError, has_display, open_viewer
+from kengoro_env.vision.rendering import RenderingError, has_display, open_viewer
 
 PERIOD = 0.1
 """Least time between two pictures [s]."""

@@ -28,7 +28,7 @@ from jmm_agent.held_back import HeldBackOptions
 from jmm_agent.updaters import VisionOptions
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
 
 PLAIN, TESTED, RIGHT, RIGHT_TESTED = "plain", "tested", "right", "right-tested"
 CONDITIONS = (PLAIN, TESTED, RIGHT, RIGHT_TESTED)

@@ -7,7 +7,7 @@ what they take and give.
 
 import gymnasium
 
-from kengoro_env import gl_backend
+from kengoro_env.vision import gl_backend
 
 gl_backend.choose()
 

@@ -15,20 +15,20 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
-from kengoro_env.compiled_control import control_of
 from kengoro_env.departures.choice import chosen_departures
-from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.errors import KengoroError
-from kengoro_env.head_camera import HeadCamera
-from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.observing import Observation
-from kengoro_env.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
-from kengoro_env.robot import DivergedError, Robot
+from kengoro_env.robot.draft import Departure, UnknownNameError
+from kengoro_env.robot.motors import DEFAULT_GAINS, Gains
+from kengoro_env.robot.robot import DivergedError, Robot
 from kengoro_env.spaces import LATEST, box, checked_action, length_bounds
+from kengoro_env.stepping.compiled_control import control_of
+from kengoro_env.stepping.observation import Observation
 from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.posture import posture_task
 from kengoro_env.tasks.task import Task
+from kengoro_env.vision.head_camera import HeadCamera
+from kengoro_env.vision.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
 
 Array = NDArray[np.float64]
 

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.names import JOINTS
-from kengoro_env.robot import Robot
+from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.robot import Robot
 
 Array = NDArray[np.float64]
 

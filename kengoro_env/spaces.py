@@ -25,8 +25,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path, assets_root
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.errors import KengoroError
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 Array = NDArray[np.float64]
 

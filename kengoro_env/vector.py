@@ -11,14 +11,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from kengoro_env.compiled_fleet import fleet_of
-from kengoro_env.draft import Departure
 from kengoro_env.env import METADATA, KengoroEnv
 from kengoro_env.errors import KengoroError
-from kengoro_env.fleet import ToldOfMany
-from kengoro_env.motors import DEFAULT_GAINS, Gains
-from kengoro_env.robot import DivergedError
+from kengoro_env.robot.draft import Departure
+from kengoro_env.robot.motors import DEFAULT_GAINS, Gains
+from kengoro_env.robot.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
+from kengoro_env.stepping.compiled_fleet import fleet_of
+from kengoro_env.stepping.fleet import ToldOfMany
 from kengoro_env.tasks.reach import Reach, judged
 
 Array = NDArray[np.float64]

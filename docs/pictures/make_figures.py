@@ -35,7 +35,7 @@ from experiments.emps_log import (
     relative_error,
 )
 from experiments.emps_regression import force_of
-from kengoro_env.motors import DEFAULT_GAINS
+from kengoro_env.robot.motors import DEFAULT_GAINS
 
 Floats = NDArray[np.float64]
 

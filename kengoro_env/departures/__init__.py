@@ -6,14 +6,14 @@ Each departure is a frozen dataclass with units and one verb, ``edit(draft)``. N
 
 from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
 from kengoro_env.departures.presets import actual, drawing
-from kengoro_env.departures.senses import (
+from kengoro_env.departures.sensors import (
     CameraError,
     EncoderError,
     FrameDelay,
     TensionSensorError,
     ZeroPosture,
 )
-from kengoro_env.departures.wires import DryFriction, Elongation, MotorInertia, WireStretch
+from kengoro_env.departures.tendons import DryFriction, Elongation, MotorInertia, WireStretch
 
 __all__ = [
     "AttachmentDisplacement",

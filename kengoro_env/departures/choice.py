@@ -8,8 +8,8 @@ import numpy as np
 
 from kengoro_env import departures as departures_package
 from kengoro_env.departures.presets import actual
-from kengoro_env.draft import Departure, UnknownNameError
 from kengoro_env.errors import KengoroError
+from kengoro_env.robot.draft import Departure, UnknownNameError
 
 
 def chosen_departures(

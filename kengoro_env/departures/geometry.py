@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from kengoro_env.draft import Draft
+from kengoro_env.robot.draft import Draft
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from math import radians
 
 from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
-from kengoro_env.departures.senses import (
+from kengoro_env.departures.sensors import (
     CameraError,
     EncoderError,
     FrameDelay,
     TensionSensorError,
     ZeroPosture,
 )
-from kengoro_env.departures.wires import DryFriction, MotorInertia, WireStretch
-from kengoro_env.draft import Departure
+from kengoro_env.departures.tendons import DryFriction, MotorInertia, WireStretch
+from kengoro_env.robot.draft import Departure
 
 
 def drawing() -> tuple[Departure, ...]:

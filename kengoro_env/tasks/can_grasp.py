@@ -17,11 +17,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.departures.senses import EYE
+from kengoro_env.departures.sensors import EYE
 from kengoro_env.errors import KengoroError
-from kengoro_env.lift import LIFT_HEIGHT, LiftMonitor, Sight, Thing
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
+from kengoro_env.stepping.lift_monitor import LIFT_HEIGHT, LiftMonitor, Sight, Thing
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.body import INSTANT
-from kengoro_env.lift import Sight
-from kengoro_env.robot import Robot
+from kengoro_env.robot.body import INSTANT
+from kengoro_env.robot.robot import Robot
+from kengoro_env.stepping.lift_monitor import Sight
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.lift import Sight
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
+from kengoro_env.stepping.lift_monitor import Sight
 
 Array = NDArray[np.float64]
 

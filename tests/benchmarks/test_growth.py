@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.growth import SCENE, Measured, PowerLaw, Wires, draw
 from kengoro_env.assets import asset_path
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
 
 
 def test_an_exact_power_law_is_found() -> None:

@@ -15,9 +15,9 @@ from experiments.common import ARM
 from experiments.giving_wires import effect_deg, rest, worst_wires
 from experiments.visits import errors
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
-from kengoro_env.motors import DEFAULT_GAINS
 from kengoro_env.postures import posture_set
+from kengoro_env.robot.motors import DEFAULT_GAINS
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 SIZES = replace(QUICK, learned=8, more=4, every=4, tested=2)
 

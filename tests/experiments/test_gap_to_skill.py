@@ -29,7 +29,7 @@ from experiments.visits import ANGLES, Visits, no_visits
 from jmm_agent.fitting import Recipe
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
 from reality_gap import Verdict
 
 MUSCLES = drawing_for_agent().muscles

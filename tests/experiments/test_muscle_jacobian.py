@@ -32,9 +32,9 @@ from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.training import train
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.names import GROUP_JOINTS
-from kengoro_env.robot import Robot
+from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.robot import Robot
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import yaml
 from experiments.errors import ExperimentError
 from experiments.record import Args, main, read_targets, speed
 from experiments.recording import Tour, elbow, whole_arm
-from kengoro_env.drawing import ArmDrawing
+from kengoro_env.robot.nominal_model import ArmDrawing
 from reality_gap import load_study
 from reality_gap.workbench import Workbench
 

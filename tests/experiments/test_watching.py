@@ -31,7 +31,7 @@ from kengoro_env.departures import WireStretch
 from kengoro_env.env import OUTSIDE
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
 
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
 POSTURE = posture_set()[0]

@@ -27,8 +27,8 @@ from experiments.watching import Scene
 from experiments.window import Viewer, Window
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import posture_set
-from kengoro_env.rendering import RenderingError
-from kengoro_env.robot import Robot
+from kengoro_env.robot.robot import Robot
+from kengoro_env.vision.rendering import RenderingError
 from tests.experiments.onlooking import CHROME, CHROMEDRIVER, Browser, read_event, wait_for
 
 POSTURE = posture_set()[0]

@@ -13,9 +13,9 @@ from jmm_agent.mapping import JointMuscleMap
 from jmm_agent.prior import MapPrior, PriorOptions
 from jmm_agent.sight import MarkerSight
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
+from kengoro_env.robot.nominal_model import ArmDrawing
 
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
 COUNT = 10

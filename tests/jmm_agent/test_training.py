@@ -16,7 +16,7 @@ from jmm_agent.fitting import Layers, Network, Recipe, TrainingError, settle
 from jmm_agent.mapping import JointMuscleMap, sigmoid
 from jmm_agent.training import content_hash, load_or_train, train
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
+from kengoro_env.robot.nominal_model import ArmDrawing
 from tests.jmm_agent.straight_wires import GROUPS, JOINTS, crosses, drawing, relative_lengths
 
 QUICK = Recipe(hidden=60, samples=2000, steps=20)

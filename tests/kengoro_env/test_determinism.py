@@ -15,7 +15,7 @@ import pytest
 
 from kengoro_env.departures import Elongation, actual
 from kengoro_env.env import KengoroEnv
-from tests.kengoro_env.making import make
+from tests.kengoro_env.environments import make
 
 ROOT = Path(__file__).resolve().parents[2]
 PICKLE = import_module("pickle")  # what multiprocessing does; the project itself writes none

@@ -13,10 +13,10 @@ from gymnasium.utils.env_checker import check_env
 from kengoro_env.departures import Elongation, WireStretch, actual
 from kengoro_env.env import KengoroEnv
 from kengoro_env.errors import KengoroError
-from kengoro_env.motors import Gains
-from kengoro_env.rendering import Painter
+from kengoro_env.robot.motors import Gains
 from kengoro_env.spaces import InvalidActionError
-from tests.kengoro_env.making import make
+from kengoro_env.vision.rendering import Painter
+from tests.kengoro_env.environments import make
 
 IDS = ("Kengoro/CanGrasp-v0", "Kengoro/Posture-v0", "Kengoro/Elbow-v0")
 COMMON = {

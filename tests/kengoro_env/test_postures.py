@@ -6,11 +6,11 @@ import pytest
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import AttachmentDisplacement
 from kengoro_env.departures.presets import actual
-from kengoro_env.draft import Draft
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import PostureChecker, least_tension, posture_set
-from kengoro_env.robot import load_spec
+from kengoro_env.robot.draft import Draft
+from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.robot import load_spec
 
 ARM = "mjcf/kengoro_arm/arm.xml"
 

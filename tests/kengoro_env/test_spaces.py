@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kengoro_env.assets import asset_path
-from kengoro_env.drawing import ArmDrawing
 from kengoro_env.env import TASKS, KengoroEnv
 from kengoro_env.errors import KengoroError
 from kengoro_env.postures import posture_set
+from kengoro_env.robot.nominal_model import ArmDrawing
 from kengoro_env.spaces import (
     MARGIN,
     SCENES,

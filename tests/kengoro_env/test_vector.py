@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from kengoro_env import compiled_fleet
-from kengoro_env.compiled_fleet import CompiledFleet
-from kengoro_env.departures.wires import DryFriction, Elongation
+from kengoro_env.departures.tendons import DryFriction, Elongation
 from kengoro_env.errors import KengoroError
-from kengoro_env.fleet import Fleet
+from kengoro_env.stepping import compiled_fleet
+from kengoro_env.stepping.compiled_fleet import CompiledFleet
+from kengoro_env.stepping.fleet import Fleet
 from kengoro_env.vector import KengoroVectorEnv
-from tests.kengoro_env.making import EveryOtherStretches
+from tests.kengoro_env.environments import EveryOtherStretches
 
 ELBOW, POSTURE = "Kengoro/Elbow-v0", "Kengoro/Posture-v0"
 GIVES = {

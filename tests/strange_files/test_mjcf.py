@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kengoro_env.errors import KengoroError
-from kengoro_env.robot import load_spec
+from kengoro_env.robot.robot import load_spec
 from strange_files import fence
 from strange_files.errors import StrangeFileError
 from strange_files.mjcf import check_model, named_files

@@ -29,8 +29,8 @@ def reality_gap(*arguments: str | Path) -> tuple[int, str]:
 
 def kengoro_env(model: Path) -> tuple[int, str]:
     """A robot's drawing, as an exit code and a sentence."""
-    from kengoro_env.drawing import ArmDrawing
     from kengoro_env.errors import KengoroError
+    from kengoro_env.robot.nominal_model import ArmDrawing
 
     try:
         ArmDrawing(model)

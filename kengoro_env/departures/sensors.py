@@ -1,0 +1,166 @@
+"""Departures of what the robot feels and sees: encoders, tension sensors, camera, zero posture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from kengoro_env.names import GROUP_JOINTS
+from kengoro_env.robot.draft import Draft
+
+EYE = "eye"
+
+
+@dataclass(frozen=True)
+class EncoderError:
+    """Encoders of the motors err.
+
+    Attributes:
+        offset: standard deviation of each muscle's constant offset [m].
+        noise: standard deviation of each reading [m].
+        quantum: smallest step of a reading [m].
+        seed: which offsets.
+    """
+
+    offset: float = 0.0
+    noise: float = 0.0
+    quantum: float = 0.0
+    seed: int = 0
+
+    def edit(self, draft: Draft) -> None:
+        """Write offsets, noise and quantum into the senses."""
+        if self.offset > 0.0:
+            rng = np.random.default_rng([self.seed, 102])
+            draft.senses.length_offset = {
+                muscle: self.offset * float(rng.standard_normal()) for muscle in draft.wires
+            }
+        if self.noise > 0.0:
+            draft.senses.length_noise = self.noise
+        if self.quantum > 0.0:
+            draft.senses.length_quantum = self.quantum
+
+
+@dataclass(frozen=True)
+class TensionSensorError:
+    """Tension sensors err.
+
+    Attributes:
+        noise: standard deviation of each reading [N].
+        offset: standard deviation of each muscle's constant offset [N].
+        seed: which offsets.
+    """
+
+    noise: float = 0.0
+    offset: float = 0.0
+    seed: int = 0
+
+    def edit(self, draft: Draft) -> None:
+        """Write noise and offsets into the senses."""
+        if self.noise > 0.0:
+            draft.senses.tension_noise = self.noise
+        if self.offset > 0.0:
+            rng = np.random.default_rng([self.seed, 103])
+            draft.senses.tension_offset = {
+                muscle: self.offset * float(rng.standard_normal()) for muscle in draft.wires
+            }
+
+
+@dataclass(frozen=True)
+class CameraError:
+    """The camera is not mounted as drawn, and its lens is another.
+
+    Attributes:
+        focal: standard deviation of the focal length's relative error [1].
+        position: standard deviation of the mounting along each axis [m].
+        rotation: standard deviation of the mounting about each axis [rad].
+        seed: which camera.
+    """
+
+    focal: float = 0.0
+    position: float = 0.0
+    rotation: float = 0.0
+    seed: int = 0
+
+    def edit(self, draft: Draft) -> None:
+        """Move the camera and change its lens, where the scene has one."""
+        if self.focal == 0.0 and self.position == 0.0 and self.rotation == 0.0:
+            return
+        if EYE not in [camera.name for camera in draft.spec.cameras]:
+            return
+        rng = np.random.default_rng([self.seed, 104])
+        camera = draft.spec.camera(EYE)
+        focal = 1.0 / np.tan(np.radians(camera.fovy) / 2)
+        focal *= 1.0 + self.focal * rng.standard_normal()
+        camera.fovy = float(np.degrees(2 * np.arctan(1.0 / focal)))
+        camera.pos = camera.pos + self.position * rng.standard_normal(3)
+        turn, turned = np.zeros(4), np.zeros(4)
+        vector = self.rotation * rng.standard_normal(3)
+        angle = float(np.linalg.norm(vector))
+        mujoco.mju_axisAngle2Quat(turn, vector / max(angle, 1e-12), angle)
+        mujoco.mju_mulQuat(turned, orientation_of(camera), turn)
+        camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        camera.quat = turned
+
+
+def orientation_of(camera: mujoco.MjsCamera) -> np.ndarray:
+    """Quaternion of a camera in its body's frame, however the model file gave it."""
+    if camera.alt.type != mujoco.mjtOrientation.mjORIENTATION_XYAXES:
+        return np.array(camera.quat)
+    x, y = camera.alt.xyaxes[:3], camera.alt.xyaxes[3:]
+    x = x / np.linalg.norm(x)
+    y = y - x * (x @ y)
+    y = y / np.linalg.norm(y)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.column_stack([x, y, np.cross(x, y)]).ravel())
+    return quaternion
+
+
+@dataclass(frozen=True)
+class FrameDelay:
+    """Frames reach the agent late, by ``delay`` [s]."""
+
+    delay: float = 0.0
+
+    def edit(self, draft: Draft) -> None:
+        """Write the delay into the senses."""
+        if self.delay > 0.0:
+            draft.senses.frame_delay = self.delay
+
+
+@dataclass(frozen=True)
+class ZeroPosture:
+    """Lengths were zeroed by hand, at a posture that was not zero.
+
+    Who resets the lengths of a hanging arm leaves its elbow a little bent and the arm a little
+    off the body: elbow and shoulder roll err to that side only, the other joints to either. Each
+    angle lies between half and one and a half of the one given.
+
+    Attributes:
+        shoulder: how far shoulder and elbow joints were from zero [rad].
+        scapula: the same for the four joints of the scapula [rad].
+        forearm: the same for radioulnar joint and wrist [rad].
+        neck: the same for the neck, which is easier to set: the face looks straight ahead [rad].
+        seed: which posture.
+    """
+
+    shoulder: float = 0.0
+    scapula: float = 0.0
+    forearm: float = 0.0
+    neck: float = 0.0
+    seed: int = 0
+
+    def edit(self, draft: Draft) -> None:
+        """Draw the posture and note it."""
+        angle = {group: float(getattr(self, group)) for group in GROUP_JOINTS}
+        if not any(angle.values()):
+            return
+        rng = np.random.default_rng([self.seed, 105])
+        known = {joint.name for joint in draft.spec.joints}
+        for group, joints in GROUP_JOINTS.items():
+            for joint in joints:
+                side = {"elbow": 1, "sh_roll": -1}.get(joint, int(rng.choice([-1, 1])))
+                share = side * float(rng.uniform(0.5, 1.5))
+                if joint in known:
+                    draft.senses.zero_posture[joint] = share * angle[group]

@@ -1,0 +1,1 @@
+"""A robot: its model, tendons, muscles and sensors."""

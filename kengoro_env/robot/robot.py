@@ -1,0 +1,294 @@
+"""A robot: a compiled model with its departures, stepped at the control rate.
+
+It knows MuJoCo and no task. Lengths that it takes and gives are what the robot's own encoders
+call them: relative to the posture at which somebody zeroed them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from kengoro_env.assets import assets_root
+from kengoro_env.errors import KengoroError
+from kengoro_env.robot.body import Body
+from kengoro_env.robot.draft import Departure, Draft, UnknownNameError
+from kengoro_env.robot.fingers import FINGERS, add_fingers
+from kengoro_env.robot.indexing import index_of
+from kengoro_env.robot.motors import DEFAULT_GAINS, Gains, Motors
+from kengoro_env.robot.sensors import Sensors
+from kengoro_env.robot.tendons import wind, wired_joints
+from strange_files.errors import StrangeFileError
+from strange_files.mjcf import check_model
+
+Array = NDArray[np.float64]
+
+DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
+"""MuJoCo's warnings of what is not finite: positions, velocities, accelerations, commands."""
+
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""All that a robot's motion follows from."""
+
+
+class DivergedError(KengoroError):
+    """The simulation left the realm of finite numbers."""
+
+    def __str__(self) -> str:
+        return "the simulation diverged: its state is no longer finite"
+
+
+class Robot(Body):
+    """The arm with its wires, motors and sensors.
+
+    Args:
+        scene: MJCF file of the world that the robot stands in.
+        departures: what makes it differ from its drawing; `drawing()` or `actual(seed)`.
+        gains: muscle stiffness control at the start.
+        control_period: time between commands [s], a multiple of the model's time step.
+
+    Attributes:
+        muscles: names, in the order of every (m,) array.
+        joints: names of the joints that wires cross, in the order of every (n,) array.
+        lower, upper: joint limits (n,) [rad].
+        random: where the sensors' noise comes from.
+        events: what will happen to wires in this episode, the next first.
+    """
+
+    def __init__(
+        self,
+        scene: Path,
+        departures: Sequence[Departure] = (),
+        gains: Gains = DEFAULT_GAINS,
+        control_period: float = 0.02,
+    ) -> None:
+        draft = Draft.of(load_spec(scene))
+        for departure in departures:
+            departure.edit(draft)
+        wind(draft)
+        add_fingers(draft.spec)
+        self.model = draft.spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.control_period = control_period
+        self._substeps = round(control_period / self.model.opt.timestep)
+        if not np.isclose(self._substeps * self.model.opt.timestep, control_period):
+            raise KengoroError(
+                f"control_period {control_period} s is not a multiple of the physics time step "
+                f"{self.model.opt.timestep} s"
+            )
+        self._gains, self._senses, self._planned = gains, draft.senses, tuple(draft.events)
+        self.joints = wired_joints(self.model)
+        addresses = [self.model.joint(joint) for joint in self.joints]
+        self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
+        self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
+        self._left_at = np.empty(self.model.nq + self.model.nv)
+        self._look()
+        mujoco.mj_forward(self.model, self.data)
+        self.motors = Motors(self.model, self.data, draft, gains)
+        self.muscles = self.motors.muscles
+        self._none, self._target = (np.zeros(len(self.muscles)) for _ in range(2))
+        self._sensors = Sensors(self._senses, self.muscles)
+        self._zero = self._length_at_zero_posture()
+        self._mounted = self.motors.elongation
+        fingers = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, FINGERS)
+        self._fingers = fingers if fingers >= 0 else None
+        self.random = np.random.default_rng(0)
+        self.reset(np.zeros(len(self.joints)), self.random)
+
+    def _length_at_zero_posture(self) -> Array:
+        """What each wire, not yet given, has paid out at T_bias in the posture called zero."""
+        posture = self._senses.zero_posture
+        self.data.qpos[self._position] = [posture.get(joint, 0.0) for joint in self.joints]
+        mujoco.mj_forward(self.model, self.data)
+        stretch = self.motors.stretch_at(self.motors.bias)
+        return self.motors.paths() - stretch
+
+    @property
+    def changing_fields(self) -> tuple[str, ...]:
+        """Names of the model's arrays that change while the robot moves."""
+        found: list[str] = []
+        if self.motors.frictions:
+            found += ["tendon_frictionloss", "dof_frictionloss"]
+        if self._planned:
+            found += ["tendon_lengthspring"]
+        return tuple(found)
+
+    @property
+    def frame_delay(self) -> float:
+        """Age of a frame when the agent gets it [s]."""
+        return self._senses.frame_delay
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the last reset [s]."""
+        return float(self.data.time)
+
+    def reset(self, posture: Array, rng: np.random.Generator) -> None:
+        """Put the arm at ``posture`` (n,) [rad], at rest, fingers open, wires at T_bias."""
+        self.random = rng
+        mujoco.mj_resetData(self.model, self.data)
+        self.motors.elongate(self._mounted)
+        self.motors.update_friction()
+        self.events = sorted(self._planned, key=lambda event: event.time)
+        self.motors.set_stiffness(self._gains.stiffness, self._gains.bias)
+        self.data.qpos[self._position] = np.clip(posture, self.lower, self.upper)
+        mujoco.mj_forward(self.model, self.data)
+        self.motors.wind_up()
+        mujoco.mj_forward(self.model, self.data)
+        _, paid_out, _ = self.motors.measure()
+        self.motors.command(paid_out)
+        self.close_fingers(-1.0)
+        mujoco.mj_forward(self.model, self.data)
+        self._target[:] = self.lengths
+        if self._sensors.length_offset is not None:
+            self._target += self._sensors.length_offset
+        self._left_at[:] = np.nan
+
+    def become(self, other: Robot) -> None:
+        """Be where another robot of the same model is, and go on as it would."""
+        model, data = self.model, self.data
+        state = np.empty(mujoco.mj_stateSize(model, STATE))
+        mujoco.mj_getState(other.model, other.data, state, STATE)
+        for name in self.changing_fields:
+            getattr(model, name)[:] = getattr(other.model, name)
+        self.motors.elongate(other.motors.elongation)
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_setState(model, data, state, STATE)
+        mujoco.mj_forward(model, data)
+        self._target[:], self._left_at[:] = other._target, np.nan
+        self.random, self.events = other.random, list(other.events)
+
+    def step(self, target: Array) -> None:
+        """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
+
+        Raises:
+            DivergedError: the simulation is no longer finite.
+        """
+        self.let_wires_give()
+        self._target[:] = target
+        self.motors.command(self._commanded(target))
+        self._advance()
+
+    def let_wires_give(self) -> None:
+        """Let happen to wires what is due."""
+        while self.events and self.events[0].time <= self.time:
+            event = self.events.pop(0)
+            self.elongate(event.muscle, event.elongation)
+
+    def _advance(self) -> None:
+        """Step the physics for one control period, and let paths and poses follow the joints.
+
+        `mj_step` computes all that follows from the joint angles, then moves them, and so leaves
+        paths and poses a time step behind. Here that first half of the next time step is done at
+        the end, and not again when the next control period begins, unless somebody moved the
+        robot by hand in between. The bits are those of `mj_step` alone. Who edits the geometry of
+        `model` in between calls `mj_forward`.
+
+        Raises:
+            DivergedError: the simulation is no longer finite.
+        """
+        model, data, motors = self.model, self.data, self.motors
+        left = self._substeps
+        if self._left_at.tobytes() == self._state().tobytes():
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_step2(model, data)
+            left -= 1
+        if motors.frictions:
+            for _ in range(left):
+                motors.update_friction()
+                mujoco.mj_step(model, data)
+            motors.update_friction()
+        else:
+            mujoco.mj_step(model, data, left)
+        self._check_finite()
+        mujoco.mj_fwdPosition(model, data)
+        self._left_at[:] = self._state()
+
+    def _look(self) -> None:
+        super()._look()
+        self._mujoco.qpos, self._mujoco.qvel = self.data.qpos, self.data.qvel
+        self._mujoco.warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
+
+    def _state(self) -> Array:
+        """Positions and velocities, to be compared."""
+        return np.concatenate([self._mujoco.qpos, self._mujoco.qvel])
+
+    def _check_finite(self) -> None:
+        """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
+        # Velocities that are finite leave positions finite, and so does the sum of their squares.
+        velocity = self._mujoco.qvel
+        finite = isfinite(velocity.dot(velocity))
+        if not finite or any(self._mujoco.warnings.tolist()):
+            raise DivergedError
+
+    def close_fingers(self, command: float) -> None:
+        """Command the fingers, from -1 (open) to +1 (closed); nothing where there are none."""
+        if self._fingers is not None:
+            self.data.ctrl[self._fingers] = command
+
+    def elongate(self, muscle: str, length: float) -> None:
+        """Let a wire give for good by ``length`` [m], now; until the next reset."""
+        if muscle not in self.muscles:
+            raise UnknownNameError("muscle", muscle, self.muscles)
+        elongation = self.motors.elongation
+        elongation[self.muscles.index(muscle)] += length
+        self.motors.elongate(elongation)
+
+    def layout(self) -> dict[str, int | Array | NDArray[np.int64] | None]:
+        """Numbers, and arrays that are never replaced, by their names in control_step.c."""
+        return {
+            "model": self.model._address,
+            "data": self.data._address,
+            "substeps": self._substeps,
+            "muscles": len(self.muscles),
+            "joints": len(self.joints),
+            "fingers": -1 if self._fingers is None else self._fingers,
+            "grip": self.model.site("grip").id,
+            "zero": self._zero,
+            "position": np.arange(self.model.nq)[self._position],
+            "left_at": self._left_at,
+            "target": self._target,
+            **self.motors.layout(),
+            **self._sensors.layout(),
+        }
+
+    @property
+    def kinds_of_noise(self) -> int:
+        """How many kinds of sensors have noise."""
+        return self._sensors.kinds_of_noise
+
+    def _noise(self, kinds: int) -> Array:
+        return self.random.standard_normal((kinds, len(self.muscles)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """MuJoCo's arrays, and what it computed for the next time step, stay when it is copied."""
+        nowhere = np.full_like(self._left_at, np.nan)
+        return {**self.__dict__, "_mujoco": None, "_left_at": nowhere}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._look()
+
+
+def load_spec(path: Path) -> mujoco.MjSpec:
+    """The model in ``path``; `KengoroError` in one sentence if it is missing or broken.
+
+    Models that are not ours may name files in their own folder and in our assets.
+    """
+    if not os.path.isfile(path):  # also where its name is too long
+        raise KengoroError(f"no model file at {path}")
+    try:
+        if not path.resolve().is_relative_to(assets_root().resolve()):
+            check_model(path, (path.parent, assets_root()))
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        reason = str(error).splitlines()[0]
+        raise KengoroError(f"the model file {path} is not valid MJCF: {reason}") from error
+    except StrangeFileError as error:
+        raise KengoroError(f"the model file {path} {error}") from error

@@ -1,0 +1,1 @@
+"""Control steps of one robot or of many, by NumPy or by compiled C code."""

@@ -1,0 +1,55 @@
+"""The camera in the head: it has a clock of its own, and its frames come late."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import mujoco
+
+from kengoro_env.departures.sensors import EYE
+from kengoro_env.robot.body import INSTANT
+from kengoro_env.vision.rendering import Image, Painter
+
+PERIOD = 0.2
+"""Time between two exposures [s]."""
+
+
+class HeadCamera:
+    """Takes a frame every `PERIOD`, and hands it out ``delay`` later.
+
+    The frame of a reset is there at once: the robot stood still before, and looked the same.
+
+    Args:
+        painter: draws.
+        delay: age of a frame when it is handed out first [s].
+    """
+
+    def __init__(self, painter: Painter, delay: float) -> None:
+        self._painter, self._delay = painter, delay
+        self._coming: deque[tuple[float, Image]] = deque()
+        self._newest: tuple[float, Image]
+        self._exposures = 0
+
+    def reset(self, data: mujoco.MjData) -> None:
+        """Start the clock, with a first frame."""
+        self._coming.clear()
+        self._newest = (float(data.time), self._painter.draw(data, EYE))
+        self._exposures = 1
+
+    def update(self, data: mujoco.MjData) -> None:
+        """Let the clock run up to the simulated time; expose when it is due."""
+        now = float(data.time)
+        if now + INSTANT >= self._exposures * PERIOD:
+            self._coming.append((now, self._painter.draw(data, EYE)))
+            self._exposures += 1
+        while self._coming and now + INSTANT >= self._coming[0][0] + self._delay:
+            self._newest = self._coming.popleft()
+
+    def close(self) -> None:
+        """Free the GL context; the next exposure opens another."""
+        self._painter.close()
+
+    def newest(self) -> tuple[float, Image]:
+        """Time of exposure [s] and a copy of the newest frame (480, 640, 3) that has come."""
+        time, image = self._newest
+        return time, image.copy()

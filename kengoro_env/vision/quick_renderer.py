@@ -1,0 +1,191 @@
+"""A renderer that draws nothing that nobody sees, by compiled code (scene.c, picture.c).
+
+A CPU that draws takes long for what fills a picture, and for each thing that it is given, seen or
+not. So what is outside of the picture is not drawn, and a background of one colour, be it the sky
+or the floor, of which a piece is drawn, is filled in when pixels are read. Not a pixel changes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from kengoro_env.vision.simplified_scene import spooled
+
+Image = NDArray[np.uint8]
+Background = Literal["floor", "sky"]
+
+_SKYBOX, _SKY = int(mujoco.mjtRndFlag.mjRND_SKYBOX), int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+_PLANE, _ANY_PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE), -1
+_FILLED, _FIRST, _OPAQUE = 1, 2, 4  # what `prepare` of scene.c says
+
+# Of GL, in whose own header they are found.
+_RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
+_FRAMEBUFFER, _RENDERBUFFER = 0x8D40, 0x8D41
+_DEPTH_STENCIL_ATTACHMENT, _DEPTH_ATTACHMENT, _DEPTH_COMPONENT32F = 0x821A, 0x8D00, 0x8CAC
+
+_INT, _UINT = ctypes.c_int, ctypes.c_uint
+_PIECE = 2.0**-8
+"""How much of a floor's width and length is drawn where its colour is read: of a power of two no
+rounding makes another colour."""
+
+
+class Canvas(ctypes.Structure):
+    """What a scene is drawn to; Canvas of scene.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("width", "height")),
+        *((name, ctypes.c_void_p) for name in ("geom", "camera", "light", "spooled")),
+        *(("pixel", ctypes.c_int64), ("point", ctypes.c_float * 3)),
+    )
+
+
+class QuickRenderer(mujoco.Renderer):
+    """A `mujoco.Renderer` of scenes without shadows, reflections and fog, of the fronts of faces.
+
+    Between `update_scene` and `render` geoms may be replaced by others in the same place, and some
+    be added. The first picture with each background, and the first without, are drawn by
+    `mujoco.Renderer`, too; should they differ, it draws all others.
+
+    Args:
+        compiled: the code, of `compiling.library`.
+        model, height, width, ...: as of `mujoco.Renderer`.
+    """
+
+    def __init__(
+        self, compiled: ctypes.CDLL, model: mujoco.MjModel, height: int, width: int, *args: Any
+    ) -> None:
+        super().__init__(model, height, width, *args)
+        self._prepare, self._to_picture = _functions(compiled)
+        self._read_pixels = _gl("glReadPixels", *[_INT] * 4, *[_UINT] * 2, ctypes.c_void_p)
+        self._leave_out_stencil()
+        self._pixels = np.full((height, width), 0x63636363, dtype=np.uint32)  # no empty picture
+        # Skins and flexes are no geoms, and a texture's alpha shows what is behind.
+        self._fills = not (model.nskin or model.nflex or 4 in model.tex_nchannel)
+        self._differs, self._compared = False, set[Background | None]()
+        self._sky = _colour_of_sky(model)
+        self._counted = self._said = 0
+        self._spooled = spooled(model)  # which the canvas points to
+        parts = (self.scene.geoms, self.scene.camera, self.scene.lights)
+        pointers = (*(each[0].pos.ctypes.data for each in parts), self._spooled.ctypes.data)
+        self._canvas = Canvas(width, height, *pointers)
+
+    def update_scene(self, data: mujoco.MjData, *args: Any) -> None:
+        """As of `mujoco.Renderer`, simplified, without geoms that are outside of the picture."""
+        super().update_scene(data, *args)
+        self._counted = self.scene.ngeom
+        self._said = self._prepare(self._canvas, self._counted, self.scene.nlight)
+
+    def render(self, *, out: Image | None = None) -> Image:
+        """As of `mujoco.Renderer`: (height, width, 3) uint8."""
+        if out is not None or self._differs:
+            return np.asarray(super().render(out=out))
+        if self._gl_context:
+            self._gl_context.make_current()
+        behind = self._behind()
+        picture = self._drawn(behind)
+        if behind in self._compared:
+            return picture
+        self._compared.add(behind)
+        full = np.asarray(super().render())
+        self._differs = not np.array_equal(picture, full)
+        return full
+
+    def _behind(self) -> Background | None:
+        """What is filled in; None: everything is drawn."""
+        if not (self._fills and self._said & _OPAQUE and self.scene.ngeom == self._counted):
+            return None
+        if not self._said & _FILLED:
+            return None if self._sky is None else "sky"
+        return "floor" if self._said & _FIRST else None
+
+    def _drawn(self, behind: Background | None) -> Image:
+        """What is seen before a background, or drawn all."""
+        if behind == "floor":
+            with self._piece_of_floor():
+                self._draw(sky=False)
+        else:
+            self._draw(sky=behind is None and not self._said & _FILLED)
+        pixels = self._pixels.ctypes.data
+        self._read_pixels(0, 0, self.width, self.height, _RGBA, _UNSIGNED_BYTE, pixels)
+        colour = self._colour(behind)
+        picture = np.empty((self.height, self.width, 3), dtype=np.uint8)
+        self._to_picture(
+            *(pixels, self.width, self.height, behind is not None, colour, picture.ctypes.data)
+        )
+        return picture
+
+    @contextmanager
+    def _piece_of_floor(self) -> Iterator[None]:
+        """Meanwhile the floor is no more than a piece of it where nothing else is seen."""
+        floor = self.scene.geoms[0]
+        before = floor.type, floor.dataid, floor.pos.copy(), floor.size.copy()
+        floor.type, floor.dataid = _PLANE, _ANY_PLANE
+        floor.pos[:] = self._canvas.point
+        floor.size[:2] *= _PIECE
+        yield
+        floor.type, floor.dataid, floor.pos[:], floor.size[:] = before
+
+    def _colour(self, behind: Background | None) -> int:
+        """The one of a background, of what was drawn."""
+        if behind == "floor":
+            return int(self._pixels.ravel()[self._canvas.pixel]) & 0xFFFFFF
+        return self._sky or 0
+
+    def _leave_out_stencil(self) -> None:
+        """Measure depth in half the memory: beside it is a stencil, for reflections only."""
+        buffer = _UINT()
+        _gl("glGenRenderbuffers", _INT, ctypes.c_void_p)(1, ctypes.addressof(buffer))
+        _gl("glBindRenderbuffer", _UINT, _UINT)(_RENDERBUFFER, buffer)
+        store = _gl("glRenderbufferStorage", _UINT, _UINT, _INT, _INT)
+        store(_RENDERBUFFER, _DEPTH_COMPONENT32F, self.width, self.height)
+        _gl("glBindFramebuffer", _UINT, _UINT)(_FRAMEBUFFER, self._mjr_context.offFBO)
+        attach = _gl("glFramebufferRenderbuffer", _UINT, _UINT, _UINT, _UINT)
+        attach(_FRAMEBUFFER, _DEPTH_STENCIL_ATTACHMENT, _RENDERBUFFER, 0)
+        attach(_FRAMEBUFFER, _DEPTH_ATTACHMENT, _RENDERBUFFER, buffer)
+
+    def _draw(self, sky: bool) -> None:
+        self.scene.flags[_SKYBOX] = sky
+        mujoco.mjr_render(self._rect, self.scene, self._mjr_context)
+        self.scene.flags[_SKYBOX] = True
+
+
+def _functions(compiled: ctypes.CDLL) -> tuple[Callable[..., int], Callable[..., None]]:
+    """`prepare` of scene.c and `to_picture` of picture.c."""
+    pointer, number = ctypes.c_void_p, ctypes.c_int64
+    prepare = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.POINTER(Canvas), number, number)
+    to_picture = ctypes.CFUNCTYPE(
+        None, pointer, number, number, ctypes.c_int, ctypes.c_uint32, pointer
+    )
+    return prepare(("prepare", compiled)), to_picture(("to_picture", compiled))
+
+
+def _gl(name: str, *arguments: type) -> Callable[..., None]:
+    """A function of the GL library that draws; PyOpenGL's own module of them loads slowly."""
+    from OpenGL.platform import PLATFORM
+
+    return ctypes.CFUNCTYPE(None, *arguments)((name, PLATFORM.GL))
+
+
+def _colour_of_sky(model: mujoco.MjModel) -> int | None:
+    """The one colour of a model's sky, as a pixel, black without a sky; None if there are more."""
+    skies = [model.texture(int(i)) for i in np.flatnonzero(model.tex_type == _SKY)]
+    if not skies:
+        return _as_pixel(np.zeros(3))
+    if len(skies) > 1 or skies[0].nchannel[0] != 3:
+        return None
+    begin, count = int(skies[0].adr[0]), int(skies[0].width[0]) * int(skies[0].height[0])
+    colours = model.tex_data[begin : begin + 3 * count].reshape(count, 3)
+    return _as_pixel(colours[0]) if (colours == colours[0]).all() else None
+
+
+def _as_pixel(colour: NDArray[Any]) -> int:
+    """Red, green, blue [0, 255] in the order of GL's bytes."""
+    red, green, blue = colour.tolist()
+    return int(red) | int(green) << 8 | int(blue) << 16

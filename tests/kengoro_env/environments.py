@@ -1,0 +1,27 @@
+"""An environment as its tests want it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+
+from kengoro_env.env import KengoroEnv
+from kengoro_env.robot.draft import Draft
+
+
+def make(env_id: str, **arguments: Any) -> KengoroEnv:
+    """The environment itself, without Gymnasium's wrappers."""
+    env = gym.make(env_id, **arguments).unwrapped
+    assert isinstance(env, KengoroEnv)
+    return env
+
+
+@dataclass(frozen=True)
+class EveryOtherStretches:
+    """Every other wire stretches and rubs in proportion to its tension; the rest is as drawn."""
+
+    def edit(self, draft: Draft) -> None:
+        for wire in list(draft.wires.values())[::2]:
+            wire.stiffness, wire.friction_ratio = (8e4, 4e6, 0.0), 0.1

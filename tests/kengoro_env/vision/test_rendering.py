@@ -1,0 +1,195 @@
+"""Pictures are drawn without a display and without a variable set; if not, a sentence says why."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import WireStretch
+from kengoro_env.postures import posture_set
+from kengoro_env.robot.robot import Robot
+from kengoro_env.vision import gl_backend, rendering
+from kengoro_env.vision.rendering import Painter, RenderingError
+from tests.kengoro_env.vision.frames import painted
+
+ROOT = Path(__file__).resolve().parents[3]
+SCENE = asset_path("mjcf/kengoro_arm/posture.xml")
+
+DRAW = """
+import gymnasium, kengoro_env
+env = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
+env.reset(seed=0)
+print(env.render().std() > 5.0)
+env.close()
+"""
+
+
+def python(program: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in a fresh interpreter, headless, with no GL variable but those given."""
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("DISPLAY", "MUJOCO_GL", "PYOPENGL_PLATFORM")
+    }
+    return subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env={**environment, **variables},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("before", ["", "import mujoco\n"], ids=["first", "after mujoco"])
+def test_draws_headless_without_any_variable(before: str) -> None:
+    done = python(before + DRAW)
+    assert done.stdout.strip() == "True", done.stderr
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("chosen", ["osmesa", "glfw", "disable"])
+def test_a_backend_that_does_not_work_here_is_a_sentence(chosen: str) -> None:
+    if chosen == "osmesa" and gl_backend.is_there("osmesa"):
+        pytest.skip("OSMesa works here")
+    program = "try:\n  " + DRAW.replace("\n", "\n  ") + "\nexcept Exception as e: print(e)"
+    done = python(program, MUJOCO_GL=chosen)
+    assert done.returncode == 0, done.stderr
+    assert f"MUJOCO_GL={chosen}" in done.stdout
+    assert "unset it, or install the libraries of that backend" in done.stdout
+    assert done.stdout.count("\n") == 1
+
+
+def test_no_library_at_all_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl_backend, "candidates", lambda: ())
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(RenderingError, match=r"no GL library found.*apt-get install libegl1"):
+        rendering.open_renderer(model)
+
+
+@pytest.mark.parametrize(
+    ("variables", "libraries", "expected"),
+    [
+        ({}, {"egl", "osmesa"}, ("egl", "osmesa")),
+        ({}, {"osmesa"}, ("osmesa",)),
+        ({}, set(), ()),
+        ({"DISPLAY": ":0"}, {"egl"}, ("glfw", "egl")),
+        ({"MUJOCO_GL": "EGL"}, {"osmesa"}, ("egl",)),
+    ],
+)
+def test_order_of_backends(
+    variables: dict[str, str],
+    libraries: set[str],
+    expected: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(gl_backend, "is_there", lambda backend: backend in libraries)
+    for name in ("DISPLAY", "MUJOCO_GL"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert gl_backend.candidates() == expected
+
+
+def test_what_a_user_chose_stays() -> None:
+    program = "import os, kengoro_env; print(os.environ.get('MUJOCO_GL'))"
+    assert python(program, MUJOCO_GL="glfw").stdout.strip() == "glfw"
+    assert python(program, DISPLAY=":7").stdout.strip() == "None"
+
+
+def test_wound_up_wire_is_not_drawn() -> None:
+    pictures = []
+    for departures in ((), (WireStretch(1e-5),)):
+        robot = Robot(SCENE, departures)
+        robot.reset(posture_set()[0], np.random.default_rng(0))
+        painter = Painter(robot.model)
+        pictures.append(painter.draw(robot.data, "outside").astype(int))
+        painter.close()
+    differ = np.abs(pictures[0] - pictures[1]).max(axis=2) > 40
+    assert differ.mean() < 2e-4  # with the spools' ends drawn, 1.4 % differ
+
+
+def test_shadows_are_left_out() -> None:
+    spec = mujoco.MjSpec.from_file(str(SCENE))
+    spec.worldbody.add_light(pos=[1, 1, 3], dir=[-1, -1, -3], castshadow=True)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    painter = Painter(model)
+    painter.draw(data, "outside")
+    assert painter._renderer is not None
+    flags = painter._renderer.scene.flags
+    assert not flags[mujoco.mjtRndFlag.mjRND_SHADOW]
+    assert not flags[mujoco.mjtRndFlag.mjRND_REFLECTION]
+    painter.close()
+
+
+def drawn_in_full(robot: Robot, camera: str, wires: bool = True) -> np.ndarray:
+    """What MuJoCo draws at our quality, without shadows and reflections."""
+    renderer, shown = rendering.open_renderer(robot.model), mujoco.MjvOption()
+    shown.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = wires
+    renderer.update_scene(robot.data, camera, shown)
+    for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+        renderer.scene.flags[flag] = False
+    picture = renderer.render()
+    renderer.close()
+    return picture
+
+
+@pytest.mark.parametrize("camera", ["eye", "outside"])
+@pytest.mark.parametrize("scene", ["posture", "can_grasp"])
+def test_floor_and_wires_look_as_mujoco_draws_them(scene: str, camera: str) -> None:
+    robot = Robot(asset_path(f"mjcf/kengoro_arm/{scene}.xml"))
+    robot.reset(posture_set()[0], np.random.default_rng(0))
+    painter = Painter(robot.model)
+    picture = painter.draw(robot.data, camera)
+    painter.close()
+    full = drawn_in_full(robot, camera).astype(int)
+    boxes, without_wires = (
+        np.abs(other - full).max(axis=2)
+        for other in (picture, drawn_in_full(robot, camera, wires=False))
+    )
+    # Wires alone differ, by their shading; without the floor half of the pixels would.
+    assert np.mean(boxes > 10) < 0.01
+    # They are where MuJoCo draws them.
+    assert np.mean(boxes > 60) < 0.5 * np.mean(without_wires > 60)
+
+
+SKY = """
+<mujoco>
+  <asset><texture type="skybox" builtin="flat" rgb1="0 0 1" width="8" height="8"/></asset>
+  <worldbody><geom type="plane" size="3 3 1"/><camera name="eye" {}/></worldbody>
+</mujoco>
+"""
+
+
+def test_a_plane_hides_from_above_what_is_behind_it() -> None:
+    above, below = (
+        painted(mujoco.MjModel.from_xml_string(SKY.format(f'pos="{place}" fovy="90"')), "eye")
+        for place in ("0 0 1", '0 0 -1" euler="180 0 0')
+    )
+    red, _, blue = above[240, 320].astype(int)
+    assert red == blue
+    red, _, blue = below[240, 320].astype(int)
+    assert blue > red + 50  # the sky shines through
+
+
+def test_a_painter_leaves_the_models_quality_to_others() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><visual><quality numslices='20'/><global offwidth='800'/></visual>"
+        "<worldbody><geom size='1'/><camera name='eye' pos='0 0 4'/></worldbody></mujoco>"
+    )
+    painter, data = Painter(model), mujoco.MjData(model)
+    painter.draw(data, "eye")
+    painter.close()
+    quality = model.vis.quality
+    assert (quality.numslices, quality.offsamples, quality.shadowsize) == (20, 4, 4096)
+    assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (800, 480)
