@@ -25,10 +25,10 @@ from experiments.common import trained_map
 from experiments.grasp_trial import READY
 from experiments.session import Session
 from jmm_agent.agent import Agent
-from jmm_agent.looks import Look, LooksOptions, fit_looks
-from jmm_agent.prior import MapPrior, PriorOptions
-from jmm_agent.senses import Senses
-from jmm_agent.sight import MarkerSight
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.observation import Senses
+from jmm_agent.vision.marker_residual import MarkerSight
+from jmm_agent.vision.observation_fit import Look, LooksOptions, fit_looks
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.postures import posture_set

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.common import drawing_for_agent
-from jmm_agent.training import train
+from jmm_agent.mapping.training import train
 from kengoro_env.assets import asset_path
 from kengoro_env.robot.nominal_model import ArmDrawing
 

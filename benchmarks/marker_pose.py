@@ -22,8 +22,8 @@ from rich.progress import track
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from jmm_agent.camera import Camera
-from jmm_agent.marker import Detections, MarkerDetector
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.marker_detector import Detections, MarkerDetector
 from kengoro_env.departures import CameraError, actual
 
 TEXTURES = Path(__file__).parents[1] / "assets/mjcf/kengoro_arm/textures"

@@ -23,7 +23,7 @@ from experiments.session import Session
 from experiments.study import Findings, Results, Study
 from experiments.visits import errors, visit
 from jmm_agent.agent import Agent
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from jmm_agent.agent import AgentOptions
-from jmm_agent.learner import BatchOptions
-from jmm_agent.looks import LooksOptions
-from jmm_agent.minibatch import MinibatchRule
+from jmm_agent.mapping.learner import BatchOptions
+from jmm_agent.mapping.minibatch import MinibatchRule
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.observation_fit import LooksOptions
 
 PAPER, DEFAULT, NONE = "paper", "default", "none"
 """The paper's plain rule, what the experiments use, and no learning at all."""

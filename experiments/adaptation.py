@@ -21,7 +21,7 @@ from experiments.session import Session
 from experiments.statistics import metric
 from experiments.study import Findings, Results, Study
 from experiments.visits import Visits, error_rows, errors, no_visits, visit
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 GIVING, LENGTH = 3, 0.010
 """How many wires give, and by how much each [m]."""

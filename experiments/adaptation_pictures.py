@@ -17,7 +17,7 @@ from experiments.arm import ACTUAL, DRAWING
 from experiments.report import Picture, png
 from experiments.study import Results
 from experiments.visits import Visits, hand_mm, rmse_deg
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 ON_COLOUR, OFF_COLOUR = "#0072B2", "#D55E00"
 UNITS = {"deg": "RMSE_joint [deg]", "mm": "Distance_hand [mm]"}

@@ -11,9 +11,9 @@ import numpy as np
 from experiments.common import write_bytes
 from experiments.errors import ExperimentError
 from jmm_agent.agent import Agent
-from jmm_agent.learner import Pairs
-from jmm_agent.looks import Look
+from jmm_agent.mapping.learner import Pairs
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
+from jmm_agent.vision.observation_fit import Look
 
 FORMAT = "memory-1"
 

@@ -20,7 +20,7 @@ from experiments.errors import ExperimentError
 from experiments.report import Table
 from experiments.statistics import interval, metric, paired
 from experiments.study import Findings, Results, Study
-from jmm_agent.minibatch import MinibatchRule
+from jmm_agent.mapping.minibatch import MinibatchRule
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import least_tension
 from kengoro_env.robot.motors import DEFAULT_GAINS

@@ -13,12 +13,12 @@ from experiments.common import ARM, trained_map
 from experiments.grasp_trial import READY
 from experiments.session import Session
 from jmm_agent.agent import Agent, AgentOptions
-from jmm_agent.camera import Camera
-from jmm_agent.drawing import Floats
-from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.learner import Rule
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.marker import Eyes, MarkerDetector
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import Rule
+from jmm_agent.nominal_model import Floats
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.marker_detector import Eyes, MarkerDetector
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual, drawing
 from kengoro_env.names import JOINTS

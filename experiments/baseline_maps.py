@@ -22,10 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from jmm_agent.drawing import Floats, Indices
-from jmm_agent.learner import Pairs
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.prior import PriorOptions
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import Pairs
+from jmm_agent.mapping.prior import PriorOptions
+from jmm_agent.nominal_model import Floats, Indices
 
 Correlation = Callable[[Floats, Floats], Floats]
 """Inputs (A, k) and (B, k) [rad] -> how alike the errors are there (A, B), 1 on average."""

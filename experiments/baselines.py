@@ -37,10 +37,10 @@ from experiments.learnability_robot import World
 from experiments.study import Findings, Results, Study
 from experiments.visits import errors, visit
 from jmm_agent.agent import Agent
-from jmm_agent.drawing import Floats
-from jmm_agent.learner import BatchOptions, Learner, Pairs, RidgeRule
-from jmm_agent.looks import Look, LooksOptions, fit_alone
+from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule
+from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import VisionUpdater
+from jmm_agent.vision.observation_fit import Look, LooksOptions, fit_alone
 
 COMPARED = 27
 """Postures, at most, after which looks fitted together are compared with each look alone."""

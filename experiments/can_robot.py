@@ -15,7 +15,7 @@ from experiments.session import EpisodeEndedError, Session
 from experiments.visits import errors, group_joints, no_visits, visit
 from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlanner
-from jmm_agent.mapping import JointMuscleMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from kengoro_env.names import GROUP_JOINTS
 
 LOG_PERIOD = 0.2

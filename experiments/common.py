@@ -20,8 +20,8 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from experiments.errors import ExperimentError
-from jmm_agent.drawing import Drawing
-from jmm_agent.mapping import JointMuscleMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.nominal_model import Drawing
 from kengoro_env.assets import asset_path, assets_root
 from kengoro_env.names import GROUP_JOINTS, JOINTS
 from kengoro_env.robot.nominal_model import ArmDrawing
@@ -172,7 +172,7 @@ def trained_map(
 ) -> JointMuscleMap:
     """The map of the drawing of ``scene`` (the arm if left out), read from ``cache_dir`` or trained
     and kept there."""
-    from jmm_agent.training import load_or_train
+    from jmm_agent.mapping.training import load_or_train
 
     folder = default_cache() if cache_dir is None else cache_dir
     return load_or_train(drawing_for_agent(scene), MAP_SEED, folder, progress=progress)[0]

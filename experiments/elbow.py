@@ -12,11 +12,11 @@ import numpy as np
 from experiments.arm import ACTUAL, NO_END
 from experiments.common import trained_map
 from experiments.errors import ExperimentError
-from jmm_agent.drawing import Floats
-from jmm_agent.estimator import JointEstimator
-from jmm_agent.estimator_options import EstimatorOptions
-from jmm_agent.learner import BatchOptions, Learner, Pairs, RidgeRule, Rule
-from jmm_agent.prior import MapPrior, PriorOptions
+from jmm_agent.kalman_filter import JointEstimator
+from jmm_agent.kalman_filter_options import EstimatorOptions
+from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule, Rule
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.nominal_model import Floats
 from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
 from kengoro_env.assets import asset_path

@@ -14,8 +14,8 @@ import numpy as np
 from experiments.arm import ACTUAL
 from experiments.learnability_robot import World
 from experiments.visits import ANGLES, Visits, no_visits
-from jmm_agent.drawing import Floats
-from jmm_agent.length_map import LengthMap
+from jmm_agent.mapping.length_map import LengthMap
+from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import VisionUpdater
 from kengoro_env.departures import actual, drawing
 from kengoro_env.robot.motors import Gains

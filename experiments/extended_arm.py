@@ -15,11 +15,11 @@ from scipy.optimize import nnls
 
 from experiments.common import MAP_SEED, drawing_for_agent
 from experiments.errors import ExperimentError
-from jmm_agent.drawing import Floats
-from jmm_agent.fitting import Recipe
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.prior import MapPrior, PriorOptions
-from jmm_agent.training import train
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.mapping.training import train
+from jmm_agent.nominal_model import Floats
 from kengoro_env.names import JOINTS
 
 BALANCE = 1e4

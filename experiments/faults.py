@@ -24,12 +24,12 @@ from experiments.faults_tables import NO_FAULT, metrics, seed_entry, tables
 from experiments.injected_faults import MOTORS, FaultyEnv, Injection
 from experiments.session import Session
 from experiments.study import Findings, Results, Study, run_study
-from jmm_agent import faults
 from jmm_agent.agent import Agent, AgentOptions
-from jmm_agent.guard import Guard
-from jmm_agent.held_back import HeldBackOptions
-from jmm_agent.marker import Eyes, MarkerDetector
+from jmm_agent.guard import faults
+from jmm_agent.guard.guard import Guard
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.hold_out import HeldBackOptions
+from jmm_agent.vision.marker_detector import Eyes, MarkerDetector
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.postures import posture_set

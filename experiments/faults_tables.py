@@ -9,8 +9,8 @@ import numpy as np
 
 from experiments.report import Table
 from experiments.statistics import metric
-from jmm_agent import faults
-from jmm_agent.faults import KINDS
+from jmm_agent.guard import faults
+from jmm_agent.guard.faults import KINDS
 
 NO_FAULT = "no_fault"
 """The same time without a fault, to compare with."""

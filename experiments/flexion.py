@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jmm_agent.drawing import Drawing, Floats
-from jmm_agent.mapping import METRES
+from jmm_agent.mapping.joint_muscle_map import METRES
+from jmm_agent.nominal_model import Drawing, Floats
 
 PITCH = "sh_pitch"
 POINTS = 61

@@ -27,9 +27,9 @@ from experiments.recording import Tour, record, whole_arm
 from experiments.study import Findings, Results, Study
 from experiments.visits import no_visits, visit
 from jmm_agent.agent import AgentOptions
-from jmm_agent.drawing import Floats
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.prior import PriorOptions
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.prior import PriorOptions
+from jmm_agent.nominal_model import Floats
 from kengoro_env.postures import posture_set
 from reality_gap import Diagnosis, diagnose, load_study
 

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from experiments.common import ARM
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.motors import DEFAULT_GAINS

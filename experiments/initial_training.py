@@ -21,10 +21,10 @@ from experiments.paper_training import EPOCHS, PaperReport, Share, train_as_pape
 from experiments.report import Table
 from experiments.statistics import interval, metric, paired
 from experiments.study import Findings, Results, Study, run_study
-from jmm_agent.drawing import Drawing
-from jmm_agent.fitting import Recipe
-from jmm_agent.mapping import METRES, JointMuscleMap
-from jmm_agent.training import GroupReport, train
+from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
+from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.training import GroupReport, train
+from jmm_agent.nominal_model import Drawing
 from kengoro_env.names import GROUP_JOINTS
 
 OURS, PAPER = "ours", "paper"

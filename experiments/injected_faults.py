@@ -15,10 +15,10 @@ import cv2
 import gymnasium as gym
 import numpy as np
 
-from jmm_agent import faults
-from jmm_agent.drawing import Floats
-from jmm_agent.faults import MotorControl
-from jmm_agent.marker import Detections, MarkerDetector, MarkerPose
+from jmm_agent.guard import faults
+from jmm_agent.guard.faults import MotorControl
+from jmm_agent.nominal_model import Floats
+from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
 from kengoro_env.env import KengoroEnv
 from kengoro_env.robot.motors import DEFAULT_GAINS
 
@@ -49,7 +49,7 @@ class Injection:
     """What is wrong from now on.
 
     Attributes:
-        kind: a key of `jmm_agent.faults.KINDS`.
+        kind: a key of `jmm_agent.guard.faults.KINDS`.
         muscle: of the wire, where the fault has one.
         direction: of a push in the world (3,), of length 1.
     """

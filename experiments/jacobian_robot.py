@@ -11,11 +11,11 @@ from experiments.arm import ACTUAL, make_agent, make_session
 from experiments.session import Session
 from experiments.visits import visit
 from jmm_agent.agent import PERIOD, WAKING
-from jmm_agent.drawing import Floats
-from jmm_agent.estimator import JointEstimator
-from jmm_agent.length_map import LengthMap, QuadraticJacobian
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.minibatch import MinibatchRule
+from jmm_agent.kalman_filter import JointEstimator
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.length_map import LengthMap, QuadraticJacobian
+from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.nominal_model import Floats
 
 
 def learn(

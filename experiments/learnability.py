@@ -40,7 +40,7 @@ from experiments.learnability_robot import Body, Rest, Sizes, World
 from experiments.learnability_trial import examine, floor, learn
 from experiments.learnability_watchers import Variant
 from experiments.running import run_tasks
-from jmm_agent.drawing import Floats, Indices
+from jmm_agent.nominal_model import Floats, Indices
 from kengoro_env.departures import actual, drawing
 
 NAME = "learnability"

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from experiments.common import Summary, write_bytes
 from experiments.report import Picture, Table, png, write_report
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 OFF, DRAWING, FLOOR, BEST = "off", "drawing", "floor", "2-together"
 LABELS = {

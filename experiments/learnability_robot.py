@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.common import ARM, trained_map
-from jmm_agent.bounded_least_squares import minimise
-from jmm_agent.drawing import Floats
-from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.length_map import LengthMap
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.prior import MapPrior, PriorOptions
-from jmm_agent.sight import MarkerSight
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.kinematics.bounded_least_squares import minimise
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.length_map import LengthMap
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.nominal_model import Floats
+from jmm_agent.vision.marker_residual import MarkerSight
 from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set

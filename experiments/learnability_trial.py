@@ -8,10 +8,10 @@ import numpy as np
 
 from experiments.learnability_robot import Body, Rest, World
 from experiments.learnability_watchers import MarkerWatcher, TrueWatcher, Variant, Watcher
-from jmm_agent.drawing import Floats
-from jmm_agent.learner import BatchOptions, Learner, RidgeRule, Rule
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.minibatch import MinibatchRule
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule, Rule
+from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
 
 

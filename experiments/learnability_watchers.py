@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 import numpy as np
 
 from experiments.learnability_robot import Rest, World
-from jmm_agent.drawing import Floats
-from jmm_agent.learner import Learner, Pairs
+from jmm_agent.mapping.learner import Learner, Pairs
+from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import PairLengths, VisionOptions, VisionUpdater
 
 ANGLE_NOISE = np.radians(0.5)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from jmm_agent.drawing import Drawing, Floats
-from jmm_agent.mapping import METRES, QUADRATIC_STEP, JointMuscleMap
+from jmm_agent.mapping.joint_muscle_map import METRES, QUADRATIC_STEP, JointMuscleMap
+from jmm_agent.nominal_model import Drawing, Floats
 from kengoro_env.robot.robot import Robot
 
 Arms = Callable[[Floats], Floats]

@@ -47,8 +47,8 @@ from experiments.moment_arms import (
 from experiments.paper_training import Share, train_as_paper
 from experiments.study import Findings, Results, Study
 from experiments.waviness import measures, numbers
-from jmm_agent.drawing import Drawing
-from jmm_agent.mapping import METRES, JointMuscleMap
+from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
+from jmm_agent.nominal_model import Drawing
 from kengoro_env.assets import asset_path
 from kengoro_env.robot.nominal_model import ArmDrawing
 

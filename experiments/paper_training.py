@@ -18,9 +18,9 @@ from math import ceil, prod
 
 import numpy as np
 
-from jmm_agent.drawing import Drawing, Floats, Indices
-from jmm_agent.fitting import Layers, Network
-from jmm_agent.mapping import METRES, GroupMap, JointMuscleMap, sigmoid
+from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap, sigmoid
+from jmm_agent.mapping.network_fit import Layers, Network
+from jmm_agent.nominal_model import Drawing, Floats, Indices
 
 PARTS: dict[str, int] = {
     "neck_yaw": 9,

@@ -20,7 +20,7 @@ from experiments.posture_accuracy_tables import metrics, seed_entry, tables
 from experiments.session import Session
 from experiments.study import Findings, Results, Study
 from experiments.visits import Visits, no_visits, visit
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 AWAY = 20.0
 """Least difference of a new posture from each that was learned [deg], in its largest joint."""

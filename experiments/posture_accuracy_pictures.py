@@ -18,7 +18,7 @@ from experiments.posture_accuracy_tables import MEASURES, WHEN, by_posture
 from experiments.report import Picture, png
 from experiments.study import Results
 from experiments.visits import ERRORS, gaps
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 from kengoro_env.names import JOINTS
 
 COLOURS = {"before": "#8c8c8c", "after": "#c8452f"}

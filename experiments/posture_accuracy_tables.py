@@ -12,7 +12,7 @@ from experiments.arm import ACTUAL, DRAWING
 from experiments.report import Table
 from experiments.statistics import interval, metric, paired
 from experiments.visits import ERRORS, Visits, error_rows, gaps, hand_mm, rmse_deg
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 from kengoro_env.names import JOINTS
 
 WHEN = ("before", "after")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from experiments.common import drawing_for_agent
 from experiments.errors import ExperimentError
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 from kengoro_env.env import KengoroEnv
 from kengoro_env.vector import KengoroVectorEnv
 

@@ -33,7 +33,7 @@ from experiments.drawing_model import (
 )
 from experiments.errors import ExperimentError
 from experiments.recording import SETTLE, Arm, Recording, Tour, elbow, record, whole_arm
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 from kengoro_env.robot.nominal_model import ArmDrawing
 
 ARMS = {"whole": whole_arm, "elbow": elbow}

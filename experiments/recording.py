@@ -14,9 +14,9 @@ from experiments.arm import CAMERA, HAND, NO_END, SIDES, make_env
 from experiments.common import ARM
 from experiments.drawing_model import MARKER
 from experiments.errors import ExperimentError
-from jmm_agent.drawing import Floats
-from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.marker import MarkerDetector
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.nominal_model import Floats
+from jmm_agent.vision.marker_detector import MarkerDetector
 from kengoro_env.assets import asset_path
 from kengoro_env.departures.sensors import EYE
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv

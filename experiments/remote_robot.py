@@ -19,8 +19,8 @@ import numpy as np
 from rich.console import Console
 
 from experiments.errors import ExperimentError
-from jmm_agent.drawing import Floats
-from jmm_agent.senses import Senses
+from jmm_agent.nominal_model import Floats
+from jmm_agent.observation import Senses
 
 HOST = "127.0.0.1"
 PATIENCE = 60.0

@@ -22,7 +22,7 @@ from rich.progress import (
 
 from experiments.cluster import on_cluster
 from experiments.common import check_jobs, remove_parts, write_json
-from strange_files.orphans import end_with_parent
+from mjcf_sandbox.parent_watchdog import end_with_parent
 
 Work = Callable[..., Any]
 Tasks = Mapping[str, tuple[Any, ...]]

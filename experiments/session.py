@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from experiments.errors import ExperimentError
 from jmm_agent.agent import Agent
-from jmm_agent.faults import faults_for_info
-from jmm_agent.senses import Senses
+from jmm_agent.guard.faults import faults_for_info
+from jmm_agent.observation import Senses
 from kengoro_env.env import KengoroEnv
 
 Floats = NDArray[np.float64]

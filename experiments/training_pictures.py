@@ -14,7 +14,7 @@ from experiments.common import drawing_for_agent
 from experiments.flexion import Flexion
 from experiments.report import GROUP_COLOURS, Picture, png
 from experiments.study import Results
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 OURS, PAPER = "ours", "paper"
 COLOURS = {OURS: "#0072B2", PAPER: "#D55E00"}

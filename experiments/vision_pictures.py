@@ -19,7 +19,7 @@ from experiments.report import GROUP_COLOURS, Picture, png
 from experiments.session import Session
 from experiments.study import Results
 from experiments.visits import group_joints, rmse_deg
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 SEEN, BELIEVED = "#D55E00", "#0072B2"
 

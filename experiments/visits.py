@@ -15,8 +15,8 @@ import numpy as np
 from experiments.common import ARM
 from experiments.grasp_trial import TrialOptions, find_hand
 from experiments.session import Session
-from jmm_agent.drawing import Floats, Indices
-from jmm_agent.kinematics import ArmKinematics
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.nominal_model import Floats, Indices
 from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS, JOINTS
 

@@ -22,8 +22,8 @@ from matplotlib.lines import Line2D
 from experiments.common import ARM
 from experiments.session import Session
 from experiments.visits import grip
-from jmm_agent.drawing import Floats
-from jmm_agent.kinematics import ArmKinematics
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.nominal_model import Floats
 from kengoro_env.assets import asset_path
 from kengoro_env.env import OUTSIDE
 from kengoro_env.names import JOINTS

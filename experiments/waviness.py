@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from experiments.moment_arms import KINDS, STEP, TRUE, Curves
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 
 ALL = "all"
 

@@ -23,9 +23,9 @@ from experiments.report import Picture, Table
 from experiments.statistics import metric
 from experiments.study import Findings, Results, Study, run_study
 from jmm_agent.agent import Agent, AgentOptions
-from jmm_agent.drawing import Floats
-from jmm_agent.held_back import HeldBackOptions
+from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.hold_out import HeldBackOptions
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.robot.robot import Robot

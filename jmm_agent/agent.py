@@ -11,20 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.agent_options import AgentOptions
-from jmm_agent.drawing import Floats
 from jmm_agent.errors import AgentError
-from jmm_agent.estimator import JointEstimator
-from jmm_agent.faults import Fault
-from jmm_agent.guard import Guard
-from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.learner import Learner, RidgeRule, Rule
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.marker import Eyes, MarkerPose, Skip
-from jmm_agent.prior import MapPrior
-from jmm_agent.senses import Senses
+from jmm_agent.guard.faults import Fault
+from jmm_agent.guard.guard import Guard
+from jmm_agent.kalman_filter import JointEstimator
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
+from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.nominal_model import Floats
+from jmm_agent.observation import Senses
+from jmm_agent.options import AgentOptions
 from jmm_agent.settling import SettlingDetector
-from jmm_agent.sight import MarkerSight
+from jmm_agent.trajectory import Way
 from jmm_agent.updaters import (
     AntagonismMemory,
     AntagonismUpdater,
@@ -32,7 +31,8 @@ from jmm_agent.updaters import (
     VisionMemory,
     VisionUpdater,
 )
-from jmm_agent.way import Way
+from jmm_agent.vision.marker_detector import Eyes, MarkerPose, Skip
+from jmm_agent.vision.marker_residual import MarkerSight
 
 __all__ = ["Agent", "AgentOptions"]
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.drawing import Floats
 from jmm_agent.errors import AgentError
-from jmm_agent.kinematics import ArmKinematics
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.nominal_model import Floats
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from jmm_agent.drawing import Floats
-from jmm_agent.gives import elongations, fit_with_gives
-from jmm_agent.held_back import HeldBack, HeldBackOptions
-from jmm_agent.learner import Learner, Pairs
-from jmm_agent.looks import Look, LooksFit, LooksOptions, Sight, fit_alone
-from jmm_agent.prior import MapPrior
+from jmm_agent.mapping.learner import Learner, Pairs
+from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.nominal_model import Floats
+from jmm_agent.vision.hold_out import HeldBack, HeldBackOptions
+from jmm_agent.vision.observation_fit import Look, LooksFit, LooksOptions, Sight, fit_alone
+from jmm_agent.vision.permanent_elongation import elongations, fit_with_gives
 
 PairLengths = Literal["min", "l_target", "l"]
 

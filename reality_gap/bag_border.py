@@ -6,10 +6,10 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from mjcf_sandbox import sandbox, worker
+from mjcf_sandbox.errors import FenceError, StrangeFileError
 from reality_gap.bags import check_new, unpack
 from reality_gap.errors import StudyError
-from strange_files import child, fence
-from strange_files.errors import FenceError, StrangeFileError
 
 SECONDS, RATE = 10.0, 10e6
 """How long nothing may be read: so long [s], and as a whole at this rate [bytes/s] to open it."""
@@ -40,7 +40,7 @@ def unpack_behind_fence(
         clock = ARRIVAL if by_arrival else STAMP
         arguments = [str(bag.absolute()), str(new), clock, *topics]
         try:
-            fence.run("reality_gap.bag_border", arguments, limits, tell)
+            sandbox.run("reality_gap.bag_border", arguments, limits, tell)
         except FenceError as error:
             raise StudyError(f"{bag.name} {error}") from error
         except StrangeFileError as error:
@@ -52,12 +52,12 @@ def unpack_behind_fence(
 def main(bag: str, out: str, clock: str, *topics: str) -> None:
     """Behind the fence: unpack a bag; what is wrong with it is the study's writer's to know."""
     try:
-        unpack(Path(bag), Path(out), topics, clock == ARRIVAL, child.tell)
+        unpack(Path(bag), Path(out), topics, clock == ARRIVAL, worker.tell)
     except StudyError as error:
         raise StrangeFileError(str(error)) from error
 
 
-def _limits(bag: Path) -> fence.Limits:
+def _limits(bag: Path) -> sandbox.Limits:
     """What reading a bag may take; refuses one whose files lie elsewhere."""
     files = [path for path in bag.rglob("*") if path.is_file()] if bag.is_dir() else [bag]
     size = 0
@@ -65,4 +65,4 @@ def _limits(bag: Path) -> fence.Limits:
         if bag.is_dir() and not file.resolve().is_relative_to(bag.resolve()):
             raise StudyError(f"{bag.name} holds a link to {file.resolve()}; copy the file there")
         size += file.stat().st_size if file.exists() else 0
-    return fence.Limits(SECONDS + size / RATE, None, MEMORY + UNFOLDED * size)
+    return sandbox.Limits(SECONDS + size / RATE, None, MEMORY + UNFOLDED * size)

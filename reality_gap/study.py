@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mjcf_sandbox.errors import StrangeFileError
+from mjcf_sandbox.mjcf import check_model
 from reality_gap.errors import StudyError
-from strange_files.errors import StrangeFileError
-from strange_files.mjcf import check_model
 
 Array = NDArray[np.float64]
 

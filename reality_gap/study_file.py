@@ -9,10 +9,10 @@ from reprlib import repr as short
 import numpy as np
 from numpy.typing import NDArray
 
+from mjcf_sandbox.errors import short_name
 from reality_gap.errors import RealityGapError, StudyError
 from reality_gap.units import Unit, parse_unit, symbols_of
 from reality_gap.yaml_part import Part, read_yaml
-from strange_files.errors import short_name
 
 Array = NDArray[np.float64]
 

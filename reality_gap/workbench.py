@@ -12,6 +12,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from mjcf_sandbox.parent_watchdog import end_with_parent
 from reality_gap.cause import Cause, Place, Values
 from reality_gap.causes import CATALOGUE, register
 from reality_gap.errors import StudyError
@@ -22,7 +23,6 @@ from reality_gap.replay import Memory, Replay, replay
 from reality_gap.simulation import silence
 from reality_gap.study import Study
 from reality_gap.system import System, look_at
-from strange_files.orphans import end_with_parent
 
 Array = NDArray[np.float64]
 Part = tuple[Suspect, Values]

@@ -13,21 +13,21 @@ import numpy as np
 import pytest
 
 from experiments.common import drawing_for_agent
-from jmm_agent.drawing import Drawing
-from jmm_agent.estimator import JointEstimator
-from jmm_agent.fitting import Recipe
-from jmm_agent.learner import BatchOptions, Learner, RidgeRule
-from jmm_agent.looks import LooksOptions
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.prior import MapPrior, PriorOptions
+from jmm_agent.kalman_filter import JointEstimator
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
+from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.mapping.training import train
+from jmm_agent.nominal_model import Drawing
 from jmm_agent.settling import SettlingDetector, SettlingOptions
-from jmm_agent.training import train
 from jmm_agent.updaters import (
     AntagonismOptions,
     AntagonismUpdater,
     VisionOptions,
     VisionUpdater,
 )
+from jmm_agent.vision.observation_fit import LooksOptions
 from kengoro_env.assets import asset_path
 from kengoro_env.env import KengoroEnv
 

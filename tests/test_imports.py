@@ -94,8 +94,8 @@ def test_toy_packages_pass(toy: Path) -> None:
         ("hidden_plants", "reality_gap"),
         ("hidden_plants", "kengoro_env"),
         ("hidden_plants", "experiments"),
-        ("strange_files", "reality_gap"),
-        ("strange_files", "kengoro_env"),
+        ("mjcf_sandbox", "reality_gap"),
+        ("mjcf_sandbox", "kengoro_env"),
         ("experiments", "benchmarks"),
     ],
 )

@@ -17,7 +17,7 @@ PACKAGES = (
     "kengoro_env",
     "jmm_agent",
     "reality_gap",
-    "strange_files",
+    "mjcf_sandbox",
     "hidden_plants",
     "experiments",
 )

@@ -25,8 +25,8 @@ from kengoro_env.robot.indexing import index_of
 from kengoro_env.robot.motors import DEFAULT_GAINS, Gains, Motors
 from kengoro_env.robot.sensors import Sensors
 from kengoro_env.robot.tendons import wind, wired_joints
-from strange_files.errors import StrangeFileError
-from strange_files.mjcf import check_model
+from mjcf_sandbox.errors import StrangeFileError
+from mjcf_sandbox.mjcf import check_model
 
 Array = NDArray[np.float64]
 

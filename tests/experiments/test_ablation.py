@@ -26,8 +26,8 @@ from experiments.ablation_variants import CLAIMS, DEFAULT, NONE, PAPER, VARIANTS
 from experiments.learnability import known_world
 from experiments.learnability_robot import World
 from experiments.statistics import Interval
-from jmm_agent.learner import BatchOptions
-from jmm_agent.minibatch import MinibatchRule
+from jmm_agent.mapping.learner import BatchOptions
+from jmm_agent.mapping.minibatch import MinibatchRule
 
 SEED = 1
 SIZES = Sizes(learned=2, tested=1, compared=5, move=0.5, patience=1.0, test_move=0.5, test_hold=0.5)

@@ -16,8 +16,8 @@ from experiments.baseline_maps import (
     Table,
     TermsAlike,
 )
-from jmm_agent.drawing import Floats
-from jmm_agent.learner import Pairs
+from jmm_agent.mapping.learner import Pairs
+from jmm_agent.nominal_model import Floats
 from tests.jmm_agent.small_map import make_map, postures
 
 METHODS: dict[str, Callable[[Baselines, Pairs], CorrectedMap]] = {

@@ -15,9 +15,9 @@ from experiments.arm import new_agent
 from experiments.endurance import Args, hourly, main
 from experiments.errors import ExperimentError
 from jmm_agent.agent import Agent
-from jmm_agent.learner import Pairs
-from jmm_agent.looks import Look
+from jmm_agent.mapping.learner import Pairs
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
+from jmm_agent.vision.observation_fit import Look
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,8 @@ from experiments.injected_faults import (
     FaultyEnv,
     Injection,
 )
-from jmm_agent import faults
-from jmm_agent.marker import MarkerDetector, Skip
+from jmm_agent.guard import faults
+from jmm_agent.vision.marker_detector import MarkerDetector, Skip
 from kengoro_env.postures import posture_set
 
 MUSCLE, WIRE = "delt_mid", 19

@@ -26,7 +26,7 @@ from experiments.gap_to_skill_tables import (
 from experiments.posture_accuracy import AWAY, away
 from experiments.recording import whole_arm
 from experiments.visits import ANGLES, Visits, no_visits
-from jmm_agent.fitting import Recipe
+from jmm_agent.mapping.network_fit import Recipe
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot

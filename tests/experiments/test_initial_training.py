@@ -12,8 +12,8 @@ from experiments.common import drawing_for_agent
 from experiments.flexion import Flexion
 from experiments.initial_training import QUICK, conclude, examine, run, told
 from experiments.paper_training import EPOCHS, PARTS, Share, grid_postures, train_as_paper
-from jmm_agent.drawing import Drawing
-from jmm_agent.mapping import GroupMap, JointMuscleMap
+from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
+from jmm_agent.nominal_model import Drawing
 from kengoro_env.names import GROUP_JOINTS
 
 TINY = replace(QUICK, steps=2, samples=300, least_steps=100)

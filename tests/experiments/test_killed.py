@@ -43,8 +43,8 @@ import sys
 
 from experiments.common import drawing_for_agent
 from experiments.elbow import SCENE
-from jmm_agent.fitting import Recipe
-from jmm_agent.training import load_or_train
+from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.training import load_or_train
 from kengoro_env.assets import asset_path
 
 drawing = drawing_for_agent(asset_path(SCENE))

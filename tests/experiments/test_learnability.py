@@ -13,7 +13,7 @@ from experiments.learnability_robot import Body, Sizes, World
 from experiments.learnability_trial import examine, floor, learn
 from experiments.learnability_watchers import Variant
 from experiments.unseen import unseen
-from jmm_agent.drawing import Floats
+from jmm_agent.nominal_model import Floats
 from kengoro_env.departures import actual
 
 SEED = 1

@@ -26,10 +26,10 @@ from experiments.moment_arms import (
 )
 from experiments.muscle_jacobian import QUICK, conclude
 from experiments.waviness import ALL, measures, numbers, turns
-from jmm_agent.drawing import Drawing, Floats
-from jmm_agent.fitting import Recipe
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.training import train
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.training import train
+from jmm_agent.nominal_model import Drawing, Floats
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.names import GROUP_JOINTS

@@ -8,7 +8,7 @@ import pytest
 from experiments.arm import NO_END, make_env
 from experiments.errors import ExperimentError
 from experiments.remote_robot import Args, main, robot_process
-from jmm_agent.senses import Senses
+from jmm_agent.observation import Senses
 from kengoro_env.env import KengoroEnv
 
 STEPS = 4

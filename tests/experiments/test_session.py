@@ -14,7 +14,7 @@ from experiments.grasp_trial import GraspTrial
 from experiments.session import CLOSED, EpisodeEndedError, Session
 from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlanner
-from jmm_agent.mapping import JointMuscleMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
 

@@ -14,7 +14,7 @@ from experiments.arm import ACTUAL, CAMERA, DRAWING, HAND, SIDES
 from experiments.vision_pictures import corners, shown_robot
 from experiments.vision_update import Sizes, conclude, run
 from experiments.visits import group_joints
-from jmm_agent.marker import MarkerDetector
+from jmm_agent.vision.marker_detector import MarkerDetector
 from kengoro_env.names import JOINTS
 
 SEED = 2

@@ -25,7 +25,7 @@ from experiments.watching import (
     wire_colours,
 )
 from jmm_agent.agent import AgentOptions
-from jmm_agent.kinematics import ArmKinematics
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import WireStretch
 from kengoro_env.env import OUTSIDE

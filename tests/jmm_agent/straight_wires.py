@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from jmm_agent.drawing import Drawing
+from jmm_agent.nominal_model import Drawing
 
 JOINTS = ("base_yaw", "base_pitch", "mid_roll", "mid_pitch", "tip_pitch", "tip_yaw")
 AXES = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0], [0, 0, 1]], dtype=float)

@@ -16,15 +16,15 @@ import pytest
 
 from experiments.common import trained_map
 from jmm_agent.agent import Agent, AgentOptions
-from jmm_agent.camera import Camera
 from jmm_agent.errors import AgentError
-from jmm_agent.kinematics import ArmKinematics
-from jmm_agent.learner import Rule
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.marker import Detections, MarkerDetector, MarkerPose
-from jmm_agent.minibatch import MinibatchRule
-from jmm_agent.senses import Senses
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import Rule
+from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.observation import Senses
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set

@@ -14,7 +14,7 @@ import pytest
 from jmm_agent.agent import Agent
 from jmm_agent.driver import drive
 from jmm_agent.errors import AgentError
-from jmm_agent.senses import Senses
+from jmm_agent.observation import Senses
 
 
 class Robot:
@@ -88,7 +88,7 @@ ENDLESS = """
 import sys, time
 import numpy as np
 from jmm_agent.driver import drive
-from jmm_agent.senses import Senses
+from jmm_agent.observation import Senses
 
 class Robot:
     time = 0.0

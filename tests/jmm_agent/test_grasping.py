@@ -7,7 +7,7 @@ import pytest
 
 from jmm_agent.errors import AgentError
 from jmm_agent.grasping import GraspOptions, GraspPlan, GraspPlanner
-from jmm_agent.kinematics import ArmKinematics
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS, JOINTS
 

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jmm_agent.learner import BatchOptions, Learner, Pairs, RidgeRule
-from jmm_agent.looks import LooksOptions
-from jmm_agent.mapping import JointMuscleMap
-from jmm_agent.minibatch import MinibatchRule
-from jmm_agent.prior import MapPrior, PriorOptions
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule
+from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.updaters import (
     AntagonismOptions,
     AntagonismUpdater,
@@ -23,6 +22,7 @@ from jmm_agent.updaters import (
     VisionOptions,
     VisionUpdater,
 )
+from jmm_agent.vision.observation_fit import LooksOptions
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
 
 MIDDLE = LIMITS.mean(axis=1)

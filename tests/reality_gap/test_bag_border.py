@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from mjcf_sandbox import sandbox
+from mjcf_sandbox.errors import FenceError
 from reality_gap.bag_border import unpack_behind_fence
 from reality_gap.errors import StudyError
-from strange_files import fence
-from strange_files.errors import FenceError
 
 
 def test_a_file_that_is_no_bag(tmp_path: Path) -> None:
@@ -24,7 +24,7 @@ def test_a_bag_that_crashes_its_reader(tmp_path: Path, monkeypatch: pytest.Monke
     def crash(*arguments: object) -> None:
         raise FenceError("crashes its reader (SIGSEGV)")
 
-    monkeypatch.setattr(fence, "run", crash)
+    monkeypatch.setattr(sandbox, "run", crash)
     (tmp_path / "run.mcap").write_bytes(b"")
     with pytest.raises(StudyError, match=r"^run.mcap crashes its reader \(SIGSEGV\)$"):
         unpack_behind_fence(tmp_path / "run.mcap", tmp_path / "out")

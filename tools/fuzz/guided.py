@@ -21,7 +21,7 @@ from tools.fuzz.mutating import mutate
 from tools.fuzz.seeds import CHANGED
 from tools.fuzz.watching import Watch
 
-OURS = ["reality_gap", "jmm_agent", "kengoro_env", "experiments", "strange_files"]
+OURS = ["reality_gap", "jmm_agent", "kengoro_env", "experiments", "mjcf_sandbox"]
 
 
 def main(kind: str, seconds: str, seed: str, out: str, empty: str) -> None:

@@ -104,7 +104,7 @@ def _log() -> dict[str, np.ndarray]:
 def checkpoints(folder: Path) -> None:
     """A map, a kept result of an experiment, and kept arrays of a diagnosis."""
     from experiments.common import write_json
-    from jmm_agent.mapping import GroupMap, JointMuscleMap
+    from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
     from reality_gap.shelf import Shelf
     from tools.fuzz.targets import KEY, RESULT
 

@@ -59,7 +59,7 @@ def use_model(folder: Path) -> Said:
 def use_checkpoints(folder: Path) -> Said:
     """Load a map, go on with an experiment, and with a diagnosis."""
     from jmm_agent.errors import AgentError
-    from jmm_agent.mapping import JointMuscleMap
+    from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
     from reality_gap.shelf import Shelf
 
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from strange_files.fence import START
+from mjcf_sandbox.sandbox import START
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATORS = {"dataclasses", "collections", "rosbags", "numpy", "typing", "attr", "ruamel", "tyro"}
@@ -41,7 +41,7 @@ class Watch:
     def __init__(self) -> None:
         own = {str(ROOT), sys.prefix, sys.base_prefix, *sysconfig.get_paths().values(), *sys.path}
         self._own = tuple(os.path.realpath(folder) for folder in own if folder)
-        self._fences = os.path.join(os.path.realpath(tempfile.gettempdir()), "strange_files-")
+        self._fences = os.path.join(os.path.realpath(tempfile.gettempdir()), "mjcf_sandbox-")
         self.folder: str | None = None
         self.outside: list[str] = []
         self.ran: list[str] = []

@@ -1,0 +1,37 @@
+"""What a look at the marker says of the joints: error of a posture against a seen pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.nominal_model import Floats
+
+
+class MarkerSight:
+    """Error of the marker's pose in the camera frame, and how the joints change it.
+
+    Args:
+        kinematics: of all joints between camera and marker.
+        camera: the camera's frame.
+        marker_site: the site that carries the marker; any site may.
+    """
+
+    def __init__(self, kinematics: ArmKinematics, camera: str, marker_site: str) -> None:
+        self._kinematics, self._camera, self._marker = kinematics, camera, marker_site
+        kinematics.pose(marker_site, np.zeros(len(kinematics.joints)), relative_to=camera)
+
+    def __call__(self, q: Floats, pose: Floats) -> tuple[Floats, Floats]:
+        """Error (6,) of posture ``q`` (n,) [rad] against a seen pose (4, 4), and Jacobian (6, n).
+
+        Rows 0 to 2 are the marker's offset [m], rows 3 to 5 its rotation vector [rad], both in
+        the axes of the seen marker.
+        """
+        expected = self._kinematics.pose(self._marker, q, relative_to=self._camera)
+        slope = self._kinematics.frame_jacobian(self._marker, q, relative_to=self._camera)
+        rotation = pose[:3, :3].T @ expected[:3, :3]
+        offset = pose[:3, :3].T @ (expected[:3, 3] - pose[:3, 3])
+        error = np.concatenate([offset, pin.log3(rotation)])
+        jacobian = np.vstack([rotation @ slope[:3], pin.Jlog3(rotation) @ slope[3:]])
+        return error, jacobian

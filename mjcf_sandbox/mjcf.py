@@ -1,0 +1,157 @@
+"""Models: which files they name, and whether MuJoCo survives them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from mjcf_sandbox import sandbox
+from mjcf_sandbox.errors import StrangeFileError, short_name
+
+LIMITS = sandbox.Limits(seconds=10.0, cpu=4, memory=2 << 30)
+"""Models of arms with dozens of meshes need a tenth of it."""
+MAX_BYTES = 64 << 20
+"""Largest file of XML [bytes]."""
+
+INCLUDE, ATTACH = "include", "model"
+"""Elements whose ``file`` is more of the model, and another model."""
+DIRS = {"texture": ("texturedir", "assetdir")}
+OTHER_DIRS = ("meshdir", "assetdir")
+"""Attributes of ``compiler`` that say from where an element's files are looked for."""
+
+TOKEN = re.compile(
+    r"""(?P<comment><!--.*?-->)|<\?.*?\?>|<[^!?<>"'](?:"[^"<]*"|'[^'<]*'|[^"'<>])*>|[^<]+""",
+    re.DOTALL,
+)
+"""A comment, a declaration, a tag or text."""
+
+_survived: set[str] = set()
+
+
+def check_model(model: Path, folders: Sequence[Path]) -> None:
+    """Refuse a model that names files outside of folders, or that MuJoCo cannot stand.
+
+    It is compiled in a process of its own, unless the same bytes were compiled before.
+
+    Args:
+        model: an MJCF file.
+        folders: where all that it names must lie, or below.
+
+    Raises:
+        StrangeFileError: says why.
+    """
+    found = hashlib.sha256()
+    for file in named_files(model, folders):
+        if file.is_file():
+            found.update(f"{file.name} {file.stat().st_size}\n".encode() + file.read_bytes())
+    key = found.hexdigest()
+    if key not in _survived:
+        sandbox.run("mjcf_sandbox.trial_compile", [str(model.absolute())], LIMITS)
+        _survived.add(key)
+
+
+def named_files(model: Path, folders: Sequence[Path]) -> list[Path]:
+    """The model and every file that it includes, attaches or loads; some may not exist.
+
+    Raises:
+        StrangeFileError: one lies outside of ``folders``, is no XML, or attaches itself.
+    """
+    found: dict[Path, None] = {}
+    _add_model(model.absolute(), tuple(folder.resolve() for folder in folders), found, ())
+    return list(found)
+
+
+def _add_model(
+    model: Path, folders: Sequence[Path], found: dict[Path, None], above: tuple[Path, ...]
+) -> None:
+    """Add a model's files to ``found``; ``above`` are the models that attach it."""
+    above = (*above, model.resolve())
+    elements = list(_elements(model, folders, found))
+    compilers = [element for element in elements if element.tag == "compiler"]
+    for element in elements:
+        dirs = DIRS.get(element.tag, OTHER_DIRS)
+        places = {compiler.get(key) for compiler in compilers for key in dirs} - {None}
+        for attribute, name in element.attrib.items():
+            if not attribute.startswith("file") or element.tag == INCLUDE:
+                continue
+            if element.tag == ATTACH:
+                part = _inside(model.parent, "", name, folders)
+                if part.resolve() in above:
+                    raise StrangeFileError(f"attaches itself: {part.name}")
+                if part.is_file() and part not in found:
+                    _add_model(part, folders, found, above)
+                continue
+            for place in places or {""}:
+                found[_inside(model.parent, place or "", name, folders)] = None
+    for compiler in compilers:
+        for key in ("meshdir", "texturedir", "assetdir"):
+            _inside(model.parent, "", compiler.get(key, ""), folders)
+
+
+def _elements(
+    model: Path, folders: Sequence[Path], found: dict[Path, None]
+) -> Iterator[ElementTree.Element]:
+    """All elements of a model and of what it includes, which is named from the model's folder."""
+    waiting, seen = [model], set()
+    while waiting:
+        file = waiting.pop()
+        if file in seen or not file.is_file():
+            continue
+        seen.add(file)
+        found[file] = None
+        for element in _parse(file).iter():
+            yield element
+            if element.tag == INCLUDE and element.get("file"):
+                waiting.append(_inside(model.parent, "", element.get("file", ""), folders))
+
+
+def _inside(base: Path, place: str, name: str, folders: Sequence[Path]) -> Path:
+    """The file ``name`` in ``place``.
+
+    MuJoCo takes both kinds of slashes, and resolves ``..`` before it follows links.
+
+    Raises:
+        StrangeFileError: it lies outside of ``folders``.
+    """
+    written = Path(place.replace("\\", "/"), name.replace("\\", "/"))
+    path = Path(os.path.normpath(base / written))
+    try:
+        ends = (path.resolve(), (base / written).resolve())
+        path.is_file()  # which says whether a name is too long
+    except (OSError, RuntimeError, ValueError) as error:
+        raise StrangeFileError(f"names {short_name(name)!r}, which is no path of a file") from error
+    if not all(any(end.is_relative_to(folder) for folder in folders) for end in ends):
+        raise StrangeFileError(
+            f"names {short_name(str(written))}, which lies outside {folders[0]}; copy it there"
+        )
+    return path
+
+
+def _parse(file: Path) -> ElementTree.Element:
+    """The root of an XML file.
+
+    MuJoCo's own parser takes what XML forbids, so that it could see elements that are none here:
+    whatever the two might read differently is refused, but for two hyphens in a comment.
+    """
+    if file.stat().st_size > MAX_BYTES:
+        raise StrangeFileError(f"cannot be read: {file.name} has more than {MAX_BYTES >> 20} MiB")
+    text = file.read_bytes().decode("utf-8", "replace").removeprefix("\ufeff")
+    kept, end = [], 0
+    for token in TOKEN.finditer(text):
+        if token.start() != end:
+            break
+        end = token.end()
+        kept.append("\n" * token[0].count("\n") if token["comment"] else token[0])
+    if end != len(text):
+        line = text.count("\n", 0, end) + 1
+        raise StrangeFileError(f"cannot be read: {file.name}, line {line}, is no XML without a DTD")
+    try:
+        return ElementTree.fromstring("".join(kept))
+    except ElementTree.ParseError as error:
+        raise StrangeFileError(
+            f"cannot be read: {file.name} is not well-formed XML: {error}"
+        ) from error

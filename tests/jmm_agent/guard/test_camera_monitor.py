@@ -1,0 +1,161 @@
+"""Camera and marker on made-up pictures: each fault is found, and let go of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from jmm_agent.guard import faults
+from jmm_agent.guard.camera_monitor import CameraWatch, MarkerWatch, SightWatchOptions
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.marker_detector import MarkerPose, Skip
+
+
+def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_picture() -> None:
+    watch = CameraWatch(SightWatchOptions())
+    frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
+    assert not watch.is_new(0.0, -np.inf)
+    assert not watch.frozen  # an agent without a camera misses nothing
+    assert watch.is_new(0.1, 0.0)
+    assert watch.is_another(frame, lengths, True)
+    assert not watch.is_new(1.0, 0.0)
+    assert not watch.frozen
+    watch.is_new(1.2, 0.0)
+    assert watch.frozen
+    assert watch.is_new(1.3, 1.2)
+    assert not watch.frozen
+    assert not watch.is_another(frame, lengths + 0.001, True)
+    assert not watch.frozen
+    watch.is_another(frame, lengths + 0.01, False)
+    assert not watch.frozen
+    watch.is_another(frame, lengths + 0.01, True)
+    assert watch.frozen
+    assert watch.is_another(frame + 1, lengths + 0.01, True)
+    assert not watch.frozen
+
+
+def test_a_camera_that_turns_without_another_picture_is_frozen() -> None:
+    watch = CameraWatch(SightWatchOptions())
+    frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
+
+    def look(degrees: float) -> bool:
+        turned = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+        watch.is_another(frame, lengths, False, turned)
+        return watch.frozen
+
+    assert [look(angle) for angle in (0.0, 5.0, 7.0)] == [False, False, True]
+    frame = frame + np.uint8(1)
+    assert not look(7.0)
+    watch.forget_estimate()
+    assert [look(angle) for angle in (20.0, 25.0, 27.0)] == [False, False, True]
+
+
+def facing(angle: float, x: float = 0.0) -> np.ndarray:
+    """A marker's pose in the camera, half a metre away, turned from the line of sight [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ np.diag([1.0, -1.0, -1.0])
+    pose[:3, 3] = [x, 0.0, 0.5]
+    return pose
+
+
+def seen(angle: float, x: float = 0.0) -> MarkerPose:
+    return MarkerPose(0, facing(angle, x), np.zeros((4, 2)), 0.01, facing(-angle, x), 1.0)
+
+
+@pytest.fixture
+def marker() -> MarkerWatch:
+    watch = MarkerWatch(Camera(640, 480, 580.0), SightWatchOptions())
+    watch.update(0.0, seen(0.4), facing(1.0))  # the wires are wrong by 0.6 rad
+    assert list(watch.found()) == []
+    return watch
+
+
+def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerWatch) -> None:
+    marker.update(0.2, Skip.NOT_SEEN, facing(1.0))
+    assert list(marker.found()) == []
+    marker.update(0.4, Skip.UNCLEAR, facing(1.0))
+    assert list(marker.found()) == [faults.MARKER_HIDDEN]
+    for k in range(3, 14):
+        marker.update(0.2 * k, seen(0.4), facing(1.0))
+    assert list(marker.found()) == []
+
+
+@pytest.mark.parametrize(
+    ("believed", "named"),
+    [
+        (facing(1.0), [faults.MARKER_HIDDEN]),
+        (facing(1.1, x=0.04), [faults.MARKER_HIDDEN]),
+        (facing(1.2), []),
+        (facing(1.0, x=0.06), []),
+    ],
+)
+def test_a_map_that_is_not_trusted_only_misses_a_marker_that_did_not_move(
+    marker: MarkerWatch, believed: np.ndarray, named: list[str]
+) -> None:
+    for k in (1, 2):
+        marker.update(0.2 * k, Skip.NOT_SEEN, believed, trusted=False)
+    assert list(marker.found()) == named
+    for k in (3, 4):
+        marker.update(0.2 * k, Skip.NOT_SEEN, believed)
+    assert list(marker.found()) == [faults.MARKER_HIDDEN]
+
+
+def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(marker: MarkerWatch) -> None:
+    marker.forget_estimate()
+    for k in (1, 2):
+        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.7))  # what the new map has it look like
+    assert list(marker.found()) == [faults.MARKER_HIDDEN]
+
+
+def test_a_marker_that_left_the_view_before_the_map_changed_is_not_missed(
+    marker: MarkerWatch,
+) -> None:
+    marker.update(0.2, Skip.NOT_SEEN, facing(1.0, x=0.45))
+    marker.forget_estimate()
+    for k in range(2, 6):
+        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.2, x=0.45))
+    assert list(marker.found()) == []
+
+
+@pytest.mark.parametrize("believed", [facing(1.0, x=0.45), facing(1.7)])
+def test_a_marker_that_leaves_the_view_is_not_missed(
+    marker: MarkerWatch, believed: np.ndarray
+) -> None:
+    for k in range(1, 5):
+        marker.update(0.2 * k, Skip.NOT_SEEN, believed)
+    assert list(marker.found()) == []
+
+
+def test_a_second_marker_is_named_even_before_the_wires_are_believed() -> None:
+    watch = MarkerWatch(Camera(640, 480, 580.0), SightWatchOptions())
+    watch.update(0.0, Skip.TWICE, None)
+    assert list(watch.found()) == [faults.SECOND_MARKER]
+    watch.update(0.2, seen(0.4), None)
+    assert list(watch.found()) == []
+
+
+def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerWatch) -> None:
+    for k in range(1, 10):
+        marker.update(0.2 * k, seen(-0.4), facing(1.0))
+        assert list(marker.found()) == [faults.MIRRORED_MARKER]
+    marker.update(2.0, seen(-0.05), facing(0.62))  # as good as head-on: who can tell?
+    assert list(marker.found()) == [faults.MIRRORED_MARKER]
+    marker.update(2.2, seen(0.4), facing(1.0))
+    assert list(marker.found()) == []
+
+
+def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerWatch) -> None:
+    found = []
+    for k in range(1, 100):
+        marker.update(0.2 * k, seen(-0.4), facing(1.0))
+        found.append(list(marker.found()))
+    frames = SightWatchOptions().longest / 0.2
+    assert found.count([faults.MIRRORED_MARKER]) == pytest.approx(frames, abs=1)
+    assert found[-1] == []
+
+
+def test_a_marker_that_turns_with_the_wires_is_not_mirrored(marker: MarkerWatch) -> None:
+    marker.update(0.2, seen(-0.4), facing(0.2))
+    assert list(marker.found()) == []

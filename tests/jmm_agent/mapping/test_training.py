@@ -1,0 +1,309 @@
+"""Training from a drawing: accuracy against the true wires, the cache, and bad input."""
+
+import logging
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.common import drawing_for_agent
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap, sigmoid
+from jmm_agent.mapping.network_fit import Layers, Network, Recipe, TrainingError, settle
+from jmm_agent.mapping.training import content_hash, load_or_train, train
+from jmm_agent.nominal_model import DrawingError
+from kengoro_env.assets import asset_path
+from kengoro_env.robot.nominal_model import ArmDrawing
+from tests.jmm_agent.straight_wires import GROUPS, JOINTS, crosses, drawing, relative_lengths
+
+QUICK = Recipe(hidden=60, samples=2000, steps=20)
+
+
+def postures_inside(of, count, seed=7):
+    return np.random.default_rng(seed).uniform(of.lower, of.upper, (count, len(of.joints)))
+
+
+def rms(array):
+    return float(np.sqrt(np.square(array).mean()))
+
+
+# The drawing
+
+
+def test_a_group_has_all_joints_that_its_muscles_cross():
+    base, mid, tip = drawing().topology()
+    assert (base.name, mid.name, tip.name) == tuple(GROUPS)
+    # mid_long starts at the ground: it belongs to the middle and brings the base's joints.
+    np.testing.assert_array_equal(base.muscle_index, [0, 1, 2])
+    np.testing.assert_array_equal(base.joint_index, [0, 1])
+    np.testing.assert_array_equal(mid.muscle_index, [3, 4, 5])
+    np.testing.assert_array_equal(mid.joint_index, [0, 1, 2, 3])
+    np.testing.assert_array_equal(tip.muscle_index, [6, 7])
+    np.testing.assert_array_equal(tip.joint_index, [4, 5])
+
+
+def test_the_arms_groups_are_the_papers():
+    sizes = {
+        g.name: (g.joint_index.size, g.muscle_index.size) for g in drawing_for_agent().topology()
+    }
+    assert sizes == {"neck": (3, 8), "scapula": (4, 10), "shoulder": (8, 10), "forearm": (3, 8)}
+
+
+def without_middle_joint(q):
+    return relative_lengths(q)[:, :-1]
+
+
+def not_relative(q):
+    return relative_lengths(q) + 0.1
+
+
+def not_finite(q):
+    return relative_lengths(q) * np.nan
+
+
+CROSSES_TOO_FEW = crosses() & ~np.eye(8, 6, dtype=bool)
+CROSSES_NOTHING = crosses() & (np.arange(8) != 2)[:, None]
+TWICE = {"base": JOINTS[:3], "mid": JOINTS[2:4], "tip": JOINTS[4:]}
+UNKNOWN = GROUPS | {"tip": ("tip_pitch", "tip_yaw", "tail")}
+ALONE = {"base": JOINTS[:2], "mid": JOINTS[2:4], "tip": JOINTS[4:], "none": ()}
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"joints": ("a",) * 6}, "joints must be at least one and all different"),
+        ({"lower": np.zeros(5)}, r"lower has shape \(5,\), but \(6,\) fits"),
+        ({"lower": np.full(6, 2.0)}, "joint 'base_yaw' has limits"),
+        ({"upper": np.full(6, np.inf)}, "must be finite"),
+        ({"crosses": crosses().T}, r"crosses has shape \(6, 8\), but \(8, 6\) fits"),
+        ({"crosses": CROSSES_TOO_FEW}, "muscle 'base_front' changes with joint 'base_yaw'"),
+        ({"crosses": CROSSES_NOTHING}, "muscle 'base_right' crosses no joint"),
+        ({"groups": TWICE}, "joint 'mid_roll' is owned by 2 groups"),
+        ({"groups": UNKNOWN}, "unknown joint 'tail'; joints are"),
+        ({"groups": ALONE}, "group 'none' has no muscle"),
+        ({"lengths": without_middle_joint}, r"shape \(8, 7\), but \(8, 8\) is needed"),
+        ({"lengths": not_relative}, "must be relative to q = 0"),
+        ({"lengths": not_finite}, "not finite"),
+    ],
+)
+def test_a_drawing_that_contradicts_itself_is_refused(changes, sentence):
+    with pytest.raises(DrawingError, match=sentence):
+        drawing(**changes)
+
+
+def test_a_joint_without_muscle_is_refused():
+    with pytest.raises(DrawingError, match="joint 'tip_yaw' is crossed by no muscle"):
+        drawing(crosses=crosses() & (np.arange(6) != 5))
+
+
+# The parts of the fit
+
+
+def test_the_gradient_is_that_of_the_mean_square_error():
+    rng = np.random.default_rng(0)
+    layers = Layers(*(rng.normal(size=shape) for shape in ((5, 3), (5,), (2, 5), (2,))))
+    x, y = rng.normal(size=(4, 3)), rng.normal(size=(4, 2))
+    network = Network(layers, batch=4)
+
+    def loss(moved):
+        hidden = 1 / (1 + np.exp(-(x @ moved.W1.T + moved.b1)))
+        return np.square(hidden @ moved.W2.T + moved.b2 - y).mean()
+
+    assert network.gradient(
+        np.column_stack([x, np.ones(4)]).astype(np.float32), y.astype(np.float32)
+    ) == pytest.approx(loss(layers), rel=1e-5)
+    for name, slope in network.slopes()._asdict().items():
+        for at in np.ndindex(slope.shape):
+            weights = getattr(layers, name)
+            step = np.zeros_like(weights)
+            step[at] = 1e-6
+            there, back = (
+                loss(layers._replace(**{name: weights + sign * step})) for sign in (1, -1)
+            )
+            assert slope[at] == pytest.approx((there - back) / 2e-6, abs=1e-5), (name, at)
+
+
+def test_settling_finds_the_output_layer_that_made_the_data():
+    rng = np.random.default_rng(0)
+    true = Layers(rng.normal(size=(8, 2)), rng.normal(size=8), rng.normal(size=(3, 8)), np.ones(3))
+    x = rng.uniform(-1, 1, (500, 2))
+    y = sigmoid(x @ true.W1.T + true.b1) @ true.W2.T + true.b2
+    start = true._replace(W2=np.zeros((3, 8)), b2=np.zeros(3))
+    settled = settle(x, y, start, 1e-12)
+    fitted = sigmoid(x @ true.W1.T + true.b1) @ settled.W2.T + settled.b2
+    np.testing.assert_allclose(fitted, y, atol=1e-4)
+    np.testing.assert_array_equal(settled.W1, true.W1)
+    held = settle(x, y, start, 1e9)
+    np.testing.assert_allclose(held.W2, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"hidden": 0}, "hidden is 0, but must be positive"),
+        ({"rate": np.nan}, "rate is nan"),
+        ({"margin": -0.1}, "margin is -0.1"),
+        ({"samples": 10}, "10 samples are less than one batch of 32"),
+    ],
+)
+def test_a_recipe_that_cannot_be_followed_is_refused(wrong, sentence):
+    with pytest.raises(TrainingError, match=sentence):
+        Recipe(**wrong)
+
+
+def test_training_that_diverges_says_so():
+    with np.errstate(all="ignore"), pytest.raises(TrainingError, match="diverged at rate 1e\\+30"):
+        train(drawing(), 0, replace(QUICK, rate=1e30))
+
+
+# Training
+
+
+def test_the_chain_is_learnt_to_a_tenth_of_a_millimetre():
+    chain = drawing()
+    jmm, report = train(chain, 0, Recipe(hidden=300, samples=10_000))
+    q = postures_inside(chain, 2000)
+    error = jmm.lengths(q) - relative_lengths(q)
+    assert rms(relative_lengths(q)) > 0.01
+    for group in jmm.groups:
+        measured = rms(error[:, group.muscle_index])
+        assert measured < 1e-4
+        assert report.groups[group.name].validation_rmse == pytest.approx(measured, rel=0.15)
+        history = report.groups[group.name].history
+        assert history[-1] < 0.1 * history[0]
+
+
+def test_the_same_seed_gives_the_same_bits_in_another_process(tmp_path):
+    train(drawing(), 3, QUICK)[0].save(tmp_path / "here.npz")
+    program = (
+        "import sys; from tests.jmm_agent.straight_wires import drawing;"
+        "from jmm_agent.mapping.network_fit import Recipe;"
+        "from jmm_agent.mapping.training import train;"
+        "train(drawing(), 3, Recipe(hidden=60, samples=2000, steps=20))[0].save(sys.argv[1])"
+    )
+    root = Path(__file__).resolve().parents[3]
+    subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path / "there.npz")],
+        cwd=root,
+        env=os.environ | {"PYTHONPATH": str(root)},
+        check=True,
+    )
+    assert (tmp_path / "here.npz").read_bytes() == (tmp_path / "there.npz").read_bytes()
+
+
+def test_another_seed_gives_another_map():
+    q = postures_inside(drawing(), 5)
+    one, other = (train(drawing(), seed, QUICK)[0].lengths(q) for seed in (0, 1))
+    assert np.abs(one - other).max() > 1e-7
+
+
+def test_progress_reaches_the_end_of_every_group():
+    heard: dict[str, list[float]] = {}
+    train(drawing(), 0, QUICK, lambda name, done: heard.setdefault(name, []).append(done))
+    assert list(heard) == list(GROUPS)
+    for done in heard.values():
+        assert done == sorted(done)
+        assert done[-1] == 1.0
+
+
+# The cache
+
+
+def test_the_second_time_the_map_is_read(tmp_path, monkeypatch):
+    trained, first = load_or_train(drawing(), 0, tmp_path / "cache", QUICK)
+    monkeypatch.setattr("jmm_agent.mapping.training.fit", None)
+    read, second = load_or_train(drawing(), 0, tmp_path / "cache", QUICK)
+    assert (first.cached, second.cached) == (False, True)
+    q = postures_inside(drawing(), 5)
+    np.testing.assert_array_equal(read.lengths(q), trained.lengths(q))
+    for name, group in second.groups.items():
+        assert group.validation_rmse == first.groups[name].validation_rmse
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense", None])
+def test_a_broken_cache_file_is_reported_and_trained_anew(tmp_path, caplog, content):
+    trained, _ = load_or_train(drawing(), 0, tmp_path, QUICK)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:-300] if content is None else content)
+    with caplog.at_level(logging.WARNING, "jmm_agent"):
+        again, report = load_or_train(drawing(), 0, tmp_path, QUICK)
+    assert "not a joint-muscle map" in caplog.text
+    assert "trained anew" in caplog.text
+    assert not report.cached
+    q = postures_inside(drawing(), 5)
+    np.testing.assert_array_equal(again.lengths(q), trained.lengths(q))
+    np.testing.assert_array_equal(JointMuscleMap.load(path).lengths(q), trained.lengths(q))
+
+
+def test_a_map_of_another_robot_under_this_name_is_trained_anew(tmp_path, caplog):
+    path = tmp_path / f"jmm-{content_hash(drawing(), 0, QUICK)}.npz"
+    other = replace(drawing(), muscles=tuple("abcdefgh"))
+    train(other, 0, QUICK)[0].save(path)
+    jmm, report = load_or_train(drawing(), 0, tmp_path, QUICK)
+    assert "another robot" in caplog.text
+    assert not report.cached
+    assert jmm.muscles == drawing().muscles
+
+
+def test_a_cache_that_cannot_be_written_is_reported(tmp_path, caplog):
+    (tmp_path / "cache").write_text("a file where the folder should be")
+    jmm, _ = load_or_train(drawing(), 0, tmp_path / "cache", QUICK)
+    assert "could not be kept" in caplog.text
+    assert np.isfinite(jmm.lengths(np.zeros(6))).all()
+
+
+def stretched(q):
+    return 1.001 * relative_lengths(q)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"lengths": stretched},
+        {"upper": np.deg2rad([40, 40, 30, 50, 50, 21])},
+        {"muscles": tuple("abcdefgh")},
+        {"groups": {"base": JOINTS[:4], "tip": JOINTS[4:]}},
+    ],
+)
+def test_the_hash_tells_drawings_apart(other):
+    assert content_hash(drawing(**other), 0, QUICK) != content_hash(drawing(), 0, QUICK)
+
+
+def test_the_hash_tells_seeds_and_recipes_apart():
+    hashes = {
+        content_hash(drawing(), 0, QUICK),
+        content_hash(drawing(), 1, QUICK),
+        content_hash(drawing(), 0, replace(QUICK, ridge=1e-3)),
+    }
+    assert len(hashes) == 3
+    assert content_hash(drawing(), 0, QUICK) in hashes
+
+
+# The arm, against MuJoCo
+
+
+@pytest.fixture(scope="module")
+def trained_arm(tmp_path_factory):
+    return load_or_train(drawing_for_agent(), 0, tmp_path_factory.mktemp("cache"))
+
+
+def test_every_group_of_the_arm_is_learnt_to_a_tenth_of_a_millimetre(trained_arm):
+    source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
+    jmm, _ = trained_arm
+    q = postures_inside(drawing_for_agent(), 2000)
+    error = jmm.lengths(q) - source.lengths(q)
+    for group in jmm.groups:
+        assert rms(error[:, group.muscle_index]) < 1e-4, group.name
+
+
+@pytest.mark.parametrize(("method", "bound"), [("jacobian", 1e-3), ("jacobian_quadratic", 1.5e-3)])
+def test_the_arms_jacobians_are_mujocos(trained_arm, method, bound):
+    source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
+    jmm, _ = trained_arm
+    q = postures_inside(drawing_for_agent(), 200)
+    true = np.array([source.moment_arms(posture) for posture in q])
+    assert rms(true) > 0.01
+    assert rms(getattr(jmm, method)(q) - true) < bound

@@ -1,0 +1,150 @@
+"""Updates that make a map worse are told from those that do not, and undone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from jmm_agent.errors import AgentError
+from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
+from jmm_agent.mapping.learner import Pairs
+from jmm_agent.vision.hold_out import HeldBack, HeldBackOptions
+from tests.jmm_agent.small_map import LIMITS, make_map, postures
+from tests.jmm_agent.test_updaters import MIDDLE, Bench
+
+OPTIONS = HeldBackOptions(every=2, memory=3, least=2, factor=1.5, noise=0.003, patience=2)
+SPOTS = MIDDLE + np.random.default_rng(3).uniform(-0.4, 0.4, (12, 4)) * (LIMITS[:, 1] - MIDDLE)
+
+
+def shifted(jmm: JointMuscleMap, offset: float) -> JointMuscleMap:
+    """The map with all lengths longer by an offset [m]."""
+    return jmm.with_output_layers(
+        {group.name: (group.W2, group.b2 + offset / METRES) for group in jmm.groups}
+    )
+
+
+@pytest.fixture
+def jmm() -> JointMuscleMap:
+    return make_map()
+
+
+def pairs_of(jmm: JointMuscleMap, offset: float, count: int) -> list[Pairs]:
+    """Pairs of a robot whose wires are longer than the map says by an offset [m]."""
+    spots = postures(count)
+    noise = np.array([0.001])
+    return [Pairs(q[None], jmm.lengths(q)[None] + offset, noise) for q in spots]
+
+
+def holding(jmm: JointMuscleMap, offset: float = 0.005) -> HeldBack:
+    """Three pairs held back of such a robot."""
+    held_back = HeldBack(OPTIONS, 4, 5)
+    assert [held_back.keeps(pair) for pair in pairs_of(jmm, offset, 6)] == 3 * [False, True]
+    return held_back
+
+
+def test_only_the_newest_are_remembered(jmm: JointMuscleMap) -> None:
+    held_back = HeldBack(OPTIONS, 4, 5)
+    pairs = pairs_of(jmm, 0.005, 10)
+    for pair in pairs:
+        held_back.keeps(pair)
+    np.testing.assert_array_equal(
+        held_back.pairs.postures, np.concatenate([pairs[k].postures for k in (5, 7, 9)])
+    )
+
+
+@pytest.mark.parametrize(
+    ("offset", "harmful"), [(0.005, False), (-0.003, False), (-0.006, True), (0.015, False)]
+)
+def test_only_a_much_larger_error_is_harm(
+    offset: float, harmful: bool, jmm: JointMuscleMap
+) -> None:
+    """Errors: 5 mm before; after 0, 8, 11 and 10 mm. Harm begins above 1.5 x 5 + 3 mm."""
+    assert holding(jmm).harmed(jmm, shifted(jmm, offset)) == harmful
+
+
+def test_one_pair_tells_nothing(jmm: JointMuscleMap) -> None:
+    held_back = HeldBack(OPTIONS, 4, 5)
+    for pair in pairs_of(jmm, 0.0, 3):
+        held_back.keeps(pair)
+    assert len(held_back.pairs.noise) == 1
+    assert not held_back.harmed(jmm, shifted(jmm, 1.0))
+
+
+def test_a_pair_that_is_wrong_itself_hides_no_harm(jmm: JointMuscleMap) -> None:
+    held_back = holding(jmm, 0.0)
+    held_back.pairs.lengths[0] += 0.5
+    assert held_back.harmed(jmm, shifted(jmm, 0.01))
+
+
+def test_where_all_updates_seem_harmful_the_robot_has_changed(jmm: JointMuscleMap) -> None:
+    held_back = holding(jmm)
+    harmful = shifted(jmm, -0.02)
+    assert [held_back.harmed(jmm, harmful) for _ in range(4)] == [True, True, False, False]
+    assert not len(held_back.pairs.noise)
+
+
+def test_a_harmless_update_between_shows_that_it_has_not(jmm: JointMuscleMap) -> None:
+    held_back = holding(jmm)
+    harmful = shifted(jmm, -0.02)
+    maps = (harmful, harmful, jmm, harmful, harmful)
+    assert [held_back.harmed(jmm, after) for after in maps] == [True, True, False, True, True]
+
+
+@pytest.mark.parametrize("wrong", ["every", "memory", "least", "patience"])
+def test_options_that_hold_nothing_back_are_refused(wrong: str) -> None:
+    with pytest.raises(AgentError, match=wrong):
+        HeldBackOptions(**{wrong: 1 if wrong == "every" else 0})
+
+
+def learned(**options: Any) -> Bench:
+    """An updater that has seen eight postures."""
+    bench = Bench(distance=0.0, **options)
+    for spot in SPOTS[:8]:
+        bench.look(spot)
+    return bench
+
+
+def test_looks_held_back_are_not_learned() -> None:
+    bench = learned(held_back=OPTIONS)
+    assert bench.vision.fired == len(bench.vision.pairs.noise) == 4
+    assert bench.vision.held_back is not None
+    np.testing.assert_allclose(bench.vision.held_back.pairs.postures, SPOTS[[3, 5, 7]], atol=0.05)
+    assert bench.look(SPOTS[8]).learned
+    assert bench.look(SPOTS[9]).reason == "held back, to test updates on it"
+
+
+def test_a_look_with_a_saturated_wire_tests_no_update() -> None:
+    bench = Bench(distance=0.0, held_back=OPTIONS)
+    for spot in SPOTS[:4]:
+        bench.look(spot, tensions=np.full(5, 480.0))
+    assert bench.vision.held_back is not None
+    assert not len(bench.vision.held_back.pairs.noise)
+
+
+def test_what_a_wrong_look_taught_is_undone() -> None:
+    """Lengths of one look are 40 mm off, as if the marker had been seen in another place."""
+    bench, believing = learned(held_back=OPTIONS), learned()
+    before, memory = bench.learner.map, bench.vision.memory
+    wrong = bench.lengths(SPOTS[8]) + 0.04
+    given = {"lengths": wrong, "target": wrong, "estimate": SPOTS[8]}
+
+    assert believing.look(SPOTS[8], **given).learned
+    seen = bench.look(SPOTS[8], **given)
+
+    assert not seen.learned
+    assert seen.reason.startswith("undone")
+    assert bench.learner.map is before
+    assert all(now is then for now, then in zip(bench.vision.memory, memory, strict=True))
+    assert bench.vision.dropped[seen.reason] == 1
+
+
+def test_a_robot_that_changed_is_learned_all_the_same() -> None:
+    bench = learned(held_back=OPTIONS)
+    bench.start = shifted(bench.start, 0.04)
+    for spot in np.tile(SPOTS, (3, 1)):
+        bench.look(spot)
+
+    errors = bench.learner.map.lengths(SPOTS) - bench.lengths(SPOTS)
+    assert np.sqrt(np.mean(errors**2)) < 0.005

@@ -1,0 +1,189 @@
+"""Looks fitted together find joint angles that no look shows alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from experiments.common import trained_map
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.kinematics.bounded_least_squares import minimise
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.vision.marker_residual import MarkerSight
+from jmm_agent.vision.observation_fit import Look, LooksFit, LooksOptions, fit_alone, fit_looks
+from kengoro_env.assets import asset_path
+from kengoro_env.names import JOINTS
+from kengoro_env.postures import posture_set
+from kengoro_env.robot.nominal_model import ArmDrawing
+
+ARM = asset_path("mjcf/kengoro_arm/arm.xml")
+COUNT = 10
+MISTAKE = np.radians([2, -2, 1, 8, -7, 6, 7, -15, 14, 16, -14, 6, -6, 5])
+"""The posture that somebody took for zero when the lengths were reset."""
+
+
+@pytest.fixture(scope="module")
+def drawn(request: pytest.FixtureRequest) -> JointMuscleMap:
+    return trained_map(request.config.cache.mkdir("maps"))
+
+
+@pytest.fixture(scope="module")
+def arm() -> ArmKinematics:
+    return ArmKinematics(ARM, JOINTS)
+
+
+@pytest.fixture(scope="module")
+def sight(arm: ArmKinematics) -> MarkerSight:
+    return MarkerSight(arm, "eye", "marker_hand")
+
+
+@pytest.fixture(scope="module")
+def prior(drawn: JointMuscleMap) -> MapPrior:
+    return MapPrior(drawn, posture_set(), PriorOptions())
+
+
+def estimate(drawn: JointMuscleMap, lengths: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """What the drawing's map makes of lengths."""
+
+    def residual(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        expected, jacobian = drawn.lengths_and_jacobian(q)
+        return expected - lengths, jacobian
+
+    middle = posture_set().mean(axis=0)
+    return minimise(residual, middle, *limits.T, 1e-8 * np.eye(14), 60).x
+
+
+@pytest.fixture(scope="module")
+def true() -> np.ndarray:
+    order = np.random.default_rng(0).permutation(len(posture_set()))
+    return posture_set()[order[:COUNT]]
+
+
+@pytest.fixture(scope="module")
+def looks(true: np.ndarray, drawn: JointMuscleMap, arm: ArmKinematics) -> list[Look]:
+    """Exact looks at a robot that is the drawing but for its zero."""
+    wires = ArmDrawing(ARM)
+    lengths = wires.lengths(true) - wires.lengths(MISTAKE)
+    return [
+        Look(arm.pose("marker_hand", q, relative_to="eye"), row, estimate(drawn, row, arm.limits))
+        for q, row in zip(true, lengths, strict=True)
+    ]
+
+
+@pytest.fixture(scope="module")
+def fit(looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics) -> LooksFit:
+    return fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=40))
+
+
+def rms_deg(error: np.ndarray) -> float:
+    return float(np.degrees(np.sqrt(np.mean(error**2))))
+
+
+def test_planted_offsets_are_seen_through(
+    looks: list[Look], fit: LooksFit, true: np.ndarray, arm: ArmKinematics
+) -> None:
+    before = rms_deg(np.array([look.guess for look in looks]) - true)
+    assert before > 5.0
+    assert fit.converged
+    assert rms_deg(fit.angles - true) < before / 3
+    assert fit.sight_error[:, 0].max() < 0.003
+    assert fit.sight_error[:, 1].max() < 0.02
+    alone = [
+        arm.solve("marker_hand", look.pose, look.guess, "eye", prior_precision=np.full(14, 1e-8)).q
+        for look in looks
+    ]
+    assert rms_deg(np.array(alone) - true) > before / 3
+
+
+def test_the_gradient_vanishes_where_the_fit_ends(
+    looks: list[Look], fit: LooksFit, prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+) -> None:
+    """The cost is written anew from the module's docstring; a step from the end must not lower it.
+
+    Only in joints that are inside their box: at a limit the cost may go on falling outside.
+    """
+    options = LooksOptions()
+    lengths = np.array([look.lengths for look in looks])
+
+    def cost(angles: np.ndarray) -> float:
+        errors = np.array([sight(q, look.pose)[0] for q, look in zip(angles, looks, strict=True)])
+        total = np.sum((errors[:, :3] / options.position_noise) ** 2)
+        total += np.sum((errors[:, 3:] / options.rotation_noise) ** 2)
+        residual = lengths - prior.map.lengths(angles)
+        for group in prior.groups(angles):
+            kernel = group.features @ group.features.T + prior.options.noise**2 * np.eye(COUNT)
+            mine = residual[:, group.muscles]
+            total += np.sum(mine * np.linalg.solve(kernel, mine))
+        return float(total)
+
+    least = cost(fit.angles)
+    rng = np.random.default_rng(0)
+    low, high = arm.limits[:, 0] - 0.02, arm.limits[:, 1] + 0.02
+    for _ in range(20):
+        step = rng.normal(0.0, 0.02, fit.angles.shape)
+        assert cost(np.clip(fit.angles + step, low, high)) > least
+    assert cost(np.array([look.guess for look in looks])) > least
+
+
+def test_angles_stay_inside_the_limits(
+    looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+) -> None:
+    middle = posture_set().mean(axis=0)
+    narrow = np.clip(np.column_stack([middle - 0.1, middle + 0.1]), *arm.limits.T[:, :, None])
+    fit = fit_looks(looks, prior, sight, narrow, LooksOptions(limit_margin=0.0))
+    assert np.all(fit.angles >= narrow[:, 0])
+    assert np.all(fit.angles <= narrow[:, 1])
+    assert np.any((fit.angles == narrow[:, 0]) | (fit.angles == narrow[:, 1]))
+    assert fit.sight_error[:, 0].max() > 0.01
+
+
+def test_a_first_look_at_a_robot_far_from_its_drawing_is_explained(
+    true: np.ndarray,
+    drawn: JointMuscleMap,
+    arm: ArmKinematics,
+    prior: MapPrior,
+    sight: MarkerSight,
+) -> None:
+    """Its guesses have joints at their limits: the fit must hold them there and move the others."""
+    low, high = arm.limits.T
+    lengths = ArmDrawing(ARM).lengths(true) - ArmDrawing(ARM).lengths(1.5 * MISTAKE)
+    guesses = np.array([estimate(drawn, row, arm.limits) for row in lengths])
+    assert np.count_nonzero(np.any((guesses <= low) | (guesses >= high), axis=1)) >= COUNT / 2
+    for q, row, guess in zip(true, lengths, guesses, strict=True):
+        look = Look(arm.pose("marker_hand", q, relative_to="eye"), row, guess)
+        fit = fit_looks([look], prior, sight, arm.limits, LooksOptions())
+        assert fit.converged
+        assert fit.sight_error[0, 0] < 0.003
+        assert fit.sight_error[0, 1] < 0.01
+
+
+def test_a_fit_that_is_cut_short_says_so(
+    looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+) -> None:
+    assert not fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=1)).converged
+
+
+def test_where_it_starts_does_not_matter_and_the_end_is_kept(
+    looks: list[Look], fit: LooksFit, prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+) -> None:
+    options = LooksOptions(steps=40)
+    near = fit.angles + np.random.default_rng(0).normal(0.0, 0.02, fit.angles.shape)
+    again = fit_looks(looks, prior, sight, arm.limits, options, near)
+    np.testing.assert_allclose(again.angles, fit.angles, atol=0.02)
+    warm = fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=2), fit.angles)
+    assert warm.converged
+    np.testing.assert_allclose(warm.angles, fit.angles, atol=2e-3)
+
+
+def test_a_look_alone_is_explained_but_leaves_the_joints_wrong(
+    looks: list[Look], true: np.ndarray, sight: MarkerSight, arm: ArmKinematics
+) -> None:
+    """As the paper's inverse kinematics: it explains the marker by the least movement."""
+    alone = [fit_alone(look, sight, arm.limits, LooksOptions()) for look in looks]
+    angles = np.concatenate([fit.angles for fit in alone])
+    guesses = np.array([look.guess for look in looks])
+    assert all(fit.converged for fit in alone)
+    assert np.max([fit.sight_error for fit in alone]) < 1e-3
+    assert np.all(np.linalg.norm(angles - guesses, axis=1) < np.linalg.norm(true - guesses, axis=1))
+    assert rms_deg(angles - true) > 0.5 * rms_deg(guesses - true)

@@ -1,0 +1,181 @@
+"""Wires that give for good are found among looks; where none gave, none is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.updaters import VisionOptions, VisionUpdater
+from jmm_agent.vision.observation_fit import Look, LooksFit, LooksOptions, fit_looks
+from jmm_agent.vision.permanent_elongation import elongations, fit_with_gives, log_bayes_factors
+from tests.jmm_agent.small_map import LIMITS, make_map, postures
+
+BEFORE, AFTER = 12, 3
+"""Looks before the wires give, and after."""
+
+GIVEN = 0.010
+TRUE = postures(BEFORE + AFTER, 4)
+
+
+def sight(q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All four joints, exactly."""
+    error = np.array([*(q[:3] - pose[:3, 3]), q[3] - pose[3, 0], 0.0, 0.0])
+    return error, np.eye(6)[:, :4]
+
+
+def look(q: np.ndarray, given: np.ndarray) -> Look:
+    """A look at a robot whose wires are all 15 mm off, and where some gave since by ``given``."""
+    pose = np.eye(4)
+    pose[:3, 3], pose[3, 0] = q[:3], q[3]
+    rng = np.random.default_rng(int(1e6 * q[0]) % 1000)
+    noise = 0.0003 * rng.standard_normal(5)
+    return Look(pose, make_map(0).lengths(q) + 0.015 - given + noise, q + 0.03)
+
+
+def looks_at(given: np.ndarray) -> list[Look]:
+    return [look(q, given * (k >= BEFORE)) for k, q in enumerate(TRUE)]
+
+
+@pytest.fixture
+def prior() -> MapPrior:
+    return MapPrior(make_map(0), postures(100, 8), PriorOptions())
+
+
+def grown(prior: MapPrior, looks: list[Look], options: LooksOptions) -> tuple[LooksFit, np.ndarray]:
+    """The fit after the last look, each added to those before as the Vision Updater does."""
+    angles, gave = np.empty((0, 4)), np.empty((0, 5))
+    for count in range(1, len(looks) + 1):
+        start = np.vstack([angles, looks[count - 1].guess])
+        history = np.vstack([gave, np.zeros(5)])
+        fit, gave = fit_with_gives(looks[:count], prior, sight, LIMITS, options, start, history)
+        angles = fit.angles
+    return fit, gave
+
+
+@pytest.mark.parametrize("wires", [[2], [0, 3], [1, 4]])
+def test_the_wires_that_gave_are_found_and_when_and_how_far(
+    prior: MapPrior, wires: list[int]
+) -> None:
+    given = GIVEN * np.isin(np.arange(5), wires)
+    looks = looks_at(given)
+    fit, gave = grown(prior, looks, LooksOptions())
+    expected = np.outer(np.arange(len(looks)) < BEFORE, given > 0)
+    np.testing.assert_array_equal(gave, expected)
+    found = elongations(looks, prior, fit.angles, gave)
+    np.testing.assert_allclose(found, expected * GIVEN, atol=0.001)
+
+
+def test_where_nothing_gave_nothing_is_found(prior: MapPrior) -> None:
+    looks = looks_at(np.zeros(5))
+    fit, gave = grown(prior, looks, LooksOptions())
+    assert not gave.any()
+    assert not elongations(looks, prior, fit.angles, gave).any()
+    start = np.array([look.guess for look in looks])
+    plain = fit_looks(looks, prior, sight, LIMITS, LooksOptions(), start)
+    np.testing.assert_allclose(fit.angles, plain.angles, atol=2e-3)
+
+
+def test_it_is_believed_only_on_evidence(prior: MapPrior) -> None:
+    looks = looks_at(np.array([0.0, 0.0, GIVEN, 0.0, 0.0]))
+    assert not grown(prior, looks, LooksOptions(give_evidence=np.inf))[1].any()
+    assert not grown(prior, looks, LooksOptions(give_evidence=1e6))[1].any()
+
+
+def test_old_looks_tell_nothing_of_the_offset_of_a_wire_that_gave_far(prior: MapPrior) -> None:
+    """The kernel's closed form: steps are sums of independent ones since each posture."""
+    q = postures(4, 1)
+    gave = np.zeros((4, 5))
+    gave[:3, 2] += 1
+    gave[:1, 2] += 1
+    kernels = {int(m): kernel for kernel in prior.groups(q, gave=gave) for m in kernel.muscles}
+    assert sorted(kernels) == list(range(5))
+    steps = np.array([[2, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [0, 0, 0, 0]])
+    np.testing.assert_allclose(kernels[2].given, PriorOptions().give ** 2 * steps)
+    for muscle in (0, 1, 3, 4):
+        assert not kernels[muscle].given.any()
+    kernel = kernels[2]
+    whole = kernel.features @ kernel.features.T + kernel.given
+    whole += PriorOptions().noise ** 2 * np.eye(4)
+    np.testing.assert_allclose(whole @ kernel.whiten(np.eye(4)), np.eye(4), atol=1e-9)
+
+
+def test_the_evidence_is_that_of_two_normal_distributions(prior: MapPrior) -> None:
+    """Seen joints and lengths are jointly normal around a linearised map, with a step or without.
+
+    Vision is coarse here, so that lengths tell of the joints too, and the angles are off the fit's.
+    """
+    options = LooksOptions(position_noise=0.05, rotation_noise=0.03)
+    looks = looks_at(np.array([0.0, 0.0, 0.003, 0.0, 0.0]))[-6:]
+    count, gave = len(looks), np.zeros((6, 5))
+    gave[:2, 1] = 1.0
+    seen = np.array([[*one.pose[:3, 3], one.pose[3, 0]] for one in looks])
+    angles = seen + np.random.default_rng(2).normal(0.0, 0.01, seen.shape)
+    found = log_bayes_factors(looks, prior, sight, options, angles, gave, count - 1)
+    assert found.shape == (count - 1, 5)
+
+    expected, jacobian = prior.map.lengths_and_jacobian(angles)
+    arms = np.zeros((5, count, count, 4))  # of each wire: looks, angles of looks
+    for k in range(count):
+        arms[:, k, k] = jacobian[k]
+    arms = arms.reshape(5 * count, 4 * count)
+    spread = np.tile([0.05, 0.05, 0.05, 0.03], count)
+    covariance = arms @ np.diag(spread**2) @ arms.T
+    for kernel in prior.groups(angles, gave=gave):
+        for muscle in kernel.muscles:
+            own = slice(muscle * count, (muscle + 1) * count)
+            covariance[own, own] += np.linalg.inv(kernel.whiten(np.eye(count)))
+    missed = np.array([one.lengths for one in looks]) - expected
+    missed = missed.T.ravel() - arms @ (seen - angles).ravel()
+
+    def log_density(total: np.ndarray) -> float:
+        return float(-np.linalg.slogdet(total)[1] - missed @ np.linalg.solve(total, missed)) / 2
+
+    for muscle in range(5):
+        for look in range(1, count):
+            step = np.zeros((5, count))
+            step[muscle, :look] = PriorOptions().give
+            other = covariance + np.outer(step, step)
+            exact = log_density(other) - log_density(covariance)
+            assert found[look - 1, muscle] == pytest.approx(exact, rel=1e-3, abs=1e-3)
+
+
+def learned(options: LooksOptions, given: np.ndarray) -> tuple[VisionUpdater, Learner]:
+    """What the Vision Updater makes of all looks, one by one."""
+    start = make_map(0)
+    prior = MapPrior(start, postures(100, 8), PriorOptions())
+    learner = Learner(start, LIMITS, RidgeRule(prior), BatchOptions(), np.random.default_rng(0))
+    updater = VisionUpdater(
+        learner, prior, sight, LIMITS, VisionOptions(distance=0.0, looks=options)
+    )
+    for one in looks_at(given):
+        updater.seen(one.pose, one.guess, one.lengths, one.lengths, np.full(5, 50.0))
+    return updater, learner
+
+
+def test_the_map_follows_a_wire_that_gave() -> None:
+    given = np.array([0.0, 0.0, GIVEN, 0.0, 0.0])
+    asked = postures(50, 6)
+    robot = make_map(0).lengths(asked) + 0.015 - given
+
+    def missed(options: LooksOptions) -> float:
+        _, learner = learned(options, given)
+        return float(np.sqrt(np.mean((learner.map.lengths(asked) - robot)[:, 2] ** 2)))
+
+    assert missed(LooksOptions()) < 0.002
+    assert missed(LooksOptions(give_evidence=np.inf)) > 0.005
+
+
+def test_what_gave_is_forgotten_with_the_looks_before() -> None:
+    updater, _ = learned(LooksOptions(memory=AFTER + 2), np.array([0.0, 0.0, GIVEN, 0.0, 0.0]))
+    assert updater.gave.shape == (AFTER + 2, 5)
+    np.testing.assert_array_equal(updater.gave[:, 2], [1, 1, 0, 0, 0])
+
+
+def test_looking_without_learning_believes_nothing_for_good() -> None:
+    updater, _ = learned(LooksOptions(), np.zeros(5))
+    before = updater.gave.copy()
+    one = look(TRUE[0], np.array([0.0, 0.0, GIVEN, 0.0, 0.0]))
+    updater.seen(one.pose, one.guess, one.lengths, one.lengths, np.full(5, 50.0), learn=False)
+    np.testing.assert_array_equal(updater.gave, before)
