@@ -37,8 +37,8 @@ from experiments.report import Table, print_table, write_report
 from experiments.running import progress_bar
 from experiments.study import LEAST_WIDTH
 from reality_gap import CATALOGUE, Diagnosis, Options, RealityGapError, diagnose
-from reality_gap.output import check_out, write_diagnosis
-from reality_gap.search import Settings
+from reality_gap.inference.forward_selection import Settings
+from reality_gap.report.files import check_out, write_diagnosis
 
 NAME = "davinci"
 TITLE = "The cable drive of a da Vinci grasper: what its transmission does"

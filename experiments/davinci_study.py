@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.davinci_log import BEGIN, RATE, Floats, Runs
-from reality_gap.study import Channel, Episode, Initial, Reading, Study
+from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 
 RADIUS = 0.005
 """Of the model's pulley [m]; nominal."""

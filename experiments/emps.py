@@ -39,9 +39,9 @@ from experiments.report import Table, print_table, write_report
 from experiments.study import LEAST_WIDTH
 from reality_gap import CATALOGUE, Diagnosis, Options, RealityGapError, diagnose
 from reality_gap.diagnosis import Rival
-from reality_gap.output import check_out, write_diagnosis
-from reality_gap.search import Settings
-from reality_gap.study import Study
+from reality_gap.inference.forward_selection import Settings
+from reality_gap.report.files import check_out, write_diagnosis
+from reality_gap.study.data import Study
 
 NAME = "emps"
 TITLE = "EMPS: what a mass alone gets wrong of a real drive"

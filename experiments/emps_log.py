@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from experiments.errors import ExperimentError
-from reality_gap.inverse import EDGE, Motion, Traced, prepare
-from reality_gap.study import Channel, Episode, Reading, Study
+from reality_gap.simulation.inverse_dynamics import EDGE, Motion, Traced, prepare
+from reality_gap.study.data import Channel, Episode, Reading, Study
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from experiments.emps_log import MASS, PUBLISHED, Floats, Log, at_readings, moti
 from experiments.emps_regression import UNITS, Regression
 from experiments.report import Picture, png
 from reality_gap.diagnosis import Diagnosis, Trace
-from reality_gap.study import Study
+from reality_gap.study.data import Study
 
 MEASURED, ALONE, TEXTBOOK, DIRECTION = "#222222", "#999999", "#D55E00", "#0072B2"
 

@@ -15,8 +15,8 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.stats import t as student
 
 from experiments.emps_log import Floats, at_readings, measured_force, motion, relative_error
-from reality_gap.inverse import Motion
-from reality_gap.study import Study
+from reality_gap.simulation.inverse_dynamics import Motion
+from reality_gap.study.data import Study
 
 BLOCKS = 24
 

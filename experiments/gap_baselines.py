@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.evidence import PRIOR
-from reality_gap.fitting import at, to_theta
-from reality_gap.measured import Measured
-from reality_gap.plant import Suspect, build
-from reality_gap.screening import Sensitivity
-from reality_gap.splits import CHOOSE, split
-from reality_gap.workbench import Hypothesis, Workbench
+from reality_gap.inference.evidence import PRIOR
+from reality_gap.inference.gauss_newton import at, to_theta
+from reality_gap.inference.screening import Sensitivity
+from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.study.measurements import Measured
+from reality_gap.study.splits import CHOOSE, split
 
 Array = NDArray[np.float64]
 STEP = 0.05

@@ -1,8 +1,7 @@
 """How sure a diagnosis may be: causes are hidden in the drawing's own replays, and found again.
 
-The confidence divides evidence by a temper (`reality_gap.confidence`). Here it is set so that
-confidences keep their word on machines that `reality_gap` simulates itself: the drawing
-with every tolerance drawn at random, one cause in it, half the time step, and noise. Only the
+The confidence divides evidence by a temper (`reality_gap.inference.confidence`). Here it is set so
+that confidences keep their word on machines that `reality_gap` simulates itself: the drawing with every tolerance drawn at random, one cause in it, half the time step, and noise. Only the
 motion is that of the bench; nothing of its machines is.
 """
 
@@ -29,11 +28,11 @@ from experiments.report import Table, print_table
 from experiments.running import core_seconds, run_tasks
 from reality_gap import Options, diagnose, load_study
 from reality_gap.causes import CATALOGUE
-from reality_gap.confidence import TEMPER, tempered
-from reality_gap.plant import Suspect
-from reality_gap.screening import suspects
-from reality_gap.simulating import simulate
-from reality_gap.system import look_at
+from reality_gap.inference.confidence import TEMPER, tempered
+from reality_gap.inference.screening import suspects
+from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.synthetic import simulate
+from reality_gap.study.system import look_at
 
 Array = NDArray[np.float64]
 NAME = "gap-calibrate"

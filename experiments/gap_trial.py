@@ -17,12 +17,12 @@ from experiments.gap_bench_scores import AMBIGUOUS, ASSETS, entropy
 from experiments.gap_lengths import bend, length_error
 from hidden_plants import Effect, Nuisance, Secret, Truth
 from reality_gap import Diagnosis, Options, diagnose, load_study
-from reality_gap.gain import score
-from reality_gap.measured import measured
-from reality_gap.plant import build
-from reality_gap.replay import replay
-from reality_gap.screening import Sensitivity
-from reality_gap.workbench import Workbench
+from reality_gap.inference.held_out import score
+from reality_gap.inference.screening import Sensitivity
+from reality_gap.simulation.hypothesis import build
+from reality_gap.simulation.replay import replay
+from reality_gap.simulation.replayer import Workbench
+from reality_gap.study.measurements import measured
 
 Array = NDArray[np.float64]
 KINDS = ("single", "pair", "null", "outside")

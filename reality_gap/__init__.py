@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 from reality_gap.causes import CATALOGUE, cause, register
-from reality_gap.deciding import Options
-from reality_gap.diagnosing import diagnose
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import RealityGapError, StudyError
-from reality_gap.reading import load_study
-from reality_gap.study import Study
+from reality_gap.inference.verdict import Options
+from reality_gap.io.loader import load_study
+from reality_gap.pipeline import diagnose
+from reality_gap.study.data import Study
 
 __all__ = [
     "CATALOGUE",

@@ -79,13 +79,13 @@ def diagnose(command: Diagnose, console: Console) -> None:
     """Diagnose a study, write what was found, and print the verdict."""
     from rich.progress import Progress
 
-    from reality_gap.checking import check_study
-    from reality_gap.deciding import Options
-    from reality_gap.diagnosing import diagnose as find
-    from reality_gap.output import check_out, write_diagnosis
-    from reality_gap.reading import load_study
-    from reality_gap.shelf import forget
-    from reality_gap.simulation import silence
+    from reality_gap.check import check_study
+    from reality_gap.inference.checkpoint import forget
+    from reality_gap.inference.verdict import Options
+    from reality_gap.io.loader import load_study
+    from reality_gap.pipeline import diagnose as find
+    from reality_gap.report.files import check_out, write_diagnosis
+    from reality_gap.simulation.episode import silence
 
     if command.jobs < 1:
         raise StudyError(f"--jobs is a number of processes, 1 or more, not {command.jobs}")
@@ -114,9 +114,9 @@ def diagnose(command: Diagnose, console: Console) -> None:
 
 def check(command: Check, console: Console) -> None:
     """Print what is wrong with a study, or that nothing is."""
-    from reality_gap.checking import check_study, summary, unjudged
-    from reality_gap.reading import load_study
-    from reality_gap.simulation import silence
+    from reality_gap.check import check_study, summary, unjudged
+    from reality_gap.io.loader import load_study
+    from reality_gap.simulation.episode import silence
 
     silence()
     study = load_study(command.study)
@@ -135,8 +135,8 @@ def check(command: Check, console: Console) -> None:
 
 def init(command: Init, console: Console) -> None:
     """Write a draft of a study, never over a file that exists."""
-    from reality_gap.drafting import draft_study
-    from reality_gap.whole import write_whole
+    from reality_gap.files import write_whole
+    from reality_gap.io.template import draft_study
 
     out = command.out
     if out.exists():
@@ -152,7 +152,7 @@ def unpack(command: Unpack, console: Console) -> None:
     """Write a bag's topics as CSV files."""
     from rich.progress import Progress
 
-    from reality_gap.bag_border import unpack_behind_fence
+    from reality_gap.io.rosbag_sandbox import unpack_behind_fence
 
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
@@ -177,7 +177,7 @@ def _show(diagnosis: Diagnosis, console: Console) -> None:
     """The verdict, and its causes as a table."""
     from rich.table import Table
 
-    from reality_gap.display import number, percent, shown
+    from reality_gap.report.formatting import number, percent, shown
 
     _say(console, diagnosis.sentence)
     if not diagnosis.causes:

@@ -9,8 +9,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Place
-from reality_gap.plant import Suspect
+from reality_gap.causes.base import Place
+from reality_gap.simulation.hypothesis import Suspect
 
 Array = NDArray[np.float64]
 

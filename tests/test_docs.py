@@ -14,7 +14,8 @@ import pytest
 
 from experiments.__main__ import RUNNERS
 from experiments.common import trained_map
-from reality_gap.causes import CATALOGUE, joint_stiffness, places
+from reality_gap.causes import CATALOGUE, joint_stiffness
+from reality_gap.causes.support import elements
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -62,7 +63,7 @@ def small_study() -> dict[str, Any]:
         encoding="utf-8",
     )
     spring = joint_stiffness.CAUSE
-    return {"places": places.each_joint, "parameters": spring.parameters, "edit": spring.edit}
+    return {"places": elements.each_joint, "parameters": spring.parameters, "edit": spring.edit}
 
 
 def small_robot() -> dict[str, Any]:

@@ -5,7 +5,6 @@ To add one's own, write a `Cause` and `register` it before diagnosing.
 
 from __future__ import annotations
 
-from reality_gap.cause import Cause
 from reality_gap.causes import (
     actuator_lag,
     attachment_shift,
@@ -36,6 +35,7 @@ from reality_gap.causes import (
     viscous_friction,
     wire_elongation,
 )
+from reality_gap.causes.base import Cause
 from reality_gap.errors import StudyError, UnknownNameError
 
 _MODULES = (

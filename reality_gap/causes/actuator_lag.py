@@ -12,9 +12,9 @@ import math
 
 import mujoco
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Values
-from reality_gap.causes import places
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Values
+from reality_gap.causes.support import elements
+from reality_gap.study.system import System
 
 COMMAND = "of the command"
 
@@ -23,8 +23,8 @@ _FILTERS = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    of_force = places.each_actuator(system, _is_plain) + places.all_actuators(system, _is_plain)
-    of_command = places.each_actuator(system, _can_lag) + places.all_actuators(system, _can_lag)
+    of_force = elements.each_actuator(system, _is_plain) + elements.all_actuators(system, _is_plain)
+    of_command = elements.each_actuator(system, _can_lag) + elements.all_actuators(system, _can_lag)
     return of_force + tuple(Place(p.kind, p.elements, COMMAND) for p in of_command)
 
 

@@ -11,9 +11,9 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import zeroing
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import encoder_zero
+from reality_gap.study.system import System
 
 EVERY = "every wire"
 AXES = ("x", "y", "z")
@@ -54,6 +54,6 @@ CAUSE = Cause(
     explanation="A point of a wire's path is elsewhere on its body, so that its lever arms differ.",
     places=_places,
     parameters=_parameters,
-    edit=partial(zeroing.edit, _geometry),
-    attach=partial(zeroing.attach, _geometry),
+    edit=partial(encoder_zero.edit, _geometry),
+    attach=partial(encoder_zero.attach, _geometry),
 )

@@ -11,23 +11,23 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Record, Values
-from reality_gap.causes import encoders, places, sizes
-from reality_gap.causes.encoders import Feedback
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Hook, Parameter, Place, Record, Values
+from reality_gap.causes.support import elements, encoders, typical_scales
+from reality_gap.causes.support.encoders import Feedback
+from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    found = places.each_wire(system) + places.each_joint(system)
+    found = elements.each_wire(system) + elements.each_joint(system)
     return tuple(p for p in found if encoders.matters(*encoders.encoders(system, p)))
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "tendon":
         return (Parameter("gap", "m", 0.0003, 5e-6, 0.0, 0.03),)
-    unit, size = sizes.joint_travel(system, place)
+    unit, size = typical_scales.joint_travel(system, place)
     return (Parameter("gap", unit, 0.005 * size, 0.0001 * size, 0.0, 0.3 * size),)
 
 

@@ -7,16 +7,16 @@ MuJoCo's cameras look along -z.
 
 from __future__ import annotations
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import poses
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import frames
+from reality_gap.study.system import System
 
 DEPTH = 2
 """Component of a position in a camera's frame."""
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    return poses.cameras(system, poses.position_sensors(system))
+    return frames.cameras(system, frames.position_sensors(system))
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
@@ -25,7 +25,9 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
     sensors = [
-        s for s in poses.position_sensors(system) if poses.seen_from(system, s) == place.elements[0]
+        s
+        for s in frames.position_sensors(system)
+        if frames.seen_from(system, s) == place.elements[0]
     ]
 
     def stretch(record: Record) -> None:

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import poses
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import frames
+from reality_gap.study.system import System
 
 SHIFT = Parameter("shift", "m", 0.005, 0.0003, -0.2, 0.2)
 TURN = Parameter("turn", "rad", 0.02, 0.0005, -0.6, 0.6)
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    return poses.cameras(system, poses.position_sensors(system) + poses.orientation_sensors(system))
+    return frames.cameras(
+        system, frames.position_sensors(system) + frames.orientation_sensors(system)
+    )
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return poses.motion(SHIFT, TURN)
+    return frames.motion(SHIFT, TURN)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     drawn = system.model.camera(place.elements[0])
     camera = spec.camera(place.elements[0])
-    poses.put(camera, *poses.moved(drawn.pos, drawn.quat, values))
+    frames.put(camera, *frames.moved(drawn.pos, drawn.quat, values))
 
 
 CAUSE = Cause(

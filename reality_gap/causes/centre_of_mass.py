@@ -8,9 +8,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import links
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import links
+from reality_gap.study.system import System
 
 AXES = ("x", "y", "z")
 

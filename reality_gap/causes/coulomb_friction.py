@@ -4,33 +4,33 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import bristles, places, sizes
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import elements, lugre, typical_scales
+from reality_gap.study.system import System
 
 USUAL, SPREAD = 1.5e-3, 1e-3
 """Friction that a wire has where none is drawn, and by how much it differs, over its force."""
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    return places.each_wire(system) + places.all_wires(system) + places.each_joint(system)
+    return elements.each_wire(system) + elements.all_wires(system) + elements.each_joint(system)
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "tendon":
-        size = sizes.wire_force(system, place)
-        usual = 0.0 if bristles.drawn(system, place) else USUAL * size
+        size = typical_scales.wire_force(system, place)
+        usual = 0.0 if lugre.drawn(system, place) else USUAL * size
         friction = Parameter("friction", "N", 3.0, SPREAD * size, 0.0, 200.0, usual=usual)
     else:
-        unit, size = sizes.joint_force(system, place)
+        unit, size = typical_scales.joint_force(system, place)
         friction = Parameter("friction", unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)
-    return (friction, bristles.bend(system, place)) if bristles.possible(system) else (friction,)
+    return (friction, lugre.bend(system, place)) if lugre.possible(system) else (friction,)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     if values["friction"]:
-        bend = bristles.bend_in(values, system, place)
-        bristles.brake(spec, system, CAUSE.id, place, values["friction"], bend)
+        bend = lugre.bend_in(values, system, place)
+        lugre.brake(spec, system, CAUSE.id, place, values["friction"], bend)
 
 
 CAUSE = Cause(

@@ -14,10 +14,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import places
-from reality_gap.inputs import column
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import elements
+from reality_gap.study.inputs import column
+from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ LINEAR = 1
 def _places(system: System) -> tuple[Place, ...]:
     kinds = dict.fromkeys(_bus(system, name) for name in system.sensed)
     groups = [tuple(name for name in system.sensed if _bus(system, name) == kind) for kind in kinds]
-    actuators = places.each_actuator(system) + places.all_actuators(system)
+    actuators = elements.each_actuator(system) + elements.all_actuators(system)
     return actuators + tuple(Place("sensor", group) for group in groups)
 
 

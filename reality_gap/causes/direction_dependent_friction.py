@@ -13,11 +13,11 @@ import math
 
 import mujoco
 
-from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
-from reality_gap.causes import bristles, places, sizes
-from reality_gap.causes.extra import Extra
-from reality_gap.causes.steady import push
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Hook, Parameter, Place, Values
+from reality_gap.causes.support import elements, lugre, typical_scales
+from reality_gap.causes.support.constant_force import push
+from reality_gap.causes.support.model_overrides import Extra
+from reality_gap.study.system import System
 
 PERIOD = 0.004
 """Time between changes of the friction [s]."""
@@ -27,17 +27,17 @@ CREEP = 2e-3
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    return places.each_wire(system) + places.each_joint(system)
+    return elements.each_wire(system) + elements.each_joint(system)
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    bend = (bristles.bend(system, place),) if bristles.possible(system) else ()
+    bend = (lugre.bend(system, place),) if lugre.possible(system) else ()
     if place.kind == "tendon":
         ways = ("forward", "backward")
         return tuple(Parameter(way, "N", 3.0, 0.05, 0.0, 200.0) for way in ways) + bend
-    unit, size = sizes.joint_force(system, place)
+    unit, size = typical_scales.joint_force(system, place)
     dry = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
-    unit, size = sizes.joint_damping(system, place)
+    unit, size = typical_scales.joint_damping(system, place)
     viscous = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
     return (
         Parameter("forward", *dry),
@@ -58,19 +58,19 @@ def _half(values: Values, kind: str = "") -> float:
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     if _mean(values):
-        lean = -_half(values) if bristles.possible(system) else 0.0
-        bend = bristles.bend_in(values, system, place)
-        bristles.brake(spec, system, CAUSE.id, place, _mean(values), bend, lean)
+        lean = -_half(values) if lugre.possible(system) else 0.0
+        bend = lugre.bend_in(values, system, place)
+        lugre.brake(spec, system, CAUSE.id, place, _mean(values), bend, lean)
     if place.kind == "joint":
         spec.joint(place.elements[0]).damping[0] += _mean(values, "_viscous")
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
     name = place.elements[0]
-    if not bristles.possible(system) and _half(values):
+    if not lugre.possible(system) and _half(values):
         effects.act(lambda model: push(model, place.kind, name, -_half(values)))
     if place.kind == "joint" and _half(values, "_viscous"):
-        creep = CREEP * sizes.joint_speed(system, place)
+        creep = CREEP * typical_scales.joint_speed(system, place)
         effects.act(lambda model: _drag(model, name, creep, values), period=PERIOD)
 
 

@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Values
-from reality_gap.causes import links
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Values
+from reality_gap.causes.support import links
+from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
 

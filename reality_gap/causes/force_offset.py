@@ -9,23 +9,23 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Values
-from reality_gap.causes import actuators, places, sizes
-from reality_gap.causes.steady import push
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Values
+from reality_gap.causes.support import actuators, elements, typical_scales
+from reality_gap.causes.support.constant_force import push
+from reality_gap.study.system import System
 
 
 def _places(system: System) -> tuple[Place, ...]:
     if system.study.inverse:
-        return places.each_joint(system)
-    return places.each_actuator(system, actuators.linear)
+        return elements.each_joint(system)
+    return elements.each_actuator(system, actuators.linear)
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     if place.kind == "actuator":
-        unit, size = sizes.actuator_force(system, place)
+        unit, size = typical_scales.actuator_force(system, place)
     else:
-        unit, size = sizes.joint_force(system, place)
+        unit, size = typical_scales.joint_force(system, place)
     return (Parameter("force", unit, 0.05 * size, 0.0015 * size, -2.0 * size, 2.0 * size),)
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import actuators, places
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import actuators, elements
+from reality_gap.study.system import System
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    found = places.each_actuator(system, actuators.linear)
-    return found + places.all_actuators(system, actuators.linear)
+    found = elements.each_actuator(system, actuators.linear)
+    return found + elements.all_actuators(system, actuators.linear)
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.study.system import System
 
 AXES = ("x", "y", "z")
 

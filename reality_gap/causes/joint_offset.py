@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import encoders, kinematics, places, servos
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import elements, encoders, lever_arms, servos
+from reality_gap.study.system import System
 
 EVERY = "every joint"
 WIRES = "zero of its wires"
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    own = [p for p in places.each_joint(system) if encoders.matters(*encoders.encoders(system, p))]
+    own = [
+        p for p in elements.each_joint(system) if encoders.matters(*encoders.encoders(system, p))
+    ]
     wired = _wired(system)
     every = wired or tuple(p.elements[0] for p in own)
     group = (Place("model", every, EVERY),) if len(every) > 1 else ()
@@ -28,7 +30,7 @@ def _places(system: System) -> tuple[Place, ...]:
 
 def _wired(system: System) -> tuple[str, ...]:
     read = any(wire.servo or wire.length_sensors for wire in system.wires)
-    return kinematics.wired_joints(system) if read else ()
+    return lever_arms.wired_joints(system) if read else ()
 
 
 def _by_wires(system: System, place: Place) -> bool:
@@ -57,7 +59,7 @@ def _errors(
         chosen = encoders.encoders(system, Place("joint", place.elements))
         return tuple((e, values[_name(place, e.element)]) for e in chosen)
     stood = {joint: -values[_name(place, joint)] for joint in place.elements}
-    longer = kinematics.lengthening(system, stood)
+    longer = lever_arms.lengthening(system, stood)
     chosen = encoders.encoders(system, Place("tendon", tuple(longer)))
     return tuple((e, -longer[e.element]) for e in chosen)
 

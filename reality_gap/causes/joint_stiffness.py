@@ -5,19 +5,19 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import places, sizes
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import elements, typical_scales
+from reality_gap.study.system import System
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    return places.each_joint(system)
+    return elements.each_joint(system)
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     model, joint = system.model, system.model.joint(place.elements[0])
-    force, size = sizes.joint_force(system, place)
-    unit, travel = sizes.joint_travel(system, place)
+    force, size = typical_scales.joint_force(system, place)
+    unit, travel = typical_scales.joint_travel(system, place)
     low, high = (float(end) for end in joint.range) if joint.limited[0] else (-travel, travel)
     zero = float(model.qpos0[joint.qposadr[0]])
     starts = tuple(dict.fromkeys((0.5 * (low + high), zero)))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import places
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import elements
+from reality_gap.study.system import System
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    return places.each_wire(system, sensed="length")
+    return elements.each_wire(system, sensed="length")
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:

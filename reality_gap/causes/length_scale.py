@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import encoders, places, servos
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import elements, encoders, servos
+from reality_gap.study.system import System
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    found = places.each_wire(system) + places.all_wires(system)
+    found = elements.each_wire(system) + elements.all_wires(system)
     return tuple(p for p in found if all(map(encoders.matters, encoders.encoders(system, p))))
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import links
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import links
+from reality_gap.study.system import System
 
 ALONE = "alone"
 """Note of the place of one body of a link; without it a body stands for its whole link."""

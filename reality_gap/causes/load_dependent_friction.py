@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Effects, Hook, Parameter, Place, Values
-from reality_gap.causes import bristles, places
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Hook, Parameter, Place, Values
+from reality_gap.causes.support import elements, lugre
+from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ CREEP = 1e-3
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    straight = places.each_wire(system) + places.all_wires(system)
+    straight = elements.each_wire(system) + elements.all_wires(system)
     bent = {w.tendon for w in system.wires if _bends(system.model, w.tendon)}
     capstan = [Place(p.kind, p.elements, CAPSTAN) for p in straight if bent & set(p.elements)]
     return straight + tuple(capstan)
@@ -60,15 +60,15 @@ def _bends(model: mujoco.MjModel, tendon: str) -> bool:
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     scale = 0.1 if place.note == CAPSTAN else 0.05
     coefficient = Parameter("coefficient", "1", scale, 0.01 * scale, 0.0, 1.0)
-    if not bristles.possible(system):
+    if not lugre.possible(system):
         return (coefficient,)
-    return (coefficient, bristles.bend(system, place))
+    return (coefficient, lugre.bend(system, place))
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     if values["coefficient"]:
-        usual, bend = values["coefficient"] * USUAL, bristles.bend_in(values, system, place)
-        bristles.brake(spec, system, CAUSE.id, place, usual, bend)
+        usual, bend = values["coefficient"] * USUAL, lugre.bend_in(values, system, place)
+        lugre.brake(spec, system, CAUSE.id, place, usual, bend)
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
@@ -80,7 +80,7 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
     def make(model: mujoco.MjModel) -> Hook:
         tendons = np.array([model.tendon(name).id for name in place.elements])
         actuators = np.array([model.actuator(name).id for name in names])
-        friction = bristles.Brakes(model, system, CAUSE.id, place)
+        friction = lugre.Brakes(model, system, CAUSE.id, place)
         gear = model.actuator_gear[actuators, 0]
         bends = _Bends(tendons) if place.note == CAPSTAN else None
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import poses
-from reality_gap.causes.new_elements import add_site
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import frames
+from reality_gap.causes.support.new_elements import add_site
+from reality_gap.study.system import System
 
 SHIFT = Parameter("shift", "m", 0.003, 0.0001, -0.1, 0.1)
 TURN = Parameter("turn", "rad", 0.03, 0.0005, -0.6, 0.6)
@@ -21,7 +21,7 @@ _KINDS = {int(_OBJ.mjOBJ_SITE): "site", int(_OBJ.mjOBJ_XBODY): "body"}
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    sensors = poses.position_sensors(system) + poses.orientation_sensors(system)
+    sensors = frames.position_sensors(system) + frames.orientation_sensors(system)
     found = (_marker(system, sensor) for sensor in sensors)
     return tuple(dict.fromkeys(place for place in found if place is not None))
 
@@ -37,17 +37,17 @@ def _marker(system: System, sensor: str) -> Place | None:
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    turned = any(_marker(system, s) == place for s in poses.orientation_sensors(system))
-    return poses.motion(SHIFT, TURN if turned else None)
+    turned = any(_marker(system, s) == place for s in frames.orientation_sensors(system))
+    return frames.motion(SHIFT, TURN if turned else None)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
     name = place.elements[0]
     if place.kind == "site":
         drawn = system.model.site(name)
-        poses.put(spec.site(name), *poses.moved(drawn.pos, drawn.quat, values))
+        frames.put(spec.site(name), *frames.moved(drawn.pos, drawn.quat, values))
         return
-    pos, quat = poses.moved(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), values)
+    pos, quat = frames.moved(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), values)
     marker = add_site(spec.body(name), name=f"marker_of_{name}", pos=pos, quat=quat)
     for sensor in spec.sensors:
         if sensor.objtype == _OBJ.mjOBJ_XBODY and sensor.objname == name:

@@ -15,11 +15,11 @@ from functools import partial
 
 import mujoco
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import kinematics, obstacles, paths, zeroing
-from reality_gap.causes.new_elements import add_geom, add_site
-from reality_gap.causes.obstacles import Obstacle
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import encoder_zero, lever_arms, obstacles, tendon_paths
+from reality_gap.causes.support.new_elements import add_geom, add_site
+from reality_gap.causes.support.obstacles import Obstacle
+from reality_gap.study.system import System
 
 SHAPES = {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "sphere": mujoco.mjtGeom.mjGEOM_SPHERE}
 SIDE = 1.5
@@ -72,14 +72,14 @@ def _geometry(spec: mujoco.MjSpec, system: System, place: Place, values: Values)
     )
     side = add_site(body, name=f"{name}_side", pos=over.pos + SIDE * radius * it.side, group=4)
     _free_of_armature(spec, system, it.tendon)
-    paths.go_round(spec, it.tendon, it.between, geom.name, side.name)
+    tendon_paths.go_round(spec, it.tendon, it.between, geom.name, side.name)
 
 
 def _free_of_armature(spec: mujoco.MjSpec, system: System, tendon: str) -> None:
     inertia = spec.tendon(tendon).armature
     if inertia > 0:
         spec.tendon(tendon).armature = 0.0
-        for joint, arm in kinematics.lever_arms(system, tendon).items():
+        for joint, arm in lever_arms.lever_arms(system, tendon).items():
             spec.joint(joint).armature += inertia * arm**2
 
 
@@ -89,7 +89,7 @@ CAUSE = Cause(
     explanation="A wire that is drawn straight runs over something, and keeps its lever arm there.",
     places=_places,
     parameters=_parameters,
-    edit=partial(zeroing.edit, _geometry),
-    attach=partial(zeroing.attach, _geometry),
+    edit=partial(encoder_zero.edit, _geometry),
+    attach=partial(encoder_zero.attach, _geometry),
     fine=True,
 )

@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Parameter, Place, Values
-from reality_gap.causes import links
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.support import links
+from reality_gap.study.system import System
 
 RADIUS = 0.01
 """Of the ball [m]; it only gives it an inertia that compiles."""

@@ -16,17 +16,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import actuators, places
-from reality_gap.inputs import column
-from reality_gap.system import System, Wire
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import actuators, elements
+from reality_gap.study.inputs import column
+from reality_gap.study.system import System, Wire
 
 Array = NDArray[np.float64]
 
 
 def _places(system: System) -> tuple[Place, ...]:
     wires = {w.tendon for w in system.wires if w.servo or w.length_sensors}
-    found = places.each_wire(system) + places.all_wires(system)
+    found = elements.each_wire(system) + elements.all_wires(system)
     return tuple(place for place in found if wires.issuperset(place.elements))
 
 

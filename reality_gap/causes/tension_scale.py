@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import places
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import elements
+from reality_gap.study.system import System
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    return places.each_wire(system, sensed="tension") + places.all_wires(system, sensed="tension")
+    return elements.each_wire(system, sensed="tension") + elements.all_wires(
+        system, sensed="tension"
+    )
 
 
 def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
@@ -16,7 +18,7 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
 
 
 def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    sensors = tuple(places.tension_signs(system, place))
+    sensors = tuple(elements.tension_signs(system, place))
 
     def stretch(record: Record) -> None:
         for sensor in sensors:

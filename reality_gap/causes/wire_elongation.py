@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.cause import Cause, Effects, Parameter, Place, Record, Values
-from reality_gap.causes import encoders, places
-from reality_gap.inputs import column
-from reality_gap.system import System
+from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.support import elements, encoders
+from reality_gap.study.inputs import column
+from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,9 @@ SLOWLY = "slowly"
 
 
 def _places(system: System) -> tuple[Place, ...]:
-    each = [p for p in places.each_wire(system) if encoders.matters(*encoders.encoders(system, p))]
+    each = [
+        p for p in elements.each_wire(system) if encoders.matters(*encoders.encoders(system, p))
+    ]
     return tuple(each) + tuple(Place(p.kind, p.elements, SLOWLY) for p in each)
 
 

@@ -19,10 +19,10 @@ from experiments.davinci_study import RADIUS, make_study
 from experiments.davinci_tables import WHOLE_NAME, Scores, evidence_table, wins
 from experiments.errors import ExperimentError
 from reality_gap.causes import CATALOGUE
-from reality_gap.measured import measured
-from reality_gap.plant import Suspect, build
-from reality_gap.replay import replay
-from reality_gap.system import look_at
+from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.replay import replay
+from reality_gap.study.measurements import measured
+from reality_gap.study.system import look_at
 
 FREQUENCIES, LOADS = (0.3, 0.5), (10, 40, 70, 100)
 COULOMB, GROWS, STIFFNESS, GEAR = 0.035, 0.35, 1.5, 0.92

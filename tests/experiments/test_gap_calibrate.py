@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from experiments.gap_calibrate import LARGEST, SMALLEST, calibrated, evidence_and_right, hide
-from reality_gap.cause import Parameter, Place
 from reality_gap.causes import cause
-from reality_gap.confidence import tempered
-from reality_gap.plant import Suspect
+from reality_gap.causes.base import Parameter, Place
+from reality_gap.inference.confidence import tempered
+from reality_gap.simulation.hypothesis import Suspect
 
 NAMES = ("delay", "payload", "slack")
 

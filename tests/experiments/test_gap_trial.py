@@ -19,12 +19,12 @@ from hidden_plants import Effect, Nuisance, Secret, write_study
 from hidden_plants.machine import Machine, load
 from hidden_plants.nuisance import Mismatch, mismatch, size
 from reality_gap import load_study
-from reality_gap.cause import Place
 from reality_gap.causes import CATALOGUE
-from reality_gap.measured import Measured
-from reality_gap.plant import Suspect
-from reality_gap.screening import Sensitivity
-from reality_gap.workbench import Workbench
+from reality_gap.causes.base import Place
+from reality_gap.inference.screening import Sensitivity
+from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.replayer import Workbench
+from reality_gap.study.measurements import Measured
 
 
 def test_the_largest_correlation_is_found_whatever_its_size() -> None:

@@ -15,7 +15,7 @@ from experiments.record import Args, main, read_targets, speed
 from experiments.recording import Tour, elbow, whole_arm
 from kengoro_env.robot.nominal_model import ArmDrawing
 from reality_gap import load_study
-from reality_gap.workbench import Workbench
+from reality_gap.simulation.replayer import Workbench
 
 SHORT: dict[str, Any] = {"duration": 1.6, "move": 0.6, "hold": 0.5}
 

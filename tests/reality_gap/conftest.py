@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import yaml
 
-from reality_gap import evidence
 from reality_gap.causes import cause
 from reality_gap.diagnosis import (
     Dependence,
@@ -24,14 +23,15 @@ from reality_gap.diagnosis import (
     Trace,
     Verdict,
 )
-from reality_gap.evidence import PRIOR
-from reality_gap.measured import Measured, measured
-from reality_gap.plant import Suspect, build
-from reality_gap.reading import load_study
-from reality_gap.replay import replay
-from reality_gap.splits import split
-from reality_gap.study import Study
-from reality_gap.system import System, look_at
+from reality_gap.inference import evidence
+from reality_gap.inference.evidence import PRIOR
+from reality_gap.io.loader import load_study
+from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.replay import replay
+from reality_gap.study.data import Study
+from reality_gap.study.measurements import Measured, measured
+from reality_gap.study.splits import split
+from reality_gap.study.system import System, look_at
 
 MODEL = """
 <mujoco model="lever">

@@ -13,12 +13,12 @@ import pytest
 
 from reality_gap.__main__ import main
 from reality_gap.causes import cause
-from reality_gap.deciding import Options
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
-from reality_gap.plant import Suspect
-from reality_gap.shelf import Shelf
-from reality_gap.study import Study
-from reality_gap.system import look_at
+from reality_gap.inference.checkpoint import Shelf
+from reality_gap.inference.verdict import Options
+from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.study.data import Study
+from reality_gap.study.system import look_at
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -74,8 +74,8 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     def write(diagnosis: Diagnosis, study: Study, out: Path) -> None:
         asked.update(written=diagnosis, out=out)
 
-    monkeypatch.setattr("reality_gap.diagnosing.diagnose", diagnose)
-    monkeypatch.setattr("reality_gap.output.write_diagnosis", write)
+    monkeypatch.setattr("reality_gap.pipeline.diagnose", diagnose)
+    monkeypatch.setattr("reality_gap.report.files.write_diagnosis", write)
     return asked
 
 

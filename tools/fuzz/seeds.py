@@ -105,7 +105,7 @@ def checkpoints(folder: Path) -> None:
     """A map, a kept result of an experiment, and kept arrays of a diagnosis."""
     from experiments.common import write_json
     from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
-    from reality_gap.shelf import Shelf
+    from reality_gap.inference.checkpoint import Shelf
     from tools.fuzz.targets import KEY, RESULT
 
     random = np.random.default_rng(0)

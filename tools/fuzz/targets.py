@@ -60,7 +60,7 @@ def use_checkpoints(folder: Path) -> Said:
     """Load a map, go on with an experiment, and with a diagnosis."""
     from jmm_agent.errors import AgentError
     from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-    from reality_gap.shelf import Shelf
+    from reality_gap.inference.checkpoint import Shelf
 
     try:
         jmm = JointMuscleMap.load(folder / "map.npz")
@@ -89,8 +89,8 @@ def result() -> dict[str, Any]:
 
 def use_bags(folder: Path) -> Said:
     """Unpack each bag as what runs behind the fence does it, so that it can be watched."""
-    from reality_gap.bags import unpack
     from reality_gap.errors import StudyError
+    from reality_gap.io.rosbag import unpack
 
     for name in BAGS:
         try:

@@ -1,0 +1,116 @@
+"""Rigid links: bodies welded together, which only their sum of masses can tell apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from reality_gap.causes.support import lever_arms
+from reality_gap.study.inputs import commanded
+from reality_gap.study.system import System
+
+LIGHT = 0.01
+"""Links lighter than this share of all that moves cannot show a wrong mass."""
+
+_GEOM = mujoco.mjtInertiaFromGeom
+
+
+@dataclass(frozen=True)
+class Link:
+    """Bodies that move as one.
+
+    Attributes:
+        name: of its first body, the one with the joints.
+        bodies: names of those with mass.
+        heaviest: of them.
+        mass: of all together [kg].
+    """
+
+    name: str
+    bodies: tuple[str, ...]
+    heaviest: str
+    mass: float
+
+
+def links(system: System) -> tuple[Link, ...]:
+    """The moving links whose mass can show; those with a body that matters but has no name not."""
+    model = system.model
+    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
+    total = float(sum(model.body_mass[b] for b in moving))
+    roots = dict.fromkeys(int(model.body_weldid[b]) for b in moving)
+    found = [link(system, root) for root in roots]
+    return tuple(x for x in found if x.mass > LIGHT * total and x.name and all(x.bodies))
+
+
+def link(system: System, root: int) -> Link:
+    """The link that a body is the first of."""
+    model = system.model
+    members = np.flatnonzero((model.body_weldid == root) & (model.body_mass > 0))
+    masses = model.body_mass[members]
+    names = tuple(model.body(int(b)).name for b in members)
+    heaviest = names[int(np.argmax(masses))] if names else ""
+    return Link(model.body(root).name, names, heaviest, float(masses.sum()))
+
+
+def ends(system: System) -> tuple[int, ...]:
+    """First bodies of the links at which things are held: beyond them nothing is driven or read.
+
+    So a hand is an end, and its passive fingers are not.
+    """
+    model = system.model
+    weld, parent = model.body_weldid, model.body_parentid
+    roots = {int(w) for w in weld if w != 0}
+    inner = {int(weld[parent[root]]) for root in roots}
+    driven = _driven(system)
+    found = []
+    for end in sorted(roots - inner):
+        while end not in driven and int(weld[parent[end]]) != 0:
+            end = int(weld[parent[end]])
+        found.append(end)
+    return tuple(dict.fromkeys(found))
+
+
+def _driven(system: System) -> set[int]:
+    """First bodies of links with a joint that is pulled, driven or read."""
+    model = system.model
+    joints = {model.joint(name).id for name in lever_arms.wired_joints(system)}
+    joints |= {
+        int(model.actuator_trnid[i, 0])
+        for i in commanded(model)
+        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+    }
+    for channel in system.study.channels:
+        if channel.kind == "effort":
+            joints.add(model.joint(channel.sensor).id)
+        elif int(model.sensor(channel.sensor).type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
+            joints.add(int(model.sensor(channel.sensor).objid[0]))
+    return {int(model.body_weldid[model.jnt_bodyid[j]]) for j in joints}
+
+
+def inertial(spec: mujoco.MjSpec, system: System, name: str) -> mujoco.MjsBody:
+    """A body of a spec whose ``mass``, ``ipos`` and ``inertia`` may be edited.
+
+    What the drawing derives from geoms, or gives by a full matrix, is written down as compiled.
+    """
+    if spec.compiler.inertiafromgeom == _GEOM.mjINERTIAFROMGEOM_TRUE:
+        for index in range(1, system.model.nbody):
+            _write_down(spec.body(system.model.body(index).name), system.model, index)
+        spec.compiler.inertiafromgeom = _GEOM.mjINERTIAFROMGEOM_AUTO
+    body = spec.body(name)
+    plain = body.ialt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
+    if not (body.explicitinertial and plain and np.isnan(body.fullinertia[0])):
+        _write_down(body, system.model, system.model.body(name).id)
+    return body
+
+
+def _write_down(body: mujoco.MjsBody | None, model: mujoco.MjModel, index: int) -> None:
+    if body is None or model.body_mass[index] == 0:
+        return
+    body.explicitinertial = True
+    body.mass = model.body_mass[index]
+    body.ipos, body.iquat = model.body_ipos[index], model.body_iquat[index]
+    body.inertia = model.body_inertia[index]
+    body.fullinertia = np.array([np.nan, 0.0, 0.0, 0.0, 0.0, 0.0])
+    body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT

@@ -1,0 +1,1 @@
+"""From residuals to causes: noise model, evidence, fits, search and verdict."""

@@ -1,0 +1,105 @@
+"""What a long diagnosis has done already, on disk, so that it goes on after an interruption."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.files import PART, write_whole
+from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.study.data import Study
+
+Columns = list[NDArray[np.float32]]
+PACKAGE = Path(__file__).parents[1]
+KEY = "KEY"
+
+
+class Shelf:
+    """Arrays that took long to make, each under a number.
+
+    Args:
+        folder: where they lie; made when the first is kept. None keeps nothing.
+        key: of what they were made from (see `digest`); others are thrown away.
+    """
+
+    def __init__(self, folder: Path | None, key: str) -> None:
+        self._folder, self._key = folder, key
+        if folder is not None and _read(folder / KEY) != key:
+            forget(folder)
+
+    def get(self, number: int, make: Callable[[], Columns]) -> Columns:
+        """The arrays of a number; made and kept if there are none, or none that can be read."""
+        if self._folder is None:
+            return make()
+        path = self._folder / f"{number:05}.npz"
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
+                return [found[f"arr_{i}"] for i in range(len(found.files))]
+        except Exception:  # numpy raises whatever it stumbles over in a damaged file
+            made = make()
+        self._folder.mkdir(parents=True, exist_ok=True)
+        key = self._key
+        write_whole(self._folder / KEY, lambda beside: beside.write_text(key, encoding="utf-8"))
+        write_whole(path, lambda beside: _save(beside, made))
+        return made
+
+
+def forget(folder: Path) -> None:
+    """Remove what a shelf kept in ``folder``, and the folder if nothing else is in it."""
+    if not folder.is_dir():
+        return
+    for path in (folder / KEY, *folder.glob("[0-9]*.npz"), *folder.glob(f".*{PART}")):
+        path.unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def digest(study: Study, suspects: Sequence[Suspect]) -> str:
+    """A key of all that sensitivities rest on: log, model, suspects and this package's sources."""
+    found = hashlib.sha256()
+    model = study.spec().compile()
+    buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    found.update(buffer.tobytes())
+    found.update(repr((study.channels, study.initial)).encode())
+    for episode in study.episodes:
+        found.update(repr((episode.name, sorted(episode.joints.items()))).encode())
+        for array in (episode.time, episode.command):
+            found.update(np.ascontiguousarray(array).tobytes())
+        for reading in episode.readings:
+            found.update(reading.time.tobytes() + b"\0" + reading.value.tobytes())
+    found.update(repr([(s.cause.id, s.place, s.parameters) for s in suspects]).encode())
+    sources = {path for s in suspects for path in _sources(s)} | set(PACKAGE.rglob("*.py"))
+    for path in sorted(sources):
+        found.update(path.name.encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()
+
+
+def _sources(suspect: Suspect) -> list[Path]:
+    """The files that a suspect's cause is written in, which may be the user's."""
+    cause = suspect.cause
+    found = []
+    for function in (cause.places, cause.parameters, cause.edit, cause.attach):
+        while isinstance(function, partial):
+            function = function.func
+        if (code := getattr(function, "__code__", None)) is not None:
+            found.append(Path(code.co_filename))
+    return [path for path in found if path.is_file()]
+
+
+def _read(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def _save(path: Path, columns: Columns) -> None:
+    with path.open("wb") as file:
+        np.savez(file, *columns)

@@ -1,0 +1,220 @@
+"""The cheap look at every suspect: how the replay would change if it were there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.causes.base import Cause, Parameter
+from reality_gap.inference.checkpoint import Columns, Shelf
+from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.study.system import System
+
+Array = NDArray[np.float64]
+
+
+STEP = 0.25
+"""Finite difference, in scales of a parameter: of what can just be seen."""
+PART = 32
+"""Suspects that are looked at between two notes of how far it is."""
+
+NO_SHELF = Shelf(None, "")
+_Trial = tuple[Suspect, dict[str, float], tuple[str, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Change of the prediction by a suspect, linearised about the null.
+
+    Attributes:
+        suspect: a cause at a place.
+        names: parameters that the columns belong to.
+        fixed: values of the others, as the time of an event.
+        columns: (n, p) change of the prediction in units of noise, per ``scale`` of a parameter;
+            in single precision, for there are thousands.
+    """
+
+    suspect: Suspect
+    names: tuple[str, ...]
+    fixed: dict[str, float]
+    columns: NDArray[np.float32]
+
+    @property
+    def change(self) -> float:
+        """By how much three typical faults change the readings, all together [noise]."""
+        return 3.0 * float(np.sqrt(np.max(np.sum(self.columns**2, axis=0), initial=0.0)))
+
+    def values(self, theta: Array) -> dict[str, float]:
+        """Parameter values at ``theta`` (p,), in scales from the null, cut at the bounds."""
+        found = dict(self.fixed)
+        for name, x in zip(self.names, theta, strict=True):
+            p = parameter(self.suspect, name)
+            found[name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
+        return found
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Bounds of theta (p,), (p,)."""
+        chosen = [parameter(self.suspect, name) for name in self.names]
+        ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in chosen]
+        low, high = np.array(ends).T
+        return low, high
+
+
+def parameter(suspect: Suspect, name: str) -> Parameter:
+    """A suspect's parameter by its name."""
+    return next(p for p in suspect.parameters if p.name == name)
+
+
+def suspects(system: System, causes: Sequence[Cause], most: int = 8) -> tuple[Suspect, ...]:
+    """Every cause at every place where it may act with at most so many parameters."""
+    found = []
+    for cause in causes:
+        for place in cause.places(system):
+            parameters = cause.parameters(system, place)
+            if len(parameters) <= most:
+                found.append(Suspect(cause, place, parameters))
+    return tuple(found)
+
+
+def screen(
+    bench: Workbench,
+    chosen: Sequence[Suspect],
+    base: Hypothesis,
+    before: Array,
+    shelf: Shelf = NO_SHELF,
+    tell: Callable[[float], None] = lambda share: None,
+) -> tuple[Sensitivity, ...]:
+    """Sensitivities of all suspects, added to a hypothesis.
+
+    Args:
+        bench: replays.
+        chosen: whom to look at.
+        base: what is in the model already.
+        before: (n,) residual of ``base``.
+        shelf: keeps what was done, for after an interruption.
+        tell: called with the share that is done.
+    """
+    # Differences between replays forgive a coarse time step.
+    if bench.coarse:
+        before = bench.residuals([base], True)[0]
+    found = []
+    for i in range(0, len(chosen), PART):
+        trials = [trial for suspect in chosen[i : i + PART] for trial in _trials(suspect)]
+        columns = shelf.get(i // PART, partial(_columns, bench, trials, base, before))
+        for (suspect, fixed, names, _), own in zip(trials, columns, strict=True):
+            if np.all(np.isfinite(own)):
+                found.append(Sensitivity(suspect, names, fixed, own))
+        tell(min(1.0, (i + PART) / len(chosen)))
+    return tuple(found)
+
+
+def _columns(
+    bench: Workbench, trials: Sequence[_Trial], base: Hypothesis, before: Array
+) -> Columns:
+    """Columns of each trial (n, p); what is idle costs no replay."""
+    hypotheses = [
+        [*base, (suspect, fixed | {name: value})]
+        for suspect, fixed, names, values in trials
+        for name, value in zip(names, values, strict=True)
+        if not parameter(suspect, name).idle
+    ]
+    residuals = iter(bench.residuals(hypotheses, bench.coarse))
+    found = []
+    for suspect, _, names, values in trials:
+        columns = np.zeros((len(before), len(names)), dtype=np.float32)
+        for i, (name, value) in enumerate(zip(names, values, strict=True)):
+            if not parameter(suspect, name).idle:
+                columns[:, i] = (before - next(residuals)) / _scales(suspect, name, value)
+        found.append(columns)
+    return found
+
+
+def _scales(suspect: Suspect, name: str, value: float) -> float:
+    """How many scales a value is from the null."""
+    p = parameter(suspect, name)
+    return (value - p.null) / p.scale
+
+
+def _trials(suspect: Suspect) -> list[_Trial]:
+    """Which parameters to change, with which others held at one of their starts.
+
+    A lone parameter with starts is looked at in secants to each of them, one with secants in these,
+    too.
+    """
+    held = [p for p in suspect.parameters if p.starts]
+    free = [p for p in suspect.parameters if not p.starts]
+    if len(suspect.parameters) == len(held) == 1:
+        lone = held[0]
+        return [(suspect, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.starts]
+    if not free:
+        free, held = held, []
+    trials = []
+    for starts in product(*(p.starts for p in held)):
+        fixed = dict(zip((p.name for p in held), starts, strict=True))
+        rest = {p.name: p.null for p in free}
+        names = tuple(p.name for p in free)
+        trials.append((suspect, rest | fixed, names, tuple(p.null + STEP * p.scale for p in free)))
+    if len(suspect.parameters) == 1:
+        lone = suspect.parameters[0]
+        trials += [(suspect, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.secants]
+    return trials
+
+
+DRIFT_TOLERANCE = 0.1
+"""By how much the error of the time step may differ from what was taken out, relatively."""
+
+
+MUCH = 10.0
+"""What a tolerance must do to all readings to be replayed exactly [noise]."""
+
+
+def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> Array:
+    """What every honest drawing may be off by: (n, p), in units of noise.
+
+    Parameters of single elements, for a group's are their sums; but friction, of which no wire is
+    free, may differ in all of them at once. What is left of a large tolerance beside a column that
+    is a little wrong looks like a fault, so that large ones are replayed: the tolerance itself, at
+    the full time step. What the column is wrong by is one tolerance more, and does not take its
+    place, for suspects are ranked by such columns.
+
+    Args:
+        bench: replays.
+        found: sensitivities of all suspects.
+        null: (n,) residual of the study's model.
+    """
+    steps = DRIFT_TOLERANCE * bench.drift, bench.drift_error
+    drifts = [step / bench.measured.noise for step in steps]
+    allowed = list(allowances(found))
+    columns = [column for _, _, column in allowed]
+    large = [i for i, column in enumerate(columns) if np.linalg.norm(column) > MUCH]
+    trials: list[Hypothesis] = []
+    for suspect, p, _ in (allowed[i] for i in large):
+        off = p.null + np.copysign(p.tolerance, p.scale)
+        trials.append([(suspect, suspect.nulls() | {p.name: float(off)})])
+    for i, residual in zip(large, bench.residuals(trials), strict=True):
+        if np.all(np.isfinite(residual)):
+            columns.append(null - residual - columns[i])
+    return np.column_stack([*drifts, *columns])
+
+
+def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Suspect, Parameter, Array]]:
+    """Everything that has a tolerance, with what it may do to the readings (n,) [noise]."""
+    seen = set()
+    for sensitivity in found:
+        suspect = sensitivity.suspect
+        key = (suspect.cause.id, suspect.place)
+        if key in seen:
+            continue
+        seen.add(key)
+        alone = len(suspect.place.elements) == 1
+        for i, name in enumerate(sensitivity.names):
+            p = parameter(suspect, name)
+            if p.tolerance > 0 and (alone or p.usual):
+                own = sensitivity.columns[:, i].astype(np.float64)
+                yield suspect, p, own * (p.tolerance / abs(p.scale))

@@ -1,0 +1,38 @@
+"""Measured and replayed signals, channel by channel, as pictures and tables want them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.diagnosis import Trace
+from reality_gap.simulation.replayer import Workbench
+from reality_gap.study.splits import split
+
+Array = NDArray[np.float64]
+
+
+def traces(bench: Workbench, null: Array, after: Array) -> tuple[Trace, ...]:
+    """Of residuals (n,) of the model and of the extended model, in units of noise."""
+    study, readings = bench.system.study, bench.measured
+    role = split(readings)
+    found = []
+    for e, episode in enumerate(study.episodes):
+        for c, channel in enumerate(study.channels):
+            at = (readings.episode == e) & (readings.channel == c)
+            value, noise = readings.value[at], readings.noise[at]
+            if len(value):
+                found.append(
+                    Trace(
+                        channel=channel.name,
+                        episode=episode.name,
+                        unit=channel.unit,
+                        noise=float(noise[0]),
+                        time=readings.time[at],
+                        split=role[at],
+                        measured=value,
+                        before=value - null[at] * noise,
+                        after=value - after[at] * noise,
+                    )
+                )
+    return tuple(found)

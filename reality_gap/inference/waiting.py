@@ -1,0 +1,85 @@
+"""Suspects who are looked at only where simpler causes promise something.
+
+A machine of many wires has thousands of suspects, and a replay of each takes minutes. Friction that
+depends on the load or a wrapping that is missing show first as plain friction or as a shifted site
+of the same wire, so that causes which are ``fine`` wait until those say where to look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.inference.ranking import Ranked
+from reality_gap.inference.screening import Sensitivity, screen
+from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.replayer import Workbench
+from reality_gap.study.system import System
+
+Array = NDArray[np.float64]
+
+MANY_WIRES = 8
+"""With so many wires, fine causes wait."""
+SPOTS = 6
+"""Wires and joints that are looked at more closely, at each step of a search."""
+
+
+def spots(system: System, suspect: Suspect) -> frozenset[str]:
+    """The tendons and joints where a suspect acts."""
+    elements = set(suspect.place.elements)
+    found = elements & set(system.joints)
+    for wire in system.wires:
+        own = {wire.tendon, wire.actuator, *wire.sites, *wire.length_sensors, *wire.tension_sensors}
+        if elements & own:
+            found.add(wire.tendon)
+    return frozenset(found)
+
+
+def parted(
+    system: System, chosen: Sequence[Suspect]
+) -> tuple[tuple[Suspect, ...], tuple[Suspect, ...]]:
+    """Whom to look at first, and who may wait: fine causes at one spot of a large machine."""
+    if len(system.wires) < MANY_WIRES:
+        return tuple(chosen), ()
+    waits = [s.cause.fine and len(spots(system, s)) == 1 for s in chosen]
+    first = tuple(s for s, wait in zip(chosen, waits, strict=True) if not wait)
+    return first, tuple(s for s, wait in zip(chosen, waits, strict=True) if wait)
+
+
+class Waiting:
+    """Those who wait, and who is called.
+
+    Args:
+        bench: replays.
+        null: (n,) residual of the study's model.
+        suspects: who waits.
+        visible: change of the readings that can be judged; see `Sensitivity.change` [noise].
+    """
+
+    def __init__(
+        self, bench: Workbench, null: Array, suspects: Sequence[Suspect], visible: float
+    ) -> None:
+        self._bench, self._null, self._visible = bench, null, visible
+        self._waiting = {s: spots(bench.system, s) for s in suspects}
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def call(self, ranked: Ranked) -> tuple[Sensitivity, ...]:
+        """Look at those who wait where the best of ``ranked`` act.
+
+        Args:
+            ranked: evidence [nats], sensitivity and size of everybody else, best first.
+        """
+        there: list[str] = []
+        for evidence, sensitivity, _ in ranked:
+            here = spots(self._bench.system, sensitivity.suspect)
+            if evidence > 0 and len(here) == 1 and not here & set(there):
+                there += here
+        called = [s for s, own in self._waiting.items() if own & set(there[:SPOTS])]
+        for suspect in called:
+            del self._waiting[suspect]
+        found = screen(self._bench, called, [], self._null) if called else ()
+        return tuple(s for s in found if s.change > self._visible)

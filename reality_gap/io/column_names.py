@@ -1,0 +1,140 @@
+"""Which column of a log is likely meant for which element of a model, by their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+
+from reality_gap.errors import StudyError
+from reality_gap.io.units import parse_unit, symbols_of
+
+HINTS: dict[str, frozenset[str]] = {
+    kind: frozenset(words.split())
+    for kind, words in {
+        "command": "target command cmd ctrl control ref reference desired des setpoint goal u",
+        "position": "length len l pos position angle q theta encoder enc measured meas",
+        "rate": "vel velocity speed rate dq qd omega gyro",
+        "force": "tension force torque load effort f tau current",
+        "time": "t time timestamp stamp clock sec seconds",
+    }.items()
+}
+"""Words in the name of a column that tell what it holds."""
+
+KINDS = {"m": "position", "rad": "position", "N": "force", "N m": "force"} | {
+    "m/s": "rate",
+    "rad/s": "rate",
+}
+"""What a quantity of an SI unit is, as in `HINTS`."""
+
+_THRESHOLD = 1.5
+_COMPONENT = re.compile(r"(.*?)[_. ]?([wxyz])$")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """An element that needs columns.
+
+    Attributes:
+        name: of the sensor, actuator or joint.
+        about: other names it goes by, as that of the tendon that a sensor reads.
+        kind: as in `HINTS`; empty if it is none of these.
+        count: number of columns.
+    """
+
+    name: str
+    about: str
+    kind: str
+    count: int = 1
+
+
+def guess(wanted: Sequence[Wanted], columns: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Columns by name of the element, the likeliest pairs first, each column once at most."""
+    free = dict.fromkeys(columns)
+    pairs = [
+        (_likeness(element, label), -i, -j, element, group)
+        for i, element in enumerate(wanted)
+        for j, (label, group) in enumerate(_groups(columns, element.count))
+    ]
+    found: dict[str, tuple[str, ...]] = {}
+    for likeness, _, _, element, group in sorted(pairs, key=lambda p: p[:3], reverse=True):
+        if likeness < _THRESHOLD or element.name in found or any(c not in free for c in group):
+            continue
+        found[element.name] = group
+        for column in group:
+            del free[column]
+    return found | _last_ones(wanted, found, list(free))
+
+
+def guess_time(columns: Iterable[str]) -> str | None:
+    """The column that is most likely the time: the one that is called so by itself."""
+    likely = [c for c in columns if HINTS["time"] & set(_words(c))]
+    return min(likely, key=lambda c: len(_words(c)), default=None)
+
+
+def named_unit(column: str, units: Iterable[str]) -> str | None:
+    """The unit that a column's name ends in, as "length_mm", if it is of one of the SI units."""
+    ending = re.split(r"[_\s\[(]", column.rstrip(")] "))[-1]
+    try:
+        unit = parse_unit(ending)
+    except StudyError:
+        return None
+    return unit.symbol if unit.si in units and unit.symbol in symbols_of(unit.si) else None
+
+
+def _last_ones(
+    wanted: Sequence[Wanted], found: dict[str, tuple[str, ...]], free: list[str]
+) -> dict[str, tuple[str, ...]]:
+    """One element of a kind left, and one column of that kind: they belong together."""
+    pairs: dict[str, tuple[str, ...]] = {}
+    for kind in HINTS:
+        left = [e for e in wanted if e.kind == kind and e.count == 1 and e.name not in found]
+        hinted = [column for column in free if _kind(column) == kind]
+        if len(left) == len(hinted) == 1:
+            pairs[left[0].name] = (hinted[0],)
+    return pairs
+
+
+def _groups(columns: Sequence[str], count: int) -> list[tuple[str, tuple[str, ...]]]:
+    """Candidates for ``count`` components: what they have in common, and the columns."""
+    if count == 1:
+        return [(column, (column,)) for column in columns]
+    axes = {3: "xyz", 4: "wxyz"}.get(count)
+    if axes is None:
+        return []
+    parts: dict[str, dict[str, str]] = {}
+    for column in columns:
+        match = _COMPONENT.match(column)
+        if match:
+            parts.setdefault(match[1], {})[match[2]] = column
+    return [
+        (base, tuple(part[axis] for axis in axes))
+        for base, part in parts.items()
+        if set(part) == set(axes)
+    ]
+
+
+def _likeness(element: Wanted, column: str) -> float:
+    """About 0 to 4; 1.5 is enough for a guess."""
+    if column == element.name:
+        return 4.0
+    words = set(_words(column))
+    hints = frozenset().union(*HINTS.values())
+    identity = set(_words(f"{element.name} {element.about}")) - hints
+    shared = len(identity & words) / len(identity) if identity else 0.0
+    alike = SequenceMatcher(None, element.name.lower(), column.lower()).ratio()
+    kind = _kind(column)
+    fits = 0.0 if not kind or not element.kind else (0.5 if kind == element.kind else -1.5)
+    return 2.0 * shared + alike + fits
+
+
+def _kind(column: str) -> str:
+    words = set(_words(column))
+    # Commands come first: a reference of a position is one.
+    return next((kind for kind, hints in HINTS.items() if hints & words), "")
+
+
+def _words(name: str) -> list[str]:
+    spaced = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    return [word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word]

@@ -1,0 +1,147 @@
+"""Wrong units: readings and commands that are nowhere near what the model can show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.io.dimensions import actuator_units, sensor_units
+from reality_gap.study.data import Study
+from reality_gap.study.inputs import commanded
+
+Array = NDArray[np.float64]
+
+SAMPLES = 200
+"""Postures at which the model is looked at, drawn evenly from the ranges of its joints."""
+
+_POSITIONS = tuple(
+    int(kind)
+    for kind in (
+        mujoco.mjtSensor.mjSENS_JOINTPOS,
+        mujoco.mjtSensor.mjSENS_TENDONPOS,
+        mujoco.mjtSensor.mjSENS_ACTUATORPOS,
+        mujoco.mjtSensor.mjSENS_FRAMEPOS,
+        mujoco.mjtSensor.mjSENS_SUBTREECOM,
+    )
+)
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something whose size does not fit the model's.
+
+    Attributes:
+        sentence: for people.
+        certain: nothing but a wrong unit explains it.
+    """
+
+    sentence: str
+    certain: bool
+
+
+def impossible(study: Study) -> str | None:
+    """A sentence on the first unit that is wrong beyond doubt, or None."""
+    return next((doubt.sentence for doubt in doubts(study) if doubt.certain), None)
+
+
+def doubts(study: Study) -> tuple[Doubt, ...]:
+    """What is suspiciously large or small: positions measured, and positions commanded.
+
+    Sizes are medians over the log of the distance from zero, against the range of the same
+    quantity over all postures of the model.
+    """
+    model = study.spec().compile()
+    sensors, lengths = _postures(model)
+    found = []
+    for name, unit, values in _measured_positions(study, model):
+        start, count = int(model.sensor(name).adr[0]), int(model.sensor(name).dim[0])
+        found.append((unit, _compare(name, unit, values, sensors[:, start : start + count])))
+    if not study.inverse:
+        for column, i in enumerate(commanded(model)):
+            name = model.actuator(i).name
+            units = actuator_units(model, name)
+            if units in (("m",), ("rad",)):
+                values = np.concatenate([episode.command[:, column] for episode in study.episodes])
+                what = f"the command of {name}"
+                found.append((units[0], _compare(what, units[0], values[:, None], lengths[:, [i]])))
+    return tuple(
+        Doubt(doubt.sentence, doubt.certain and _bounded(model, unit))
+        for unit, doubt in found
+        if doubt is not None
+    )
+
+
+def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, str, Array]]:
+    """Sensors of positions that all can be sized: name, unit, values (n, components)."""
+    parts: dict[str, list[Array]] = {}
+    for i, channel in enumerate(study.channels):
+        if channel.kind == "sensor":
+            values = np.concatenate([episode.readings[i].value for episode in study.episodes])
+            parts.setdefault(channel.sensor, []).append(values)
+    positions = []
+    for name, columns in parts.items():
+        kind, units = int(model.sensor(name).type[0]), sensor_units(model, name)
+        # A row with a part of a position only is rare, and medians do not mind.
+        count = min(len(column) for column in columns)
+        if kind in _POSITIONS and len(units) == 1:
+            values = np.stack([column[:count] for column in columns], axis=1)
+            positions.append((name, units[0], values))
+    return positions
+
+
+def _postures(model: mujoco.MjModel) -> tuple[Array, Array]:
+    """Sensor data (k, nsensordata), actuator lengths (k, nactuator) over the model's postures."""
+    data = mujoco.MjData(model)
+    random = np.random.default_rng(0)
+    sensors = np.zeros((SAMPLES, model.nsensordata))
+    lengths = np.zeros((SAMPLES, model.nactuator))
+    for k in range(SAMPLES):
+        mujoco.mj_resetData(model, data)
+        for i in range(model.njnt):
+            low, high = _range(model, i)
+            data.qpos[model.jnt_qposadr[i]] += random.uniform(low, high)
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_sensorPos(model, data)
+        sensors[k], lengths[k] = data.sensordata, data.actuator_length
+    return sensors, lengths
+
+
+def _range(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
+    """How far a joint may be from where it stands in ``qpos0``; nowhere, if it is not simple."""
+    kind = int(model.jnt_type[joint])
+    if kind in (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)):
+        return 0.0, 0.0
+    if model.jnt_limited[joint]:
+        zero = float(model.qpos0[model.jnt_qposadr[joint]])
+        return float(model.jnt_range[joint, 0]) - zero, float(model.jnt_range[joint, 1]) - zero
+    turn = np.pi if kind == int(mujoco.mjtJoint.mjJNT_HINGE) else 1.0
+    return -turn, turn
+
+
+def _bounded(model: mujoco.MjModel, unit: str) -> bool:
+    """Whether the joints bound every position that has this unit."""
+    if unit == "rad":
+        return bool(np.all(model.jnt_limited))
+    hinges = model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)
+    return bool(np.all(model.jnt_limited | hinges))
+
+
+def _compare(what: str, unit: str, values: Array, possible: Array) -> Doubt | None:
+    sizes, range_ = np.linalg.norm(values, axis=1), np.linalg.norm(possible, axis=1)
+    size, low, high = float(np.median(sizes)), float(range_.min()), float(range_.max())
+    large, small = ("degrees", "radians") if unit == "rad" else ("millimetres", "metres")
+    # A joint rests near zero for long, so that its largest value says more than its median.
+    if unit == "rad":
+        size = float(np.quantile(sizes, 0.95))
+    limit = 10.0 if unit == "rad" else 100.0
+    text = f"{what} is {size:.3g} {unit}, where the model's is between {low:.3g} and {high:.3g}"
+    if size > limit * high:
+        return Doubt(f"{text}: it looks like {large} given as {small}", True)
+    if unit == "m" and 0.0 < size < low / limit:
+        return Doubt(f"{text}: it looks like {small} given as {large}", True)
+    if size > 2.0 * high or (unit == "m" and size < low / 2.0):
+        return Doubt(f"{text}: are unit, scale and offset right?", False)
+    return None

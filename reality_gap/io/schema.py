@@ -1,0 +1,203 @@
+"""STUDY.yaml as it is written: which files, which columns, which units; no log is opened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from reprlib import repr as short
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mjcf_sandbox.errors import short_name
+from reality_gap.errors import RealityGapError, StudyError
+from reality_gap.io.units import Unit, parse_unit, symbols_of
+from reality_gap.io.yaml_reader import Part, read_yaml
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a study: columns of a log and what their cells mean.
+
+    Attributes:
+        columns: one per component.
+        unit: of ``scale * cell + offset`` and of ``noise``.
+        scale, offset: what to make of a cell.
+        noise: standard deviation of one reading [unit]; None where unknown.
+    """
+
+    columns: tuple[str, ...]
+    unit: Unit
+    scale: float = 1.0
+    offset: float = 0.0
+    noise: float | None = None
+
+    def in_si(self, cells: Array) -> Array:
+        """Values in SI units of cells, any shape."""
+        return self.unit.factor * (self.scale * cells + self.offset)
+
+    @property
+    def noise_in_si(self) -> float | None:
+        """Standard deviation of one reading in SI units."""
+        return None if self.noise is None else self.noise * self.unit.factor
+
+
+@dataclass(frozen=True)
+class Files:
+    """Logs of one episode.
+
+    Attributes:
+        names: relative to the study, the one with the commands first.
+        joints: where joints stand at the begin [rad or m], over those of the whole study.
+    """
+
+    names: tuple[str, ...]
+    joints: dict[str, float]
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """What STUDY.yaml says.
+
+    Attributes:
+        path: of the file itself.
+        name: for people.
+        model: path of the MJCF file, inside the study's folder.
+        episodes: at least one.
+        time: the column of the time in every log.
+        actuators, sensors, efforts: by name of the actuator, sensor or joint.
+        joints: initial positions [rad or m]; None for the first reading of each joint.
+        settle: how long the first command is held before the log begins [s].
+    """
+
+    path: Path
+    name: str
+    model: Path
+    episodes: tuple[Files, ...]
+    time: Line
+    actuators: dict[str, Line]
+    sensors: dict[str, Line]
+    efforts: dict[str, Line]
+    joints: dict[str, float] | None
+    settle: float
+
+    def locate(self, name: str) -> Path:
+        """The file that the study calls ``name``; `StudyError` if outside the study's folder."""
+        return locate(self.path, name)
+
+
+def locate(study: Path, name: str) -> Path:
+    """The file that ``study`` calls ``name``, which must lie in its folder or below."""
+    folder = study.parent.resolve()
+    try:
+        path = (folder / name).resolve()
+        path.is_file()  # which says whether a name is too long
+    except (OSError, RuntimeError, ValueError) as error:
+        raise StudyError(f"{study}: {short_name(name)!r} is no path of a file") from error
+    if Path(name).is_absolute() or not path.is_relative_to(folder):
+        raise StudyError(
+            f"{study}: {short_name(name)!r} lies outside the study's folder; copy it beside the "
+            "study and give its path relative to it"
+        )
+    return path
+
+
+def read_study_file(path: Path) -> StudyFile:
+    """Read STUDY.yaml; every fault is a `StudyError` that names the key and what it may be."""
+    top = read_yaml(path)
+    top.only("name", "model", "episodes", "time", "actuators", "sensors", "efforts", "initial")
+    actuators, sensors, efforts = (
+        {name: _line(part) for name, part in top.parts(key).items()}
+        for key in ("actuators", "sensors", "efforts")
+    )
+    if actuators and efforts:
+        raise StudyError(f"{path} has both actuators and efforts; give one of them")
+    if not sensors and not efforts:
+        raise StudyError(f"{path} measures nothing; give at least one of sensors")
+    joints, settle = _initial(top)
+    return StudyFile(
+        path=path,
+        name=top.text("name", path.stem),
+        model=locate(path, top.text("model")),
+        episodes=_episodes(top),
+        time=_time(top),
+        actuators=actuators,
+        sensors=sensors,
+        efforts=efforts,
+        joints=joints,
+        settle=settle,
+    )
+
+
+def _line(part: Part) -> Line:
+    part.only("column", "columns", "unit", "scale", "offset", "noise")
+    given = part.items()
+    if ("column" in given) == ("columns" in given):
+        raise part.fault("give either column: NAME or columns: [NAME, NAME, ...]")
+    columns = part.texts("columns") if "columns" in given else (part.text("column"),)
+    if len(set(columns)) != len(columns) or not columns:
+        raise part.fault(f"columns must be different names, not {short(list(columns))}")
+    scale = part.number("scale", 1.0)
+    if scale == 0.0:
+        raise part.fault("scale: 0 makes every reading the same; leave it out for 1")
+    noise = part.number("noise", 1.0) if given.get("noise") is not None else None
+    if noise is not None and noise <= 0.0:
+        raise part.fault("noise must be above 0; leave it out to estimate it from the log")
+    return Line(columns, _unit(part), scale, part.number("offset", 0.0), noise)
+
+
+def _unit(part: Part) -> Unit:
+    text = part.text("unit")
+    try:
+        return parse_unit(text)
+    except RealityGapError as error:
+        raise part.fault(str(error)) from error
+
+
+def _time(top: Part) -> Line:
+    part = top.part("time")
+    if part.value is None:
+        raise top.fault("the key 'time' is missing; as in time: {column: time, unit: s}")
+    part.only("column", "unit")
+    line = _line(part)
+    if line.unit.si != "s":
+        raise part.fault(f"{line.unit.symbol} is no unit of time; {', '.join(symbols_of('s'))} are")
+    return line
+
+
+def _episodes(top: Part) -> tuple[Files, ...]:
+    part = top.part("episodes")
+    if not isinstance(part.value, list) or not part.value:
+        raise top.fault(
+            "'episodes' must be a list of at least one, as in episodes: [{commands: log.csv}]"
+        )
+    episodes = []
+    for i, item in enumerate(part.value):
+        episode = Part(top.path, f"episodes[{i}]", item)
+        episode.only("commands", "readings", "joints")
+        names = (episode.text("commands"), *episode.texts("readings"))
+        episodes.append(Files(names, _joints(episode)))
+    every = [name for episode in episodes for name in episode.names]
+    for name in every:
+        if every.count(name) > 1:
+            raise part.fault(f"{name} is named twice; each log belongs to one episode")
+    return tuple(episodes)
+
+
+def _initial(top: Part) -> tuple[dict[str, float] | None, float]:
+    part = top.part("initial")
+    if part.value is None:
+        return {}, 1.0
+    part.only("joints", "settle")
+    settle = part.number("settle", 1.0)
+    if settle < 0.0:
+        raise part.fault(f"settle is a time in seconds, 0 or more, not {settle:g}")
+    if part.part("joints").value == "first_reading":
+        return None, settle
+    return _joints(part), settle
+
+
+def _joints(part: Part) -> dict[str, float]:
+    return {name: joint.as_number() for name, joint in part.parts("joints").items()}

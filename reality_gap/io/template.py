@@ -1,0 +1,217 @@
+"""A first STUDY.yaml for a model and its logs, to be edited by a person."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from reality_gap.errors import StudyError
+from reality_gap.io.column_names import KINDS, Wanted, guess, guess_time, named_unit
+from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
+from reality_gap.io.tables import read_header, read_table
+from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
+from reality_gap.study.data import load_strange_spec
+
+HEAD = """\
+# A draft: columns and units were guessed by their names. Look at each line, then run
+#   python -m reality_gap check STUDY.yaml
+# A line may also have noise: (standard deviation of one reading), scale: and offset:,
+# value = scale * cell + offset, all in its unit. An empty cell of a log was not measured.
+"""
+
+
+@dataclass(frozen=True)
+class _Log:
+    path: Path
+    columns: tuple[str, ...]
+
+    def cells(self, column: str) -> np.ndarray | None:
+        """The numbers of a column; None if it has anything else."""
+        try:
+            cells = read_table(self.path, self.path.name, (column,)).columns[column]
+        except StudyError:
+            return None
+        cells = cells[~np.isnan(cells)]
+        return cells if len(cells) else None
+
+
+def draft_study(
+    model_path: Path | str, log_paths: Sequence[Path | str], folder: Path | str | None = None
+) -> str:
+    """Text of a STUDY.yaml that lies in ``folder``, by default that of the model.
+
+    What could not be guessed is left as a comment. Logs that hold commands are episodes; the
+    others are further readings, the first of a kind of the first episode, and so on.
+
+    Raises:
+        StudyError: the model or a log cannot be read, or lies outside of ``folder``.
+    """
+    path = Path(model_path)
+    folder = path.parent if folder is None else Path(folder)
+    model = load_strange_spec(path, folder).copy().compile()
+    logs = [_Log(Path(p), read_header(Path(p), Path(p).name)) for p in log_paths]
+    if not logs:
+        raise StudyError("a study needs at least one log")
+    columns = tuple(dict.fromkeys(c for log in logs for c in log.columns if c))
+    clock = guess_time(columns)
+    free = [column for column in columns if column != clock]
+    wanted = {
+        "actuators": [_actuator(model, name) for name in actuator_names(model) if name],
+        "sensors": [_sensor(model, name) for name in sensor_names(model)],
+        "efforts": [] if model.nu else [Wanted(n, "", "force") for n in simple_joints(model)],
+    }
+    found = {}
+    for part, elements in wanted.items():
+        found[part] = guess(elements, free)
+        free = [c for c in free if not any(c in group for group in found[part].values())]
+    lines = [
+        HEAD + f"name: {_text(path.stem)}",
+        f"model: {_text(_relative(path, folder))}",
+        *_episodes(logs, found["actuators"], folder),
+        _time(logs, clock),
+    ]
+    for part, elements in wanted.items():
+        if elements or part == "sensors":
+            lines += [f"{part}:", *_lines(model, logs, part, elements, found[part], free)]
+    return "\n".join([*lines, _initial(model, found["sensors"])]) + "\n"
+
+
+def _actuator(model: mujoco.MjModel, name: str) -> Wanted:
+    return Wanted(name, "", "command")
+
+
+def _sensor(model: mujoco.MjModel, name: str) -> Wanted:
+    sensor = model.sensor(name)
+    target = mujoco.mj_id2name(model, int(sensor.objtype[0]), int(sensor.objid[0])) or ""
+    kinds = {KINDS.get(unit, "") for unit in sensor_units(model, name)}
+    return Wanted(name, target, kinds.pop() if len(kinds) == 1 else "", int(sensor.dim[0]))
+
+
+def _units(model: mujoco.MjModel, part: str, name: str) -> tuple[str, ...]:
+    if part == "actuators":
+        return actuator_units(model, name)
+    return sensor_units(model, name) if part == "sensors" else joint_units(model, name)[1:]
+
+
+def _lines(
+    model: mujoco.MjModel,
+    logs: Sequence[_Log],
+    part: str,
+    wanted: Sequence[Wanted],
+    found: dict[str, tuple[str, ...]],
+    free: Sequence[str],
+) -> list[str]:
+    lines = []
+    for element in wanted:
+        units = _units(model, part, element.name) or ("1",)
+        key = "column" if element.count == 1 else "columns"
+        if element.name in found:
+            group = found[element.name]
+            shown = ", ".join(map(_text, group))
+            shown = shown if element.count == 1 else f"[{shown}]"
+            unit, scale = _unit(logs, group, units), _scale(model, logs, part, element.name, group)
+            lines.append(f"  {_text(element.name)}: {{{key}: {shown}, unit: {unit}{scale}}}")
+        else:
+            shown = "?" if element.count == 1 else f"[{', '.join('?' * element.count)}]"
+            lines.append(f"  # {_text(element.name)}: {{{key}: {shown}, unit: {units[0]}}}")
+    if part == "sensors" and not wanted:
+        lines.append(
+            '  # the model has no sensors; add some, as <tendonpos name=".." tendon=".."/>'
+        )
+    if len(found) < len(wanted) and free:
+        lines.append(f"  # columns that nobody uses: {', '.join(free)}")
+    return lines
+
+
+def _unit(logs: Sequence[_Log], group: tuple[str, ...], units: tuple[str, ...]) -> str:
+    """As the column's name says, or else as large as positions in metres and radians are not."""
+    named = named_unit(group[0], units)
+    if named:
+        return named
+    cells = _cells(logs, group[0])
+    size = 0.0 if cells is None else float(np.quantile(np.abs(cells), 0.95))
+    if units[0] == "rad" and size > 10.0:
+        return "deg"
+    if units[0] == "m" and size > 20.0:
+        return "mm"
+    return units[0]
+
+
+def _scale(
+    model: mujoco.MjModel, logs: Sequence[_Log], part: str, name: str, group: tuple[str, ...]
+) -> str:
+    """Tensions are negative forces of an actuator that pulls, and logs mostly have them above 0."""
+    if part != "sensors":
+        return ""
+    sensor = model.sensor(name)
+    if int(sensor.type[0]) != int(mujoco.mjtSensor.mjSENS_ACTUATORFRC):
+        return ""
+    i = int(sensor.objid[0])
+    cells = _cells(logs, group[0])
+    pulls = bool(model.actuator_forcelimited[i]) and float(model.actuator_forcerange[i, 1]) <= 0.0
+    return ", scale: -1" if pulls and cells is not None and np.median(cells) > 0.0 else ""
+
+
+def _cells(logs: Sequence[_Log], column: str) -> np.ndarray | None:
+    return next(log for log in logs if column in log.columns).cells(column)
+
+
+def _time(logs: Sequence[_Log], clock: str | None) -> str:
+    if clock is None:
+        return "# time: {column: ?, unit: s}  # no column looks like the time"
+    unit = named_unit(clock, ("s",))
+    cells = _cells(logs, clock)
+    if unit is None and cells is not None and len(cells) > 1:
+        step = float(np.median(np.diff(cells)))
+        unit = next((u for u, top in (("s", 0.5), ("ms", 500.0), ("us", 5e5)) if step < top), "ns")
+    return f"time: {{column: {_text(clock)}, unit: {unit or 's'}}}"
+
+
+def _episodes(
+    logs: Sequence[_Log], commands: dict[str, tuple[str, ...]], folder: Path
+) -> list[str]:
+    keys = {column for group in commands.values() for column in group}
+    driven = [log for log in logs if keys & set(log.columns)]
+    if not driven:
+        driven = [log for log in logs if log.columns == logs[0].columns]
+    further: list[list[str]] = [[] for _ in driven]
+    seen: dict[tuple[str, ...], int] = {}
+    for log in logs:
+        if log not in driven:
+            k = seen.setdefault(log.columns, 0)
+            further[min(k, len(driven) - 1)].append(_text(_relative(log.path, folder)))
+            seen[log.columns] += 1
+    lines = ["episodes:"]
+    for log, readings in zip(driven, further, strict=True):
+        lines.append(f"  - commands: {_text(_relative(log.path, folder))}")
+        lines += [f"    readings: [{', '.join(readings)}]"] if readings else []
+    return lines
+
+
+def _initial(model: mujoco.MjModel, sensors: dict[str, tuple[str, ...]]) -> str:
+    jointpos = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
+    if any(int(model.sensor(name).type[0]) == jointpos for name in sensors):
+        return "initial: {joints: first_reading, settle: 0}"
+    names = ", ".join(f"{_text(name)}: 0.0" for name in simple_joints(model)[:3])
+    return f"initial: {{settle: 1.0}}  # or {{joints: {{{names}}}, settle: 0}} in rad and m"
+
+
+def _relative(path: Path, folder: Path) -> str:
+    relative = Path(os.path.relpath(path.resolve(), folder.resolve()))
+    if ".." in relative.parts:
+        raise StudyError(f"{path} lies outside {folder}, where the study is to be; copy it there")
+    return relative.as_posix()
+
+
+def _text(text: str) -> str:
+    """As YAML: plain if it cannot be taken for anything but a name."""
+    words = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+    plain = re.fullmatch(r"[A-Za-z_][\w./-]*", text) and text.lower() not in words
+    return text if plain else json.dumps(text, ensure_ascii=False)

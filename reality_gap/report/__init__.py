@@ -1,0 +1,1 @@
+"""What a diagnosis writes: verdict.json, the extended model, report.html."""

@@ -1,0 +1,119 @@
+"""The extended model: extended.xml, and what it cannot hold in extended.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from reality_gap.causes import cause
+from reality_gap.causes.base import Cause, Effects, Place
+from reality_gap.diagnosis import Diagnosis
+from reality_gap.errors import StudyError, UnknownNameError
+from reality_gap.report.verdict_json import place_json
+from reality_gap.simulation.hypothesis import Plant
+from reality_gap.simulation.inverse_dynamics import inverse_replay, ready
+from reality_gap.simulation.replay import Replay, replay
+from reality_gap.study.data import Study, check_strange_model
+from reality_gap.study.measurements import measured
+from reality_gap.study.system import look_at
+
+XML, JSON = "extended.xml", "extended.json"
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A cause that acts beside the model, at a place with values in SI units."""
+
+    cause: Cause
+    place: Place
+    values: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Extended:
+    """A model with the named mechanisms in it.
+
+    Attributes:
+        spec: of extended.xml; treat it as read-only.
+        effects: what acts beside it.
+    """
+
+    spec: mujoco.MjSpec
+    effects: tuple[Effect, ...]
+
+    def plant(self, study: Study) -> Plant:
+        """The extended machine for a study of the model that was diagnosed.
+
+        Raises:
+            UnknownNameError: an effect acts on something that the study's model does not have.
+        """
+        system, effects = look_at(study), Effects()
+        for effect in self.effects:
+            _check_place(effect.place, study)
+            if effect.cause.attach is not None:
+                effect.cause.attach(effects, system, effect.place, effect.values)
+        return Plant(self.spec.copy(), effects)
+
+    def replay(self, study: Study) -> Replay:
+        """What the extended machine would have read in a study."""
+        study = ready(study)
+        run = inverse_replay if study.inverse else replay
+        return run(self.plant(study), study, measured(study))
+
+
+def load_extended(folder: Path) -> Extended:
+    """The extended model that a diagnosis wrote into ``folder``.
+
+    Raises:
+        StudyError: the folder does not hold one.
+        UnknownNameError: it needs a cause that is not in the catalogue.
+    """
+    path = folder / JSON
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        effects = tuple(_effect(entry) for entry in content["effects"])
+        named = content["model"]
+    except FileNotFoundError as error:
+        raise StudyError(f"no {JSON} in {folder}; give the folder of a diagnosis") from error
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise StudyError(f"{path} is not what a diagnosis writes: {error!r}") from error
+    if named != XML:
+        raise StudyError(f"{path} names the model {named!r}; a diagnosis writes {XML}")
+    check_strange_model(folder / XML, folder)
+    return Extended(mujoco.MjSpec.from_file(str(folder / XML)), effects)
+
+
+def extension_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What extended.json holds: the causes whose effects extended.xml does not express."""
+    effects = [
+        {
+            "cause": suspect.cause.id,
+            "where": place_json(suspect),
+            "parameters": {name: float(value) for name, value in values.items()},
+        }
+        for suspect, values in diagnosis.effects
+    ]
+    return {"model": XML, "effects": effects}
+
+
+def _effect(entry: dict[str, Any]) -> Effect:
+    where = entry["where"]
+    place = Place(where["kind"], tuple(where["elements"]), where["note"])
+    return Effect(cause(entry["cause"]), place, dict(entry["parameters"]))
+
+
+def _check_place(place: Place, study: Study) -> None:
+    known = list(_names(place.kind, study.spec()))
+    for name in place.elements:
+        if place.kind != "model" and name not in known:
+            raise UnknownNameError(f"{place.kind} of the study's model", name, known)
+
+
+def _names(kind: str, spec: mujoco.MjSpec) -> Iterable[str]:
+    plural = {"body": "bodies"}.get(kind, f"{kind}s")
+    return (element.name for element in getattr(spec, plural, ()))

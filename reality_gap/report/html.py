@@ -1,0 +1,159 @@
+"""report.html: a diagnosis as one page that opens offline, for who has never seen the tool."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib
+import mujoco
+import numpy as np
+import scipy
+from matplotlib.figure import Figure
+
+from reality_gap.diagnosis import Diagnosis, Verdict
+from reality_gap.report import words
+from reality_gap.report.formatting import capital, human, joined, number, percent, shown
+from reality_gap.report.plots.candidates import rival_scores
+from reality_gap.report.plots.canvas import SPLITS, png
+from reality_gap.report.plots.commands import commands, left_out
+from reality_gap.report.plots.comparison import against, constant_share
+from reality_gap.report.plots.gain import channel_gain
+from reality_gap.report.plots.parameters import intervals
+from reality_gap.report.plots.remainder import remainder
+from reality_gap.report.plots.signals import (
+    MOST_ROWS,
+    Signal,
+    residual_map,
+    signals,
+    starts,
+    time_traces,
+)
+from reality_gap.simulation.replayer import USUAL
+from reality_gap.study.data import Study
+
+MOST_DIFF = 600
+"""Lines of the difference that are shown."""
+
+
+def write_report(diagnosis: Diagnosis, study: Study, path: Path) -> None:
+    """Write the page to ``path``."""
+    path.write_text(page(diagnosis, study), encoding="utf-8")
+
+
+def page(diagnosis: Diagnosis, study: Study) -> str:
+    """The page as HTML."""
+    source = (files("reality_gap.report") / "report.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"percent": percent, "number": number, "capital": capital}
+    found = signals(diagnosis.traces)
+    return environment.from_string(source).render(
+        diagnosis=diagnosis,
+        verdict=diagnosis.verdict.value,
+        kind=words.kind(diagnosis.verdict),
+        figures=words.figures(diagnosis),
+        why=words.why(diagnosis),
+        rows=parameter_rows(diagnosis),
+        pictures=_pictures(diagnosis, study, found),
+        rows_left=max(0, len(found) - MOST_ROWS),
+        worst=found[0].name if found else "",
+        constant=constant_share(found[0]) if found else 0.0,
+        parts=_parts(found),
+        difference=xml_difference(study, diagnosis.extended_xml),
+        usual=f"/{USUAL}/" in diagnosis.extended_xml,
+        effects=[suspect for suspect, _ in diagnosis.effects],
+        left_out=0 if diagnosis.next_experiment is None else left_out(diagnosis.next_experiment),
+        not_judged=not_judged(diagnosis),
+        model=study.model.name,
+        fingerprint=hashlib.sha256(study.model.read_bytes()).hexdigest()[:16],
+        versions=f"mujoco {mujoco.__version__}, numpy {np.__version__}, scipy {scipy.__version__}",
+    )
+
+
+def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Cause, place, parameter, value, interval, confidence and equivalents, for people."""
+    rows: list[tuple[str, ...]] = []
+    for cause in diagnosis.causes:
+        for name in cause.foremost():
+            estimate = cause.parameters[name]
+            factor, unit = shown(estimate.unit, estimate.value)
+            value, low, high = (
+                number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
+            )
+            rows.append(
+                (
+                    capital(cause.suspect.cause.title),
+                    str(cause.suspect.place),
+                    human(name),
+                    f"{value} {unit}".strip(),
+                    f"{low} to {high} {unit}".strip(),
+                    percent(cause.confidence),
+                    ", ".join(human(id_) for id_ in cause.equivalent) or "none",
+                )
+            )
+    return rows
+
+
+def xml_difference(study: Study, extended: str) -> list[tuple[str, str]]:
+    """Lines of the difference of both models as MuJoCo writes them: (class of style, text)."""
+    original = study.spec().to_xml()
+    lines = list(difflib.unified_diff(original.splitlines(), extended.splitlines(), n=2))[2:]
+    styles = {"+": "added", "-": "removed", "@": "place"}
+    shown_lines = [(styles.get(line[:1], ""), line) for line in lines[:MOST_DIFF]]
+    if len(lines) > MOST_DIFF:
+        shown_lines.append(("place", f"... and {len(lines) - MOST_DIFF} lines more"))
+    return shown_lines
+
+
+def not_judged(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Causes and why nothing is said about them, one row for each reason."""
+    reasons: dict[str, list[str]] = {}
+    for cause, reason in diagnosis.not_judged:
+        reasons.setdefault(reason, []).append(human(cause))
+    return [(", ".join(causes), reason) for reason, causes in reasons.items()]
+
+
+def _parts(found: list[Signal]) -> str:
+    """How much of the data served for what."""
+    if not found:
+        return "none"
+    split = np.concatenate([signal.split for signal in found])
+    shares = [
+        f"{percent(float(np.mean(split == i)))} to {name}" for i, (name, _) in enumerate(SPLITS)
+    ]
+    return joined(shares)
+
+
+def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[str, str]:
+    """Those that this diagnosis has something for, as PNG in base64."""
+    made: dict[str, Callable[[], Figure]] = {}
+    if found:
+        made["map"] = lambda: residual_map(found)
+        made["traces"] = lambda: time_traces(found, starts(diagnosis.traces))
+        made["against"] = lambda: against(found[0], found)
+        total = (diagnosis.rms_before, diagnosis.rms_after)
+        made["gain"] = lambda: channel_gain(found, total, diagnosis.noise_floor)
+    if diagnosis.rivals:
+        made["rivals"] = lambda: rival_scores(diagnosis.rivals, diagnosis.causes)
+    if diagnosis.causes:
+        made["parameters"] = lambda: intervals(diagnosis.causes)
+    if diagnosis.verdict is not Verdict.NOTHING_WRONG:
+        made["remainder"] = lambda: remainder(
+            "named causes" if diagnosis.causes else "known causes, which is too little",
+            1.0 - diagnosis.unexplained_fraction,
+            diagnosis.explainable_fraction,
+            diagnosis.depends_on,
+        )
+    experiment = diagnosis.next_experiment
+    if experiment is not None:
+        model: Any = study.spec().compile()
+        made["experiment"] = lambda: commands(experiment, model)
+    with matplotlib.rc_context({"text.parse_math": False}):  # a name may have dollars in it
+        return {name: png(draw()) for name, draw in made.items()}

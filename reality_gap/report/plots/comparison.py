@@ -1,0 +1,139 @@
+"""Against what the residual of a channel shows: time, velocity, tension, posture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from reality_gap.report.formatting import percent, shown
+from reality_gap.report.plots.canvas import AFTER, BEFORE, MEASURED, figure
+from reality_gap.report.plots.signals import Signal, changed
+
+Array = NDArray[np.float64]
+BINS = 20
+PER_BIN = 25
+MOST_POINTS = 3000
+ALIKE = 0.05
+"""Shares that differ by no more than this are alike; the channel with more readings is shown."""
+KINDS = {"tension": ("N", "N m"), "posture": ("m", "rad")}
+"""SI units of the channels that stand for a quantity."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something that a residual may depend on.
+
+    Attributes:
+        label: with its unit.
+        value: (k,) at the times of the residual, in the unit of the label.
+        share: of the power of the residual's varying part, what its mean over bins of the value
+            carries, 0 to 1.
+        readings: of the channel that it comes from.
+    """
+
+    label: str
+    value: Array
+    share: float
+    readings: int
+
+
+def against(signal: Signal, others: list[Signal]) -> Figure:
+    """The channel's residual over each quantity, with its means over bins."""
+    residual = signal.residual("before")
+    quantities = _quantities(signal, others, residual)
+    made, axes = figure(11, 3.1, 1, len(quantities), sharey=True)
+    for ax, quantity in zip(axes[0], quantities, strict=True):
+        _draw(ax, signal, quantity)
+    axes[0, 0].set_ylabel(f"residual of {signal.name}\n[standard deviations of noise]", fontsize=8)
+    lines = axes[0, 0].get_lines()[1:]
+    made.legend(handles=lines, loc="outside upper left", ncols=3, fontsize=8)
+    return made
+
+
+def constant_share(signal: Signal) -> float:
+    """Of the power of the model's residual, what a constant carries."""
+    residual = signal.residual("before")
+    return float(residual.mean() ** 2 / max(float(np.mean(residual**2)), 1e-30))
+
+
+def _quantities(signal: Signal, others: list[Signal], residual: Array) -> list[Quantity]:
+    """Time, and of each kind the channel that the residual depends on most."""
+    time = Quantity("time [s]", signal.time, _share(signal.time, residual), len(signal.time))
+    found = [time]
+    moving = [o for o in others if o.unit in KINDS["posture"] and len(o.time) > 2]
+    velocities = [_at(o, signal, _rate(o), residual, "/s") for o in moving]
+    for candidates in (
+        velocities,
+        [_at(o, signal, o.after, residual) for o in others if o.unit in KINDS["tension"]],
+        [_at(o, signal, o.after, residual) for o in moving],
+    ):
+        if candidates:
+            most = max(quantity.share for quantity in candidates) - ALIKE
+            alike = [quantity for quantity in candidates if quantity.share >= most]
+            found.append(max(alike, key=lambda quantity: quantity.readings))
+    return found
+
+
+def _at(other: Signal, signal: Signal, value: Array, residual: Array, per: str = "") -> Quantity:
+    """Another channel as the extended model has it, which is free of noise."""
+    factor, unit = shown(other.unit + per)
+    interpolated = factor * np.interp(signal.time, other.time, value)
+    name = f"rate of {other.name}" if per else other.name
+    share = _share(interpolated, residual)
+    return Quantity(f"{name} [{unit}]", interpolated, share, len(other.time))
+
+
+def _rate(other: Signal) -> Array:
+    return np.gradient(other.after) / np.maximum(np.gradient(other.time), 1e-9)
+
+
+def _bins(value: Array) -> NDArray[np.int64]:
+    """Bins of equal numbers of readings (k,), fewer where there are few readings."""
+    count = max(2, min(BINS, len(value) // PER_BIN))
+    edges = np.quantile(value, np.linspace(0.0, 1.0, count + 1)[1:-1])
+    return np.searchsorted(edges, value)
+
+
+def _means(value: Array, residual: Array) -> tuple[Array, Array]:
+    place = _bins(value)
+    count = np.bincount(place, minlength=BINS)
+    full = count > 0
+    x = np.bincount(place, value, minlength=BINS)[full] / count[full]
+    return x, np.bincount(place, residual, minlength=BINS)[full] / count[full]
+
+
+def _share(value: Array, residual: Array) -> float:
+    """Of the varying part's power, what the means carry; less what those of noise would."""
+    place = _bins(value)
+    varying = residual - residual.mean()
+    count = np.maximum(np.bincount(place, minlength=BINS), 1)
+    carried = float(np.sum(np.bincount(place, varying, minlength=BINS) ** 2 / count))
+    power = float(varying @ varying)
+    used = len(np.unique(place))
+    return max(0.0, carried / power - used / len(residual)) if power > 0.0 else 0.0
+
+
+def _draw(ax: Axes, signal: Signal, quantity: Quantity) -> None:
+    stride = max(1, len(quantity.value) // MOST_POINTS)
+    residual = signal.residual("before")
+    ax.axhline(0.0, color="black", lw=0.8)
+    ax.plot(
+        quantity.value[::stride],
+        residual[::stride],
+        ".",
+        ms=2,
+        alpha=0.35,
+        color=MEASURED,
+        label="measured - your model",
+    )
+    ax.plot(*_means(quantity.value, residual), color=BEFORE, lw=2, label="its mean")
+    if changed([signal]):
+        after = _means(quantity.value, signal.residual("after"))
+        ax.plot(*after, color=AFTER, lw=2, label="mean of measured - extended model")
+    ax.set_xlim(*np.quantile(quantity.value, (0.002, 0.998)))
+    ax.set_xlabel(quantity.label, fontsize=8)
+    ax.set_title(f"explains {percent(quantity.share)} of the variation", fontsize=8, loc="left")

@@ -1,0 +1,58 @@
+"""What remains unexplained, and what it depends on."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from reality_gap.diagnosis import Dependence
+from reality_gap.report.formatting import percent
+from reality_gap.report.plots.canvas import AFTER, LEARNED, QUIET, figure, label_rows
+
+MOST = 8
+
+
+def remainder(
+    who: str, named: float, explainable: float, depends_on: tuple[Dependence, ...]
+) -> Figure:
+    """The error above the noise by who explains it, and what the rest depends on.
+
+    Args:
+        who: name of those in the extended model: "named causes".
+        named: share that they explain, 0 to 1.
+        explainable: share that a learned residual would explain, 0 to 1.
+        depends_on: of what remains.
+    """
+    listed = depends_on[:MOST]
+    heights = [1.0, 0.6 + 0.3 * len(listed)] if listed else [1.0]
+    made, axes = figure(9, sum(heights) + 0.7, len(heights), 1, height_ratios=heights)
+    _shares(axes[0, 0], who, named, explainable)
+    if listed:
+        ax = axes[1, 0]
+        for row, dependence in enumerate(listed):
+            ax.barh(row, 100.0 * dependence.fraction, color=LEARNED)
+            told = f" {percent(dependence.fraction)}, in {dependence.channel}"
+            ax.annotate(told, (100.0 * dependence.fraction, row), va="center", fontsize=8)
+        ax.set_xlim(0.0, 100.0)
+        ax.set_xlabel("share of what remains that it predicts on held-out data [%]", fontsize=9)
+        label_rows(ax, [dependence.quantity for dependence in listed])
+    return made
+
+
+def _shares(ax: Axes, who: str, named: float, explainable: float) -> None:
+    named = min(max(named, 0.0), 1.0)
+    learned = max(min(explainable, 1.0) - named, 0.0)
+    parts = (
+        (named, AFTER, who),
+        (learned, LEARNED, "what a learned residual adds (upper bound, no name)"),
+        (1.0 - named - learned, QUIET, "neither"),
+    )
+    left = 0.0
+    for share, colour, label in parts:
+        ax.barh(0, 100.0 * share, left=left, color=colour, label=f"{label}: {percent(share)}")
+        left += 100.0 * share
+    ax.set_xlim(0.0, 100.0)
+    ax.set_yticks([])
+    ax.spines["left"].set_visible(False)
+    ax.set_xlabel("share of the error above the noise [%]", fontsize=9)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8, frameon=False)

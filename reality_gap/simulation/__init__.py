@@ -1,0 +1,1 @@
+"""What a hypothesis predicts: the model with its effects, simulated along a log."""

@@ -1,0 +1,212 @@
+"""One episode simulated: every physics step of it is recorded."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+from numpy.typing import NDArray
+
+from reality_gap.causes.base import Acting, Hook, Record
+
+Array = NDArray[np.float64]
+
+PROBE = "reality_gap/"
+"""What the names of the sensors begin with that are added to look inside."""
+
+
+def compile_with_probes(spec: mujoco.MjSpec, fuse: bool) -> mujoco.MjModel:
+    """Compile a model with sensors of what a `Record` holds.
+
+    Args:
+        spec: the model; probes are added to it.
+        fuse: whether bodies that hang together become one, which is quicker.
+    """
+    kinds = mujoco.mjtSensor
+    actuators = [a.name for a in spec.actuators]
+    tendons = [t.name for t in spec.tendons]
+    for kind, element, names in (
+        (kinds.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR, actuators),
+        (kinds.mjSENS_TENDONPOS, mujoco.mjtObj.mjOBJ_TENDON, tendons),
+        (kinds.mjSENS_TENDONVEL, mujoco.mjtObj.mjOBJ_TENDON, tendons),
+    ):
+        for name in names:
+            spec.add_sensor(
+                name=f"{PROBE}{int(kind)}/{name}", type=kind, objtype=element, objname=name
+            )
+    spec.compiler.fusestatic = fuse
+    return spec.compile()
+
+
+def silence() -> None:
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT; a replay that diverges is told by its numbers."""
+    mujoco.set_mju_user_warning(lambda message: None)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be simulated.
+
+    Attributes:
+        start: the study's time at the episode's begin [s].
+        command: (k, nu) at every step.
+        joints: where joints stand before settling [m or rad].
+        settle: how long the first command is held before the begin [s].
+    """
+
+    start: float
+    command: Array
+    joints: Mapping[str, float]
+    settle: float
+
+
+def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[Acting]) -> Record:
+    """Simulate an episode; every number is nan if it diverges.
+
+    ``sensors`` are those at the begin of each step, under its command.
+    """
+    if hooks:
+        model = copy.copy(model)  # hooks write into it
+    data = mujoco.MjData(model)
+    step = model.opt.timestep
+    for name, position in task.joints.items():
+        data.qpos[model.joint(name).qposadr[0]] = position
+    for i in range(model.nactuator):
+        if model.actuator_actnum[i] == 1 and model.actuator_ctrlnum[i] == 1:
+            data.act[model.actuator_actadr[i]] = task.command[0, model.actuator_ctrladr[i]]
+    settling = round(task.settle / step)
+    data.time = task.start - settling * step
+    _remember(model, data, task.command[0])
+    running = [_Running(h, h.make(model)) for h in hooks]
+    _advance(model, data, running, np.repeat(task.command[:1], settling, axis=0), None)
+    record = _blank(model, task.start + step * np.arange(len(task.command)))
+    _advance(model, data, running, task.command, record)
+    count = len(record.force[0]), len(record.length[0])
+    probes = record.sensors[:, model.nsensordata - count[0] - 2 * count[1] :]
+    record.force[:] = probes[:, : count[0]]
+    record.length[:] = probes[:, count[0] : count[0] + count[1]]
+    record.velocity[:] = probes[:, count[0] + count[1] :]
+    if data.warning.number.any():
+        record.sensors[:] = np.nan
+    return record
+
+
+def _remember(model: mujoco.MjModel, data: mujoco.MjData, command: Array) -> None:
+    """Fill the histories of delayed actuators: the first command was always given."""
+    for i in np.flatnonzero(model.actuator_history[:, 0]):
+        count = int(model.actuator_history[i, 0])
+        past = data.time - model.opt.timestep * np.arange(count, 0, -1)
+        mujoco.mj_initCtrlHistory(
+            model, data, int(i), past, np.full(count, command[model.actuator_ctrladr[i]])
+        )
+
+
+@dataclass(frozen=True)
+class _Running:
+    """A hook of the episode that is being simulated."""
+
+    acting: Acting
+    hook: Hook
+
+
+def _advance(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    running: Sequence[_Running],
+    command: Array,
+    record: Record | None,
+) -> None:
+    """Simulate a command (k, nu): in C where hooks act by the clock at most, else in Python."""
+    if not len(command):
+        return
+    end = data.time + len(command) * model.opt.timestep
+    acting = [r for r in running if r.acting.start < end and r.acting.end > data.time]
+    wrenches = None if record is None else _wrenches(model, data, acting, len(command))
+    if not acting or wrenches is not None:
+        _advance_in_c(model, data, command, wrenches, record)
+        return
+    every = max(1, min(round(r.acting.period / model.opt.timestep) for r in acting))
+    due = np.arange(len(command)) % every == 0
+    due[1:] |= np.any(command[1:] != command[:-1], axis=1)
+    calls = [(r.hook, r.acting.start, r.acting.end) for r in acting]
+    ctrl, qpos, qvel, sensors = data.ctrl, data.qpos, data.qvel, data.sensordata
+    applied, pushed = data.qfrc_applied, data.xfrc_applied
+    for k, call in enumerate(due.tolist()):
+        if record is not None:
+            record.qpos[k], record.qvel[k] = qpos, qvel
+        if call:
+            ctrl[:] = command[k]
+            applied[:] = 0.0
+            pushed[:] = 0.0
+            now = data.time
+            for hook, start, end in calls:
+                if start < now < end:
+                    hook(model, data)
+        mujoco.mj_step(model, data)
+        if record is not None:
+            record.sensors[k] = sensors
+
+
+def _wrenches(
+    model: mujoco.MjModel, data: mujoco.MjData, acting: Sequence[_Running], steps: int
+) -> Array | None:
+    """What hooks that act by the clock do to all bodies at each step (k, 6 nbody).
+
+    None if there are no hooks, or one that needs to see more than the clock.
+    """
+    time = data.time + model.opt.timestep * np.arange(steps)
+    total = None
+    for one in (r.acting for r in acting):
+        if one.wrenches is None:
+            return None
+        within = (one.start < time) & (time < one.end)
+        own = np.where(within[:, None, None], one.wrenches(model, time), 0.0)
+        total = own if total is None else total + own
+    return None if total is None else total.reshape(steps, -1)
+
+
+def _advance_in_c(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    command: Array,
+    wrenches: Array | None,
+    record: Record | None,
+) -> None:
+    data.qfrc_applied[:] = 0.0
+    data.xfrc_applied[:] = 0.0
+    if record is None:
+        data.ctrl[:] = command[0]
+        mujoco.mj_step(model, data, len(command))
+        return
+    kind, given = mujoco.mjtState.mjSTATE_FULLPHYSICS, mujoco.mjtState.mjSTATE_CTRL
+    if wrenches is not None:
+        given |= mujoco.mjtState.mjSTATE_XFRC_APPLIED
+        command = np.hstack([command, wrenches])
+    first = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, first, kind)
+    states, sensors = rollout.rollout(
+        model, data, first[None], command[None], control_spec=int(given)
+    )
+    record.sensors[:] = sensors[0]
+    # States are those after each step; sensors those before it.
+    at = np.vstack([first, states[0, :-1]])
+    record.qpos[:] = at[:, 1 : 1 + model.nq]
+    record.qvel[:] = at[:, 1 + model.nq : 1 + model.nq + model.nv]
+
+
+def _blank(model: mujoco.MjModel, time: Array) -> Record:
+    k = len(time)
+    return Record(
+        time=time,
+        sensors=np.zeros((k, model.nsensordata)),
+        force=np.zeros((k, model.nactuator)),
+        length=np.zeros((k, model.ntendon)),
+        velocity=np.zeros((k, model.ntendon)),
+        qpos=np.zeros((k, model.nq)),
+        qvel=np.zeros((k, model.nv)),
+        model=model,
+    )

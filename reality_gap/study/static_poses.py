@@ -1,0 +1,87 @@
+"""Moments of rest in a log: nothing moves, so that forces balance and speeds do not matter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.study.data import Episode, Study
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+WAIT = 0.5
+"""How long a command must have been held before the machine counts as at rest [s]."""
+WINDOW = 0.5
+"""Longest time over which readings at rest are averaged [s]."""
+SHORTEST = 0.1
+"""Shortest such time [s]."""
+STILL = 1e-6
+"""A command that changes by less than this share of its range stands still."""
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Moments of rest.
+
+    Attributes:
+        time: (k,) [s] from the first command of the episode.
+        episode: (k,) index into the study's.
+        command: (k, nu).
+        value: (k, c) mean readings by channel in SI units; nan where there were none.
+    """
+
+    time: Array
+    episode: Indices
+    command: Array
+    value: Array
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def find_moments(study: Study) -> Moments:
+    """All moments of rest of a study: the end of each time for which a command was held."""
+    commands = np.concatenate([episode.command for episode in study.episodes])
+    least = STILL * np.ptp(commands, axis=0)
+    found = [
+        (e, begin, end)
+        for e, episode in enumerate(study.episodes)
+        for begin, end in _held(episode, least)
+    ]
+    rows, values = [], []
+    for e, begin, end in found:
+        episode = study.episodes[e]
+        last = int(np.searchsorted(episode.time, end)) - 1
+        rows.append(episode.command[max(last, 0)])
+        values.append(_means(episode, begin, end))
+    return Moments(
+        time=np.array([0.5 * (begin + end) for _, begin, end in found]),
+        episode=np.array([e for e, _, _ in found], dtype=np.int64),
+        command=np.array(rows).reshape(len(found), commands.shape[1]),
+        value=np.array(values).reshape(len(found), len(study.channels)),
+    )
+
+
+def _held(episode: Episode, least: Array) -> list[tuple[float, float]]:
+    """Windows at the end of each time for which a command was held."""
+    changed = np.any(np.abs(np.diff(episode.command, axis=0)) > least, axis=1)
+    edges = [episode.time[0], *episode.time[1:][changed], episode.duration]
+    return [
+        (float(max(begin + WAIT, end - WINDOW)), float(end))
+        for begin, end in pairwise(edges)
+        if end - begin > WAIT + SHORTEST
+    ]
+
+
+def _means(episode: Episode, begin: float, end: float) -> Array:
+    """Mean of what each channel read in a window (c,)."""
+    values = np.full(len(episode.readings), np.nan)
+    for c, reading in enumerate(episode.readings):
+        first, last = np.searchsorted(reading.time, [begin, end])
+        if last > first:
+            values[c] = reading.value[first:last].mean()
+    return values

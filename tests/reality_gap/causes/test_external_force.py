@@ -1,0 +1,88 @@
+"""A push that comes once in a log, or in each of its episodes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reality_gap.causes.external_force import CAUSE, EACH
+from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.replay import replay
+from reality_gap.simulation.replayer import Workbench
+from reality_gap.study.data import Study
+from reality_gap.study.measurements import measured
+from reality_gap.study.system import look_at
+
+Array = NDArray[np.float64]
+
+START, DURATION = 1.0, 0.5
+
+
+def moved(study: Study, note: str, start: float) -> list[Array]:
+    """Times since their episode's begin [s] of the readings that a push changes, by episode."""
+    with Workbench(study, 1) as bench:
+        place = next(p for p in CAUSE.places(bench.system) if p.note == note)
+        push = Suspect(CAUSE, place, CAUSE.parameters(bench.system, place))
+        values = {"x": 3.0, "y": 3.0, "z": 3.0, "start": start, "duration": DURATION}
+        null, pushed = bench.residuals([[], [(push, values)]])
+        changed = np.abs(pushed - null) > 1e-3
+        measured = bench.measured
+        return [
+            measured.time[changed & (measured.episode == e)] for e in range(len(study.episodes))
+        ]
+
+
+def test_a_push_in_each_episode_comes_at_the_same_time_of_all(lever_study: Study) -> None:
+    assert len(lever_study.episodes) == 2
+
+    for times in moved(lever_study, EACH, START):
+        assert times.min() == pytest.approx(START, abs=0.15)
+
+
+def test_a_push_that_comes_once_is_in_one_episode(lever_study: Study) -> None:
+    first, second = moved(lever_study, "", lever_study.episodes[0].duration + START)
+
+    assert len(first) == 0
+    assert second.min() == pytest.approx(START, abs=0.15)
+
+
+def test_a_push_at_the_end_of_an_episode_is_none_at_the_begin_of_the_next(
+    lever_study: Study,
+) -> None:
+    late = lever_study.episodes[0].duration - 0.2
+
+    for times in moved(lever_study, EACH, late):
+        assert times.min() > late - 0.15
+
+
+def test_a_log_of_one_episode_knows_one_kind_only(lever_study: Study) -> None:
+    short = replace(lever_study, episodes=lever_study.episodes[:1])
+
+    assert [p.note for p in CAUSE.places(look_at(short))] == [""]
+
+
+@pytest.mark.parametrize("note", ["", EACH])
+def test_a_push_by_the_clock_does_in_c_what_its_hook_does(lever_study: Study, note: str) -> None:
+    system = look_at(lever_study)
+    place = next(p for p in CAUSE.places(system) if p.note == note)
+    values = {"x": 3.0, "y": -2.0, "z": 1.0, "start": START, "duration": DURATION}
+    push = Suspect(CAUSE, place, CAUSE.parameters(system, place))
+
+    def replayed(push: list[tuple[Suspect, dict[str, float]]], in_c: bool) -> Array:
+        plant = build(system, push)
+        hooks = plant.effects.hooks
+        assert all(h.wrenches is not None for h in hooks)
+        stop = START + 0.5 * DURATION  # in the middle of the push: none of the rest is replayed
+        hooks[:] = [replace(h, end=min(stop, h.end)) for h in hooks]
+        if not in_c:
+            hooks[:] = [replace(h, wrenches=None) for h in hooks]
+        return replay(plant, lever_study, measured(lever_study)).prediction
+
+    in_c, hooked = (replayed([(push, values)], c) for c in (True, False))
+    moved = np.abs(hooked - replayed([], in_c=True)).max()
+
+    assert moved > 1e-3
+    assert np.abs(in_c - hooked).max() < 1e-9 * moved

@@ -1,0 +1,206 @@
+"""Dry friction of a car on a rail that a wire is tied to, against the law of its bristles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reality_gap.causes.base import Place
+from reality_gap.causes.support import lugre
+from reality_gap.study.system import System
+from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_WIRE, Kind, car, ramp
+
+Array = NDArray[np.float64]
+
+LEVEL = 4.0
+ON_BOTH = Place("tendon", ("wire", "rope"))
+
+
+def braked(system: System, place: Place, level: float = LEVEL, bend: float = BEND) -> mujoco.MjSpec:
+    """The car without friction of its own, with that of bristles."""
+    spec = system.study.spec()
+    spec.joint("rail").frictionloss = 0.0
+    lugre.brake(spec, system, "rub", place, level, bend)
+    return spec
+
+
+def pull(model: mujoco.MjModel, load: Array) -> Array:
+    """Positions of the car (k,) while the motor pulls with ``load`` (k,) [N]."""
+    data, positions = mujoco.MjData(model), np.empty(len(load))
+    for k, force in enumerate(load):
+        data.ctrl[0] = force
+        mujoco.mj_step(model, data)
+        positions[k] = data.qpos[0]
+    return positions
+
+
+def law(load: Array | float) -> Array:
+    """How far bristles bend under a load: F = level (1 - exp(-x / bend)), for x [m]."""
+    return -BEND * np.log(1.0 - np.asarray(load) / LEVEL)
+
+
+@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+def test_force_builds_up_over_the_presliding(tmp_path: Path, place: Place) -> None:
+    model = braked(car(tmp_path), place).compile()
+    load = ramp(0.0, 0.9 * LEVEL)
+
+    found = pull(model, load)
+
+    at = [2000, 4000, 6000, 7999]
+    np.testing.assert_allclose(found[at], law(load[at]), rtol=0.05, atol=0.01 * BEND)
+
+
+def test_it_holds_below_its_level(tmp_path: Path) -> None:
+    load = np.concatenate([ramp(0.0, 0.8 * LEVEL), np.full(4000, 0.8 * LEVEL)])
+
+    found = pull(braked(car(tmp_path), ON_WIRE).compile(), load)
+
+    assert found[-1] == pytest.approx(float(law(load[-1])), rel=0.1)
+    assert abs(found[-1] - found[-2000]) < 0.02 * BEND  # no creep
+
+
+@pytest.mark.parametrize("bend", [3e-4, 3e-5, 3e-6])
+def test_what_nothing_else_damps_comes_to_rest(tmp_path: Path, bend: float) -> None:
+    model = braked(car(tmp_path, damping=0.0), ON_WIRE, bend=bend).compile()
+
+    found = pull(model, ramp(0.0, 0.5 * LEVEL, 0.5 * LEVEL))
+
+    assert np.ptp(found[-4000:]) < 0.02 * bend  # neither buzzes nor creeps
+
+
+def test_above_its_level_it_lets_go_and_takes_its_level(tmp_path: Path) -> None:
+    found = pull(braked(car(tmp_path), ON_WIRE).compile(), np.full(1500, 2.5 * LEVEL))
+
+    speed = (found[-1] - found[-2]) / 0.002
+    assert speed == pytest.approx(1.5 * LEVEL / DAMPING, rel=0.01)
+
+
+def test_unloaded_the_bristles_spring_back_in_part(tmp_path: Path) -> None:
+    """On the way back F starts from that on the way out, and falls as level (2 exp(x/bend) - 1)."""
+    there, back = law(0.9 * LEVEL), np.log((1.0 + 0.9) / (1.0 + 0.0)) * BEND
+
+    found = pull(braked(car(tmp_path), ON_WIRE).compile(), ramp(0.0, 0.9 * LEVEL, 0.0))
+
+    assert found[-1] == pytest.approx(float(there) - back, rel=0.05)
+
+
+def test_every_element_of_a_place_has_its_own(tmp_path: Path) -> None:
+    model = braked(car(tmp_path), ON_BOTH).compile()
+    load = ramp(0.0, 1.8 * LEVEL)
+
+    found = pull(model, load)
+
+    np.testing.assert_allclose(found[-1], law(load[-1] / 2), rtol=0.05)
+
+
+@pytest.mark.parametrize("place", [ON_WIRE, ON_BOTH, ON_RAIL])
+def test_no_control_is_added(tmp_path: Path, place: Place) -> None:
+    system = car(tmp_path)
+    model = braked(system, place).compile()
+
+    assert model.nu == system.model.nu
+    assert model.nactuator == system.model.nactuator + len(place.elements)
+
+
+@pytest.mark.parametrize("mass", [0.02, 0.2, 2.0])
+@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+def test_on_what_is_light_the_bristles_are_no_stiffer_than_steps_allow(
+    tmp_path: Path, mass: float, place: Place
+) -> None:
+    """An oscillation of angular frequency w is followed by steps h while (w h)^2 is far below 4."""
+    system = car(tmp_path, mass=mass, damping=100.0 * mass)
+    model = braked(system, place, bend=1e-7).compile()
+
+    found = pull(model, ramp(0.0, 0.8 * LEVEL))
+
+    stiffness = float(model.actuator_dynprm[-1, lugre.STIFFNESS])
+    assert stiffness * model.opt.timestep**2 / mass < 0.5
+    assert found[-1] == pytest.approx(law(0.8 * LEVEL) / BEND * LEVEL / stiffness, rel=0.1)
+
+
+def test_on_what_is_heavy_the_bristles_are_as_stiff_as_asked(tmp_path: Path) -> None:
+    model = braked(car(tmp_path), ON_WIRE).compile()
+
+    assert model.actuator_dynprm[-1, lugre.STIFFNESS] == pytest.approx(LEVEL / BEND)
+
+
+@pytest.mark.parametrize(
+    ("measured", "kind"),
+    [("sum_on_wire", "sensor"), ("sum_on_rail", "sensor"), ("rail", "effort")],
+)
+def test_where_forces_are_summed_up_it_is_frictionloss(
+    tmp_path: Path, measured: str, kind: Kind
+) -> None:
+    system = car(tmp_path, measured, kind=kind)
+    spec = system.study.spec()
+    lugre.brake(spec, system, "rub", ON_BOTH, LEVEL, BEND)
+    lugre.brake(spec, system, "rub", ON_RAIL, LEVEL, BEND)
+    model = spec.compile()
+
+    assert not lugre.possible(system)
+    assert model.nactuator == system.model.nactuator
+    np.testing.assert_allclose(model.tendon_frictionloss, LEVEL)
+    assert model.dof_frictionloss[0] == pytest.approx(0.5 + LEVEL)  # on top of its own
+
+
+def test_a_sensor_that_is_not_measured_does_not_matter(tmp_path: Path) -> None:
+    assert lugre.possible(car(tmp_path))
+
+
+@pytest.mark.parametrize("sensors", [(), ("sum_on_wire",)])
+def test_frictionloss_holds_and_lets_go_at_the_same_level(
+    tmp_path: Path, sensors: tuple[str, ...]
+) -> None:
+    model = braked(car(tmp_path, *sensors), ON_WIRE).compile()
+
+    below, above = (pull(model, np.full(1500, share * LEVEL)) for share in (0.6, 1.6))
+
+    assert np.all(below < 3 * BEND)
+    speed = (above[-1] - above[-2]) / 0.002
+    assert speed == pytest.approx(0.6 * LEVEL / DAMPING, rel=0.02)
+
+
+@pytest.mark.parametrize("place", [ON_WIRE, ON_BOTH, ON_RAIL])
+@pytest.mark.parametrize("sensors", [(), ("sum_on_wire",)])
+def test_pressed_harder_it_holds_more(
+    tmp_path: Path, sensors: tuple[str, ...], place: Place
+) -> None:
+    system = car(tmp_path, *sensors)
+    count = len(place.elements)
+
+    def speed(factor: float, share: float) -> float:
+        """After 3 s under a share of the level that all elements have unpressed [m/s]."""
+        model = braked(system, place).compile()
+        brakes = lugre.Brakes(model, system, "rub", place)
+        brakes.press(LEVEL, 7.0)  # what counts is the latest
+        brakes.press(LEVEL, factor)
+        found = pull(model, np.full(1500, share * count * LEVEL))
+        return float(found[-1] - found[-2]) / 0.002
+
+    too_much = count * LEVEL / DAMPING  # the speed where as much is left over
+    assert speed(2.0, share=1.4) == pytest.approx(0.0, abs=0.01 * too_much)
+    assert speed(1.0, share=1.4) == pytest.approx(0.4 * too_much, rel=0.02)
+    assert speed(0.0, share=1.4) == pytest.approx(1.4 * too_much, rel=0.02)
+
+
+def test_elements_are_pressed_each_by_itself(tmp_path: Path) -> None:
+    system = car(tmp_path)
+    model = braked(system, ON_BOTH).compile()
+
+    lugre.Brakes(model, system, "rub", ON_BOTH).press(LEVEL, np.array([2.0, 0.5]))
+
+    load = ramp(0.0, 2.25 * LEVEL)
+    # Both bend alike, for their stiffness grows with their level: together, 2.5 times one's.
+    np.testing.assert_allclose(pull(model, load)[-1], law(load[-1] / 2.5), rtol=0.05)
+
+
+@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+def test_the_usual_presliding_is_its_null(tmp_path: Path, place: Place) -> None:
+    found = lugre.bend(car(tmp_path), place)
+
+    assert found.low < found.null < found.high
+    assert found.unit == "m"  # the rail is straight

@@ -1,0 +1,260 @@
+"""The fit at rest and the diagnosis by groups, on an arm that is wrong everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap.causes import CATALOGUE, cause
+from reality_gap.inference.group_fit import explain, of_groups, power
+from reality_gap.inference.groups import find_groups, noise_at_rest, positions_at
+from reality_gap.inference.static_fit import ROUNDS, Settled, fit_at_rest
+from reality_gap.report.extended_model import load_extended
+from reality_gap.report.files import write_diagnosis
+from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.replay import replay
+from reality_gap.simulation.replayer import Part, Workbench
+from reality_gap.simulation.statics import Statics
+from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
+from reality_gap.study.measurements import channel_noise, measured
+from reality_gap.study.static_poses import Moments, find_moments
+from reality_gap.study.system import System, look_at
+
+WIRES = ("front", "back", "upper", "lower")
+ARM = """
+<mujoco>
+  <option timestep="0.004" integrator="implicitfast"/>
+  <worldbody>
+    <site name="front_0" pos="0.1 0 0.1"/> <site name="back_0" pos="-0.1 0 0.1"/>
+    <body name="boom">
+      <joint name="shoulder" axis="0 1 0" damping="2"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/>
+      <site name="front_1" pos="0.08 0 -0.1"/> <site name="back_1" pos="-0.08 0 -0.1"/>
+      <site name="upper_0" pos="0.1 0 -0.2"/> <site name="lower_0" pos="-0.1 0 -0.2"/>
+      <body name="jib" pos="0 0 -0.3">
+        <joint name="elbow" axis="0 1 0" damping="1"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.25" size="0.015" mass="0.5"/>
+        <site name="upper_1" pos="0.08 0 -0.1"/> <site name="lower_1" pos="-0.08 0 -0.1"/>
+        <site name="tip" pos="0 0 -0.25"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>{tendons}</tendon>
+  <actuator>{actuators}</actuator>
+  <sensor>{sensors}<framepos name="tip" objtype="site" objname="tip"/></sensor>
+</mujoco>
+"""
+TENDON = '<spatial name="{w}"><site site="{w}_0"/><site site="{w}_1"/></spatial>'
+MOTOR = """
+<general name="{w}" tendon="{w}" gainprm="20000" biastype="affine" biasprm="-20 -20000 0"
+         forcelimited="true" forcerange="-600 -20"/>
+"""
+SENSORS = """
+<tendonpos name="length_{w}" tendon="{w}"/> <actuatorfrc name="tension_{w}" actuator="{w}"/>
+"""
+PERIOD = 0.02
+ZERO = {"shoulder": 0.12, "elbow": -0.09}
+
+
+def _model(wires: tuple[str, ...]) -> str:
+    parts = [("tendons", TENDON), ("actuators", MOTOR), ("sensors", SENSORS)]
+    return ARM.format(**{name: "".join(p.format(w=w) for w in wires) for name, p in parts})
+
+
+def _commands(model: mujoco.MjModel, hold: float) -> np.ndarray:
+    """Lengths in postures, with moves of half a second and holds of ``hold`` s between (n, nu)."""
+    data, rng, rows = mujoco.MjData(model), np.random.default_rng(3), []
+    for posture in rng.uniform(-0.4, 0.4, (12, 2)):
+        data.qpos[:] = posture
+        mujoco.mj_fwdPosition(model, data)
+        rows.append(data.ten_length - 0.002)
+    parts = [np.tile(rows[0], (50, 1))]
+    for before, after in pairwise(rows):
+        share = np.linspace(0.0, 1.0, 26)[1:, None]
+        parts += [before + share * (after - before), np.tile(after, (round(hold / PERIOD), 1))]
+    return np.concatenate(parts)
+
+
+def _study(folder: Path, hold: float = 1.2) -> Study:
+    """Not measured yet: all readings are zero."""
+    path = folder / "arm.xml"
+    path.write_text(_model(WIRES))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    command = _commands(model, hold)
+    time = PERIOD * np.arange(len(command), dtype=np.float64)
+    channels = [Channel(f"length_{w}", f"length_{w}", 0, "m", 1e-4) for w in WIRES]
+    channels += [Channel(f"tension_{w}", f"tension_{w}", 0, "N", 0.5) for w in WIRES]
+    channels += [Channel(f"tip_{a}", "tip", i, "m", 2e-4) for i, a in enumerate("xyz")]
+    readings = tuple(Reading(time, np.zeros(len(time))) for _ in channels)
+    return Study(
+        "arm", path, tuple(channels), (Episode("only", time, command, readings),), Initial()
+    )
+
+
+def _group(system: System, name: str) -> Suspect:
+    place = next(p for p in cause(name).places(system) if p.note.startswith("every"))
+    return Suspect(cause(name), place, cause(name).parameters(system, place))
+
+
+def _planted(system: System) -> list[Part]:
+    zero, shift = _group(system, "joint_offset"), _group(system, "attachment_shift")
+    rng = np.random.default_rng(5)
+    moved = {
+        p.name: 0.0 if p.name.endswith("y") else rng.normal(0, 0.006) for p in shift.parameters
+    }
+    return [(zero, dict(ZERO)), (shift, moved)]
+
+
+def _measure(study: Study, planted: bool = True) -> Study:
+    """What the machine reads, with noise."""
+    system = look_at(study)
+    plant = build(system, _planted(system) if planted else [])
+    found = replay(plant, study, measured(study)).prediction
+    rng, episode = np.random.default_rng(1), study.episodes[0]
+    columns = found.reshape(len(study.channels), -1)
+    readings = tuple(
+        Reading(r.time, column + rng.normal(0, c.noise or 0.0, len(column)))
+        for r, column, c in zip(episode.readings, columns, study.channels, strict=True)
+    )
+    return replace(study, episodes=(replace(episode, readings=readings),))
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Workbench:
+    """Of an arm that differs from its model by two groups of causes."""
+    return Workbench(_measure(_study(tmp_path_factory.mktemp("arm"))))
+
+
+def _suspects(system: System) -> list[Part]:
+    groups = (_group(system, "joint_offset"), _group(system, "attachment_shift"))
+    return [(group, group.nulls()) for group in groups]
+
+
+def _fit(bench: Workbench, moments: Moments, start: list[Part] | None = None) -> Settled:
+    system, statics = bench.system, Statics(bench.system, moments)
+    qpos = positions_at(moments, bench.look([]))
+    noise = noise_at_rest(system, statics, channel_noise(system.study), qpos)
+    return fit_at_rest(system, statics, start or _suspects(system), qpos, noise)
+
+
+@pytest.fixture(scope="module")
+def found(bench: Workbench) -> Settled:
+    """Both groups, fitted."""
+    return _fit(bench, find_moments(bench.system.study))
+
+
+def test_bristles_hold_nothing_at_rest(bench: Workbench) -> None:
+    """Friction has actuators without input, which an extended model has, too."""
+    moments = find_moments(bench.system.study)
+    statics, qpos = Statics(bench.system, moments), positions_at(moments, bench.look([]))
+    smooth, rubbing = build(bench.system, []), bench.machine([])
+    assert rubbing.spec.compile().nactuator > smooth.spec.compile().nactuator
+    with_friction = statics.look(rubbing, qpos)
+    for name, expected in vars(statics.look(smooth, qpos)).items():
+        np.testing.assert_allclose(getattr(with_friction, name), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_finds_the_zero_of_each_joint(found: Settled) -> None:
+    (_, values), sizes = found.hypothesis[0], found.deviation[0]
+    assert values == pytest.approx(ZERO, abs=0.02)
+    for joint, zero in ZERO.items():
+        assert abs(values[joint] - zero) < 4 * sizes[joint]
+        assert sizes[joint] < 0.05
+
+
+def test_finds_the_paths_of_the_wires(bench: Workbench, found: Settled) -> None:
+    """Not three numbers a site: what counts is how lengths change from posture to posture."""
+
+    def lengths(parts: list[Part]) -> np.ndarray:
+        model = build(bench.system, parts).spec.compile()
+        data, rows = mujoco.MjData(model), []
+        for posture in np.random.default_rng(0).uniform(-0.4, 0.4, (30, 2)):
+            data.qpos[:] = posture
+            mujoco.mj_fwdPosition(model, data)
+            rows.append(data.ten_length.copy())
+        return np.array(rows) - np.mean(rows, axis=0)
+
+    truth = lengths(_planted(bench.system))
+    assert np.std(lengths(found.hypothesis) - truth) < 0.5 * np.std(lengths([]) - truth)
+
+
+def test_finds_where_joints_stood(bench: Workbench, found: Settled) -> None:
+    moments = find_moments(bench.system.study)
+    truth = positions_at(moments, bench.look(_planted(bench.system)))
+    before = positions_at(moments, bench.look([]))
+    assert np.std(found.qpos - truth) < 0.2 * np.std(before - truth)
+
+
+def test_a_parameter_at_its_bound_does_not_stop_the_others(bench: Workbench) -> None:
+    """Sites are allowed a sixth of what they are off: the best fit within that is one."""
+    moments, (zero, (shift, _)) = find_moments(bench.system.study), _suspects(bench.system)
+    narrow = tuple(replace(p, low=-0.001, high=0.001) for p in shift.parameters)
+    shift = replace(shift, parameters=narrow)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, len(narrow)))
+    ends = []
+    for row in signs:
+        start = {p.name: 0.001 * sign for p, sign in zip(narrow, row, strict=True)}
+        found = _fit(bench, moments, [zero, (shift, start)])
+        assert len(found.cost) < ROUNDS
+        ends.append(found.cost[-1])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-5)
+
+
+def test_the_cost_falls(found: Settled) -> None:
+    assert np.all(np.diff(found.cost) <= 0)
+    assert found.cost[-1] < 0.05 * found.cost[0]
+
+
+def test_the_whole_log_is_explained(bench: Workbench) -> None:
+    told: list[str] = []
+    null = bench.residual([])
+    whole = explain(bench, list(CATALOGUE.values()), null, 5.0, told.append)
+    assert whole is not None
+    assert whole.power < 0.1 * power(bench.measured, null)
+    named = {c.suspect.cause.id: c for c in whole.named}
+    assert named["joint_offset"].confidence > 0.9
+    assert named["joint_offset"].suspect.place.elements == ("shoulder", "elbow")
+    low, high = (getattr(named["joint_offset"].parameters["shoulder"], e) for e in ("low", "high"))
+    assert low < ZERO["shoulder"] < high
+    assert len(named["length_offset"].parameters) == len(WIRES)
+    assert told
+
+
+def test_groups_survive_their_files(
+    bench: Workbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a diagnosis of groups wrote replays as what was diagnosed."""
+    monkeypatch.setattr("reality_gap.report.files.write_report", lambda *_: None)
+    null, study = bench.residual([]), bench.system.study
+    whole = explain(bench, list(CATALOGUE.values()), null, 5.0)
+    assert whole is not None
+    write_diagnosis(of_groups(bench, whole, null, 0.0), study, tmp_path / "out")
+
+    replayed = load_extended(tmp_path / "out").replay(study).prediction
+
+    expected = bench.look(whole.hypothesis).prediction
+    assert np.max(np.abs(replayed - expected) / bench.measured.noise) < 0.2
+    without = bench.look([]).prediction
+    assert np.max(np.abs(without - expected) / bench.measured.noise) > 20.0
+
+
+def test_a_small_gap_is_left_to_the_search(bench: Workbench) -> None:
+    small = np.full(len(bench.measured.value), 4.0)
+    assert explain(bench, list(CATALOGUE.values()), small, 5.0) is None
+
+
+def test_no_fit_without_rests(tmp_path: Path) -> None:
+    bench = Workbench(_measure(_study(tmp_path, hold=0.3)))
+    null = bench.residual([])
+    assert power(bench.measured, null) > 25
+    assert explain(bench, list(CATALOGUE.values()), null, 5.0) is None
+
+
+def test_a_machine_with_few_parts_has_no_groups(bench: Workbench) -> None:
+    assert len(find_groups(bench.system, list(CATALOGUE.values()))) == 4
+    assert find_groups(bench.system, [cause("joint_offset"), cause("length_offset")]) == ()

@@ -1,0 +1,133 @@
+"""A draft for a well-named log can be used as it is; what is not guessed is left to a person."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from reality_gap.errors import StudyError
+from reality_gap.io.loader import load_study
+from reality_gap.io.template import draft_study
+
+LOGS = ("robot_0.csv", "robot_1.csv", "camera_0.csv", "camera_1.csv")
+
+
+def draft(folder: Any, *logs: str) -> str:
+    """The draft for logs in the study's folder, written anew."""
+    root = folder.write().parent
+    return draft_study(root / "lever.xml", [root / log for log in logs or LOGS])
+
+
+def rename(folder: Any, names: dict[str, str]) -> None:
+    """Rename columns of the logs."""
+    for log, columns in folder.logs.items():
+        folder.logs[log] = {names.get(name, name): cells for name, cells in columns.items()}
+
+
+def test_a_well_named_log_needs_no_editing(study_folder: Any) -> None:
+    text = draft(study_folder)
+    plain = load_study(study_folder.path)
+    study_folder.path.write_text(text, encoding="utf-8")
+    study = load_study(study_folder.path)
+    np.testing.assert_array_equal(study.episodes[1].command, plain.episodes[1].command)
+    drafted = dict(zip((c.name for c in study.channels), study.episodes[0].readings, strict=True))
+    for channel, reading in zip(plain.channels, plain.episodes[0].readings, strict=True):
+        np.testing.assert_array_equal(drafted[channel.name].value, reading.value)
+        np.testing.assert_array_equal(drafted[channel.name].time, reading.time)
+    # Nothing in the log looks like the orientation of the marker.
+    assert "  # marker_turn: {columns: [?, ?, ?, ?], unit: 1}" in text
+
+
+def test_other_words_and_units(study_folder: Any) -> None:
+    names = {
+        "time": "t_ms",
+        "target_flexor": "flexor cmd [mm]",
+        "target_extensor": "extensor cmd [mm]",
+        "length_flexor": "enc_flexor",
+        "length_extensor": "enc_extensor",
+        "tension_flexor": "FlexorForce",
+        "tension_extensor": "ExtensorForce",
+        "angle_elbow": "elbow_deg",
+    }
+    rename(study_folder, names)
+    content = yaml.safe_load(draft(study_folder))
+    assert content["time"] == {"column": "t_ms", "unit": "ms"}
+    assert content["actuators"]["flexor"] == {"column": "flexor cmd [mm]", "unit": "mm"}
+    sensors = content["sensors"]
+    assert sensors["length_extensor"]["column"] == "enc_extensor"
+    assert sensors["tension_flexor"] == {"column": "FlexorForce", "unit": "N", "scale": -1}
+    assert sensors["angle_elbow"] == {"column": "elbow_deg", "unit": "deg"}
+
+
+def test_units_by_size(study_folder: Any) -> None:
+    for columns in study_folder.logs.values():
+        for name, factor in (("time", 1e6), ("length_flexor", 1e3)):
+            if name in columns:
+                columns[name] = [factor * cell for cell in columns[name]]
+    content = yaml.safe_load(draft(study_folder))
+    assert content["time"]["unit"] == "us"
+    assert content["sensors"]["length_flexor"]["unit"] == "mm"
+    assert content["sensors"]["length_extensor"]["unit"] == "m"
+
+
+def test_what_is_not_guessed_is_a_comment(study_folder: Any) -> None:
+    rename(study_folder, {"target_flexor": "a17", "target_extensor": "b17", "length_flexor": "c"})
+    text = draft(study_folder)
+    assert "  # flexor: {column: ?, unit: m}" in text
+    assert "  # columns that nobody uses: a17, c, b17" in text
+    assert not yaml.safe_load(text)["actuators"]
+    assert "length_flexor" not in yaml.safe_load(text)["sensors"]
+
+
+def test_the_time_may_be_unknown(study_folder: Any) -> None:
+    rename(study_folder, {"time": "index"})
+    assert "# time: {column: ?, unit: s}" in draft(study_folder)
+
+
+def test_names_that_yaml_would_misread(study_folder: Any) -> None:
+    rename(study_folder, {"length_flexor": "length flexor: #1"})
+    sensors = yaml.safe_load(draft(study_folder))["sensors"]
+    assert sensors["length_flexor"]["column"] == "length flexor: #1"
+
+
+def test_a_machine_without_actuators_has_efforts(tmp_path: Path) -> None:
+    model = tmp_path / "cart.xml"
+    model.write_text(
+        '<mujoco><worldbody><body><joint name="carriage" type="slide"/><geom size="0.1" mass="9"/>'
+        '</body></worldbody><sensor><jointpos name="position" joint="carriage"/></sensor></mujoco>'
+    )
+    log = tmp_path / "log.csv"
+    log.write_text("t_s,carriage_position_m,carriage_force_N\n0,0,1\n0.1,0.1,2\n")
+    content = yaml.safe_load(draft_study(model, [log]))
+    assert content["episodes"] == [{"commands": "log.csv"}]
+    assert content["sensors"] == {"position": {"column": "carriage_position_m", "unit": "m"}}
+    assert content["efforts"] == {"carriage": {"column": "carriage_force_N", "unit": "N"}}
+    assert content["initial"] == {"joints": "first_reading", "settle": 0}
+
+
+def test_files_must_lie_beside_the_study(study_folder: Any, tmp_path_factory: Any) -> None:
+    root = study_folder.path.parent
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    with pytest.raises(StudyError, match="outside"):
+        draft_study(root / "lever.xml", [root / "robot_0.csv"], elsewhere)
+
+
+def test_a_draft_needs_a_model_and_a_log(study_folder: Any) -> None:
+    root = study_folder.path.parent
+    with pytest.raises(StudyError, match="no model file"):
+        draft_study(root / "arm.xml", [root / "robot_0.csv"])
+    with pytest.raises(StudyError, match="no file log"):
+        draft_study(root / "lever.xml", [root / "log.csv"])
+    with pytest.raises(StudyError, match="at least one log"):
+        draft_study(root / "lever.xml", [])
+
+
+def test_the_last_column_of_a_kind_is_for_the_last_element_of_that_kind(study_folder: Any) -> None:
+    rename(study_folder, {"target_flexor": "u"})
+    actuators = yaml.safe_load(draft(study_folder))["actuators"]
+    assert actuators["flexor"]["column"] == "u"
+    assert actuators["extensor"]["column"] == "target_extensor"

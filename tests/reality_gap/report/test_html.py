@@ -1,0 +1,219 @@
+"""The page: honest for each verdict, in units for people, and readable without a network."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html import escape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reality_gap.diagnosis import Diagnosis, Verdict
+from reality_gap.report.html import page
+from reality_gap.report.plots.canvas import png
+from reality_gap.report.plots.signals import residual_map, signals
+from reality_gap.study.data import Study
+
+Make = Callable[[Verdict], Diagnosis]
+VOID = {"meta", "img", "br", "link"}
+
+
+class Reader(HTMLParser):
+    """What a browser would find: text, links to elsewhere, and elements left open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.text = ""
+        self.open: list[str] = []
+        self.sources: list[str] = []
+        self.tags: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.text += " "
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text += data
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures that are made but not drawn, which is what takes the time."""
+    monkeypatch.setattr("reality_gap.report.html.png", lambda figure: "")
+
+
+def read(html: str) -> Reader:
+    """The page as a browser has it, white space as one blank."""
+    reader = Reader()
+    reader.feed(html)
+    reader.text = " ".join(reader.text.split())
+    return reader
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_a_page_is_whole_and_needs_no_network(
+    verdict: Verdict, diagnosed: Make, lever_study: Study
+) -> None:
+    diagnosis = diagnosed(verdict)
+
+    found = read(page(diagnosis, lever_study))
+
+    assert found.open == []
+    assert "script" not in found.tags
+    assert len(found.sources) >= 5
+    for source in found.sources:
+        assert source.startswith("data:image/png;base64,")
+        assert base64.b64decode(source.split(",")[1]).startswith(b"\x89PNG")
+    assert diagnosis.sentence in found.text
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_a_named_cause_stands_in_units_for_people(diagnosed: Make, lever_study: Study) -> None:
+    found = read(page(diagnosed(Verdict.NAMED), lever_study)).text
+
+    assert "Length offset extensor offset 2.50 mm 2.00 to 3.00 mm 88 % length scale" in found
+    assert "Coulomb friction flexor friction 3.00 N 2.50 to 3.50 N 93 % none" in found
+    assert re.search(r'\+ *<general name="coulomb_friction/flexor"[^>]*biasprm="0 0 0 3 3', found)
+    assert "takes away 96 % of the error above the floor (95 % interval 93 to 97 %)" in found
+    assert "camera focal nothing to act on" in found
+
+
+@pytest.mark.parametrize(("chance", "said"), [(0.31, True), (0.01, False), (None, False)])
+@pytest.mark.usefixtures("blank_pictures")
+def test_it_is_said_where_the_cause_may_have_no_name(
+    chance: float | None, said: bool, diagnosed: Make, lever_study: Study
+) -> None:
+    diagnosis = replace(diagnosed(Verdict.NAMED), nameless=chance)
+
+    found = read(page(diagnosis, lever_study)).text
+
+    assert ("with 31 % probability it is none of those known" in found) is said
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_nothing_wrong_promises_neither_gain_nor_truth(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = replace(diagnosed(Verdict.NOTHING_WRONG), rivals=(), next_experiment=None)
+
+    found = read(page(diagnosis, lever_study)).text
+
+    assert "What it gains" not in found
+    assert "That is no proof that the model is right elsewhere" in found
+    assert "extended.xml is your model" in found
+    assert "learned residual" not in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_unexplained_names_nobody_but_says_where_to_look(
+    diagnosed: Make, lever_study: Study
+) -> None:
+    found = read(page(diagnosed(Verdict.UNEXPLAINED), lever_study)).text
+
+    assert "What it gains" not in found
+    assert "what has no name is not built into a model" in found
+    assert "follows most from velocity sign of elbow (40 % of it, in length_flexor)" in found
+    assert "It is no cause, has no name" in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_where_nothing_is_named_there_is_one_model_and_no_rivals(
+    diagnosed: Make, lever_study: Study
+) -> None:
+    diagnosis = replace(diagnosed(Verdict.UNEXPLAINED), next_experiment=None)
+
+    found = read(page(diagnosis, lever_study)).text
+
+    assert "RMS with your model, in units" in found
+    assert "there are no rivals to tell apart, and a longer log says no clearer" in found
+    assert "halve the doubt" not in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_names_are_text_and_never_markup(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = replace(diagnosed(Verdict.NAMED), study="<script>alert(1)</script>")
+
+    found = read(page(diagnosis, lever_study))
+
+    assert "script" not in found.tags
+    assert "<script>alert(1)</script>" in found.text
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_a_model_that_diverges_still_gets_its_page(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = diagnosed(Verdict.UNEXPLAINED)
+    nothing = tuple(replace(t, before=np.full_like(t.before, np.nan)) for t in diagnosis.traces)
+
+    found = read(page(replace(diagnosis, traces=nothing), lever_study)).text
+
+    assert "it diverges on this log" in found
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_the_same_diagnosis_gives_the_same_page(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = diagnosed(Verdict.NAMED)
+
+    assert page(diagnosis, lever_study) == page(diagnosis, lever_study)
+
+
+def test_the_same_picture_has_the_same_bits(diagnosed: Make) -> None:
+    found = signals(diagnosed(Verdict.NAMED).traces)
+
+    assert png(residual_map(found)) == png(residual_map(found))
+
+
+BAD_NAME = "<script>alert('{{7*7}}')</script>$\\frac{$&quot;"
+"""What a stranger may call a sensor: it is neither HTML, nor a template, nor mathematics."""
+
+
+@pytest.fixture
+def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagnosis, Study]:
+    """A diagnosis in which everything is called so."""
+    model = tmp_path / "<script>alert(1)<.xml"
+    text = lever_study.model.read_text(encoding="utf-8")
+    model.write_text(text.replace('"flexor"', f'"{escape(BAD_NAME)}"'), encoding="utf-8")
+    study = replace(lever_study, name=BAD_NAME, model=model)
+    good = diagnosed(Verdict.NAMED)
+    assert good.next_experiment is not None
+    place = replace(good.causes[0].suspect.place, elements=(BAD_NAME,), note=BAD_NAME)
+    cause = replace(good.causes[0], suspect=replace(good.causes[0].suspect, place=place))
+    bad = replace(
+        good,
+        study=BAD_NAME,
+        sentence=BAD_NAME,
+        causes=(cause, *good.causes[1:]),
+        rivals=tuple(replace(rival, suspect=cause.suspect) for rival in good.rivals),
+        depends_on=tuple(replace(d, channel=BAD_NAME, quantity=BAD_NAME) for d in good.depends_on),
+        next_experiment=replace(good.next_experiment, title=BAD_NAME, sentence=BAD_NAME),
+        not_judged=((BAD_NAME, BAD_NAME),),
+        traces=tuple(
+            replace(trace, channel=f"{BAD_NAME} {trace.channel}", episode=BAD_NAME)
+            for trace in good.traces
+        ),
+        effects=((cause.suspect, {"force": 1.0}),),
+        extended_xml=good.extended_xml + BAD_NAME,
+    )
+    return bad, study
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_names_from_strangers_are_text_and_nothing_else(hostile: tuple[Diagnosis, Study]) -> None:
+    found = read(page(*hostile))
+
+    assert "script" not in found.tags
+    assert found.text.count(BAD_NAME) >= 5
+
+
+@pytest.mark.slow
+def test_names_from_strangers_can_be_drawn(hostile: tuple[Diagnosis, Study]) -> None:
+    page(*hostile)

@@ -1,0 +1,68 @@
+"""A car on a rail that a wire is tied to, for whoever tests friction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reality_gap.causes.base import Place
+from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.system import System, look_at
+
+Array = NDArray[np.float64]
+
+CAR = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/>
+  <worldbody>
+    <site name="post" pos="-1 0 0"/>
+    <body name="car">
+      <joint name="rail" type="slide" axis="1 0 0" frictionloss="0.5" damping="{damping}"/>
+      <geom type="sphere" size="0.05" mass="{mass}"/>
+      <site name="hook"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="wire"><site site="post"/><site site="hook"/></spatial>
+    <spatial name="rope"><site site="post"/><site site="hook"/></spatial>
+  </tendon>
+  <actuator><motor name="motor" joint="rail"/></actuator>
+  <sensor>
+    <jointpos name="position" joint="rail"/>
+    <tendonactuatorfrc name="sum_on_wire" tendon="wire"/>
+    <jointactuatorfrc name="sum_on_rail" joint="rail"/>
+  </sensor>
+</mujoco>
+"""
+MASS, DAMPING = 10.0, 100.0
+BEND = 1e-3
+ON_WIRE, ON_RAIL = Place("tendon", ("wire",)), Place("joint", ("rail",))
+
+Kind = Literal["sensor", "effort"]
+
+
+def car(
+    folder: Path,
+    *sensors: str,
+    kind: Kind = "sensor",
+    mass: float = MASS,
+    damping: float = DAMPING,
+) -> System:
+    """A car of which ``sensors`` are measured, or efforts of joints."""
+    path = folder / "car.xml"
+    path.write_text(CAR.format(mass=mass, damping=damping))
+    time = np.array([0.0, 1.0])
+    channels = [Channel("position", "position")]
+    channels += [Channel(sensor, sensor, kind=kind) for sensor in sensors]
+    readings = tuple(Reading(time, np.zeros(2)) for _ in channels)
+    episode = Episode("still", time, np.zeros((2, 1)), readings)
+    return look_at(Study("car", path, tuple(channels), (episode,)))
+
+
+def ramp(*corners: float, steps: int = 8000) -> Array:
+    """From load to load, so slowly that the car is at rest on its bristles."""
+    ends = np.arange(len(corners)) * steps
+    return np.interp(np.arange(ends[-1]), ends, corners)

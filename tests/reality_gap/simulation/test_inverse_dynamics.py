@@ -1,0 +1,235 @@
+"""Inverse dynamics explain the efforts of a machine that was moved in closed loop."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reality_gap.causes.base import Effects
+from reality_gap.errors import StudyError
+from reality_gap.simulation.hypothesis import Plant
+from reality_gap.simulation.inverse_dynamics import inverse_replay, prepare
+from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.measurements import measured
+
+Array = NDArray[np.float64]
+
+ARM = """
+<mujoco>
+  <option timestep="0.001"/>
+  <worldbody>
+    <body>
+      <joint name="shoulder" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="1.5"/>
+      <body name="forearm" pos="0.3 0 0">
+        <joint name="elbow" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0.25 0 0" size="0.02" mass="0.8"/>
+      </body>
+    </body>
+  </worldbody>
+  <sensor>
+    <jointpos name="angle_shoulder" joint="shoulder"/>
+    <jointpos name="angle_elbow" joint="elbow"/>
+  </sensor>
+</mujoco>
+"""
+CHANNELS = (
+    Channel("angle_shoulder", "angle_shoulder", unit="rad"),
+    Channel("angle_elbow", "angle_elbow", unit="rad"),
+    Channel("torque_shoulder", "shoulder", unit="N m", kind="effort"),
+    Channel("torque_elbow", "elbow", unit="N m", kind="effort"),
+)
+
+
+def rub(spec: mujoco.MjSpec) -> None:
+    """Dry and viscous friction in both joints."""
+    spec.joint("shoulder").frictionloss = 0.8
+    spec.joint("elbow").frictionloss = 0.3
+    spec.joint("elbow").damping[0] = 0.4
+
+
+def move(seconds: float = 10.0) -> tuple[Array, Array, Array]:
+    """The arm with friction in closed loop, in fine steps: times, angles and torques at 1 kHz."""
+    spec = mujoco.MjSpec.from_string(ARM)
+    rub(spec)
+    spec.option.timestep = 0.00025
+    model = spec.compile()
+    model.dof_solref[:] = (0.0005, 1.0)
+    data = mujoco.MjData(model)
+    time_, angle, torque = [], [], []
+    for k in range(round(seconds / 0.00025)):
+        t = data.time
+        wanted = np.array([0.7 * np.sin(3 * t), 0.9 * np.sin(4.3 * t)])
+        data.qfrc_applied[:] = 400 * (wanted - data.qpos) - 20 * data.qvel
+        if k % 4 == 0:
+            time_.append(t)
+            angle.append(data.qpos.copy())
+            torque.append(data.qfrc_applied.copy())
+        mujoco.mj_step(model, data)
+    return np.array(time_), np.array(angle), np.array(torque)
+
+
+@pytest.fixture(scope="module")
+def log() -> tuple[Array, Array, Array]:
+    """One log for all tests."""
+    return move()
+
+
+@pytest.fixture
+def study(log: tuple[Array, Array, Array], tmp_path: Path) -> Study:
+    """The drawing of the arm, without friction, and the log of the arm with friction."""
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM, encoding="utf-8")
+    time_, angle, torque = log
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(angle.shape)
+    columns = np.column_stack([angle + noise, torque])
+    readings = tuple(Reading(time_, columns[:, c]) for c in range(4))
+    episode = Episode("swing", time_, np.zeros((len(time_), 0)), readings)
+    return Study("arm", path, CHANNELS, (episode,))
+
+
+def errors(study: Study, plant: Plant) -> Array:
+    """RMS error of the predicted torque over the RMS of the measured, by joint."""
+    prepared = prepare(study)
+    values = measured(prepared)
+    prediction = inverse_replay(plant, prepared, values).prediction
+    return np.array(
+        [
+            np.linalg.norm((prediction - values.value)[values.channel == c])
+            / np.linalg.norm(values.value[values.channel == c])
+            for c in range(len(prepared.channels))
+        ]
+    )
+
+
+def test_the_true_machine_explains_its_torques_and_the_drawing_does_not(study: Study) -> None:
+    spec = study.spec()
+    rub(spec)
+    assert np.all(errors(study, Plant(spec, Effects())) < 0.02)
+    assert np.all(errors(study, Plant(study.spec(), Effects())) > 0.10)
+
+
+def test_what_hooks_apply_needs_no_effort(study: Study) -> None:
+    def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qfrc_applied[0] += 1.5
+        data.xfrc_applied[model.body("forearm").id, 2] += 4.0
+
+    prepared = prepare(study)
+    values = measured(prepared)
+    free = inverse_replay(Plant(study.spec(), Effects()), prepared, values)
+    effects = Effects()
+    effects.act(lambda model: push)
+    effects.act(lambda model: push, start=1e3)
+    pushed = inverse_replay(Plant(study.spec(), effects), prepared, values)
+    change = (pushed.prediction - free.prediction)[values.channel == 0]
+    at = values.time[values.channel == 0]
+    shoulder, elbow = (
+        np.interp(at, study.episodes[0].time, study.episodes[0].readings[j].value) for j in range(2)
+    )
+    # The axis is y, so a force upwards on x > 0 turns against it.
+    lever = 0.3 * np.cos(shoulder) + 0.125 * np.cos(shoulder + elbow)
+    np.testing.assert_allclose(change, 4.0 * lever - 1.5, atol=0.01)
+
+
+def test_dry_friction_opposes_the_measured_velocity_even_when_slow(tmp_path: Path) -> None:
+    path = tmp_path / "mass.xml"
+    path.write_text(
+        "<mujoco><option gravity='0 0 0'/><worldbody><body><joint name='x' type='slide'/>"
+        "<geom size='0.1' mass='5'/></body></worldbody>"
+        "<sensor><jointpos name='p' joint='x'/></sensor></mujoco>",
+        encoding="utf-8",
+    )
+    at = 0.0003 + np.arange(0, 20, 0.002)
+    # Slow and much accelerated: at the default of MuJoCo, friction would lead by 10 ms.
+    position = 0.002 * np.sin(2 * np.pi * at)
+    velocity = 0.002 * 2 * np.pi * np.cos(2 * np.pi * at)
+    effort = -5 * (2 * np.pi) ** 2 * position + 3.0 * np.sign(velocity)
+    channels = (Channel("p", "p", unit="m"), Channel("f", "x", unit="N", kind="effort"))
+    readings = (Reading(at, position), Reading(at, effort))
+    study = Study("mass", path, channels, (Episode("e", at, np.zeros((len(at), 0)), readings),))
+    spec = study.spec()
+    spec.joint("x").frictionloss = 3.0
+    assert errors(study, Plant(spec, Effects()))[0] < 0.01
+
+
+def test_samples_of_a_standing_joint_are_left_out(study: Study) -> None:
+    episode = study.episodes[0]
+    standing = (episode.readings[1].time > 3.0) & (episode.readings[1].time < 6.0)
+    still = np.where(standing, episode.readings[1].value[standing][0], episode.readings[1].value)
+    readings = list(episode.readings)
+    readings[1] = Reading(episode.readings[1].time, still)
+    changed = replace(study, episodes=(replace(episode, readings=tuple(readings)),))
+    shoulder, elbow = prepare(changed).episodes[0].readings
+    assert np.sum((shoulder.time > 3.2) & (shoulder.time < 5.8)) > 30
+    assert np.sum((elbow.time > 3.2) & (elbow.time < 5.8)) == 0
+
+
+def test_as_many_samples_are_kept_as_are_independent(study: Study) -> None:
+    at = study.episodes[0].time
+    hum = 2 * np.sin(2 * np.pi * 5 * at)
+    noise = 0.05 * np.random.default_rng(1).standard_normal(len(at))
+    readings = (*study.episodes[0].readings[:2], *(Reading(at, hum + noise),) * 2)
+    noisy = replace(study, episodes=(replace(study.episodes[0], readings=readings),))
+    prepared = prepare(noisy)
+    kept = prepared.episodes[0].readings[1]
+    rate = 1.0 / np.median(np.diff(kept.time))
+    assert 10.0 < rate < 40.0
+    assert len(kept.time) > 0.7 * rate * 10.0
+    wave = np.sin(2 * np.pi * 5 * kept.time)  # which the filter passes, but for a few per cent
+    left = kept.value - wave * (wave @ kept.value) / (wave @ wave)
+    assert np.corrcoef(left[1:], left[:-1])[0, 1] < 0.25
+    assert prepared.channels[1].noise == pytest.approx(np.std(left), rel=0.2)
+
+
+def test_a_long_log_is_replayed_in_less_than_a_second(study: Study) -> None:
+    prepared = prepare(study)
+    values = measured(prepared)
+    plant = Plant(study.spec(), Effects())
+    begin = time.perf_counter()
+    inverse_replay(plant, prepared, values)
+    assert time.perf_counter() - begin < 1.0 * 10.0 / 24.0
+
+
+def test_hooks_know_the_time_of_the_study(study: Study) -> None:
+    seen = []
+    effects = Effects()
+    effects.act(lambda model: lambda model, data: seen.append(data.time), start=15.0, end=16.0)
+    twice = prepare(replace(study, episodes=study.episodes * 2))
+    replay = inverse_replay(Plant(study.spec(), effects), twice, measured(twice))
+    assert len(replay.records) == 2
+    assert 15.0 <= min(seen) < 15.1
+    assert 15.9 < max(seen) <= 16.0
+
+
+def test_a_study_that_was_not_prepared_is_refused(study: Study) -> None:
+    prepared = prepare(study)
+    plain = (replace(study.episodes[0], readings=prepared.episodes[0].readings),)
+    raw = replace(prepared, episodes=plain)
+    with pytest.raises(StudyError, match="was not prepared"):
+        inverse_replay(Plant(study.spec(), Effects()), raw, measured(raw))
+
+
+def test_a_joint_that_is_not_measured_is_named(study: Study) -> None:
+    blind = replace(
+        study,
+        channels=study.channels[1:],
+        episodes=(replace(study.episodes[0], readings=study.episodes[0].readings[1:]),),
+    )
+    with pytest.raises(StudyError, match="missing: shoulder"):
+        prepare(blind)
+
+
+def test_logs_that_say_nothing_are_refused(study: Study) -> None:
+    episode = study.episodes[0]
+    short = tuple(Reading(r.time[:300], r.value[:300]) for r in episode.readings)
+    with pytest.raises(StudyError, match="too short"):
+        prepare(replace(study, episodes=(replace(episode, readings=short),)))
+    quiet = (*episode.readings[:3], Reading(episode.time, np.full(len(episode.time), 2.0)))
+    with pytest.raises(StudyError, match="torque_elbow is constant"):
+        prepare(replace(study, episodes=(replace(episode, readings=quiet),)))

@@ -1,0 +1,108 @@
+"""Models with actuators that take no command, and with some that take more than one."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reality_gap.causes import CATALOGUE
+from reality_gap.check import check_study
+from reality_gap.diagnosis import Experiment
+from reality_gap.errors import StudyError
+from reality_gap.inference.remainder import _quantities
+from reality_gap.io.loader import load_study
+from reality_gap.report.plots.commands import commands
+from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.replay import replay
+from reality_gap.study.measurements import measured
+from reality_gap.study.system import System, look_at
+from tests.reality_gap.conftest import MODEL, StudyFolder
+
+BRAKE = (
+    '<dcmotor name="brake" joint="elbow" motorconst="0 0" resistance="1" input="none" '
+    'lugre="200 1 0.5 0.5 0.01"/>'
+)
+PID = '<pid name="servo" joint="elbow" input="{}"/>'
+BEGIN, END = "<actuator>", "</actuator>"
+
+
+def study(folder: StudyFolder, model: str) -> System:
+    (folder.path.parent / "lever.xml").write_text(model, encoding="utf-8")
+    return look_at(load_study(folder.path))
+
+
+def first(study_folder: StudyFolder) -> System:
+    """The lever with a passive brake, which comes before its motors."""
+    return study(study_folder, MODEL.replace(BEGIN, BEGIN + BRAKE))
+
+
+def last(study_folder: StudyFolder) -> System:
+    """The same, and it comes after them."""
+    return study(study_folder, MODEL.replace(END, BRAKE + END))
+
+
+def predict(
+    system: System, suspect: Suspect | None = None, share: float = 1.0
+) -> NDArray[np.float64]:
+    parts = []
+    if suspect is not None:
+        values = {
+            p.name: p.starts[0] if p.starts else p.null + share * p.scale
+            for p in suspect.parameters
+        }
+        parts = [(suspect, values)]
+    return replay(build(system, parts), system.study, measured(system.study)).prediction
+
+
+@pytest.mark.parametrize("id", sorted(CATALOGUE))
+def test_where_an_actuator_without_input_stands_does_not_matter(
+    study_folder: StudyFolder, id: str
+) -> None:
+    before, after = first(study_folder), last(study_folder)
+    places = CATALOGUE[id].places(before)
+    assert places == CATALOGUE[id].places(after)
+    suspects = [
+        Suspect(CATALOGUE[id], place, CATALOGUE[id].parameters(before, place)) for place in places
+    ]
+    # A small delay is one of the command, a larger one of the actuator.
+    for suspect, share in product((None, *suspects), (1.0, 0.1)):
+        one, other = (predict(system, suspect, share) for system in (before, after))
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9, err_msg=str(suspect))
+
+
+def test_such_a_study_is_checked(study_folder: StudyFolder) -> None:
+    systems = first(study_folder), last(study_folder)
+    one, other = (check_study(system.study) for system in systems)
+    assert one == other
+    model = systems[0].model
+    assert model.actuator(0).name == "brake"
+    assert [wire.actuator for wire in systems[0].wires] == ["flexor", "extensor"]
+
+
+def test_what_is_left_and_what_is_proposed_speak_of_commanded_actuators(
+    study_folder: StudyFolder,
+) -> None:
+    system = first(study_folder)
+    readings = measured(system.study)
+    records = replay(build(system, []), system.study, readings).records
+    forces = [name for name, _ in _quantities(records, readings) if name.startswith("force")]
+    assert forces == ["force of flexor", "force of extensor"]
+    time = np.arange(3.0)
+    command = np.column_stack([0.1 * time, 0.2 * time])
+    picture = commands(Experiment("", "", time, command, 2.0, 1.0), system.model)
+    _, labels = picture.axes[0].get_legend_handles_labels()
+    assert labels == ["flexor [mm]", "extensor [mm]"]
+
+
+@pytest.mark.parametrize("begin", [True, False])
+@pytest.mark.parametrize("inputs", ["pos vel", "pos vel ff"])
+def test_an_actuator_of_many_inputs_is_refused(
+    study_folder: StudyFolder, begin: bool, inputs: str
+) -> None:
+    pid = PID.format(inputs)
+    model = MODEL.replace(BEGIN, BEGIN + pid) if begin else MODEL.replace(END, pid + END)
+    with pytest.raises(StudyError, match=f"'servo' .* takes {len(inputs.split())} inputs"):
+        study(study_folder, model)
