@@ -10,7 +10,7 @@ DOCS := $(VENV)/.docs
 RL := $(VENV)/.rl
 RENDERS := $(VENV)/.renders
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
-PACKAGES := kengoro_env jmm_agent reality_gap mjcf_sandbox hidden_plants experiments benchmarks tools/fuzz
+PACKAGES := kengoro kengoro_env jmm_agent reality_gap mjcf_sandbox hidden_plants experiments benchmarks tools/fuzz
 
 .PHONY: demo test test-all check docs distributions clean
 

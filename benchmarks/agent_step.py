@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from experiments.arm import make_agent, make_env
-from experiments.common import trained_map
-from experiments.grasp_trial import READY
-from experiments.session import Session
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.observation import Senses
 from jmm_agent.vision.marker_residual import MarkerSight
 from jmm_agent.vision.observation_fit import Look, LooksOptions, fit_looks
+from kengoro.arm import make_agent, make_env
+from kengoro.grasp_trial import READY
+from kengoro.session import Session
+from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.postures import posture_set

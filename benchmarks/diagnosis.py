@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from experiments.gap_trial import Case, write_case
+from experiments.gap_bench.trial import Case, write_case
 from reality_gap import Options, diagnose, load_study
 
 ELBOW = (

@@ -28,8 +28,8 @@ from rich.progress import track
 from rich.table import Table
 from scipy.stats import linregress, t
 
-from experiments.gap_trial import Case, write_case
-from experiments.report import png
+from experiments.gap_bench.trial import Case, write_case
+from experiments.harness.report import png
 from kengoro_env.assets import asset_path
 from kengoro_env.robot.draft import Draft, Wire
 from kengoro_env.robot.robot import Robot

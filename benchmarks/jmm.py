@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.common import drawing_for_agent
 from jmm_agent.mapping.training import train
+from kengoro.trained_maps import drawing_for_agent
 from kengoro_env.assets import asset_path
 from kengoro_env.robot.nominal_model import ArmDrawing
 

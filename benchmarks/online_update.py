@@ -21,10 +21,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from experiments.common import trained_map
 from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.mapping.minibatch import MinibatchRule
+from kengoro.trained_maps import trained_map
 from kengoro_env.postures import posture_set
 
 if TYPE_CHECKING:

@@ -2,5 +2,5 @@
 
 ``python -m experiments NAME --seeds A-B --out DIR`` runs one; each writes ``summary.json``,
 figures and ``report.html`` to its folder. A runner is a module with a dataclass ``Args`` (a
-subclass of `experiments.common.Args`) and ``main(args) -> summary``.
+subclass of `experiments.harness.common.Args`) and ``main(args) -> summary``.
 """

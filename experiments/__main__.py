@@ -9,30 +9,30 @@ from functools import partial
 from pathlib import Path
 
 RUNNERS = {
-    "initial-training": ("experiments.initial_training", "the drawing is learned (sec. IV-A)"),
-    "muscle-jacobian": ("experiments.muscle_jacobian", "wavy or smooth moment arms (sec. IV-A)"),
-    "antagonism-elbow": ("experiments.antagonism_elbow", "wires that fight give way (IV-B)"),
-    "vision-update": ("experiments.vision_update", "the estimate comes to what is seen (IV-C)"),
-    "posture-accuracy": ("experiments.posture_accuracy", "both updaters, new postures (IV-D)"),
-    "can-grasping": ("experiments.can_grasping", "a can that was missed is grasped (sec. IV)"),
-    "adaptation": ("experiments.adaptation", "wires give, and learning makes up for it"),
-    "ablation": ("experiments.ablation", "what each part is worth, and the paper's claims of it"),
-    "baselines": ("experiments.baselines", "what others would learn from the same measurements"),
-    "faults": ("experiments.faults", "faults in the middle of learning are noticed and outlived"),
-    "wrong-looks": ("experiments.wrong_looks", "what wrong looks teach is noticed and undone"),
-    "endurance": ("experiments.endurance", "hours of learning: the error stays where it came to"),
-    "all": ("experiments.everything", "every experiment of the paper, and one page of results"),
-    "gap-to-skill": ("experiments.gap_to_skill", "a diagnosis of a minute's motion, as a map"),
-    "gap-bench": ("experiments.gap_bench", "hidden effects, diagnosed: how often it is right"),
-    "gap-calibrate": ("experiments.gap_calibrate", "how sure a diagnosis may be"),
-    "record": ("experiments.record", "a log of a robot that moves, as a study for reality_gap"),
-    "emps": ("experiments.emps", "a measured drive: what a mass alone gets wrong of its force"),
-    "davinci": ("experiments.davinci", "a measured cable drive: what its transmission does"),
-    "remote-robot": ("experiments.remote_robot", "an agent drives a robot in another process"),
-    "learn-posture": ("experiments.learn_posture", "reinforcement learning, from the reward alone"),
-    "learnability": ("experiments.learnability", "what can be learned, from what, and the floor"),
+    "initial-training": "the drawing is learned (sec. IV-A)",
+    "muscle-jacobian": "wavy or smooth moment arms (sec. IV-A)",
+    "antagonism-elbow": "wires that fight give way (IV-B)",
+    "vision-update": "the estimate comes to what is seen (IV-C)",
+    "posture-accuracy": "both updaters, new postures (IV-D)",
+    "can-grasping": "a can that was missed is grasped (sec. IV)",
+    "adaptation": "wires give, and learning makes up for it",
+    "ablation": "what each part is worth, and the paper's claims of it",
+    "baselines": "what others would learn from the same measurements",
+    "faults": "faults in the middle of learning are noticed and outlived",
+    "wrong-observations": "what wrong looks teach is noticed and undone",
+    "endurance": "hours of learning: the error stays where it came to",
+    "all": "every experiment of the paper, and one page of results",
+    "gap-to-skill": "a diagnosis of a minute's motion, as a map",
+    "gap-bench": "hidden effects, diagnosed: how often it is right",
+    "gap-calibrate": "how sure a diagnosis may be",
+    "record": "a log of a robot that moves, as a study for reality_gap",
+    "emps": "a measured drive: what a mass alone gets wrong of its force",
+    "davinci": "a measured cable drive: what its transmission does",
+    "remote-robot": "an agent drives a robot in another process",
+    "learn-posture": "reinforcement learning, from the reward alone",
+    "learnability": "what can be learned, from what, and the floor",
 }
-"""Module and one line for each experiment."""
+"""One line for each experiment; its runner is ``experiments/NAME/run.py``."""
 
 WATCHABLE = (
     "muscle-jacobian",
@@ -50,7 +50,7 @@ USAGE = "\n".join(
     [
         "usage: python -m experiments NAME --seeds A-B --out DIR [--jobs N] [OPTIONS]",
         "",
-        *(f"  {name:<18}{line}" for name, (_, line) in RUNNERS.items()),
+        *(f"  {name:<20}{line}" for name, line in RUNNERS.items()),
         "",
         "python -m experiments NAME --help lists the options of one.",
     ]
@@ -75,14 +75,14 @@ def main(arguments: list[str]) -> int:
     pin_threads()
     import tyro
 
-    from experiments.common import Args
-    from experiments.errors import ExperimentError
-    from experiments.study import run_study
+    from experiments.harness.common import Args
+    from experiments.harness.errors import ExperimentError
+    from experiments.harness.experiment import run_study
     from jmm_agent.errors import AgentError
     from kengoro_env.errors import KengoroError
     from reality_gap.errors import RealityGapError
 
-    runner = importlib.import_module(RUNNERS[name][0])
+    runner = importlib.import_module(f"experiments.{name.replace('-', '_')}.run")
     program = f"python -m experiments {name}"
     if hasattr(runner, "main"):
         run, args = runner.main, tyro.cli(runner.Args, args=rest, prog=program)

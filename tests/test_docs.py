@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from experiments.__main__ import RUNNERS
-from experiments.common import trained_map
+from kengoro.trained_maps import trained_map
 from reality_gap.causes import CATALOGUE, joint_stiffness
 from reality_gap.causes.support import elements
 
@@ -125,7 +125,7 @@ def test_python_in_the_documentation_runs(
     if any("trained_map" in block for _, block in code):  # trained once for all tests
         maps = request.config.cache.mkdir("maps")
         trained_map(maps)
-        monkeypatch.setattr("experiments.common.default_cache", lambda: maps)
+        monkeypatch.setattr("kengoro.trained_maps.default_cache", lambda: maps)
     namespace: dict[str, Any] = {"__name__": "__main__"}
     if name in GIVEN:
         namespace |= GIVEN[name]()

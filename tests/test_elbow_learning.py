@@ -12,7 +12,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from experiments.common import drawing_for_agent
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
@@ -28,6 +27,7 @@ from jmm_agent.updaters import (
     VisionUpdater,
 )
 from jmm_agent.vision.observation_fit import LooksOptions
+from kengoro.trained_maps import drawing_for_agent
 from kengoro_env.assets import asset_path
 from kengoro_env.env import KengoroEnv
 

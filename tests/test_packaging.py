@@ -20,6 +20,7 @@ PACKAGES = (
     "mjcf_sandbox",
     "hidden_plants",
     "experiments",
+    "kengoro",
 )
 RESULTS = tuple(
     f"experiments/{name}" for name in ("README.md", "REPORTED.csv", "results", "figures")

@@ -25,7 +25,7 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from experiments.emps_log import (
+from experiments.emps.log import (
     MASS,
     at_readings,
     make_study,
@@ -34,7 +34,7 @@ from experiments.emps_log import (
     read_log,
     relative_error,
 )
-from experiments.emps_regression import force_of
+from experiments.emps.regression import force_of
 from kengoro_env.robot.motors import DEFAULT_GAINS
 
 Floats = NDArray[np.float64]

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.common import trained_map
 from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.errors import AgentError
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
@@ -25,6 +24,7 @@ from jmm_agent.observation import Senses
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
+from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set

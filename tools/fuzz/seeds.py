@@ -103,8 +103,8 @@ def _log() -> dict[str, np.ndarray]:
 
 def checkpoints(folder: Path) -> None:
     """A map, a kept result of an experiment, and kept arrays of a diagnosis."""
-    from experiments.common import write_json
     from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
+    from kengoro.files import write_json
     from reality_gap.inference.checkpoint import Shelf
     from tools.fuzz.targets import KEY, RESULT
 

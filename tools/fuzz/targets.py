@@ -76,7 +76,7 @@ def use_checkpoints(folder: Path) -> Said:
 
 
 def _go_on(folder: Path) -> None:
-    from experiments.running import core_seconds, run_tasks
+    from experiments.harness.runner import core_seconds, run_tasks
 
     run_tasks(result, {"task": ()}, 1, folder, KEY)
     core_seconds(folder, ["task"])

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.common import trained_map
 from jmm_agent.agent import Agent
 from jmm_agent.errors import AgentError
 from jmm_agent.guard import faults
@@ -23,6 +22,7 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.observation import Senses
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerPose, Skip
+from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.common import drawing_for_agent
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap, sigmoid
 from jmm_agent.mapping.network_fit import Layers, Network, Recipe, TrainingError, settle
 from jmm_agent.mapping.training import content_hash, load_or_train, train
 from jmm_agent.nominal_model import DrawingError
+from kengoro.trained_maps import drawing_for_agent
 from kengoro_env.assets import asset_path
 from kengoro_env.robot.nominal_model import ArmDrawing
 from tests.jmm_agent.straight_wires import GROUPS, JOINTS, crosses, drawing, relative_lengths

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.common import trained_map
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.kinematics.bounded_least_squares import minimise
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.vision.marker_residual import MarkerSight
 from jmm_agent.vision.observation_fit import Look, LooksFit, LooksOptions, fit_alone, fit_looks
+from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set

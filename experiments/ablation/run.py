@@ -1,0 +1,140 @@
+"""Ablation: what each part of the method is worth, and what the paper claims of it (sec. II, III).
+
+Variants of the agent learn from the same postures of the same robots. Then their maps are examined
+on other postures, and compared with the robot's own lengths far from all that was learned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from experiments.ablation.tables import Numbers, claims_table, metrics, told_claims, variant_tables
+from experiments.harness.experiment import Findings, Results, Study
+from experiments.learnability.run import known_world
+from experiments.robots.evaluation import Examiner, map_error_mm
+from experiments.robots.variants import NONE, VARIANTS
+from jmm_agent.agent import Agent
+from jmm_agent.nominal_model import Floats
+from kengoro.arm import ACTUAL, NO_END, make_agent, make_env, shuffled_postures
+from kengoro.session import Session
+from kengoro.visits import errors, visit
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much is done on each robot.
+
+    Attributes:
+        learned: postures from which is learned.
+        tested: other postures to which the arm is moved then.
+        compared: further postures at which the map is compared with the robot's own lengths.
+        move: duration of a movement while learning [s].
+        patience: longest wait for rest and a look while learning [s].
+        test_move: duration of a movement in the test [s].
+        test_hold: time to come to rest in the test [s].
+    """
+
+    learned: int = 27
+    tested: int = 12
+    compared: int = 100
+    move: float = 1.0
+    patience: float = 2.0
+    test_move: float = 1.2
+    test_hold: float = 1.0
+
+
+QUICK = Sizes(learned=1, tested=1, compared=5, move=0.3, patience=0.8, test_move=0.3, test_hold=0.2)
+
+
+def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
+    """One variant learns on one robot, and its map is examined."""
+    world, postures = known_world(cache), shuffled_postures(seed)
+    learned, rest = np.split(postures, [1 + sizes.learned])
+    rest, tested = np.split(rest, [-1 - sizes.tested])
+    variant = VARIANTS.get(condition)
+    options, rule = (variant.options, variant.rule) if variant else (None, None)
+    agent = make_agent(world.map, seed, options, rule)
+    if condition != NONE:
+        learn(agent, seed, learned, sizes)
+    examiner = Examiner(world, ACTUAL, seed, sizes.test_move, sizes.test_hold)
+    inside = rest[: sizes.compared]
+    low, high = world.limits.T
+    box = np.random.default_rng([seed, 6]).uniform(low, high, (sizes.compared, len(low)))
+    return {
+        "visits": examiner.examine(agent.map, tested, agent.vision),
+        "set_mm": map_error_mm(agent.map, inside, examiner.own_lengths(inside)),
+        "box_mm": map_error_mm(agent.map, box, examiner.own_lengths(box)),
+        "antagonism_updates": agent.antagonism.fired,
+        "vision_updates": agent.vision.fired,
+        "dropped": agent.vision.dropped,
+    }
+
+
+def learn(agent: Agent, seed: int, postures: Floats, sizes: Sizes) -> None:
+    """Wake at the first posture (n,) [rad], visit all others and learn there."""
+    start = postures[0]
+    session = Session(_env(seed), agent, seed, None, {"posture": start, "target": start})
+    for posture in postures[1:]:  # who learns nothing by sight need not search for the hand
+        visit(session, posture, None, sizes.move, sizes.patience, look=agent.options.learn_vision)
+
+
+@lru_cache(maxsize=1)
+def _env(seed: int) -> gym.Env[Any, Any]:
+    """The robot on which all variants learn, one after another."""
+    return make_env("Posture", seed, max_episode_steps=NO_END)
+
+
+def numbers(results: Results) -> Numbers:
+    """Outcomes of each variant, one number a robot in the order of the seeds."""
+    found: Numbers = {}
+    for name in CONDITIONS:
+        outcomes = [
+            errors(result[name]["visits"])
+            | {key: round(result[name][key], 3) for key in ("set_mm", "box_mm")}
+            for result in results.values()
+        ]
+        found[name] = {key: [o[key] for o in outcomes] for key in outcomes[0]}
+    return found
+
+
+def conclude(results: Results, sizes: Sizes) -> Findings:
+    """Effects of all that was left out, and what they say about each claim."""
+    from experiments.ablation.figures import pictures
+
+    found = numbers(results)
+    kept = ("target_true_deg", "estimate_seen_deg", "target_true_mm", "max_tension_N", "box_mm")
+    per_seed = {
+        seed: {name: {key: outcomes[key][rank] for key in kept} for name, outcomes in found.items()}
+        for rank, seed in enumerate(results)
+    }
+    tables = [claims_table(found), *variant_tables(found)]
+    more = {"claims": told_claims(found)}
+    return Findings(metrics(found), per_seed, tables, pictures(found), more)
+
+
+CONDITIONS = (*VARIANTS, NONE)
+
+STUDY = Study(
+    name="ablation",
+    title="Ablation",
+    introduction=(
+        "Variants of the agent learn from the same postures of the same robots, with the camera. "
+        "Then nothing more is learned, and their maps move the same robot, all from the same "
+        "start, to the same new postures. The test needs no camera: the exact pose of the marker "
+        "is seen through each variant's own eyes, that is, fitted with what it remembers. Robots "
+        "are actual ones. Each claim is judged by the difference between two variants on the same "
+        "robot."
+    ),
+    figure="claims of sec. II-C, III-B, III-C and IV-D",
+    conditions=CONDITIONS,
+    sizes=Sizes(),
+    quick=QUICK,
+    run=run,
+    conclude=conclude,
+)

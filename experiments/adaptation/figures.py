@@ -1,0 +1,102 @@
+"""Pictures of the adaptation: errors over postures, before and after wires gave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import numpy as np
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+
+from experiments.adaptation.run import BEFORE, EVENT, OFF, Sizes
+from experiments.harness.experiment import Results
+from experiments.harness.report import Picture, png
+from jmm_agent.nominal_model import Floats
+from kengoro.arm import ACTUAL, DRAWING
+from kengoro.visits import Visits, hand_mm, rmse_deg
+
+ON_COLOUR, OFF_COLOUR = "#0072B2", "#D55E00"
+UNITS = {"deg": "RMSE_joint [deg]", "mm": "Distance_hand [mm]"}
+
+
+def pictures(results: Results, sizes: Sizes) -> list[Picture]:
+    """Errors on the actual robots by both definitions, and on those without departures."""
+    return [
+        _picture(results, sizes, ACTUAL, "target_true", "target - true, actual robots"),
+        _picture(results, sizes, ACTUAL, "estimate_seen", "estimate - seen, actual robots"),
+        _picture(results, sizes, DRAWING, "target_true", "target - true, no departures"),
+    ]
+
+
+def _picture(results: Results, sizes: Sizes, condition: str, pair: str, title: str) -> Picture:
+    figure, axes = pyplot.subplots(1, len(UNITS), figsize=(11, 4))
+    for ax, unit in zip(axes, UNITS, strict=True):
+        _draw(ax, [result[condition] for result in results.values()], sizes, pair, unit)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", ncols=len(labels), fontsize=9)
+    figure.tight_layout(rect=(0, 0, 1, 0.92))
+    image = png(figure)
+    pyplot.close(figure)
+    return Picture(
+        f"Error over visited postures, {title}",
+        image,
+        "Lines: each posture before it was learned from, median over robots; bands: quartiles. "
+        "Circles: tests on postures that were never learned from, medians. At the dashed line the "
+        "wires give.",
+    )
+
+
+def _draw(axes: Axes, robots: list[dict[str, Any]], sizes: Sizes, pair: str, unit: str) -> None:
+    first = np.arange(1, sizes.learned + 1)
+    later = sizes.learned + np.arange(1, sizes.more + 1)
+    for name, x, colour, label in (
+        ("learned", first, ON_COLOUR, "learning on"),
+        ("off", later, OFF_COLOUR, "learning off"),
+        ("on", later, ON_COLOUR, None),
+    ):
+        curves = np.array([_curve(robot["visits"][name], pair, unit) for robot in robots])
+        masked = np.ma.masked_invalid(curves)
+        low, high = (_quantile(masked, share) for share in (0.25, 0.75))
+        axes.plot(x, np.ma.median(masked, axis=0), color=colour, label=label)
+        axes.fill_between(x, low, high, color=colour, alpha=0.2, lw=0)
+    event = sizes.learned + 0.5
+    on = {BEFORE: event - 0.5, **{str(n): sizes.learned + n for n in sizes.checks}}
+    off = {EVENT: event + 0.5, OFF: sizes.learned + sizes.more}
+    for marks, colour, label in (
+        (on, ON_COLOUR, "test, learning on"),
+        (off, OFF_COLOUR, "test, learning off"),
+    ):
+        heights = [_test(robots, name, pair, unit) for name in marks]
+        axes.plot([*marks.values()], heights, "o", color=colour, mec="white", ms=8, label=label)
+    axes.axvline(event, color="black", ls="--", lw=1, label="wires give")
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("postures visited")
+    axes.set_ylabel(UNITS[unit])
+
+
+def _curve(visits: Visits, pair: str, unit: str) -> Floats:
+    """Error of each visit, nan where the hand was not seen and that is compared with."""
+    one, other = pair.split("_")
+    there = [
+        a is not None and b is not None for a, b in zip(visits[one], visits[other], strict=True)
+    ]
+    curve = np.full(len(there), np.nan)
+    curve[there] = rmse_deg(visits, pair) if unit == "deg" else hand_mm(visits, pair)
+    return curve
+
+
+def _quantile(masked: np.ma.MaskedArray, share: float) -> Floats:
+    """Quantile over robots at each posture, of those that are not masked; nan where all are."""
+    columns = [column.compressed() for column in masked.T]
+    return np.array([np.quantile(c, share) if c.size else np.nan for c in columns])
+
+
+def _test(robots: list[dict[str, Any]], name: str, pair: str, unit: str) -> float:
+    """Median over robots of the median error in a test; nan where the hand was never seen."""
+    curves = [_curve(robot["tests"][name], pair, unit) for robot in robots]
+    medians = [np.nanmedian(curve) for curve in curves if np.isfinite(curve).any()]
+    return float(np.median(medians)) if medians else np.nan

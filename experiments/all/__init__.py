@@ -1,0 +1,1 @@
+"""All experiments of the paper, and the page of their results."""

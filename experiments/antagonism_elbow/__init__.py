@@ -1,0 +1,1 @@
+"""Antagonists that fight each other learn to give way (Fig. 9)."""

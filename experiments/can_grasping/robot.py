@@ -1,0 +1,139 @@
+"""One robot of the can-grasping experiment: trial, control, and tests before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jmm_agent.agent import Agent
+from jmm_agent.grasping import GraspPlanner
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from kengoro.arm import ACTUAL, make_agent, make_env, make_session, shuffled_postures
+from kengoro.grasp_trial import READY, GraspTrial, Trial, TrialOptions
+from kengoro.session import EpisodeEndedError, Session
+from kengoro.trained_maps import trained_map
+from kengoro.visits import errors, group_joints, no_visits, visit
+from kengoro_env.names import GROUP_JOINTS
+
+LOG_PERIOD = 0.2
+"""Time between two points of the curves that are kept [s]."""
+
+SWEEP_DEG = np.arange(-120.0, 31.0, 2.0)
+"""Shoulder pitch at which the map is compared before and after, all other joints at zero."""
+
+Watch = Callable[[Session], None]
+
+
+class CanRobot:
+    """The experiment on one robot.
+
+    The posture set is split: the end of a random order is for tests, the rest to learn from.
+
+    Args:
+        condition: `ACTUAL`, or `DRAWING` for the robot without departures.
+        seed: of the robot and of all that is drawn by chance.
+        options: of the trial.
+        tested: postures on which the map is tested before and after.
+        cache: folder of trained maps.
+    """
+
+    def __init__(
+        self, condition: str, seed: int, options: TrialOptions, tested: int, cache: Path | None
+    ) -> None:
+        self._condition, self.seed, self._options = condition, seed, options
+        self.before = trained_map(cache)
+        self.agent = make_agent(self.before, seed)
+        self.trial = Trial()
+        self.session: Session | None = None
+        self._library, self._tested = np.split(shuffled_postures(seed), [-1 - tested])
+
+    def run_trial(self, watch: Watch | None = None, render_mode: str | None = None) -> None:
+        """Look, reach, miss, learn, grasp."""
+        self.session, trial = self._begin(self.agent, watch, render_mode)
+        self.trial = trial.trial
+        try:
+            trial.run()
+        except EpisodeEndedError as end:
+            self.trial.notes.append(f"{self.session.stage}: {end}")
+        self.session.env.close()
+
+    def run_control(self) -> bool:
+        """Whether the map before learning grasps the can from the last approach's IK target."""
+        plan = self.trial.plan
+        if plan is None:
+            return False
+        agent = make_agent(self.before, self.seed, learning=False)
+        session, control = self._begin(agent)
+        try:
+            return control.grasp(plan)
+        except EpisodeEndedError:
+            return False
+        finally:
+            session.env.close()
+
+    def _begin(
+        self,
+        agent: Agent,
+        watch: Watch | None = None,
+        render_mode: str | None = None,
+    ) -> tuple[Session, GraspTrial]:
+        robot = self.seed if self._condition == ACTUAL else None
+        env = make_env("CanGrasp", robot, render_mode=render_mode)
+        session = Session(env, agent, self.seed, watch, {"posture": np.array(READY)})
+        planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
+        rng = np.random.default_rng([self.seed, 3])
+        return session, GraspTrial(session, planner, self._library, rng, self._options)
+
+    def test(self, jmm: JointMuscleMap | None = None) -> dict[str, float]:
+        """`errors` of this robot at postures that were not learned from, learning off.
+
+        Args:
+            jmm: the map of a new agent; the agent of the trial with what it has learned if left
+                out.
+        """
+        agent = self.agent if jmm is None else make_agent(jmm, self.seed)
+        agent.learning = False
+        start, *targets = self._tested
+        session = make_session(self._condition, self.seed, agent, start)
+        visits = no_visits()
+        for target in targets:
+            visit(session, target, visits)
+        session.env.close()
+        return errors(visits)
+
+    def curves(self) -> dict[str, Any]:
+        """What the figures show, in the units in which people read: s, deg, N, mm."""
+        if self.session is None:
+            raise RuntimeError("the trial has not run")
+        log, agent = self.session.log, self.agent
+        thin = max(1, round(LOG_PERIOD / (log.time[1] - log.time[0])))
+        joints = agent.map.joints
+        looks = np.degrees(log.look_error).reshape(-1, len(joints))
+        true = np.degrees(np.array(log.estimate) - np.array(log.true))[::thin]
+        shoulder = next(group for group in agent.map.groups if group.name == "shoulder")
+        return {
+            "time": np.round(log.time[::thin], 2).tolist(),
+            "tensions": np.round(log.tensions[::thin], 1).tolist(),
+            "true_error": np.round(np.sqrt(np.mean(true**2, axis=1)), 2).tolist(),
+            "look_time": np.round(log.look_time, 2).tolist(),
+            "look_error": {
+                name: np.round(np.sqrt(np.mean(looks[:, own] ** 2, axis=1)), 2).tolist()
+                for name, own in group_joints().items()
+            },
+            "approach_start": [round(approach.start, 2) for approach in self.trial.approaches],
+            "pitch": SWEEP_DEG.tolist(),
+            "muscles": [agent.map.muscles[i] for i in shoulder.muscle_index],
+            "lengths_before": swept_lengths(self.before, shoulder.muscle_index),
+            "lengths_after": swept_lengths(agent.map, shoulder.muscle_index),
+        }
+
+
+def swept_lengths(jmm: JointMuscleMap, muscles: np.ndarray) -> list[list[float]]:
+    """Lengths [mm] of some muscles during shoulder flexion, a row for each of `SWEEP_DEG`."""
+    postures = np.zeros((len(SWEEP_DEG), len(jmm.joints)))
+    postures[:, jmm.joints.index("sh_pitch")] = np.radians(SWEEP_DEG)
+    lengths: list[list[float]] = np.round(1e3 * jmm.lengths(postures)[:, muscles], 2).tolist()
+    return lengths

@@ -1,0 +1,1 @@
+"""A measured cable drive: what its transmission does."""

@@ -1,0 +1,1 @@
+"""A measured drive: what a mass alone gets wrong of its force."""

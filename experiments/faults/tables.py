@@ -1,0 +1,174 @@
+"""Tables of the faults: noticed or not, how soon, and what became of map and wires."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.harness.report import Table
+from experiments.harness.statistics import metric
+from jmm_agent.guard import faults
+from jmm_agent.guard.faults import KINDS
+
+NO_FAULT = "no_fault"
+"""The same time without a fault, to compare with."""
+
+IN_TIME = 2.0
+"""Seconds within which a fault must be noticed."""
+
+KEPT = 1.2
+"""Ratio of the map's error after to that before that must be kept."""
+
+LINGERS = 3.0
+"""Seconds after a fault has gone in which its name is no mistake."""
+
+
+def seed_entry(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers of one robot: of its learning, and of each fault."""
+    learning = result["learning"]
+    return {
+        "learning": {
+            "false_namings": [f"{kind} {where}" for kind, where, _ in learning["named"]],
+            "largest_demand_N": round(learning["largest_demand_N"], 3),
+            "not_finite": learning["not_finite"],
+        },
+        **{kind: _trial_entry(trial) for kind, trial in result["trials"].items()},
+    }
+
+
+def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
+    gone = trial["gone"]
+    shown = np.inf if trial["shown"] is None else trial["shown"]
+    right = [
+        time - shown
+        for kind, where, times in trial["named"]
+        if (kind, where) == (trial["kind"], trial["where"])
+        for time in times
+        if time >= shown
+    ]
+    healed = gone + LINGERS if trial["kind"] != faults.WIRE_SNAPPED else np.inf
+    during, later = [], []
+    for kind, where, times in trial["named"]:
+        same = (kind, where) == (trial["kind"], trial["where"])
+        for time in times:
+            if time > healed or trial["kind"] == NO_FAULT:
+                later.append(f"{kind} {where}")
+            elif not same or time < shown:
+                during.append(f"{kind} {where}")
+    return {
+        "where": trial["where"],
+        "shown_after_s": round(shown - trial["begin"], 2) if np.isfinite(shown) else None,
+        "noticed_after_s": round(min(right), 2) if right else None,
+        "also_named": sorted(set(during)),
+        "false_namings": later,
+        "still_named": trial["still_named"],
+        "before_mm": round(trial["before_mm"], 3),
+        "after_mm": round(trial["after_mm"], 3),
+        "ratio": round(trial["after_mm"] / trial["before_mm"], 3),
+        "largest_demand_N": round(trial["largest_demand_N"], 3),
+        "largest_tension_N": round(trial["largest_tension_N"], 1),
+        "not_finite": trial["not_finite"],
+        "taken_back": trial["taken_back"],
+    }
+
+
+def metrics(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
+    """The numbers that the guard is judged by."""
+    entries = list(per_seed.values())
+    trials = _shown(entry[kind] for entry in entries for kind in KINDS if kind in entry)
+    whole = [part for entry in entries for part in entry.values()]
+    found: dict[str, Any] = {}
+    for kind in (NO_FAULT, *KINDS):
+        mine = [entry[kind] for entry in entries if kind in entry]
+        if not mine:
+            continue
+        if shown := _shown(mine):
+            found[f"{kind}_in_time"] = _share_in_time(shown)
+        if kind != faults.WIRE_SNAPPED:
+            found[f"{kind}_ratio"] = metric([trial["ratio"] for trial in mine], "", KEPT)
+    if trials:
+        found["noticed_in_time"] = _share_in_time(trials)
+    demands = [part["largest_demand_N"] for part in whole]
+    found["largest_demand"] = metric([max(demands)], "N")
+    found["not_finite"] = metric([float(sum(part["not_finite"] for part in whole))], "", 0.0)
+    return found
+
+
+def _shown(trials: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Those in which the fault showed: a marker that is not in view is neither hidden nor two."""
+    return [trial for trial in trials if trial["shown_after_s"] is not None]
+
+
+def _share_in_time(trials: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    share = 100.0 * sum(map(_in_time, trials)) / len(trials)
+    return metric([share], "%", 100.0, good="high")
+
+
+def _in_time(trial: Mapping[str, Any]) -> bool:
+    after = trial["noticed_after_s"]
+    return after is not None and after <= IN_TIME
+
+
+def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
+    """A row for each fault, and what was named where nothing was wrong."""
+    entries = list(per_seed.values())
+    rows = [
+        _row(kind, [entry[kind] for entry in entries if kind in entry])
+        for kind in (NO_FAULT, *KINDS)
+        if any(kind in entry for entry in entries)
+    ]
+    head = (
+        "fault", f"named within {IN_TIME:g} s", "after [s]", "also named",
+        "map's error after / before", "robots above 1.2", "largest demand [N]",
+        "largest tension [N]", "not finite",
+    )  # fmt: skip
+    note = (
+        f"{len(entries)} robots. Seconds, ratios: median (worst robot). Seconds count from when "
+        "the fault first shows: a marker's, when it is in view; where it never is, there is "
+        "nothing to name. Also named: on how many robots something else was named during the "
+        "fault. Demand: the largest tension that a command demanded by the lengths that the agent "
+        "felt; tension: the largest true one."
+    )
+    return [Table("Faults in the middle of learning", head, rows, note), _false_table(entries)]
+
+
+def _row(kind: str, trials: list[Mapping[str, Any]]) -> list[object]:
+    after = [t["noticed_after_s"] for t in trials if t["noticed_after_s"] is not None]
+    ratios = [trial["ratio"] for trial in trials]
+    healed, shown = kind != faults.WIRE_SNAPPED, _shown(trials)
+    return [
+        kind,
+        f"{sum(map(_in_time, shown))} of {len(shown)}" if shown else "-",
+        f"{np.median(after):.2f} ({max(after):.2f})" if after else "-",
+        sum(bool(trial["also_named"]) for trial in trials),
+        f"{np.median(ratios):.2f} ({max(ratios):.2f})" if healed else "does not heal",
+        sum(ratio > KEPT for ratio in ratios) if healed else "-",
+        f"{max(trial['largest_demand_N'] for trial in trials):.1f}",
+        f"{max(trial['largest_tension_N'] for trial in trials):.1f}",
+        sum(trial["not_finite"] for trial in trials),
+    ]
+
+
+def _false_table(entries: list[Mapping[str, Any]]) -> Table:
+    """What was named where nothing was wrong, or what was not wrong."""
+    rows = []
+    for name, key in (
+        ("while it learned, before any fault", "learning"),
+        ("the same time without a fault", NO_FAULT),
+    ):
+        parts = [entry[key]["false_namings"] for entry in entries if key in entry]
+        rows.append((name, *_counted(parts)))
+    for kind in KINDS:
+        trials = [entry[kind] for entry in entries if kind in entry]
+        for told, key in ((f"{kind}: during", "also_named"), (f"{kind}: later", "false_namings")):
+            parts = [trial[key] for trial in trials]
+            if any(parts):
+                rows.append((told, *_counted(parts)))
+    return Table("What was named wrongly", ("when", "robots", "what"), rows)
+
+
+def _counted(parts: list[list[str]]) -> tuple[str, str]:
+    names = sorted({name for part in parts for name in part})
+    return f"{sum(map(bool, parts))} of {len(parts)}", ", ".join(names) or "nothing"

@@ -1,0 +1,1 @@
+"""The diagnosis on trial: hidden effects, and how often it is right."""

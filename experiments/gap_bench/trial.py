@@ -1,0 +1,187 @@
+"""One trial of the diagnosis: an effect is hidden in a real machine, its log is diagnosed."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import hidden_plants
+from experiments.gap_bench.baselines import Named, everything_freed, largest_correlation
+from experiments.gap_bench.length_errors import bend, length_error
+from experiments.gap_bench.scores import AMBIGUOUS, ASSETS, entropy
+from hidden_plants import Effect, Nuisance, Secret, Truth
+from reality_gap import Diagnosis, Options, diagnose, load_study
+from reality_gap.inference.held_out import score
+from reality_gap.inference.screening import Sensitivity
+from reality_gap.simulation.hypothesis import build
+from reality_gap.simulation.replay import replay
+from reality_gap.simulation.replayer import Workbench
+from reality_gap.study.measurements import measured
+
+Array = NDArray[np.float64]
+KINDS = ("single", "pair", "null", "outside")
+EXACT = 1e-6
+"""Noise of the true model's readings, over the usual; a study may not say that it has none."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is hidden where.
+
+    Attributes:
+        kind: "single", "pair", "null" or "outside".
+        seed: of the draw, the mismatches and the noise.
+        machine: "elbow" or "arm".
+        seconds: length of the log [s].
+        family: draw from this id or family only.
+    """
+
+    kind: str
+    seed: int
+    machine: str = "elbow"
+    seconds: float = 20.0
+    family: str | None = None
+
+    def secret(self) -> Secret:
+        """The effects of this case; the same for the same case."""
+        rng = np.random.default_rng([self.seed, KINDS.index(self.kind), 7])
+        return hidden_plants.draw(rng, self.kind, self.machine, self.family)
+
+
+def write_case(folder: Path, case: Case, nuisance: Nuisance | None = None) -> Truth:
+    """Write the study of a case into ``folder``; gives what must not be seen."""
+    return hidden_plants.write_study(
+        folder, case.secret(), case.seed, case.machine, ASSETS, case.seconds, nuisance, False
+    )
+
+
+@dataclass
+class Seen:
+    """What a diagnosis saw first, for those that it is compared with."""
+
+    bench: Workbench | None = None
+    null: Array = field(default_factory=lambda: np.zeros(0))
+    found: Sequence[Sensitivity] = ()
+
+    def keep(self, bench: Workbench, null: Array, found: Sequence[Sensitivity]) -> None:
+        """Keep it."""
+        self.bench, self.null, self.found = bench, null, found
+
+
+def trial(case: Case, options: Options | None = None, jobs: int = 1) -> dict[str, Any]:
+    """Hide, diagnose, and put both side by side in plain numbers."""
+    with tempfile.TemporaryDirectory() as name:
+        truth = write_case(Path(name), case)
+        found = diagnose(load_study(Path(name) / "STUDY.yaml"), jobs=jobs, options=options)
+    return _told(case, truth.secret) | outcome(found)
+
+
+def compared_trial(case: Case, followup: bool, freed: bool) -> dict[str, Any]:
+    """The same beside the true model and the baselines, on the same log.
+
+    Args:
+        case: what is hidden.
+        followup: whether to do the suggested experiment, and to diagnose again.
+        freed: whether to free every parameter at once, which is slow.
+    """
+    seen = Seen()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        truth = write_case(folder, case)
+        study, options = load_study(folder / "STUDY.yaml"), Options(suggest=followup)
+        found = diagnose(study, options=options, watch=seen.keep)
+        again = follow(folder, case, found) if followup else None
+    assert seen.bench is not None
+    baselines: dict[str, Named | None] = {
+        "correlation": largest_correlation(seen.bench.measured, seen.null, seen.found),
+        "freed": everything_freed(seen.bench, seen.found) if freed else None,
+    }
+    return (
+        _told(case, truth.secret)
+        | outcome(found)
+        | {
+            "true_model": true_model(case, seen) if truth.secret.effects else None,
+            "length_error": length_error(truth, found, ASSETS),
+            "bend": bend(truth, found, ASSETS),
+            "followup": again,
+            "baselines": {k: None if b is None else asdict(b) for k, b in baselines.items()},
+        }
+    )
+
+
+def true_model(case: Case, seen: Seen) -> dict[str, float | None]:
+    """What the drawing with the hidden effects in it, and no mismatch, would leave and gain."""
+    assert seen.bench is not None
+    nuisance = Nuisance().scaled(EXACT)
+    with tempfile.TemporaryDirectory() as name:
+        write_case(Path(name), case, nuisance)
+        exact = measured(load_study(Path(name) / "STUDY.yaml")).value
+    system, readings = seen.bench.system, seen.bench.measured
+    drawn = replay(build(system, []), system.study, readings).prediction
+    usual = seen.bench.look([]).prediction - drawn  # which is in the replays of what is named
+    after = (readings.value - readings.align(exact) - usual) / readings.noise
+    scored = score(system.study, readings, seen.null, after)
+    return {"rms": scored.after, "gain": None if scored.gain is None else scored.gain.value}
+
+
+def follow(folder: Path, case: Case, found: Diagnosis) -> dict[str, Any] | None:
+    """Let the machine do the suggested experiment, and diagnose both logs together.
+
+    None where the first log left no doubt.
+    """
+    advice, unsure = found.next_experiment, entropy(outcome(found))
+    if advice is None or unsure is None or unsure < AMBIGUOUS:
+        return None
+    hidden_plants.run(
+        folder, case.secret(), case.seed, advice.time, advice.command, case.machine, ASSETS
+    )
+    again = diagnose(load_study(folder / "STUDY.yaml"), options=Options(suggest=False))
+    return {"title": advice.title} | outcome(again)
+
+
+def _told(case: Case, secret: Secret) -> dict[str, Any]:
+    return {"case": asdict(case), "truth": [_truth(e) for e in secret.effects]}
+
+
+def _truth(effect: Effect) -> dict[str, Any]:
+    return {
+        "cause": effect.id,
+        "where": list(effect.elements),
+        "parameters": dict(effect.parameters),
+        "amplitude": effect.amplitude,
+    }
+
+
+def outcome(found: Diagnosis) -> dict[str, Any]:
+    """What a bench counts of a diagnosis."""
+    return {
+        "verdict": found.verdict.value,
+        "causes": [
+            {
+                "cause": c.suspect.cause.id,
+                "where": list(c.suspect.place.elements),
+                "elsewhere": [list(place.elements) for place in c.elsewhere],
+                "note": c.suspect.place.note,
+                "parameters": {name: [e.value, e.low, e.high] for name, e in c.parameters.items()},
+                "confidence": c.confidence,
+                "equivalent": list(c.equivalent),
+            }
+            for c in found.causes
+        ],
+        "rivals": [
+            [r.step, r.suspect.cause.id, list(r.suspect.place.elements), r.score, r.confidence]
+            for r in found.rivals
+        ],
+        "evidence": [r.evidence for r in found.rivals],
+        "rms": [found.rms_before, found.rms_after, found.noise_floor],
+        "gain": None if found.gain is None else found.gain.value,
+        "unexplained": found.unexplained_fraction,
+        "measures": dict(found.measures),
+        "seconds": found.seconds,
+    }

@@ -1,0 +1,1 @@
+"""The calibration of the confidence of a diagnosis."""

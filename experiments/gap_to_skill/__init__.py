@@ -1,0 +1,1 @@
+"""A minute of motion, diagnosed, as the map that the agent begins with."""

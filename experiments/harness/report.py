@@ -1,0 +1,113 @@
+"""report.html: one page with tables and figures inside it."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jinja2
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from experiments.harness.common import Summary
+from kengoro.files import write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GROUP_COLOURS = {
+    "neck": "#3f8f3f",
+    "scapula": "#3a6fb5",
+    "shoulder": "#c8452f",
+    "forearm": "#d39a2a",
+}
+"""Colours of the four groups in all figures."""
+
+
+class Table(NamedTuple):
+    """A table: head and rows of cells, with what to read from it."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    note: str = ""
+
+    def plain(self) -> dict[str, Any]:
+        """The same as text that JSON can hold."""
+        rows = [[str(cell) for cell in row] for row in self.rows]
+        return {"title": self.title, "head": list(self.head), "rows": rows, "note": self.note}
+
+
+class Picture(NamedTuple):
+    """A figure as PNG, with what to read from it."""
+
+    title: str
+    png: bytes
+    note: str = ""
+
+    @property
+    def base64(self) -> str:
+        """The PNG as text for a data URL."""
+        return base64.b64encode(self.png).decode("ascii")
+
+
+def png(figure: Figure) -> bytes:
+    """A matplotlib figure as PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()
+
+
+def write_report(
+    path: Path,
+    title: str,
+    introduction: str,
+    summary: Summary,
+    tables: Sequence[Table],
+    pictures: Sequence[Picture],
+) -> None:
+    """Write the page, whole or not at all."""
+    source = (files("experiments.harness") / "report.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    page = environment.from_string(source).render(
+        title=title,
+        introduction=introduction,
+        summary=summary,
+        tables=tables,
+        pictures=pictures,
+    )
+    write_text(path, page)
+
+
+def metric_table(metrics: Mapping[str, Mapping[str, Any]]) -> Table:
+    """The numbers that an experiment is judged by."""
+    head = ("", "paper", "median", "95 % interval", "worst robot", "must", "reached")
+    rows = [
+        (
+            f"{name} [{found['unit']}]" if found["unit"] else name,
+            "" if found["paper"] is None else found["paper"],
+            found["median"],
+            f"{found['low']} to {found['high']}",
+            found["worst"],
+            "" if found["must"] is None else found["must"],
+            {True: "yes", False: "NO", None: ""}[found["reached"]],
+        )
+        for name, found in metrics.items()
+    ]
+    note = "Median over robots with its bootstrap 95 % interval over robots."
+    return Table("What came out", head, rows, note)
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Show a table in the terminal."""
+    printed = RichTable(title=escape(table.title), caption=escape(table.note))
+    for number, name in enumerate(table.head):
+        printed.add_column(escape(name), justify="right" if number else "left", no_wrap=not number)
+    for row in table.rows:
+        printed.add_row(*(escape(str(cell)) for cell in row))
+    console.print(printed)

@@ -1,0 +1,1 @@
+"""The map learns the nominal model (Fig. 6)."""

@@ -1,0 +1,1 @@
+"""Reinforcement learning of Posture, from the reward alone."""

@@ -1,0 +1,196 @@
+"""Reinforcement learning of postures: what the reward of ``Kengoro/Posture-v0`` can teach.
+
+One policy a seed learns by Stable-Baselines3's PPO or SAC (`posture_policies`). It is judged while
+it learns, always in the same episodes, from which nothing is learned; beside it stand policies that
+learn nothing: random actions, holding still, the rest about which all actions are changes, and the
+lengths that the drawing has in the target posture.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from rich.console import Console
+
+from experiments.harness.common import (
+    Summary,
+    check_jobs,
+    log_reported,
+    make_summary,
+    parse_seeds,
+    source_digest,
+)
+from experiments.harness.errors import ExperimentError
+from experiments.harness.experiment import LEAST_WIDTH
+from experiments.harness.report import Table, print_table, write_report
+from experiments.harness.runner import core_seconds, run_tasks
+from experiments.harness.statistics import metric
+from experiments.learn_posture.policies import OTHERS, Sizes, judge_others, learn, libraries
+from kengoro.files import write_bytes, write_json
+
+NAME = "learn-posture"
+TITLE = "Learning postures by reward"
+INTRODUCTION = (
+    "Target joint angles to target lengths of all wires, learned from the reward alone. A policy "
+    "is judged by its mean reward in a step, at most 1, in episodes that it does not learn from."
+)
+
+QUICK = Sizes(steps=4096, environments=16, checks=2, short=4, whole=1)
+OTHERS_TASK = "others"
+
+NAMES = {
+    "learned": "learned",
+    "random": "random actions",
+    "still": "holds still",
+    "rest": "the rest (untrained)",
+    "drawing": "the drawing's lengths",
+}
+
+
+@dataclass(frozen=True)
+class Args:
+    """A policy for postures learns from its reward, one a seed.
+
+    Attributes:
+        algorithm: of Stable-Baselines3, which the extra [rl] installs.
+        steps: of environments to learn from, 20 ms each.
+        seeds: of learning, as A-B or A; seeds below 100 are for tuning.
+        robot: seed of the actual robot that learns; the drawing if left out.
+        out: folder of the results; what is there already is not done again.
+        jobs: processes that work at the same time; the result does not depend on it.
+        quick: do little, to see that it works; the numbers mean nothing then.
+    """
+
+    algorithm: Literal["ppo", "sac"] = "ppo"
+    steps: int = 300_000
+    seeds: str = "0-2"
+    robot: int | None = None
+    out: Path = Path("out/learn-posture")
+    jobs: int = 1
+    quick: bool = False
+
+
+def main(args: Args) -> Summary:
+    """Learn, or what of it is missing; write summary.json, report.html and the figure.
+
+    Raises:
+        ExperimentError: Stable-Baselines3 is missing, or an argument makes no sense.
+    """
+    begin = time.perf_counter()
+    seeds = parse_seeds(args.seeds)
+    check_jobs(args.jobs)
+    if args.steps < 1:
+        raise ExperimentError(f"Steps are {args.steps}, but at least 1 is needed.")
+    learned_with = versions()
+    log_reported(seeds)
+    sizes = replace(QUICK if args.quick else Sizes(steps=args.steps), robot=args.robot)
+    tasks: dict[str, tuple[Any, ...]] = {OTHERS_TASK: (OTHERS_TASK, 0, sizes)}
+    tasks |= {f"{args.algorithm}-{seed:03d}": (args.algorithm, seed, sizes) for seed in seeds}
+    key = f"{source_digest('experiments/learn_posture')} {learned_with} {asdict(sizes)}"
+    results = run_tasks(run, tasks, args.jobs, args.out / "policies", key)
+    others = results.pop(OTHERS_TASK)
+    learned = dict(zip(seeds, results.values(), strict=True))
+    work_s = core_seconds(args.out / "policies", tasks)
+    # Some may have been there already.
+    wall_s = max(time.perf_counter() - begin, work_s / args.jobs)
+    return conclude(args, sizes, learned_with, learned, others, wall_s)
+
+
+def versions() -> str:
+    """Versions of the libraries that learn; `ExperimentError` if they are missing."""
+    libraries()
+    import stable_baselines3
+    import torch
+
+    return f"stable-baselines3 {stable_baselines3.__version__}, torch {torch.__version__}"
+
+
+def run(what: str, seed: int, sizes: Sizes) -> dict[str, Any]:
+    """One task: a policy that learns by the algorithm ``what``, or those that learn nothing."""
+    return judge_others(sizes.robot, sizes) if what == OTHERS_TASK else learn(what, seed, sizes)
+
+
+def conclude(
+    args: Args,
+    sizes: Sizes,
+    learned_with: str,
+    learned: dict[int, dict[str, Any]],
+    others: dict[str, Any],
+    wall_s: float,
+) -> Summary:
+    """Write what came out of policies by seed, beside the others, after ``wall_s`` [s]."""
+    from experiments.learn_posture.figures import (
+        learning_curve,  # matplotlib takes a second to load
+    )
+
+    rewards = {seed: float(np.mean(one["whole"]["reward"])) for seed, one in learned.items()}
+    successes = {seed: float(np.mean(one["whole"]["success"])) for seed, one in learned.items()}
+    metrics = {
+        "reward of a step": metric(rewards, "", good="high"),
+        "share of steps with success": metric(successes, "", good="high"),
+    }
+    for name in OTHERS:
+        over = {
+            seed: reward - float(np.mean(others[name]["whole"]["reward"]))
+            for seed, reward in rewards.items()
+        }
+        metrics[f"reward above: {NAMES[name]}"] = metric(over, "", good="high")
+    table = policy_table(learned, others)
+    picture = learning_curve(args.algorithm.upper(), learned, others)
+    summary = make_summary(
+        NAME,
+        {seed: {"reward": rewards[seed], "success": successes[seed]} for seed in learned},
+        wall_s,
+        title=TITLE,
+        algorithm=args.algorithm,
+        versions=learned_with,
+        sizes=asdict(sizes),
+        metrics=metrics,
+        tables=[table.plain()],
+        curves={str(seed): curve(one) for seed, one in learned.items()},
+    )
+    write_bytes(args.out / "figure_1.png", picture.png)
+    write_report(args.out / "report.html", TITLE, INTRODUCTION, summary, [table], [picture])
+    write_json(args.out / "summary.json", summary)
+    console = Console()
+    console.width = max(console.width, LEAST_WIDTH)
+    print_table(console, table)
+    console.print(f"Results: {args.out}/summary.json, report.html, figure")
+    return summary
+
+
+def curve(learned: dict[str, Any]) -> dict[str, list[float]]:
+    """Steps done, and mean reward of a step in short episodes by then."""
+    means = [round(float(np.mean(rewards)), 4) for rewards in learned["short"]]
+    return {"steps": learned["steps"], "reward": means}
+
+
+def policy_table(learned: dict[int, dict[str, Any]], others: dict[str, Any]) -> Table:
+    """Reward and success of all policies in whole episodes."""
+
+    def row(name: str, rewards: list[float], successes: list[float], policies: int) -> list[str]:
+        middle, low, high = np.median(rewards), min(rewards), max(rewards)
+        figures = f"{middle:.3f} ({low:.3f} to {high:.3f})"
+        return [NAMES[name], f"{policies}", figures, f"{100 * np.median(successes):.0f}"]
+
+    whole = [one["whole"] for one in learned.values()]
+    rewards, successes = (
+        [float(np.mean(one[key])) for one in whole] for key in ("reward", "success")
+    )
+    rows = [row("learned", rewards, successes, len(learned))]
+    rows += [
+        row(name, others[name]["whole"]["reward"], others[name]["whole"]["success"], 1)
+        for name in OTHERS
+    ]
+    return Table(
+        "Reward in whole episodes",
+        ("policy", "policies", "reward of a step", "steps with success [%]"),
+        rows,
+        "Median, and least to largest: of the learned over policies, each the mean of its "
+        "episodes; of the others over the episodes. Success is an error below 5 deg, RMS over all "
+        "joints.",
+    )

@@ -1,0 +1,1 @@
+"""What can be learned at all, from what, and the floor."""

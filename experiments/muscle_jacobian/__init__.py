@@ -1,0 +1,1 @@
+"""Moment arms of the map: rough or smooth (Fig. 7)."""

@@ -1,0 +1,1 @@
+"""Both updaters, tested on new postures (Fig. 11)."""

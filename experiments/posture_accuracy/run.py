@@ -1,0 +1,154 @@
+"""Antagonism Updater and Vision Updater (paper, sec. IV-D): are intended postures realised?
+
+Both updaters learn from 27 postures within 300 s. Before and after that, learning off, the robot
+moves to 5 new postures from 10 start postures each: 100 trials in all. None of the new postures and
+of the starts was learned from, and each new posture differs from all that were learned by at least
+20 deg in some joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.harness.errors import ExperimentError
+from experiments.harness.experiment import Findings, Results, Study
+from experiments.posture_accuracy.tables import metrics, seed_entry, tables
+from jmm_agent.nominal_model import Floats
+from kengoro.arm import ACTUAL, DRAWING, make_session, new_agent, shuffled_postures
+from kengoro.session import Session
+from kengoro.visits import Visits, no_visits, visit
+
+AWAY = 20.0
+"""Least difference of a new posture from each that was learned [deg], in its largest joint."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much is done.
+
+    Attributes:
+        learned: postures from which is learned.
+        targets: new postures.
+        starts: start postures of the trials to each of them.
+        starts_drawing: the same for the robot without departures.
+        move: duration of a movement [s].
+        patience: longest wait for rest and a look [s].
+    """
+
+    learned: int = 27
+    targets: int = 5
+    starts: int = 10
+    starts_drawing: int = 2
+    move: float = 2.0
+    patience: float = 2.5
+
+
+QUICK = Sizes(learned=3, targets=1, starts=2, starts_drawing=1, move=1.0, patience=1.5)
+
+
+class Plan(NamedTuple):
+    """Postures of a robot [rad], each a row: where it wakes, what it learns from, what it is sent
+    to from which starts."""
+
+    first: Floats
+    learned: Floats
+    targets: Floats
+    starts: Floats
+
+
+def make_plan(seed: int, sizes: Sizes) -> Plan:
+    """Choose postures by chance; targets at least `AWAY` from all that are learned.
+
+    Raises:
+        ExperimentError: the posture set has not enough postures that far away.
+    """
+    postures = shuffled_postures(seed)
+    first, learned, rest = np.split(postures, [1, 1 + sizes.learned])
+    starts, rest = np.split(rest, [sizes.starts])
+    far = rest[away(rest, learned)[0] >= AWAY]
+    if len(far) < sizes.targets:
+        raise ExperimentError(
+            f"Only {len(far)} postures are {AWAY:g} deg away from {sizes.learned} learned ones, "
+            f"{sizes.targets} are needed."
+        )
+    return Plan(first[0], learned, far[: sizes.targets], starts)
+
+
+def away(postures: Floats, learned: Floats) -> tuple[Floats, Floats]:
+    """How far postures (K, n) [rad] are from the nearest learned one [deg], (K,) each: by their
+    largest joint difference, and by the RMS over joints."""
+    gaps = np.degrees(np.abs(postures[:, None] - learned[None]))
+    return gaps.max(axis=2).min(axis=1), np.sqrt((gaps**2).mean(axis=2)).min(axis=1)
+
+
+def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
+    """One robot: trials, online learning with both updaters, the same trials again."""
+    plan = make_plan(seed, sizes)
+    starts = plan.starts if condition == ACTUAL else plan.starts[: sizes.starts_drawing]
+    agent = new_agent(cache, seed)
+    session = make_session(condition, seed, agent, plan.first)
+    agent.learning = False
+    before = trials(session, plan.targets, starts, sizes)
+    agent.learning = True
+    begin = session.time
+    lesson = no_visits()
+    for posture in plan.learned:
+        visit(session, posture, lesson, sizes.move, sizes.patience)
+    learning_time = session.time - begin
+    agent.learning = False
+    after = trials(session, plan.targets, starts, sizes)
+    session.env.close()
+    largest, rms = away(plan.targets, plan.learned)
+    return {
+        "before": before,
+        "after": after,
+        "starts": len(starts),
+        "learning_time": round(learning_time, 2),
+        "away_deg": np.round(largest, 2).tolist(),
+        "away_rms_deg": np.round(rms, 2).tolist(),
+        "updates": {"antagonism": agent.antagonism.fired, "vision": agent.vision.fired},
+        "dropped": agent.vision.dropped,
+    }
+
+
+def trials(session: Session, targets: Floats, starts: Floats, sizes: Sizes) -> Visits:
+    """Each target (K, n) [rad] from each start (S, n) [rad]: K S visits, a target's in a row."""
+    visits = no_visits()
+    for target in targets:
+        for start in starts:
+            session.move(start, sizes.move, sizes.patience)
+            visit(session, target, visits, sizes.move, sizes.patience)
+    return visits
+
+
+def conclude(results: Results, sizes: Sizes) -> Findings:
+    """RMSE_joint and Distance_hand before and after, by both definitions."""
+    from experiments.posture_accuracy.figures import pictures
+
+    per_seed = {
+        seed: {condition: seed_entry(result[condition]) for condition in (ACTUAL, DRAWING)}
+        for seed, result in results.items()
+    }
+    return Findings(metrics(per_seed), per_seed, tables(per_seed), pictures(results), {})
+
+
+STUDY = Study(
+    name="posture-accuracy",
+    title="Antagonism Updater and Vision Updater together",
+    introduction=(
+        "The robot moves to new postures from start postures drawn by chance, before and after "
+        "online learning with both updaters from other postures; learning is off in these trials. "
+        "Beside the actual robots stand the same without departures, which show what gravity does "
+        "to the arm even where the map is right."
+    ),
+    figure="Fig. 11",
+    conditions=(ACTUAL, DRAWING),
+    sizes=Sizes(),
+    quick=QUICK,
+    run=run,
+    conclude=conclude,
+)

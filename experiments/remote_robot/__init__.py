@@ -1,0 +1,1 @@
+"""An agent drives a robot in another process."""

@@ -1,0 +1,1 @@
+"""Robots and evaluations that several experiments share."""

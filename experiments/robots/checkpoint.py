@@ -1,0 +1,80 @@
+"""What an agent has learned, in a file: its map, what its updaters remember, and its chance."""
+
+from __future__ import annotations
+
+import json
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from experiments.harness.errors import ExperimentError
+from jmm_agent.agent import Agent
+from jmm_agent.mapping.learner import Pairs
+from jmm_agent.updaters import AntagonismMemory, VisionMemory
+from jmm_agent.vision.observation_fit import Look
+from kengoro.files import write_bytes
+
+FORMAT = "memory-1"
+
+
+def save_memory(path: Path, agent: Agent) -> None:
+    """Write what an agent knows to ``path`` (.npz without pickle), whole or not at all."""
+    vision, antagonism = agent.vision.memory, agent.antagonism.memory
+    joints, muscles = len(agent.map.joints), len(agent.map.muscles)
+    chance = json.dumps(agent.learner.rng.bit_generator.state)
+    content: dict[str, np.ndarray] = {
+        "format": np.array(FORMAT),
+        "chance": np.array(chance),
+        "poses": np.array([look.pose for look in vision.looks]).reshape(-1, 4, 4),
+        "lengths": np.array([look.lengths for look in vision.looks]).reshape(-1, muscles),
+        "guesses": np.array([look.guess for look in vision.looks]).reshape(-1, joints),
+        "commands": np.array(vision.commands).reshape(-1, muscles),
+        "sound": np.array(vision.sound, dtype=bool),
+        "angles": vision.angles,
+        "gave": vision.gave,
+        "last": np.empty(0) if antagonism.last is None else antagonism.last,
+    }
+    for name, pairs in (("vision", vision.pairs), ("antagonism", antagonism.pairs)):
+        content |= {f"{name}_{part}": getattr(pairs, part) for part in Pairs._fields}
+    for group in agent.map.groups:
+        content |= {f"W2_{group.name}": group.W2, f"b2_{group.name}": group.b2}
+    file = BytesIO()
+    np.savez(file, **content)  # type: ignore[arg-type]
+    write_bytes(path, file.getvalue())
+
+
+def load_memory(path: Path, agent: Agent) -> None:
+    """Let an agent that has learned nothing yet know what `save_memory` wrote.
+
+    Raises:
+        ExperimentError: the file is missing, or holds something else.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = dict(file)
+        if str(content["format"]) != FORMAT:
+            raise ValueError(f"its format is not {FORMAT}")
+        pairs = {
+            name: Pairs(*(content[f"{name}_{part}"] for part in Pairs._fields))
+            for name in ("vision", "antagonism")
+        }
+        looks = zip(content["poses"], content["lengths"], content["guesses"], strict=True)
+        vision = VisionMemory(
+            [Look(*look) for look in looks],
+            list(content["commands"]),
+            content["sound"].tolist(),
+            content["angles"],
+            content["gave"],
+            pairs["vision"],
+        )
+        last = content["last"] if content["last"].size else None
+        names = [group.name for group in agent.map.groups]
+        jmm = agent.map.with_output_layers(
+            {name: (content[f"W2_{name}"], content[f"b2_{name}"]) for name in names}
+        )
+        chance = json.loads(str(content["chance"]))
+    except Exception as error:  # numpy raises whatever it stumbles over in a damaged file
+        raise ExperimentError(f"{path} holds no memory of an agent ({error}).") from error
+    agent.recall(jmm, AntagonismMemory(last, pairs["antagonism"]), vision)
+    agent.learner.rng.bit_generator.state = chance

@@ -1,0 +1,1 @@
+"""The estimate comes to what is seen (Fig. 10)."""

@@ -1,0 +1,1 @@
+"""Wrong marker observations are noticed and undone."""

@@ -1,0 +1,1 @@
+"""Robot, agent and diagnosis together: what scripts need to join them."""

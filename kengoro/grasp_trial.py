@@ -1,0 +1,246 @@
+"""The can-grasping experiment on one robot (paper, sec. IV, last subsection).
+
+Kengoro looks at a can, reaches for it and misses; moves its hand before its eyes and learns;
+approaches again; looks once more at its arm; grasps the can and lifts it. After every
+approach but the last a person puts the can back where it stood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jmm_agent.grasping import GraspPlan, GraspPlanner
+from kengoro.session import CLOSED, OPEN, Session
+
+Floats = NDArray[np.float64]
+
+
+READY = tuple(radians(angle) for angle in (-15, 10, 0, -8, 0, -3, 0, 5, -32, -50, 95, 0, 0, 0))
+"""The arm beside the body, the hand out of view; the head towards the table [rad]."""
+
+
+@dataclass(frozen=True)
+class TrialOptions:
+    """How the experiment runs.
+
+    Attributes:
+        approaches: number of approaches at most.
+        postures: number of postures before the eyes, between the first two approaches.
+        near: number of postures near the can, before each later approach.
+        move: duration of a movement from posture to posture [s].
+        patience: longest wait for rest and for a look [s].
+        turn: duration of a turn of the head [s].
+        reach: duration of the way from the stand-off to the can [s].
+        ready: joint angles of an arm that is out of the camera's way [rad].
+        table_point: where the head is turned to find the can (3,) [m].
+        scan: how far the head is turned when it is not there, (yaw, pitch) [rad].
+    """
+
+    approaches: int = 4
+    postures: int = 27
+    near: int = 8
+    move: float = 2.0
+    patience: float = 3.0
+    turn: float = 0.8
+    reach: float = 1.5
+    ready: tuple[float, ...] = READY
+    table_point: tuple[float, float, float] = (0.40, -0.15, -0.28)
+    scan: tuple[float, float] = (0.28, 0.22)
+
+
+@dataclass
+class Approach:
+    """One approach: distance of the grip point to its target before closing [m], and success."""
+
+    start: float
+    distance: float
+    can_distance: float
+    grasped: bool
+    target: Floats
+    max_tension: float
+
+
+@dataclass
+class Trial:
+    """What the experiment brought; ``plan`` is that of the last approach."""
+
+    approaches: list[Approach] = field(default_factory=list)
+    postures: int = 0
+    notes: list[str] = field(default_factory=list)
+    plan: GraspPlan | None = None
+
+
+class GraspTrial:
+    """Runs the experiment in a session.
+
+    Args:
+        session: CanGrasp with an agent.
+        planner: of the agent's own kinematics.
+        library: postures (N, n) [rad] to move the hand before the eyes.
+        rng: chooses postures.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        planner: GraspPlanner,
+        library: Floats,
+        rng: np.random.Generator,
+        options: TrialOptions | None = None,
+    ) -> None:
+        self._session, self._planner, self._library = session, planner, library
+        self._rng, self._options = rng, options or TrialOptions()
+        self._can: Floats | None = None
+        self.trial = Trial()
+
+    def run(self) -> Trial:
+        """The whole experiment, to the first success after learning or the last approach.
+
+        A can that was grasped by chance before learning is let go, and the experiment goes on.
+        """
+        options = self._options
+        for number in range(options.approaches):
+            if number == 1:
+                self._session.stage = "moves its hand before its eyes"
+                self._explore(self._random_postures(options.postures))
+            elif number > 1:
+                self._session.stage = "looks once more at its arm"
+                self._explore(self._near_postures())
+            self._session.stage = f"approach {number + 1}"
+            grasped = self._approach()
+            if grasped and number > 0:
+                break
+            self._let_go()
+        return self.trial
+
+    def _explore(self, postures: Sequence[Floats]) -> None:
+        for posture in postures:
+            self._session.move(posture, self._options.move, self._options.patience)
+            find_hand(self._session, posture, self._options)
+            self._session.world.put_can_back()
+            self.trial.postures += 1
+
+    def _random_postures(self, count: int) -> list[Floats]:
+        """Postures of the library, each as far as possible from those before, of a few drawn."""
+        chosen: list[Floats] = []
+        while len(chosen) < count:
+            drawn = self._library[self._rng.integers(len(self._library), size=5)]
+            away = [min((float(np.linalg.norm(q - c)) for c in chosen), default=0.0) for q in drawn]
+            chosen.append(drawn[int(np.argmax(away))])
+        return chosen
+
+    def _near_postures(self) -> list[Floats]:
+        """Postures above and beside the can, away from it."""
+        if self._can is None:
+            return self._random_postures(self._options.near)
+        postures = []
+        for _ in range(self._options.near):
+            offset = np.array([-0.05, -0.05, 0.16]) + self._rng.uniform(-0.06, 0.06, 3)
+            postures.append(self._planner.hover(self._can, offset, self._session.agent.target))
+        return postures
+
+    def _look_for_can(self) -> Floats | None:
+        """Turn the head until the can is seen; pose of its marker in the world (4, 4)."""
+        agent, options = self._session.agent, self._options
+        towards = self._planner.look_at(np.array(options.table_point), np.array(options.ready))
+        self._session.move(towards, options.move)
+        for offset in [(0.0, 0.0), *_scan_offsets(options)]:
+            turned = towards.copy()
+            turned[:2] += offset
+            self._session.move(turned, options.turn, options.patience)
+            pose = self._can_in_view()
+            if pose is not None:
+                centred = self._planner.look_at(pose[:3, 3], agent.target)
+                self._session.move(centred, options.turn, options.patience)
+                again = self._can_in_view()
+                return pose if again is None else again
+        return None
+
+    def _can_in_view(self) -> Floats | None:
+        session = self._session
+        still_since = session.time
+        session.wait(0.6)  # until a frame has come that was taken at rest
+        if session.senses.frame_time < still_since:
+            return None
+        agent = session.agent
+        marker = agent.look(session.senses).get(agent.options.can_marker)
+        if marker is None:
+            return None
+        return self._planner.marker_in_world(marker.pose_marker_in_camera, agent.joint_angles)
+
+    def _approach(self) -> bool:
+        session = self._session
+        self._can = pose = self._look_for_can()
+        if pose is None:
+            self.trial.notes.append(f"{session.stage}: the can was not found")
+            return False
+        plan = self._planner.plan(pose, session.agent.target)
+        if not plan.reachable:
+            self.trial.notes.append(
+                f"{session.stage}: not made, the can is out of reach by {1e3 * plan.worst:.0f} mm"
+            )
+            return False
+        self.trial.plan = plan
+        return self.grasp(plan)
+
+    def _let_go(self) -> None:
+        """Open the hand and take it away; a person puts the can back."""
+        session, options = self._session, self._options
+        session.fingers = OPEN
+        session.wait(0.5)
+        session.move(np.array(options.ready), options.move)
+        session.world.put_can_back()
+
+    def grasp(self, plan: GraspPlan) -> bool:
+        """Reach for the can, close the fingers and lift; whether the can was lifted for good."""
+        session, options = self._session, self._options
+        start = session.time
+        session.move(plan.approach[0], options.move)
+        session.move(plan.approach[1:], options.reach)
+        session.wait(0.6)
+        approach = self._measure(plan, start)
+        self.trial.approaches.append(approach)
+        session.fingers = CLOSED
+        session.wait(1.0)
+        session.move(plan.lift[1:], 1.5)
+        session.wait(1.6)
+        truth = session.truth  # lifted for long enough, and held to the end
+        approach.grasped = bool(truth["success"] and truth["grasped"])
+        return approach.grasped
+
+    def _measure(self, plan: GraspPlan, start: float) -> Approach:
+        """What a bystander measures before the fingers close; the agent never sees it."""
+        truth, log = self._session.truth, self._session.log
+        hand = truth["hand_pose"][:3, 3]
+        first = int(np.searchsorted(log.time, start))
+        return Approach(
+            start=start,
+            distance=float(np.linalg.norm(hand - plan.grip)),
+            can_distance=float(np.linalg.norm(hand - truth["can_pose"][:3, 3])),
+            grasped=False,
+            target=plan.grip,
+            max_tension=float(np.max(log.tensions[first:])),
+        )
+
+
+def find_hand(session: Session, posture: Floats, options: TrialOptions) -> None:
+    """Turn the head from a posture (n,) [rad] until the hand's marker is in view, if it is not."""
+    agent = session.agent
+    for offset in _scan_offsets(options):
+        if agent.options.hand_marker in agent.markers:
+            return
+        turned = posture.copy()
+        turned[:2] += offset
+        session.move(turned, options.turn, options.patience)
+
+
+def _scan_offsets(options: TrialOptions) -> list[tuple[float, float]]:
+    """Turns of the head to look around, (yaw, pitch) [rad]."""
+    yaw, pitch = options.scan
+    sides = [(0.0, pitch), (0.0, -pitch), (yaw, 0.0), (-yaw, 0.0)]
+    return [*sides, (yaw, pitch), (-yaw, pitch), (yaw, -pitch), (-yaw, -pitch)]

@@ -1,0 +1,160 @@
+"""A recording as a study for `reality_gap`: ``STUDY.yaml``, ``model.xml`` and the logs.
+
+Each episode has a ``log_0.csv`` and, with a camera, a ``camera_0.csv``, which has times of its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from jmm_agent.nominal_model import Floats
+from kengoro.files import write_text
+from kengoro.nominal_model import (
+    MARKER_ORIENTATION,
+    MARKER_POSITION,
+    drawing_model,
+    length_sensor,
+    tension_sensor,
+    zero_lengths,
+)
+from kengoro.recording import SETTLE, Arm, Recording
+from kengoro_env.robot.nominal_model import ArmDrawing
+
+LENGTH_NOISE, TENSION_NOISE = 1e-4, 1.0
+"""Standard deviation of a reading of encoders [m] and tension sensors [N], as their makers say."""
+
+MARKER_NOISE, TURN_NOISE = 2e-4, 1e-3
+"""The same of the marker's position [m], and of each number of its quaternion: see
+`python -m benchmarks marker_pose`."""
+
+STILL = 0.002
+"""A tension sensor on a wire also feels its motor's viscous drag, 150 N s/m, which the model's
+sensor does not: while a wire moves faster than this [m/s] its cell is left empty."""
+
+WINDOW = 5
+"""Control periods before and after, over which that speed is taken."""
+
+POSITION = ("marker_x", "marker_y", "marker_z")
+TURN = ("marker_qw", "marker_qx", "marker_qy", "marker_qz")
+
+
+def write_study(out: Path, name: str, arm: Arm, recordings: Sequence[Recording]) -> Path:
+    """Write model, logs and, last, ``STUDY.yaml`` to a folder; returns the path of the latter."""
+    spec, drawing = drawing_model(arm.scene), ArmDrawing(arm.scene)
+    write_text(out / "model.xml", spec.to_xml())
+    for number, recording in enumerate(recordings):
+        write_text(out / f"log_{number}.csv", _log_table(recording, drawing.muscles))
+        if len(recording.look_time):
+            write_text(out / f"camera_{number}.csv", _camera_table(recording))
+    path = out / "STUDY.yaml"
+    study = study_content(name, drawing, zero_lengths(spec, drawing.muscles), recordings)
+    write_text(path, yaml.safe_dump(study, sort_keys=False, width=120))
+    return path
+
+
+def study_content(
+    name: str, arm: ArmDrawing, zero: Floats, recordings: Sequence[Recording]
+) -> dict[str, Any]:
+    """What ``STUDY.yaml`` holds.
+
+    Args:
+        name: for people.
+        arm: names of joints and muscles.
+        zero: the drawing's wire lengths (m,) [m] where the robot calls them zero.
+        recordings: one an episode.
+    """
+    offset = {muscle: round(float(at), 9) for muscle, at in zip(arm.muscles, zero, strict=True)}
+    sensors: dict[str, Any] = {}
+    for muscle in arm.muscles:
+        sensors[length_sensor(muscle)] = {
+            "column": f"length_{muscle}",
+            "unit": "m",
+            "offset": offset[muscle],
+            "noise": LENGTH_NOISE,
+        }
+    for muscle in arm.muscles:
+        sensors[tension_sensor(muscle)] = {
+            "column": f"tension_{muscle}",
+            "unit": "N",
+            "scale": -1,
+            "noise": TENSION_NOISE,
+        }
+    if any(len(recording.look_time) for recording in recordings):
+        sensors[MARKER_POSITION] = {"columns": [*POSITION], "unit": "m", "noise": MARKER_NOISE}
+        sensors[MARKER_ORIENTATION] = {"columns": [*TURN], "unit": "1", "noise": TURN_NOISE}
+    return {
+        "name": name,
+        "model": "model.xml",
+        "episodes": [_episode(number, r, arm.joints) for number, r in enumerate(recordings)],
+        "time": {"column": "time", "unit": "s"},
+        "actuators": {
+            muscle: {"column": f"target_{muscle}", "unit": "m", "offset": offset[muscle]}
+            for muscle in arm.muscles
+        },
+        "sensors": sensors,
+        "initial": {"settle": SETTLE},
+    }
+
+
+def _episode(number: int, recording: Recording, joints: Sequence[str]) -> dict[str, Any]:
+    start = zip(joints, recording.start, strict=True)
+    episode: dict[str, Any] = {"commands": f"log_{number}.csv"}
+    if len(recording.look_time):
+        episode["readings"] = [f"camera_{number}.csv"]
+    return {**episode, "joints": {joint: round(float(angle), 6) for joint, angle in start}}
+
+
+def _log_table(recording: Recording, muscles: Sequence[str]) -> str:
+    header = ["time", *(f"{kind}_{m}" for kind in ("target", "length", "tension") for m in muscles)]
+    still = speed(recording.lengths, recording.time) < STILL
+    rows = (
+        [f"{time:.6f}", *(f"{x:.8f}" for x in (*command, *lengths)),
+         *(f"{x:.4f}" if rests else "" for x, rests in zip(tensions, at_rest, strict=True))]
+        for time, command, lengths, tensions, at_rest in zip(
+            recording.time, recording.command, recording.lengths, recording.tensions, still,
+            strict=True,
+        )
+    )  # fmt: skip
+    return _csv(header, rows)
+
+
+def speed(lengths: Floats, time: Floats) -> Floats:
+    """How fast each wire moves (k, m) [m/s], by its lengths (k, m) [m] before and after."""
+    index = np.arange(len(time))
+    before, after = np.maximum(index - WINDOW, 0), np.minimum(index + WINDOW, len(time) - 1)
+    span = np.maximum(time[after] - time[before], 1e-9)
+    return np.abs(lengths[after] - lengths[before]) / span[:, None]
+
+
+def _camera_table(recording: Recording) -> str:
+    position, turn = in_model_axes(recording.markers)
+    rows = (
+        [f"{time:.6f}", *(f"{x:.7f}" for x in (*p, *q))]
+        for time, p, q in zip(recording.look_time, position, turn, strict=True)
+    )
+    return _csv(["time", *POSITION, *TURN], rows)
+
+
+def in_model_axes(markers: Floats) -> tuple[Floats, Floats]:
+    """Positions (c, 3) [m] and quaternions (c, 4), w first, in MuJoCo's camera axes: x right, y
+    up, z backwards; from poses (c, 4, 4) in OpenCV's: x right, y down, z forward."""
+    flip = np.diag([1.0, -1.0, -1.0])
+    position = markers[:, :3, 3] @ flip
+    turn = Rotation.from_matrix(flip @ markers[:, :3, :3]).as_quat(scalar_first=True)
+    return position, turn
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()

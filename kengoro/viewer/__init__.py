@@ -1,0 +1,1 @@
+"""Watch a robot: in a window, in a browser, or as a film."""

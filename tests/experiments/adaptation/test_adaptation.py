@@ -1,0 +1,81 @@
+"""Wires give, and learning makes up for it; without learning nothing does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.adaptation.critical_muscles import effect_deg, rest, worst_wires
+from experiments.adaptation.run import BEFORE, EVENT, GIVING, LENGTH, OFF, QUICK, conclude, run
+from kengoro.arm import ACTUAL, DRAWING
+from kengoro.trained_maps import ARM
+from kengoro.visits import errors
+from kengoro_env.assets import asset_path
+from kengoro_env.postures import posture_set
+from kengoro_env.robot.motors import DEFAULT_GAINS
+from kengoro_env.robot.nominal_model import ArmDrawing
+
+SIZES = replace(QUICK, learned=8, more=4, every=4, tested=2)
+
+
+@pytest.fixture(scope="module")
+def cache(request: pytest.FixtureRequest) -> Path:
+    """Folder of a map that is trained once and kept between test runs."""
+    return Path(request.config.cache.mkdir("maps"))
+
+
+@pytest.fixture(scope="module")
+def result(cache: Path) -> dict[str, Any]:
+    return run(DRAWING, 0, SIZES, cache)
+
+
+def test_the_event_raises_the_error_and_learning_lowers_it(result: dict[str, Any]) -> None:
+    told = {name: errors(test)["target_true_deg"] for name, test in result["tests"].items()}
+    assert told[EVENT] > 1.5 * told[BEFORE]
+    assert told[OFF] == pytest.approx(told[EVENT], rel=0.1)
+    assert told[str(SIZES.more)] < 0.5 * told[EVENT]
+
+
+def test_the_wires_that_gave_are_told(result: dict[str, Any]) -> None:
+    assert set(result["believed"]) == set(worst_wires(GIVING, LENGTH))
+
+
+def test_findings_tell_of_all_robots(result: dict[str, Any]) -> None:
+    results = {seed: {ACTUAL: result, DRAWING: result} for seed in (0, 1)}
+    found = conclude(results, SIZES)
+    assert {"event_ratio", "adapted_ratio", "off_ratio"} <= found.metrics.keys()
+    assert found.metrics["event_ratio"]["must"] == 1.5
+    assert found.metrics["adapted_ratio"]["must"] == 1.25
+    tests = result["tests"]
+    before, after = (errors(tests[name])["target_true_mm"] for name in (BEFORE, str(SIZES.more)))
+    assert found.metrics["hand_adapted_ratio"]["median"] == pytest.approx(after / before, rel=1e-3)
+    assert found.metrics["wires_found"]["median"] == GIVING
+    assert found.metrics["wires_wronged"]["worst"] == 0
+    assert list(found.per_seed) == [0, 1]
+    assert all(picture.png.startswith(b"\x89PNG") for picture in found.pictures)
+
+
+def test_the_drawn_arm_rests_where_pull_and_gravity_balance() -> None:
+    arm, gains = ArmDrawing(asset_path(ARM)), DEFAULT_GAINS
+    posture = posture_set()[0]
+    target = arm.lengths(posture)[0]
+    here = rest(arm, target, posture)
+    tension = gains.bias + gains.stiffness * np.maximum(0.0, arm.lengths(here)[0] - target)
+    torque = arm.gravity(here) - arm.moment_arms(here).T @ tension
+    inside = (here > arm.lower + 1e-9) & (here < arm.upper - 1e-9)
+    assert np.abs(torque[inside]).max() < 0.1
+    assert 0.0 < np.degrees(np.abs(here - posture)).max() < 10.0
+
+
+def test_the_chosen_wires_move_the_drawn_arm_most() -> None:
+    wires = worst_wires(2, LENGTH)
+    assert wires == worst_wires(GIVING, LENGTH)[:2]
+    one = effect_deg(wires[:1], LENGTH)
+    assert effect_deg(wires, LENGTH) > one
+    for other in ArmDrawing(asset_path(ARM)).muscles:
+        assert effect_deg((other,), LENGTH) <= one
+    assert effect_deg(wires, 0.0) == pytest.approx(0.0, abs=0.02)

@@ -1,0 +1,249 @@
+"""Faults are injected as told, and what came of them is counted rightly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.faults.injection import (
+    HIDDEN_SHARE,
+    JUMP,
+    LATE_STEPS,
+    PUSH,
+    FaultyEnv,
+    Injection,
+)
+from experiments.faults.run import QUICK, conclude, guarded_agent, run
+from experiments.faults.tables import NO_FAULT, metrics, seed_entry, tables
+from jmm_agent.guard import faults
+from jmm_agent.vision.marker_detector import MarkerDetector, Skip
+from kengoro.arm import ACTUAL, CAMERA, SIDES, make_env
+from kengoro_env.postures import posture_set
+
+MUSCLE, WIRE = "delt_mid", 19
+
+
+@pytest.fixture
+def env() -> Iterator[FaultyEnv]:
+    """A robot without departures, whose senses have no noise and that has no camera."""
+    faulty = FaultyEnv(make_env("Posture", None, camera=False), MarkerDetector(CAMERA, SIDES))
+    faulty.reset(seed=0, options={"posture": posture_set()[0]})
+    assert faulty.world.muscles.index(MUSCLE) == WIRE
+    yield faulty
+    faulty.close()
+
+
+def step(env: FaultyEnv, lengths: np.ndarray) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Command lengths (m,) [m]; what is felt, and the truth."""
+    observation, *_, info = env.step(env.world.lengths_to_action(lengths))
+    return observation, info
+
+
+def test_without_a_fault_nothing_is_changed(env: FaultyEnv) -> None:
+    target = env.world.robot.target
+    observation, _ = step(env, target)
+    np.testing.assert_array_equal(observation["lengths"], env.world.robot.lengths)
+    np.testing.assert_allclose(env.world.robot.target, target, atol=1e-6)
+
+
+def test_a_motor_pulls_by_what_its_encoder_reads(env: FaultyEnv) -> None:
+    target = env.world.robot.target
+    env.inject(Injection(faults.ENCODER_JUMP, MUSCLE))
+    before, _ = step(env, target)
+    assert before["lengths"][WIRE] == pytest.approx(env.world.robot.lengths[WIRE] + JUMP)
+    step(env, target)
+    assert env.world.robot.target[WIRE] == pytest.approx(target[WIRE] - JUMP, abs=1e-6)
+    others = np.arange(36) != WIRE
+    np.testing.assert_allclose(env.world.robot.target[others], target[others], atol=1e-6)
+    env.inject(None)
+    observation, _ = step(env, target)
+    np.testing.assert_array_equal(observation["lengths"], env.world.robot.lengths)
+
+
+def test_a_stuck_encoder_and_a_dead_sensor_read_the_same_for_ever(env: FaultyEnv) -> None:
+    target = env.world.robot.target
+    felt, _ = step(env, target)
+    env.inject(Injection(faults.ENCODER_STUCK, MUSCLE))
+    for _ in range(3):
+        target = target - 0.002
+        observation, _ = step(env, target)
+        assert observation["lengths"][WIRE] == felt["lengths"][WIRE]
+        assert observation["lengths"][WIRE + 1] != felt["lengths"][WIRE + 1]
+    env.inject(Injection(faults.TENSION_SENSOR_DEAD, MUSCLE))
+    observation, _ = step(env, target)
+    assert np.flatnonzero(observation["tensions"] == 0.0).tolist() == [WIRE]
+    env.inject(Injection(faults.ENCODER_DEAD, MUSCLE))
+    observation, _ = step(env, target)
+    assert np.flatnonzero(np.isnan(observation["lengths"])).tolist() == [WIRE]
+
+
+def test_late_commands_are_obeyed_later(env: FaultyEnv) -> None:
+    first = env.world.robot.target
+    env.inject(Injection(faults.COMMAND_LATE))
+    commands = [first - 1e-4 * k for k in range(12)]
+    for k, command in enumerate(commands):
+        step(env, command)
+        np.testing.assert_allclose(
+            env.world.robot.target, commands[max(0, k - LATE_STEPS)], atol=1e-6
+        )
+
+
+def test_a_push_moves_the_hand_and_ends(env: FaultyEnv) -> None:
+    target = env.world.robot.target
+    _, info = step(env, target)
+    env.inject(Injection(faults.PUSHED, direction=(0.0, 0.0, 1.0)))
+    assert env.world.robot.data.xfrc_applied.sum() == pytest.approx(PUSH)
+    for _ in range(20):
+        _, pushed = step(env, target)
+    assert pushed["hand_pose"][2, 3] - info["hand_pose"][2, 3] > 0.005
+    env.inject(None)
+    assert not env.world.robot.data.xfrc_applied.any()
+
+
+def test_a_snapped_wire_never_pulls_again(env: FaultyEnv) -> None:
+    env.inject(Injection(faults.WIRE_SNAPPED, MUSCLE))
+    env.inject(None)
+    target = env.world.robot.target
+    for _ in range(3):
+        step(env, target)
+    assert env.world.robot.motors.elongation[WIRE] > 1.0
+
+
+def test_commands_are_judged_by_what_they_demand(env: FaultyEnv) -> None:
+    target = env.world.robot.target
+    target[WIRE] -= 0.005
+    step(env, target)
+    assert env.largest_demand == pytest.approx(30.0 + 30_000.0 * 0.005, rel=1e-3)
+
+
+@pytest.fixture(scope="module")
+def frame() -> np.ndarray:
+    """What the robot sees of its hand."""
+    env = make_env("Posture", None)
+    observation, _ = env.reset(seed=0, options={"posture": posture_set()[0]})
+    env.close()
+    return np.array(observation["frame"])
+
+
+def test_a_marker_is_hidden_for_a_share_of_the_time_doubled_and_mirrored(
+    env: FaultyEnv, frame: np.ndarray
+) -> None:
+    eyes, times = env.eyes, 0.2 * np.arange(20)
+    marker = eyes.detect(frame).poses[0]
+
+    def look(kind: str, time: float) -> np.ndarray:
+        picture = frame.copy()
+        env.inject(Injection(kind))
+        env._felt({"lengths": np.zeros(36), "frame": picture, "frame_time": np.array([time])})
+        return picture
+
+    hidden = [0 not in eyes.detect(look(faults.MARKER_HIDDEN, t)).poses for t in times]
+    assert np.mean(hidden) == pytest.approx(HIDDEN_SHARE, abs=0.05)
+    assert eyes.detect(look(faults.SECOND_MARKER, 0.0)).skips[0] is Skip.TWICE
+    env.inject(Injection(faults.MIRRORED_MARKER))
+    pose = eyes.detect(frame).poses[0].pose_marker_in_camera
+    np.testing.assert_array_equal(pose, marker.pose_marker_in_camera, "a frame from before")
+    mirrored = eyes.detect(look(faults.MIRRORED_MARKER, 0.0)).poses[0]
+    np.testing.assert_array_equal(mirrored.pose_marker_in_camera, marker.flipped_in_camera)
+    env.inject(None)
+    np.testing.assert_array_equal(
+        eyes.detect(frame).poses[0].pose_marker_in_camera, marker.pose_marker_in_camera
+    )
+
+
+def told(named: list[Any], **more: Any) -> dict[str, Any]:
+    return {
+        "named": named,
+        "largest_demand_N": 400.0,
+        "largest_tension_N": 410.0,
+        "not_finite": 0,
+        "taken_back": 0,
+        **more,
+    }
+
+
+def trial(
+    kind: str,
+    where: str,
+    named: list[Any],
+    after_mm: float = 3.0,
+    shown: float | None = 100.0,
+) -> dict[str, Any]:
+    return told(
+        named, kind=kind, where=where, begin=100.0, shown=shown, gone=110.0, before_mm=4.0,
+        after_mm=after_mm, still_named=[],
+    )  # fmt: skip
+
+
+def test_namings_are_counted_as_right_wrong_or_late() -> None:
+    pushed = [faults.PUSHED, "hand", [101.5]]
+    late = [faults.COMMAND_LATE, "commands", [105.0, 120.0]]
+    entry = seed_entry(
+        {
+            "learning": told([late]),
+            "trials": {
+                NO_FAULT: trial(NO_FAULT, "", [late], shown=None),
+                faults.PUSHED: trial(faults.PUSHED, "hand", [pushed, late], after_mm=6.0),
+                faults.COMMAND_LATE: trial(faults.COMMAND_LATE, "commands", [late]),
+            },
+        }
+    )
+    assert entry["learning"]["false_namings"] == ["command_late commands"]
+    assert entry[NO_FAULT]["false_namings"] == ["command_late commands"] * 2
+    assert entry[faults.PUSHED]["noticed_after_s"] == 1.5
+    assert entry[faults.PUSHED]["also_named"] == ["command_late commands"]
+    assert entry[faults.PUSHED]["false_namings"] == ["command_late commands"]
+    assert entry[faults.PUSHED]["ratio"] == 1.5
+    assert entry[faults.COMMAND_LATE]["noticed_after_s"] == 5.0
+    table = tables({0: entry})[0]
+    row = {row[0]: row for row in table.rows}
+    assert row[faults.PUSHED][1] == "1 of 1"
+    assert row[faults.COMMAND_LATE][1] == "0 of 1"
+    assert row[faults.PUSHED][5] == 1
+
+
+def test_seconds_count_from_when_a_fault_shows() -> None:
+    named, entries = [faults.SECOND_MARKER, "marker", [104.5]], {}
+    for seed, shown in enumerate((100.0, 104.0, None)):
+        part = trial(faults.SECOND_MARKER, "marker", [named], shown=shown)
+        entries[seed] = seed_entry({"learning": told([]), "trials": {faults.SECOND_MARKER: part}})
+    told_after = [entry[faults.SECOND_MARKER]["noticed_after_s"] for entry in entries.values()]
+    assert told_after == [4.5, 0.5, None]
+    never = entries[2][faults.SECOND_MARKER]
+    assert never["also_named"] == ["second_marker marker"]
+    assert tables(entries)[0].rows[0][1] == "1 of 2"
+    assert metrics(entries)["noticed_in_time"]["median"] == 50.0
+
+
+def test_a_marker_that_is_not_in_view_is_not_hidden_yet(env: FaultyEnv, frame: np.ndarray) -> None:
+    env.inject(Injection(faults.PUSHED))
+    assert env.shown == env.world.robot.time
+    for kind in (faults.MARKER_HIDDEN, faults.SECOND_MARKER, faults.MIRRORED_MARKER):
+        env.inject(Injection(kind))
+        for picture, shown in ((np.zeros_like(frame), None), (frame, env.world.robot.time)):
+            now = {"lengths": np.zeros(36), "frame": picture.copy(), "frame_time": np.zeros(1)}
+            env._felt(now)
+            assert env.shown == shown
+
+
+def test_the_agent_watches_and_undoes_what_harms(request: pytest.FixtureRequest) -> None:
+    agent = guarded_agent(0, request.config.cache.mkdir("maps"), MarkerDetector(CAMERA, SIDES))
+    assert agent.guard is not None
+    assert agent.vision.held_back is not None
+
+
+@pytest.mark.slow
+def test_a_short_run_names_what_it_injects(request: pytest.FixtureRequest) -> None:
+    kinds = (NO_FAULT, faults.ENCODER_JUMP, faults.SECOND_MARKER)
+    sizes = replace(QUICK, trials=kinds)
+    result = run(ACTUAL, 0, sizes, Path(request.config.cache.mkdir("maps")))
+    found = conclude({0: {ACTUAL: result}}, sizes)
+    assert found.metrics["noticed_in_time"]["median"] == 100.0
+    assert found.metrics["not_finite"]["median"] == 0.0
+    assert found.metrics["largest_demand"]["median"] < 500.1
+    assert found.per_seed[0][NO_FAULT]["false_namings"] == []

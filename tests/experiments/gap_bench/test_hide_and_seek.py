@@ -1,0 +1,95 @@
+"""Somebody hides an effect in a machine, somebody else has to find it.
+
+The hider, `hidden_plants`, shares no code with the seeker, `reality_gap`; here they meet. On the
+whole arm the logs are short, for time: with 36 wires there are many suspects.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import hidden_plants
+from experiments.gap_bench.trial import ASSETS
+from hidden_plants import Effect, Secret
+from hidden_plants.draw import ONLY_ON_ARM
+from hidden_plants.floors import rows
+from hidden_plants.mechanisms import mechanism_of
+from reality_gap import CATALOGUE, Diagnosis, Options, Verdict, diagnose, load_study
+
+SECONDS = {"elbow": 12.0, "arm": 5.0}
+LARGE = 10.0
+"""Amplitude over the oracle's detection floor: what is tested here is the naming."""
+ON_ELBOW = tuple(id for id in CATALOGUE if id not in ONLY_ON_ARM)
+ON_ARM = ("force_offset", "tension_scale", "camera_focal")
+OUTSIDE = (
+    "cogging_torque",
+    "catching_wire",
+    "tension_crosstalk",
+    pytest.param("hard_stop", marks=pytest.mark.slow),
+)
+PAIRS = (
+    ("force_scale", "attachment_shift"),
+    ("length_offset", "tension_scale"),
+    ("backlash", "force_offset"),
+)
+
+
+def effect_of(id: str, skip: int = 0, machine: str = "elbow") -> Effect:
+    """The effect at one of its places, ten times the floor or as large as is physical."""
+    places = [r for r in rows(machine) if r.structure.id == id and r.floors[0] < float("inf")]
+    row = places[skip % len(places)]
+    mechanism = mechanism_of(row.structure)
+    return mechanism.effect(row.structure, min(LARGE * row.floors[0], mechanism.bound))
+
+
+def sought(folder: Path, secret: Secret, seed: int, machine: str = "elbow") -> Diagnosis:
+    """The diagnosis of the secret's log."""
+    seconds = SECONDS[machine]
+    hidden_plants.write_study(folder, secret, seed, machine, ASSETS, seconds, baseline=False)
+    return diagnose(load_study(folder / "STUDY.yaml"), options=Options(suggest=False))
+
+
+# The longest come first, so that no process waits for them in the end.
+@pytest.mark.parametrize("id", ON_ARM)
+def test_what_is_hidden_in_the_whole_arm_is_named_with_its_place(tmp_path: Path, id: str) -> None:
+    effect = effect_of(id, machine="arm")
+    found = sought(tmp_path, Secret((effect,), 0, "single"), 11, "arm")
+    assert found.verdict is Verdict.NAMED
+    [cause] = found.causes
+    assert id in {cause.suspect.cause.id, *cause.equivalent}
+    assert set(effect.elements) & set(cause.suspect.place.elements)
+
+
+@pytest.mark.parametrize("id", ON_ELBOW)
+def test_what_is_hidden_is_named(tmp_path: Path, id: str) -> None:
+    found = sought(tmp_path, Secret((effect_of(id),), 0, "single"), seed=7)
+    assert found.verdict is Verdict.NAMED
+    named = {cause.suspect.cause.id for cause in found.causes}
+    assert id in named | {same for cause in found.causes for same in cause.equivalent}
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_where_nothing_is_hidden_nothing_is_found(tmp_path: Path, seed: int) -> None:
+    found = sought(tmp_path, Secret((), seed, "null"), seed)
+    assert found.verdict is Verdict.NOTHING_WRONG
+    assert not found.causes
+
+
+@pytest.mark.parametrize("id", OUTSIDE)
+def test_what_has_no_name_is_called_unexplained(tmp_path: Path, id: str) -> None:
+    found = sought(tmp_path, Secret((effect_of(id),), 0, "outside"), seed=5)
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert not found.causes
+    assert found.rivals  # something was tried, and is not built in
+    assert found.rms_after == found.rms_before
+    assert found.extended_xml == load_study(tmp_path / "STUDY.yaml").spec().to_xml()
+    assert not found.effects
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_two_causes_are_both_named(tmp_path: Path, pair: tuple[str, str]) -> None:
+    effects = (effect_of(pair[0]), effect_of(pair[1], skip=1))
+    found = sought(tmp_path, Secret(effects, 0, "pair"), seed=3)
+    assert set(pair) <= {cause.suspect.cause.id for cause in found.causes}

@@ -1,0 +1,66 @@
+"""A robot in another process is the same robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from experiments.harness.errors import ExperimentError
+from experiments.remote_robot.run import Args, main
+from jmm_agent.observation import Senses
+from kengoro.arm import NO_END, make_env
+from kengoro.errors import UsageError
+from kengoro.remote_robot import robot_process
+from kengoro_env.env import KengoroEnv
+
+STEPS = 4
+
+
+def wish(senses: Senses) -> np.ndarray:
+    """Some command that depends on what was felt."""
+    return np.asarray(senses.lengths - 0.001 * np.sin(senses.time + np.arange(len(senses.lengths))))
+
+
+def test_it_feels_and_sees_the_same_bits_as_one_in_this_process() -> None:
+    env = make_env("Posture", 1, max_episode_steps=NO_END)
+    world = env.unwrapped
+    assert isinstance(world, KengoroEnv)
+    observation, _ = env.reset(seed=1)
+
+    with robot_process("Posture", 1) as robot:
+        for step in range(STEPS):
+            senses = robot.read()
+            assert senses.time == step * world.robot.control_period
+            np.testing.assert_array_equal(senses.lengths, observation["lengths"])
+            np.testing.assert_array_equal(senses.tensions, observation["tensions"])
+            np.testing.assert_array_equal(senses.frame, observation["frame"])
+            assert senses.frame_time == observation["frame_time"][0]
+            robot.write(wish(senses))
+            observation, *_ = env.step(world.lengths_to_action(wish(senses)))
+        robot.read()
+
+
+def test_no_postures_are_none_to_go_to() -> None:
+    with pytest.raises(ExperimentError, match="at least 1"):
+        main(Args(postures=0))
+
+
+def test_a_robot_that_was_stopped_may_be_stopped_again() -> None:
+    with robot_process("Posture", None) as robot:
+        robot.read()
+        robot.stop()
+        with pytest.raises(OSError, match="descriptor"):
+            robot.read()
+
+
+def command_nonsense() -> None:
+    """Three targets for a robot of thirty-six wires."""
+    with robot_process("Posture", None) as robot:
+        robot.read()
+        robot.write(np.zeros(3))
+        robot.read()
+
+
+def test_a_robot_that_hangs_up_is_said_so() -> None:
+    with pytest.raises(UsageError, match="has hung up"):
+        command_nonsense()

@@ -1,0 +1,67 @@
+"""Which looks are wrong, by how much, and what is counted of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from experiments.wrong_observations.run import CONDITIONS, KINDS, Sizes, conclude, displaced, run
+
+SIZES = Sizes(looks=8, first=3, every=2, tested=5)
+SOME, FAR, LITTLE = KINDS
+
+
+def test_kinds_take_turns() -> None:
+    assert [SIZES.kind(k) for k in range(8)] == ["", "", "", SOME, "", FAR, "", LITTLE]
+    assert [Sizes(first=1, every=1).kind(k) for k in (1, 4)] == [SOME, SOME]
+
+
+def test_a_pose_is_displaced_by_as_much_as_it_should_be() -> None:
+    pose, rng = np.eye(4), np.random.default_rng(0)
+    moved = displaced(pose, 0.06, 0.4, rng, exactly=True)
+    assert np.linalg.norm(moved[:3, 3]) == pytest.approx(0.06)
+    assert Rotation.from_matrix(moved[:3, :3]).magnitude() == pytest.approx(0.4)
+    np.testing.assert_array_equal(pose, np.eye(4))
+    many = [displaced(pose, 0.01, 0.0, rng)[:3, 3] for _ in range(500)]
+    assert np.std(many) == pytest.approx(0.01, rel=0.1)
+
+
+def made_up(condition: str) -> dict[str, Any]:
+    """Looks of one robot: without looks held back wrong ones double the error."""
+    plain = condition == "plain"
+    looks, error = [], 10.0
+    for number in range(SIZES.looks):
+        kind = SIZES.kind(number) if condition in ("plain", "tested") else ""
+        after = error * (2.0 if kind and plain else 1.0 if kind else 0.9)
+        outcome = "learned" if plain or not kind else "undone"
+        looks.append({"wrong": kind, "outcome": outcome, "before": error, "after": after})
+        error = after
+    return {"looks": looks}
+
+
+def test_harm_and_its_undoing_are_counted() -> None:
+    result = {condition: made_up(condition) for condition in CONDITIONS}
+    found = conclude({1: result, 2: result}, SIZES)
+
+    assert found.metrics["worst_ratio_plain"]["median"] == 2.0
+    assert found.metrics["worst_ratio_tested"] | {"paper": None} == {
+        "unit": "", "paper": None, "median": 1.0, "worst": 1.0, "low": 1.0, "high": 1.0,
+        "must": 1.2, "reached": True,
+    }  # fmt: skip
+    assert found.metrics["right_looks_undone"]["worst"] == 0.0
+    rows = {(row[0], row[1]): row[2:] for row in found.tables[0].rows}
+    assert rows["wrong looks, none held back", FAR] == [2, 0, 0, 0, 2, 2, "2.00"]
+    assert rows["wrong looks, some held back", FAR] == [2, 0, 2, 0, 0, 0, "1.00"]
+    assert rows["right looks only, some held back", "nothing"][:1] == [16]
+    assert len(found.pictures[0].png) > 5000
+
+
+def test_a_robot_is_looked_at(request: pytest.FixtureRequest) -> None:
+    sizes = Sizes(looks=3, first=2, every=1, tested=4)
+    looks = run("plain", 0, sizes, request.config.cache.mkdir("maps"))["looks"]
+    assert [look["wrong"] for look in looks] == ["", "", SOME]
+    assert looks[1]["after"] < looks[0]["before"]
+    assert looks[1]["before"] == looks[0]["after"]

@@ -1,0 +1,181 @@
+"""Sessions: the agent gets senses only, and the same seed gives the same bits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from jmm_agent.agent import Agent
+from jmm_agent.grasping import GraspPlanner
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from kengoro.arm import READY, make_agent, make_env
+from kengoro.grasp_trial import GraspTrial
+from kengoro.session import CLOSED, EpisodeEndedError, Session
+from kengoro.trained_maps import trained_map
+from kengoro_env.names import GROUP_JOINTS
+from kengoro_env.postures import posture_set
+
+SEED = 1
+
+
+@pytest.fixture(scope="module")
+def drawn(request: pytest.FixtureRequest) -> JointMuscleMap:
+    return trained_map(request.config.cache.mkdir("maps"))
+
+
+class Recorded(gym.Wrapper[Any, Any, Any, Any]):
+    """Keeps the actions."""
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        super().__init__(env)
+        self.actions: list[np.ndarray] = []
+
+    def step(self, action: Any) -> Any:
+        self.actions.append(np.array(action))
+        return super().step(action)
+
+
+class Liar(Recorded):
+    """Every number in ``info`` is garbage, and so is the verdict."""
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        super().__init__(env)
+        self.lies = 0
+
+    def _lie(self, info: dict[str, Any]) -> dict[str, Any]:
+        rng = np.random.default_rng(self.lies)
+        self.lies += 1
+        return {name: self._falsified(value, rng) for name, value in info.items()}
+
+    def _falsified(self, value: Any, rng: np.random.Generator) -> Any:
+        if isinstance(value, bool | np.bool_):
+            return not value
+        if isinstance(value, str):
+            return "nonsense"
+        return np.asarray(value, dtype=float) + rng.normal(0.0, 1.0, np.shape(value))
+
+    def reset(self, **arguments: Any) -> Any:
+        observation, info = super().reset(**arguments)
+        return observation, self._lie(info)
+
+    def step(self, action: Any) -> Any:
+        *rest, info = super().step(action)
+        return (*rest, self._lie(info))
+
+
+def short_story(env: Recorded, agent: Agent) -> Session:
+    """Two postures before the eyes, and a reach; learning on."""
+    session = Session(env, agent, SEED, None, {"posture": np.array(READY)})
+    planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
+    for posture in posture_set()[[206, 162]]:
+        session.move(posture, 1.2, 3.0)
+    trial = GraspTrial(session, planner, posture_set(), np.random.default_rng(0))
+    pose = np.eye(4)
+    pose[:3, 3] = session.agent.kinematics.pose("grip", agent.target)[:3, 3]
+    trial.grasp(planner.plan(pose, agent.target))
+    return session
+
+
+def make(wrapper: type[Recorded], drawn: JointMuscleMap, seed: int = SEED) -> tuple[Any, Agent]:
+    return wrapper(make_env("CanGrasp", SEED)), make_agent(drawn, seed)
+
+
+@pytest.fixture(scope="module")
+def told(drawn: JointMuscleMap) -> tuple[Recorded, Agent, Session]:
+    """A session with the truth in ``info``."""
+    env, agent = make(Recorded, drawn)
+    session = short_story(env, agent)
+    env.close()
+    return env, agent, session
+
+
+def same_bits(one: Recorded, other: Recorded) -> bool:
+    return np.array(one.actions).tobytes() == np.array(other.actions).tobytes()
+
+
+def test_falsified_info_changes_no_bit_of_what_the_agent_does(
+    told: tuple[Recorded, Agent, Session], drawn: JointMuscleMap
+) -> None:
+    true_env, true_agent, true_session = told
+    assert true_agent.vision.fired >= 1
+    assert true_agent.antagonism.fired >= 1
+    env, agent = make(Liar, drawn)
+    session = short_story(env, agent)
+    env.close()
+    assert env.lies > 300
+    lie, truth = np.array(session.log.true), np.array(true_session.log.true)
+    assert np.abs(lie - truth).min(axis=1).max() > 0.01
+    assert same_bits(env, true_env)
+    for one, two in zip(agent.map.groups, true_agent.map.groups, strict=True):
+        np.testing.assert_array_equal(one.W2, two.W2)
+    np.testing.assert_array_equal(session.log.look_error, true_session.log.look_error)
+
+
+def test_another_mind_acts_otherwise(
+    told: tuple[Recorded, Agent, Session], drawn: JointMuscleMap
+) -> None:
+    """The comparison above would see a difference: other rehearsal pairs change the commands."""
+    env, agent = make(Recorded, drawn, seed=SEED + 1)
+    short_story(env, agent)
+    env.close()
+    assert not same_bits(env, told[0])
+
+
+def test_the_log_holds_every_step_and_look(told: tuple[Recorded, Agent, Session]) -> None:
+    env, agent, session = told
+    log, steps = session.log, len(env.actions)
+    np.testing.assert_allclose(log.time, 0.02 * np.arange(1, steps + 1))
+    for name, size in (("tensions", 36), ("target", 14), ("true", 14), ("estimate", 14)):
+        assert np.array(getattr(log, name)).shape == (steps, size)
+    np.testing.assert_array_equal(log.true[-1], session.truth["joint_angles"])
+    assert agent.vision.fired <= len(log.look_time) == len(log.look_error)
+    assert np.all(np.diff(log.look_time) > 0)
+
+
+def test_fingers_close_and_the_agent_knows_it(drawn: JointMuscleMap) -> None:
+    env, agent = make(Recorded, drawn)
+    session = Session(env, agent, SEED, None, {"posture": np.array(READY)})
+    session.wait(0.04)
+    assert agent.hand_is_free
+    session.fingers = CLOSED
+    session.wait(0.04)
+    assert not agent.hand_is_free
+    assert [action[-1] for action in env.actions] == [-1.0, -1.0, 1.0, 1.0]
+    env.close()
+
+
+def test_a_movement_ends_at_rest_or_when_patience_ends(drawn: JointMuscleMap) -> None:
+    env = make_env("Posture", None, camera=False, max_episode_steps=100_000)
+    agent = make_agent(drawn, SEED, learning=False)
+    start, target = posture_set()[:2]
+    session = Session(env, agent, SEED, None, {"posture": start, "target": target})
+    session.move(target, 1.0, 0.04)
+    assert session.time == pytest.approx(1.04)
+    np.testing.assert_array_equal(agent.target, target)
+    error = np.degrees(np.abs(session.truth["joint_angles"] - target)).max()
+    assert error < np.degrees(np.abs(start - target)).max() / 2
+    env.close()
+
+
+def test_a_new_session_does_not_log_the_last_ones_look(
+    told: tuple[Recorded, Agent, Session],
+) -> None:
+    agent = told[1]
+    assert agent.seen is not None
+    env = make_env("Posture", SEED, camera=False)
+    session = Session(env, agent, SEED, None, {"posture": posture_set()[0]})
+    session.wait(0.1)
+    assert session.log.look_time == []
+    env.close()
+
+
+def test_the_end_of_an_episode_is_said(drawn: JointMuscleMap) -> None:
+    env = make_env("Posture", None, camera=False, max_episode_steps=5)
+    session = Session(env, make_agent(drawn, SEED), SEED)
+    with pytest.raises(EpisodeEndedError, match="time is up"):
+        session.wait(1.0)
+    assert len(session.log.time) == 5
+    env.close()
