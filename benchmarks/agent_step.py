@@ -26,7 +26,7 @@ from jmm_agent.observation import Senses
 from jmm_agent.vision.marker_residual import MarkerSight
 from jmm_agent.vision.observation_fit import Look, LooksOptions, fit_looks
 from kengoro.arm import make_agent, make_env
-from kengoro.grasp_trial import READY
+from kengoro.hand_search import READY
 from kengoro.session import Session
 from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path

@@ -16,7 +16,7 @@ from jmm_agent.mapping.learner import Rule
 from jmm_agent.nominal_model import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Eyes, MarkerDetector
-from kengoro.grasp_trial import READY
+from kengoro.hand_search import READY
 from kengoro.session import Session
 from kengoro.trained_maps import ARM, trained_map
 from kengoro_env.assets import asset_path

@@ -14,7 +14,7 @@ import numpy as np
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.nominal_model import Floats, Indices
-from kengoro.grasp_trial import TrialOptions, find_hand
+from kengoro.hand_search import TrialOptions, find_hand
 from kengoro.session import Session
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
-from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict
+from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict, sentence
 from reality_gap.inference.checkpoint import Shelf, digest
 from reality_gap.inference.confidence import nameless
+from reality_gap.inference.deferral import Waiting, parted
 from reality_gap.inference.equivalence import Alternatives, alternatives
 from reality_gap.inference.forward_selection import Search, search
 from reality_gap.inference.group_fit import BETTER, explain, of_groups, power
@@ -26,8 +27,6 @@ from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.screening import NO_SHELF, Sensitivity, screen, suspects, tolerances
 from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import Options, decide, weighed
-from reality_gap.inference.waiting import Waiting, parted
-from reality_gap.report.sentences import sentence
 from reality_gap.simulation.hypothesis import Suspect, acts_beside, build, same
 from reality_gap.simulation.replayer import Workbench
 from reality_gap.study.data import Study

@@ -1,5 +1,6 @@
 """Who may import whom: the contracts in pyproject.toml are kept, and are red when broken."""
 
+import itertools
 import os
 import shutil
 import subprocess
@@ -13,6 +14,14 @@ ROOT = Path(__file__).resolve().parents[1]
 CONFIG = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LINTER = CONFIG["tool"]["importlinter"]
 NOT_SHIPPED = {"tests", "tools"}
+LAYERS = {
+    contract["containers"][0]: [
+        [module.strip() for module in layer.split("|")] for layer in contract["layers"]
+    ]
+    for contract in LINTER["contracts"]
+    if contract["type"] == "layers"
+}
+"""Modules of each layer of a package, the highest layer first."""
 
 
 def lint(folder: Path) -> subprocess.CompletedProcess[str]:
@@ -45,11 +54,13 @@ def loaded_by(package: str) -> set[str]:
 
 @pytest.fixture
 def toy(tmp_path: Path) -> Path:
-    """A folder with the project's contracts and packages that import nothing."""
+    """A folder with the project's contracts and packages whose modules import nothing."""
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for package in LINTER["root_packages"]:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()
+        for module in itertools.chain(*LAYERS.get(package, [])):
+            (tmp_path / package / f"{module}.py").touch()
     return tmp_path
 
 
@@ -61,8 +72,11 @@ def test_contracts_are_kept() -> None:
 def test_every_package_has_a_contract() -> None:
     packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - NOT_SHIPPED
     assert packages == set(LINTER["root_packages"])
-    sources = {name for contract in LINTER["contracts"] for name in contract["source_modules"]}
+    forbidding = [contract for contract in LINTER["contracts"] if contract["type"] == "forbidden"]
+    sources = {name for contract in forbidding for name in contract["source_modules"]}
     assert packages - {"benchmarks"} == sources
+    acyclic = [contract for contract in LINTER["contracts"] if contract["id"] == "acyclic"]
+    assert packages == set(acyclic[0]["ancestors"])
 
 
 def test_toy_packages_pass(toy: Path) -> None:
@@ -101,16 +115,44 @@ def test_toy_packages_pass(toy: Path) -> None:
 )
 def test_a_forbidden_import_is_found(toy: Path, importer: str, imported: str) -> None:
     # Inside a function, and one module away: a contract must see both.
-    (toy / importer / "deep.py").write_text(f"def work():\n    import {imported}\n")
-    (toy / importer / "__init__.py").write_text(f"from {importer} import deep\n")
+    deep = LAYERS[importer][-1][0] if importer in LAYERS else "deep"
+    (toy / importer / f"{deep}.py").write_text(f"def work():\n    import {imported}\n")
+    (toy / importer / "__init__.py").write_text(f"from {importer} import {deep}\n")
     done = lint(toy)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert f"{importer}.deep -> {imported.partition('.')[0]}" in done.stdout
+    assert f"{importer}.{deep} -> {imported.partition('.')[0]}" in done.stdout
+
+
+@pytest.mark.parametrize("package", LAYERS)
+def test_a_layer_that_imports_a_higher_one_is_found(toy: Path, package: str) -> None:
+    for high, low in itertools.pairwise(LAYERS[package]):
+        (toy / package / f"{low[0]}.py").write_text(f"import {package}.{high[0]}\n")
+    done = lint(toy)
+    assert done.returncode == 1, done.stdout + done.stderr
+    for high, low in itertools.pairwise(LAYERS[package]):
+        line = f"{package}.{low[0]} is not allowed to import {package}.{high[0]}"
+        assert line in " ".join(done.stdout.split())
+
+
+def test_a_module_outside_of_the_layers_is_found(toy: Path) -> None:
+    (toy / "jmm_agent" / "somewhere_else.py").touch()
+    done = lint(toy)
+    assert done.returncode == 1
+    assert "somewhere_else" in done.stdout
+
+
+def test_a_circle_of_modules_is_found(toy: Path) -> None:
+    folder = toy / "hidden_plants"
+    (folder / "one.py").write_text("from hidden_plants import other\n")
+    (folder / "other.py").write_text("def work():\n    from hidden_plants import one\n")
+    done = lint(toy)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "no module imports itself in a circle BROKEN" in done.stdout
 
 
 @pytest.mark.parametrize("imported", ["kengoro_env", "jmm_agent", "reality_gap", "hidden_plants"])
 def test_experiments_may_import_both_sides(toy: Path, imported: str) -> None:
-    (toy / "experiments" / "run.py").write_text(f"import {imported}\n")
+    (toy / "experiments" / "robots.py").write_text(f"import {imported}\n")
     done = lint(toy)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 
-from experiments.adaptation.run import BEFORE, EVENT, OFF, Sizes
+from experiments.adaptation.sizes import BEFORE, EVENT, OFF, Sizes
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
 from jmm_agent.nominal_model import Floats

@@ -8,13 +8,13 @@ learning. Beside it the same robot goes on to the same postures without learning
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.adaptation.critical_muscles import effect_deg, worst_wires
+from experiments.adaptation.sizes import BEFORE, EVENT, OFF, Sizes
 from experiments.harness.experiment import Findings, Results, Study
 from experiments.harness.report import Table
 from experiments.harness.statistics import metric
@@ -28,35 +28,6 @@ GIVING, LENGTH = 3, 0.010
 
 HIGH_RATIO, GOOD_RATIO = 1.5, 1.25
 """What the event must raise the error to, and learning bring it back to."""
-
-BEFORE, EVENT, OFF = "before", "event", "off"
-"""Tests: before the wires give, after, and after further postures without learning."""
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """How much is done.
-
-    Attributes:
-        learned: postures to learn from before the event.
-        more: after it.
-        every: a test after every so many of these.
-        tested: other postures in a test.
-        move: time for each movement [s].
-        patience: longest wait for rest [s].
-    """
-
-    learned: int = 27
-    more: int = 15
-    every: int = 5
-    tested: int = 6
-    move: float = 1.5
-    patience: float = 2.0
-
-    @property
-    def checks(self) -> list[int]:
-        """Numbers of postures after the event at which it is tested."""
-        return list(range(self.every, self.more + 1, self.every))
 
 
 QUICK = Sizes(learned=4, more=2, every=2, tested=1, move=0.8, patience=1.2)

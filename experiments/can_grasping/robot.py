@@ -12,7 +12,8 @@ from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlanner
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from kengoro.arm import ACTUAL, make_agent, make_env, make_session, shuffled_postures
-from kengoro.grasp_trial import READY, GraspTrial, Trial, TrialOptions
+from kengoro.grasp_trial import GraspTrial, Trial
+from kengoro.hand_search import READY, TrialOptions
 from kengoro.session import EpisodeEndedError, Session
 from kengoro.trained_maps import trained_map
 from kengoro.visits import errors, group_joints, no_visits, visit

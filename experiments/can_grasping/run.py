@@ -28,7 +28,7 @@ from experiments.harness.experiment import Findings, Results, Study, run_study
 from experiments.harness.report import print_table
 from kengoro import trained_maps
 from kengoro.arm import ACTUAL, DRAWING
-from kengoro.grasp_trial import TrialOptions
+from kengoro.hand_search import TrialOptions
 from kengoro.viewer.video import Video
 
 FLEXED_DEG = -120.0

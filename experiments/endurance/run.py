@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from experiments.faults.run import Ruler
 from experiments.harness import common
 from experiments.harness.common import (
     Summary,
@@ -29,6 +28,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Table, metric_table, write_report
 from experiments.harness.runner import core_seconds, progress_bar, read_kept
 from experiments.harness.statistics import metric
+from experiments.robots.accuracy import Ruler
 from experiments.robots.checkpoint import load_memory, save_memory
 from kengoro.arm import ACTUAL, make_session, new_agent, shuffled_postures
 from kengoro.files import write_json

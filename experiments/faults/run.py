@@ -21,7 +21,7 @@ from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Findings, Results, Study, run_study
-from experiments.robots.evaluation import map_error_mm
+from experiments.robots.accuracy import Ruler
 from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.guard import faults
 from jmm_agent.guard.guard import Guard
@@ -32,10 +32,7 @@ from kengoro.arm import ACTUAL, CAMERA, NO_END, SIDES, make_env, new_agent, shuf
 from kengoro.session import Session
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import actual
-from kengoro_env.postures import posture_set
 from kengoro_env.robot.nominal_model import ArmDrawing
-from kengoro_env.robot.robot import Robot
 
 WIRE_FAULTS = (
     faults.ENCODER_STUCK,
@@ -171,28 +168,6 @@ def injection(kind: str, seed: int, muscles: Sequence[str]) -> Injection | None:
     direction = rng.standard_normal(3)
     x, y, z = (direction / np.linalg.norm(direction)).tolist()
     return Injection(kind, muscle, (x, y, z))
-
-
-class Ruler:
-    """Measures a map's error against the robot's own lengths at postures drawn by chance.
-
-    Args:
-        seed: of the robot.
-        count: number of postures.
-    """
-
-    def __init__(self, seed: int, count: int) -> None:
-        rng = np.random.default_rng([seed, 8])
-        self._postures = rng.permutation(posture_set())[:count]
-        robot, lengths = Robot(asset_path(ARM), actual(seed)), []
-        for posture in self._postures:
-            robot.reset(posture, rng)
-            lengths.append(robot.target)
-        self._lengths = np.array(lengths)
-
-    def error_mm(self, agent: Agent) -> float:
-        """Median over postures of the RMS over wires of the map's error [mm]."""
-        return map_error_mm(agent.map, self._postures, self._lengths)
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:

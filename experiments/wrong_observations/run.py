@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from experiments.faults.run import Ruler
 from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.experiment import Findings, Results, Study, run_study
 from experiments.harness.report import Picture, Table
 from experiments.harness.statistics import metric
+from experiments.robots.accuracy import Ruler
 from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import VisionOptions

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
 from reality_gap.causes.support import actuators, elements
-from reality_gap.study.inputs import column
-from reality_gap.study.system import System, Wire
+from reality_gap.study.system import System, Wire, column
 
 Array = NDArray[np.float64]
 

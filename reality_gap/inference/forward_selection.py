@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from reality_gap.inference.deferral import Waiting
 from reality_gap.inference.gauss_newton import Fit, fit, fitting, together
 from reality_gap.inference.likelihood import Ruler, ruler
 from reality_gap.inference.ranking import rank
 from reality_gap.inference.refinement import again, try_next
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.inference.waiting import Waiting
 from reality_gap.simulation.hypothesis import same
 from reality_gap.simulation.replayer import Hypothesis, Workbench
 

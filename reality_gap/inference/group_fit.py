@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
-from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Rival, Verdict
+from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Rival, Verdict, sentence
 from reality_gap.inference.groups import Group, find_groups, noise_at_rest, positions_at
 from reality_gap.inference.held_out import score
 from reality_gap.inference.remainder import dependences
 from reality_gap.inference.static_fit import Noise, Settled, fit_at_rest
 from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import at_bound
-from reality_gap.report.sentences import sentence
 from reality_gap.simulation.hypothesis import Suspect, acts_beside
 from reality_gap.simulation.replayer import Hypothesis, Part, Workbench
 from reality_gap.simulation.statics import Statics

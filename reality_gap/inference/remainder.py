@@ -14,9 +14,9 @@ from reality_gap.inference.flexible_residual import Bank, Learned, banks, learn
 from reality_gap.inference.likelihood import Ruler
 from reality_gap.inference.whitening import tolerated
 from reality_gap.simulation.replayer import Hypothesis, Workbench
-from reality_gap.study.inputs import commanded
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import CHOOSE, FIT, REPORT, split
+from reality_gap.study.system import commanded
 
 Array = NDArray[np.float64]
 

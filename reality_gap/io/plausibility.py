@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reality_gap.io.dimensions import actuator_units, sensor_units
 from reality_gap.study.data import Study
-from reality_gap.study.inputs import commanded
+from reality_gap.study.system import commanded
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.io.schema import Line, StudyFile
 from reality_gap.io.units import symbols_of
 from reality_gap.io.yaml_reader import nearest
-from reality_gap.study.inputs import commanded
+from reality_gap.study.system import commanded
 
 _SIMPLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 

@@ -12,13 +12,20 @@ import numpy as np
 
 from reality_gap.diagnosis import Diagnosis, Experiment
 from reality_gap.errors import StudyError
-from reality_gap.report import assets, extended_model
+from reality_gap.report import extended_model, model_assets
 from reality_gap.report.html import write_report
 from reality_gap.report.verdict_json import verdict_json
 from reality_gap.study.data import Study
 
 VERDICT, REPORT, EXPERIMENT = "verdict.json", "report.html", "next_experiment.csv"
-WRITTEN = {VERDICT, REPORT, EXPERIMENT, extended_model.XML, extended_model.JSON, assets.FOLDER}
+WRITTEN = {
+    VERDICT,
+    REPORT,
+    EXPERIMENT,
+    extended_model.XML,
+    extended_model.JSON,
+    model_assets.FOLDER,
+}
 """Everything that a diagnosis may write; a folder with anything else is somebody's."""
 
 
@@ -58,7 +65,7 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path) -> None:
         new = Path(temporary) / "new"
         new.mkdir()
         _write_json(new / VERDICT, verdict_json(diagnosis))
-        assets.write_model(diagnosis.extended_xml, study.model, new / extended_model.XML)
+        model_assets.write_model(diagnosis.extended_xml, study.model, new / extended_model.XML)
         _write_json(new / extended_model.JSON, extended_model.extension_json(diagnosis))
         if diagnosis.next_experiment is not None:
             write_experiment(diagnosis.next_experiment, study, new / EXPERIMENT)

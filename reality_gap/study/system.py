@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from reality_gap.study.data import Study
-from reality_gap.study.inputs import commanded
 
 
 @dataclass(frozen=True)
@@ -130,3 +129,13 @@ def _path_sites(model: mujoco.MjModel, tendon: int) -> tuple[str, ...]:
     return tuple(
         model.site(int(model.wrap_objid[i])).name for i in wraps if model.wrap_type[i] in sites
     )
+
+
+def commanded(model: mujoco.MjModel) -> tuple[int, ...]:
+    """The actuators that take a command, in the order of a command's columns; one column each."""
+    return tuple(np.flatnonzero(model.actuator_ctrlnum).tolist())
+
+
+def column(model: mujoco.MjModel, actuator: str) -> int:
+    """The column of an actuator's command."""
+    return int(model.actuator_ctrladr[model.actuator(actuator).id])

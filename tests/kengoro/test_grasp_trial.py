@@ -10,7 +10,8 @@ import pytest
 from jmm_agent.grasping import GraspOptions, GraspPlanner
 from kengoro import grasp_trial
 from kengoro.arm import make_agent, make_env
-from kengoro.grasp_trial import READY, GraspTrial, TrialOptions
+from kengoro.grasp_trial import GraspTrial
+from kengoro.hand_search import READY, TrialOptions
 from kengoro.session import OPEN, Session
 from kengoro.trained_maps import trained_map
 from kengoro_env.names import GROUP_JOINTS

@@ -8,8 +8,7 @@ from typing import Literal
 import mujoco
 
 from reality_gap.causes.base import Place
-from reality_gap.study.inputs import commanded
-from reality_gap.study.system import System, Wire
+from reality_gap.study.system import System, Wire, commanded
 
 Sensed = Literal["length", "tension", None]
 

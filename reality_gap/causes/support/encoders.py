@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from reality_gap.causes.base import Place, Record
 from reality_gap.causes.support.model_overrides import Extra
-from reality_gap.study.inputs import commanded
-from reality_gap.study.system import System
+from reality_gap.study.system import System, commanded
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.support import lever_arms
-from reality_gap.study.inputs import commanded
-from reality_gap.study.system import System
+from reality_gap.study.system import System, commanded
 
 LIGHT = 0.01
 """Links lighter than this share of all that moves cannot show a wrong mass."""

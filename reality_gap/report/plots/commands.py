@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from reality_gap.diagnosis import Experiment
 from reality_gap.report.formatting import number, shown
 from reality_gap.report.plots.canvas import AFTER, QUIET, figure
-from reality_gap.study.inputs import commanded
+from reality_gap.study.system import commanded
 
 MOST = 6
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from experiments.adaptation.critical_muscles import effect_deg, rest, worst_wires
-from experiments.adaptation.run import BEFORE, EVENT, GIVING, LENGTH, OFF, QUICK, conclude, run
+from experiments.adaptation.run import GIVING, LENGTH, QUICK, conclude, run
+from experiments.adaptation.sizes import BEFORE, EVENT, OFF
 from kengoro.arm import ACTUAL, DRAWING
 from kengoro.trained_maps import ARM
 from kengoro.visits import errors

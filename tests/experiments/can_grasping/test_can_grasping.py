@@ -14,7 +14,8 @@ from experiments.can_grasping.robot import SWEEP_DEG, CanRobot, swept_lengths
 from experiments.can_grasping.run import Args, main
 from experiments.can_grasping.tables import fall, metrics, outcome_table, share
 from kengoro.arm import ACTUAL, DRAWING
-from kengoro.grasp_trial import GraspTrial, Trial, TrialOptions
+from kengoro.grasp_trial import GraspTrial, Trial
+from kengoro.hand_search import TrialOptions
 from kengoro.trained_maps import trained_map
 
 MUSCLES = 10

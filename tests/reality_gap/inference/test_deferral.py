@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
+from reality_gap.inference.deferral import MANY_WIRES, SPOTS, Waiting, parted, spots
 from reality_gap.inference.screening import Sensitivity, screen, suspects
-from reality_gap.inference.waiting import MANY_WIRES, SPOTS, Waiting, parted, spots
 from reality_gap.simulation.hypothesis import Suspect
 from reality_gap.simulation.replayer import Workbench
 from reality_gap.study.data import Channel, Episode, Reading, Study

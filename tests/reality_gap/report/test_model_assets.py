@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from reality_gap.errors import StudyError
-from reality_gap.report.assets import write_model
+from reality_gap.report.model_assets import write_model
 
 TETRAHEDRON = """v 0 0 0
 v {0} 0 0

@@ -1,0 +1,35 @@
+"""The error of a map against the robot's own lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.robots.evaluation import map_error_mm
+from jmm_agent.agent import Agent
+from kengoro.trained_maps import ARM
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import actual
+from kengoro_env.postures import posture_set
+from kengoro_env.robot.robot import Robot
+
+
+class Ruler:
+    """Measures a map's error against the robot's own lengths at postures drawn by chance.
+
+    Args:
+        seed: of the robot.
+        count: number of postures.
+    """
+
+    def __init__(self, seed: int, count: int) -> None:
+        rng = np.random.default_rng([seed, 8])
+        self._postures = rng.permutation(posture_set())[:count]
+        robot, lengths = Robot(asset_path(ARM), actual(seed)), []
+        for posture in self._postures:
+            robot.reset(posture, rng)
+            lengths.append(robot.target)
+        self._lengths = np.array(lengths)
+
+    def error_mm(self, agent: Agent) -> float:
+        """Median over postures of the RMS over wires of the map's error [mm]."""
+        return map_error_mm(agent.map, self._postures, self._lengths)
