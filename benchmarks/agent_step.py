@@ -22,9 +22,13 @@ from rich.table import Table
 
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
-from jmm_agent.observation import Senses
-from jmm_agent.vision.marker_residual import MarkerSight
-from jmm_agent.vision.observation_fit import Look, LooksOptions, fit_looks
+from jmm_agent.observation import SensorReadings
+from jmm_agent.vision.marker_residual import MarkerResidual
+from jmm_agent.vision.observation_fit import (
+    MarkerObservation,
+    ObservationFitOptions,
+    fit_observations,
+)
 from kengoro.arm import make_agent, make_env
 from kengoro.hand_search import READY
 from kengoro.session import Session
@@ -39,7 +43,7 @@ Floats = NDArray[np.float64]
 
 SEED = 1
 POSTURES = 20
-LOOKS = (5, 27, 60)
+OBSERVATIONS = (5, 27, 60)
 REPEATS = 200
 ARM = "mjcf/kengoro_arm/arm.xml"
 
@@ -60,11 +64,11 @@ class Timed:
         own = name in ("_agent", "quiet", "learned", "on_cpu")
         object.__setattr__(self if own else self._agent, name, value)
 
-    def step(self, senses: Senses) -> Floats:
+    def step(self, readings: SensorReadings) -> Floats:
         """`Agent.step`; steps that changed the map are kept apart."""
         before = self._agent.map
         begin, begin_on_cpu = perf_counter(), thread_time()
-        lengths = self._agent.step(senses)
+        lengths = self._agent.step(readings)
         self.on_cpu.append(thread_time() - begin_on_cpu)
         taken = perf_counter() - begin
         (self.quiet if self._agent.map is before else self.learned).append(taken)
@@ -96,20 +100,20 @@ def episode() -> tuple[Agent, Timed]:
     return agent, timer
 
 
-def looks_of(agent: Agent, count: int) -> list[Look]:
+def observations_of(agent: Agent, count: int) -> list[MarkerObservation]:
     """Looks with the lengths of the actual robot at rest in its postures and the true poses."""
     departures: tuple[Departure, ...] = actual(SEED)
     robot = Robot(asset_path(ARM), departures)
     rng = np.random.default_rng(SEED)
-    looks = []
+    observations = []
     for posture in posture_set()[rng.permutation(len(posture_set()))[:count]]:
         robot.reset(posture, rng)
         pose = agent.kinematics.pose("marker_hand", robot.joint_angles, relative_to="eye")
         agent.estimator.reset(posture)
         for _ in range(50):
-            agent.estimator.update(robot.sense_lengths(), 0.02)
-        looks.append(Look(pose, robot.sense_lengths(), agent.joint_angles))
-    return looks
+            agent.estimator.update(robot.measured_lengths(), 0.02)
+        observations.append(MarkerObservation(pose, robot.measured_lengths(), agent.joint_angles))
+    return observations
 
 
 def main() -> None:
@@ -133,17 +137,17 @@ def main() -> None:
     row("map, lengths", timed(lambda: agent.map.lengths(q), REPEATS))
     row("map, with Jacobian", timed(lambda: agent.map.lengths_and_jacobian(q), REPEATS))
     prior = MapPrior(trained_map(), posture_set(), PriorOptions())
-    sight = MarkerSight(agent.kinematics, "eye", "marker_hand")
+    sight = MarkerResidual(agent.kinematics, "eye", "marker_hand")
     row("sight of one posture", timed(lambda: sight(q, np.eye(4)), REPEATS))
     agent = make_agent(trained_map(), SEED)
-    limits, options = agent.kinematics.limits, LooksOptions()
-    looks = looks_of(agent, max(LOOKS))
-    for count in LOOKS:
-        earlier = fit_looks(looks[: count - 1], prior, sight, limits, options).angles
-        start = np.vstack([earlier, looks[count - 1].guess])
+    limits, options = agent.kinematics.limits, ObservationFitOptions()
+    observations = observations_of(agent, max(OBSERVATIONS))
+    for count in OBSERVATIONS:
+        earlier = fit_observations(observations[: count - 1], prior, sight, limits, options).angles
+        start = np.vstack([earlier, observations[count - 1].guess])
 
         def fit(count: int = count, start: Floats = start) -> object:
-            return fit_looks(looks[:count], prior, sight, limits, options, start)
+            return fit_observations(observations[:count], prior, sight, limits, options, start)
 
         row(f"fit, {count} looks", timed(fit, 3))
     Console().print(table)

@@ -73,7 +73,7 @@ def main() -> None:
                 with_camera.close()
             table.add_row(
                 env_id,
-                "drawing" if seed is None else f"actual({seed})",
+                "nominal" if seed is None else f"actual({seed})",
                 f"{np.median(raw):.0f}",
                 f"{np.median(stepped):.0f}",
                 f"{np.median(stepped / raw):.3f}",

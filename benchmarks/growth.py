@@ -31,14 +31,14 @@ from scipy.stats import linregress, t
 from experiments.gap_bench.trial import Case, write_case
 from experiments.harness.report import png
 from kengoro_env.assets import asset_path
-from kengoro_env.robot.draft import Draft, Wire
+from kengoro_env.robot.draft import Draft, TendonSpec
 from kengoro_env.robot.robot import Robot
 from kengoro_env.vector import KengoroVectorEnv
 from reality_gap import CATALOGUE, Options, diagnose, load_study
 
 OUT = Path("out/growth.png")
 SCENE = "mjcf/kengoro_arm/posture.xml"
-WIRES = (9, 18, 36, 72, 144)
+MUSCLES = (9, 18, 36, 72, 144)
 ENVIRONMENTS = (1, 4, 16, 64)
 ROUNDS, STEPS = 7, 10
 
@@ -89,25 +89,25 @@ class PowerLaw(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Wires:
+class Muscles:
     """A robot with ``count`` wires: some of the drawing's, or all and copies beside them."""
 
     count: int
 
     def edit(self, draft: Draft) -> None:
         """See `kengoro_env.robot.draft.Departure`."""
-        spec, drawn = draft.spec, list(draft.wires)
+        spec, drawn = draft.spec, list(draft.tendons)
         spec.option.gravity = np.zeros(3)
         kept = {drawn[i * len(drawn) // self.count] for i in range(self.count)}
         for name in set(drawn) - kept:
             spec.delete(spec.tendon(name))
-            del draft.wires[name]
+            del draft.tendons[name]
         for number in range(len(drawn), self.count):
             original = spec.tendon(drawn[number % len(drawn)])
             copy = spec.add_tendon(original.default(), name=f"{original.name}_{number}")
             for element in original.path:
                 copy.wrap_site(element.target.name)
-            draft.wires[copy.name] = Wire()
+            draft.tendons[copy.name] = TendonSpec()
 
 
 def medians(works: Sequence[Callable[[], object]]) -> list[float]:
@@ -122,7 +122,7 @@ def medians(works: Sequence[Callable[[], object]]) -> list[float]:
     return [float(seconds) for seconds in np.median(taken, axis=0)]
 
 
-def over_wires() -> Measured:
+def over_muscles() -> Measured:
     """A control step of robots with few wires and many, its senses included."""
 
     def step_of(robot: Robot) -> Callable[[], object]:
@@ -130,14 +130,14 @@ def over_wires() -> Measured:
 
         def work() -> None:
             robot.step(held)
-            robot.sense_lengths()
-            robot.sense_tensions()
+            robot.measured_lengths()
+            robot.measured_tensions()
 
         return work
 
-    robots = [Robot(asset_path(SCENE), [Wires(count)]) for count in WIRES]
+    robots = [Robot(asset_path(SCENE), [Muscles(count)]) for count in MUSCLES]
     times = medians([step_of(robot) for robot in robots])
-    return Measured("wires", "1", "a control step", WIRES, times)
+    return Measured("muscles", "1", "a control step", MUSCLES, times)
 
 
 def over_environments() -> Measured:
@@ -218,7 +218,7 @@ def draw(measured: Iterable[Measured], path: Path) -> None:
 
 def main() -> None:
     """Measure, draw and print."""
-    measured = [over_wires(), over_environments(), over_seconds(), over_causes()]
+    measured = [over_muscles(), over_environments(), over_seconds(), over_causes()]
     draw(measured, OUT)
     table = Table(title="How cost grows: CPU time ~ size^exponent, 95 % interval")
     for column in ("time of", "with", "sizes", "CPU s", "exponent"):

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jmm_agent.mapping.training import train
-from kengoro.trained_maps import drawing_for_agent
+from kengoro.trained_maps import nominal_model
 from kengoro_env.assets import asset_path
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 POSTURES = 1000
 CALLS = 300
@@ -32,8 +32,8 @@ def microseconds(call: Callable[[], object]) -> tuple[float, float]:
 
 def main() -> None:
     """Train on the arm's drawing and print the figures."""
-    source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
-    drawing = drawing_for_agent()
+    source = NominalArm(asset_path("mjcf/kengoro_arm/arm.xml"))
+    drawing = nominal_model()
     jmm, report = train(drawing, seed=0)
     postures = np.random.default_rng(1).uniform(
         drawing.lower, drawing.upper, (POSTURES, len(drawing.joints))

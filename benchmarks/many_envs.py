@@ -70,7 +70,7 @@ def main() -> None:
                 env = gym.make_vec(env_id, count, robot_seed=seed)
                 assert isinstance(env, KengoroVectorEnv)
                 stepped, raw = medians_us(env)
-                robot = "drawing" if seed is None else f"actual({seed})"
+                robot = "nominal" if seed is None else f"actual({seed})"
                 row = (env_id, robot, f"{count}", f"{raw:.0f}", f"{stepped:.0f}")
                 table.add_row(*row, f"{raw / stepped:.2f}")
                 env.close()

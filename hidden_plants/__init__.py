@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from hidden_plants.draw import draw
 from hidden_plants.nuisance import Nuisance
-from hidden_plants.oracle import detection_floor
+from hidden_plants.oracle import detection_limit
 from hidden_plants.secret import CATALOGUE, OUTSIDE, Effect, Secret
 from hidden_plants.study import EpisodeTruth, Truth, run, write_study
 
@@ -27,7 +27,7 @@ __all__ = [
     "Nuisance",
     "Secret",
     "Truth",
-    "detection_floor",
+    "detection_limit",
     "draw",
     "run",
     "write_study",

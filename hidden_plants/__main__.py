@@ -1,25 +1,28 @@
-"""``python -m hidden_plants floors [--machine elbow] [--assets DIR] [--anew ID ...]``."""
+"""``python -m hidden_plants detection-limits [--machine elbow] [--assets DIR] [--recompute ID
+...]``."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from hidden_plants.floors import TABLE, make_table
+from hidden_plants.detection_limits import TABLE, make_table
 from hidden_plants.machine import ASSETS, MACHINES, load
 from hidden_plants.mechanisms import MECHANISMS
 
 
 def main() -> None:
-    """Complete the table of detection floors: from nothing, an hour for each machine."""
+    """Complete the table of detection limits: from nothing, an hour for each machine."""
     parser = argparse.ArgumentParser(prog="python -m hidden_plants")
-    parser.add_argument("command", choices=["floors"])
+    parser.add_argument("command", choices=["detection-limits"])
     parser.add_argument("--machine", choices=MACHINES, default="elbow")
     parser.add_argument("--assets", type=Path, default=ASSETS, help="folder of the drawings")
-    parser.add_argument("--anew", nargs="*", choices=sorted(MECHANISMS), default=[], metavar="ID")
+    parser.add_argument(
+        "--recompute", nargs="*", choices=sorted(MECHANISMS), default=[], metavar="ID"
+    )
     parser.add_argument("--out", type=Path, default=TABLE, help="table to write")
     args = parser.parse_args()
-    make_table(load(args.machine, args.assets), args.out, tuple(args.anew))
+    make_table(load(args.machine, args.assets), args.out, tuple(args.recompute))
 
 
 if __name__ == "__main__":

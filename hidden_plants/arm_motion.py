@@ -53,7 +53,7 @@ def _targets(machine: Machine, rng: np.random.Generator, home: Array, rows: int)
     """A way over three or four postures, held for a moment at each."""
     stops = int(rng.integers(3, 5))
     postures = [home] + [_posture(machine, rng, home) for _ in range(stops)]
-    wishes = rng.uniform(*PREFERRED, (stops + 1, len(machine.wires)))
+    wishes = rng.uniform(*PREFERRED, (stops + 1, len(machine.tendons)))
     share = np.linspace(0.0, stops + 0.35, rows)
     way = _eased(share, np.array(postures))
     wish = _eased(share, wishes)
@@ -78,7 +78,7 @@ def _posture(machine: Machine, rng: np.random.Generator, home: Array) -> Array:
     reach = _angles(machine, REACH)
     for _ in range(50):
         posture = home + reach * rng.uniform(-1.0, 1.0, len(home))
-        wish = np.full((1, len(machine.wires)), float(np.mean(PREFERRED)))
+        wish = np.full((1, len(machine.tendons)), float(np.mean(PREFERRED)))
         if _balance(machine, posture[None], wish)[1] < 0.1:
             return posture
     raise ValueError("no posture near home can be held; the drawing has changed")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hidden_plants.floors import Row, rows
+from hidden_plants.detection_limits import Row, rows
 from hidden_plants.mechanisms import mechanism_of
 from hidden_plants.motion import MOTIONS
 from hidden_plants.secret import CATALOGUE, OUTSIDE, Effect, Secret
@@ -26,7 +26,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
         "load_dependent_friction",
         "direction_dependent_friction",
     ),
-    "wire": ("tendon_elasticity", "wire_elongation", "backlash", "slack"),
+    "tendon": ("tendon_elasticity", "wire_elongation", "backlash", "slack"),
     "drive": ("actuator_lag", "delay", "force_scale", "force_offset"),
     "path": ("attachment_shift", "missing_wrapping"),
     "sensing": ("length_offset", "length_scale", "tension_offset", "tension_scale", "joint_offset"),
@@ -93,7 +93,7 @@ def _effect(
 
 
 def _sized(rng: np.random.Generator, row: Row, motion: int) -> Effect | None:
-    mechanism, floor = mechanism_of(row.structure), row.floors[motion]
+    mechanism, floor = mechanism_of(row.structure), row.detection_limits[motion]
     shape = row.structure.shape
     low = max(LOWEST * floor, shape.get("least", 0.0))
     high = max(HIGHEST * floor, 1.5 * shape.get("least", 0.0))

@@ -36,14 +36,14 @@ def write_logs(
     did not look. Times are written to 0.1 ms.
     """
     columns = {"time": _times(time)}
-    for wire, targets in zip(machine.wires, command.T, strict=True):
-        columns[f"target_{wire}"] = [f"{value:.7f}" for value in targets]
+    for tendon, targets in zip(machine.tendons, command.T, strict=True):
+        columns[f"target_{tendon}"] = [f"{value:.7f}" for value in targets]
     _write_csv(folder / f"episode_{index}.csv", columns)
     columns = {"time": _times(sensor_time)}
-    for wire in machine.wires:
-        columns[f"length_{wire}"] = [f"{value:.6f}" for value in readings[f"length_{wire}"]]
-    for wire in machine.wires:
-        columns[f"tension_{wire}"] = [f"{value:.3f}" for value in readings[f"tension_{wire}"]]
+    for tendon in machine.tendons:
+        columns[f"length_{tendon}"] = [f"{value:.6f}" for value in readings[f"length_{tendon}"]]
+    for tendon in machine.tendons:
+        columns[f"tension_{tendon}"] = [f"{value:.3f}" for value in readings[f"tension_{tendon}"]]
     seen: dict[str, list[str]] = {}
     for sensor, names in MARKER_COLUMNS.items():
         for name, values in zip(names, readings[sensor].T, strict=True):
@@ -90,13 +90,13 @@ def study_text(
         camera = f", camera_{k}.csv" if own_camera_file else ""
         lines.append(f"    readings: [sensors_{k}.csv{camera}]")
     lines += ["time: {column: time, unit: s}", "actuators:"]
-    lines += [f"  {wire}: {{column: target_{wire}, unit: m}}" for wire in machine.wires]
+    lines += [f"  {tendon}: {{column: target_{tendon}, unit: m}}" for tendon in machine.tendons]
     lines.append("sensors:")
-    for wire in machine.wires:
-        name = f"length_{wire}"
+    for tendon in machine.tendons:
+        name = f"length_{tendon}"
         lines.append(f"  {name}: {{column: {name}, unit: m, noise: {nuisance.encoder_noise:.6g}}}")
-    for wire in machine.wires:
-        name, noise = f"tension_{wire}", f"noise: {nuisance.tension_noise:.6g}"
+    for tendon in machine.tendons:
+        name, noise = f"tension_{tendon}", f"noise: {nuisance.tension_noise:.6g}"
         lines.append(f"  {name}: {{column: {name}, unit: N, {noise}, scale: -1}}")
     noises = (nuisance.marker_noise, 0.5 * nuisance.marker_turn_noise)
     for (sensor, names), unit, deviation in zip(

@@ -60,7 +60,7 @@ def run_task(robot: Robot, task: Task) -> Trace:
     model, machine = robot.model, robot.machine
     data = mujoco.MjData(model)
     data.qpos[:] = task.initial
-    count = len(machine.wires)
+    count = len(machine.tendons)
     zero = machine.lengths(machine.model.qpos0)[0] + robot.offset
     offset = zero - robot.scale * robot.zero_lengths()
     plan = _plan(robot, task)
@@ -79,7 +79,7 @@ def run_task(robot: Robot, task: Task) -> Trace:
     drive = [make() for make in robot.drive]
     tug = [make() for make in robot.tug]
     body = [make() for make in robot.body]
-    friction = WireFriction(robot)
+    friction = TendonFriction(robot)
     rows = (steps - settle) // STRIDE + 1
     trace = np.empty((rows, 2 * count + model.nq))
     row = 0
@@ -144,13 +144,15 @@ def _plan(robot: Robot, task: Task) -> Array:
     end = edges[-1] + 1.0
     knots = np.concatenate([[edges[0] - 1.0], task.time[1:], [end]])
     plan = np.empty((steps, task.command.shape[1]))
-    for wire, (targets, delay) in enumerate(zip(task.command.T, robot.command_delay, strict=True)):
+    for tendon, (targets, delay) in enumerate(
+        zip(task.command.T, robot.command_delay, strict=True)
+    ):
         area = np.concatenate([[0.0], np.cumsum(targets * np.diff(knots))])
-        plan[:, wire] = np.diff(np.interp(edges - delay, knots, area)) / step
+        plan[:, tendon] = np.diff(np.interp(edges - delay, knots, area)) / step
     return plan
 
 
-class WireFriction:
+class TendonFriction:
     """Dry friction of all wires: bristles that bend over `BRISTLE`, then slide (Dahl's model).
 
     The level is that of the direction of motion, plus a share of the tension, as a capstan's. The

@@ -21,7 +21,7 @@ BIAS = 30.0
 """Tension of a wire that is longer than its target asks for [N]."""
 CUT = 500.0
 """Largest tension of a motor [N]."""
-WIRE_DAMPING = 150.0
+TENDON_DAMPING = 150.0
 """Damping of every wire's path [N s/m]."""
 
 MARKER = "marker_hand"
@@ -48,7 +48,7 @@ class Machine:
     name: str
     xml: str
     model: mujoco.MjModel
-    wires: tuple[str, ...]
+    tendons: tuple[str, ...]
     joints: tuple[str, ...]
     sites: tuple[str, ...]
     paths: tuple[tuple[str, ...], ...]
@@ -108,9 +108,9 @@ def load(name: str, assets: Path) -> Machine:
         )
     spec = mujoco.MjSpec.from_file(str(path))
     _strip(spec)
-    wires = tuple(tendon.name for tendon in spec.tendons)
-    _add_motors(spec, wires)
-    _add_sensors(spec, wires, CAMERAS[name])
+    tendons = tuple(tendon.name for tendon in spec.tendons)
+    _add_motors(spec, tendons)
+    _add_sensors(spec, tendons, CAMERAS[name])
     model = spec.compile()
     paths = tuple(_path_sites(model, i) for i in range(model.ntendon))
     moving = [i for i in range(1, model.nbody) if model.body_weldid[i] != 0]
@@ -118,7 +118,7 @@ def load(name: str, assets: Path) -> Machine:
         name=name,
         xml=spec.to_xml(),
         model=model,
-        wires=wires,
+        tendons=tendons,
         joints=tuple(model.joint(i).name for i in range(model.njnt)),
         sites=tuple(dict.fromkeys(site for path in paths for site in path)),
         paths=paths,
@@ -138,11 +138,11 @@ def _strip(spec: mujoco.MjSpec) -> None:
             spec.delete(joint)
 
 
-def _add_motors(spec: mujoco.MjSpec, wires: tuple[str, ...]) -> None:
-    for wire in wires:
-        spec.tendon(wire).damping[0] = WIRE_DAMPING
+def _add_motors(spec: mujoco.MjSpec, tendons: tuple[str, ...]) -> None:
+    for tendon in tendons:
+        spec.tendon(tendon).damping[0] = TENDON_DAMPING
         motor = spec.add_actuator(
-            name=wire, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=wire, forcelimited=True
+            name=tendon, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=tendon, forcelimited=True
         )
         motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         motor.gainprm[0] = STIFFNESS
@@ -150,13 +150,15 @@ def _add_motors(spec: mujoco.MjSpec, wires: tuple[str, ...]) -> None:
         motor.forcerange[:] = [-CUT, -BIAS]
 
 
-def _add_sensors(spec: mujoco.MjSpec, wires: tuple[str, ...], camera: str) -> None:
+def _add_sensors(spec: mujoco.MjSpec, tendons: tuple[str, ...], camera: str) -> None:
     kinds = mujoco.mjtSensor
-    for wire in wires:
-        _sensor(spec, f"length_{wire}", kinds.mjSENS_TENDONPOS, mujoco.mjtObj.mjOBJ_TENDON, wire)
-    for wire in wires:
+    for tendon in tendons:
+        _sensor(
+            spec, f"length_{tendon}", kinds.mjSENS_TENDONPOS, mujoco.mjtObj.mjOBJ_TENDON, tendon
+        )
+    for tendon in tendons:
         kind = mujoco.mjtObj.mjOBJ_ACTUATOR
-        _sensor(spec, f"tension_{wire}", kinds.mjSENS_ACTUATORFRC, kind, wire)
+        _sensor(spec, f"tension_{tendon}", kinds.mjSENS_ACTUATORFRC, kind, tendon)
     for name, kind in (
         ("marker_position", kinds.mjSENS_FRAMEPOS),
         ("marker_orientation", kinds.mjSENS_FRAMEQUAT),

@@ -76,15 +76,15 @@ class Mismatch(NamedTuple):
 
 
 def _shapes(machine: Machine) -> dict[str, tuple[int, ...]]:
-    wires = (len(machine.wires),)
+    tendons = (len(machine.tendons),)
     return {
         "mass": (len(machine.bodies),),
         "site": (len(machine.sites), 3),
-        "friction": wires,
-        "encoder_offset": wires,
-        "tension_offset": wires,
+        "friction": tendons,
+        "encoder_offset": tendons,
+        "tension_offset": tendons,
         "damping": (len(machine.joints),),
-        "gain": wires,
+        "gain": tendons,
         "camera_shift": (3,),
         "camera_turn": (3,),
         "marker_shift": (3,),

@@ -117,7 +117,7 @@ def background(machine: Machine, motion: int) -> Background:
     return Background(middle, slopes, np.asarray(inner, dtype=np.float64))
 
 
-def floor_of(
+def detection_limit_of(
     machine: Machine, structure: Effect | Structure, motion: int, guess: float | None = None
 ) -> float:
     """The amplitude at which the oracle's d is 5; infinite where no physical one reaches it.
@@ -153,9 +153,9 @@ def floor_of(
     return amplitude
 
 
-def detection_floor(
+def detection_limit(
     effect: Effect, motion: int, machine: str = "elbow", assets: Path = ASSETS
 ) -> float:
     """The factor on the effect's amplitude at which the oracle sees it (d = 5) in a motion."""
     drawing = load(machine, assets)
-    return floor_of(drawing, effect, motion, effect.amplitude) / effect.amplitude
+    return detection_limit_of(drawing, effect, motion, effect.amplitude) / effect.amplitude

@@ -23,8 +23,8 @@ def clean_readings(robot: Robot, trace: Trace, time: Array, camera_time: Array) 
     Tensions are positive.
     """
     readings: Readings = {}
-    for i, wire in enumerate(robot.machine.wires):
-        length, tension = f"length_{wire}", f"tension_{wire}"
+    for i, tendon in enumerate(robot.machine.tendons):
+        length, tension = f"length_{tendon}", f"tension_{tendon}"
         readings[length] = _late(robot, trace, trace.encoder[:, i], length, time)
         felt = _late(robot, trace, trace.tension[:, i], tension, time)
         readings[tension] = robot.tension_scale[i] * felt + robot.tension_offset[i]

@@ -51,7 +51,7 @@ Reshape = Callable[[mujoco.MjSpec, Effect], None]
 Device = Callable[[State], None]
 Maker = Callable[[], Device]
 Readings = dict[str, Array]
-Sense = Callable[[Readings, "Robot"], None]
+ReadingEffect = Callable[[Readings, "Robot"], None]
 
 
 @dataclass
@@ -97,11 +97,11 @@ class Robot:
     drive: list[Maker] = field(default_factory=list)
     tug: list[Maker] = field(default_factory=list)
     body: list[Maker] = field(default_factory=list)
-    senses: list[Sense] = field(default_factory=list)
+    senses: list[ReadingEffect] = field(default_factory=list)
 
-    def wire(self, name: str) -> int:
+    def tendon(self, name: str) -> int:
         """Index of a wire."""
-        return self.machine.wires.index(name)
+        return self.machine.tendons.index(name)
 
     def zero_lengths(self) -> Array:
         """Lengths of the true paths where the encoders were zeroed, at ``qpos0`` (wires,) [m]."""
@@ -126,8 +126,8 @@ def bare_spec(machine: Machine, reshape: Sequence[tuple[Reshape, Effect]] = ()) 
         spec.delete(element)
     for edit, effect in reshape:
         edit(spec, effect)
-    for wire in machine.wires:
-        motor = spec.add_actuator(name=wire, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=wire)
+    for tendon in machine.tendons:
+        motor = spec.add_actuator(name=tendon, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=tendon)
         motor.gainprm[0] = -1.0
     spec.option.timestep = STEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
@@ -152,7 +152,7 @@ def assemble(machine: Machine, model: mujoco.MjModel, slip: Mismatch, step: floa
     model.dof_damping[:] *= 1.0 + slip.damping
     model.site_pos[model.site(MARKER).id] += slip.marker_shift
     move_camera(model, machine.camera, slip.camera_shift, slip.camera_turn)
-    count = len(machine.wires)
+    count = len(machine.tendons)
     return Robot(
         machine=machine,
         model=model,

@@ -43,7 +43,7 @@ OUTSIDE = (
     "tension_crosstalk",
     "length_crosstalk",
     "hard_stop",
-    "catching_wire",
+    "catching_tendon",
     "cover_stiffness",
 )
 """Effects that are in nobody's catalogue."""

@@ -20,10 +20,10 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.nominal_model import Floats
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
 from jmm_agent.settling import SettlingDetector
-from jmm_agent.trajectory import Way
+from jmm_agent.trajectory import Trajectory
 from jmm_agent.updaters import (
     AntagonismMemory,
     AntagonismUpdater,
@@ -31,8 +31,8 @@ from jmm_agent.updaters import (
     VisionMemory,
     VisionUpdater,
 )
-from jmm_agent.vision.marker_detector import Eyes, MarkerPose, Skip
-from jmm_agent.vision.marker_residual import MarkerSight
+from jmm_agent.vision.marker_detector import Detector, MarkerPose, Skip
+from jmm_agent.vision.marker_residual import MarkerResidual
 
 __all__ = ["Agent", "AgentOptions"]
 
@@ -71,7 +71,7 @@ class Agent:
         self,
         drawn: JointMuscleMap,
         kinematics: ArmKinematics,
-        detector: Eyes | None,
+        detector: Detector | None,
         typical: Floats,
         start: Floats,
         rng: np.random.Generator,
@@ -87,7 +87,7 @@ class Agent:
         self.options = options = options or AgentOptions()
         self.kinematics, self._detector, self.guard = kinematics, detector, guard
         prior = MapPrior(drawn, typical, options.prior)
-        sight = MarkerSight(kinematics, options.camera, options.marker_site)
+        sight = MarkerResidual(kinematics, options.camera, options.marker_site)
         self.learner = Learner(
             drawn, kinematics.limits, rule or RidgeRule(prior), options.batch, rng
         )
@@ -95,11 +95,11 @@ class Agent:
         self.vision = VisionUpdater(self.learner, prior, sight, kinematics.limits, options.vision)
         self._settling = SettlingDetector(options.settling)
         self.estimator = JointEstimator(drawn, kinematics.limits, options.estimator, start)
-        self._way = Way(np.array([start, start]), 0.0, 0.0)
+        self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
         self._time = -np.inf
         self._target_lengths = drawn.lengths(start)
         self._asked = drawn, start.copy(), self._target_lengths
-        self._look_due = False
+        self._observation_due = False
         self._frame_time = -np.inf
         self._before: deque[Learned] = deque()
         self.taken_back = 0
@@ -127,12 +127,12 @@ class Agent:
     @property
     def target(self) -> Floats:
         """Joint angles (n,) [rad] at the end of the way."""
-        return self._way.points[-1]
+        return self._trajectory.points[-1]
 
     @property
     def at_rest(self) -> bool:
         """Whether the lengths have settled and nothing waits to be learned from them."""
-        return np.isfinite(self._settling.since) and not self._look_due
+        return np.isfinite(self._settling.since) and not self._observation_due
 
     @property
     def faults(self) -> list[Fault]:
@@ -146,9 +146,9 @@ class Agent:
         self._before.clear()
         self._time = self._frame_time = -np.inf
         self._settling.reset()
-        self._look_due = False
+        self._observation_due = False
         self.markers, self.seen = {}, None
-        self._way = Way(np.array([self.target, self.target]), 0.0, 0.0)
+        self._trajectory = Trajectory(np.array([self.target, self.target]), 0.0, 0.0)
         self.estimator.reset(self.target)
 
     def go(self, postures: Floats, duration: float) -> None:
@@ -173,10 +173,10 @@ class Agent:
         if not 0.0 <= duration < np.inf:
             raise AgentError(f"Agent: a duration must be finite and not negative: {duration} s.")
         low, high = self.kinematics.limits.T
-        way = np.vstack([self._way.at(self._time), np.clip(points, low, high)])
-        self._way = Way(way, self._time, duration)
+        way = np.vstack([self._trajectory.at(self._time), np.clip(points, low, high)])
+        self._trajectory = Trajectory(way, self._time, duration)
 
-    def step(self, senses: Senses) -> Floats:
+    def step(self, readings: SensorReadings) -> Floats:
         """Target muscle lengths (m,) [m] for the next control period.
 
         Raises:
@@ -185,27 +185,27 @@ class Agent:
                 takes care of readings that are not finite, as long as one length is.
         """
         muscles, guarded = len(self._target_lengths), self.guard is not None
-        senses = senses.checked(self._time, muscles, guarded)
+        readings = readings.checked(self._time, muscles, guarded)
         if self.guard is not None:
-            senses = self._felt(senses, self.guard)
+            readings = self._felt(readings, self.guard)
         if np.isfinite(self._time):
-            self.estimator.update(senses.lengths, senses.time - self._time)
+            self.estimator.update(readings.lengths, readings.time - self._time)
         else:
-            self._wake(senses)
-        self._time = senses.time
+            self._wake(readings)
+        self._time = readings.time
         if self.guard is not None:
-            self._look_for_faults(senses, self.guard)
+            self._look_for_faults(readings, self.guard)
         if self.faults or not self.hand_is_free:
             self._settling.reset()
-        elif self._settling.update(senses.time, senses.lengths):
-            self._look_due = self._detector is not None
-            self._learn_antagonism(senses)
+        elif self._settling.update(readings.time, readings.lengths):
+            self._observation_due = self._detector is not None
+            self._learn_antagonism(readings)
         if not np.isfinite(self._settling.since):
-            self._look_due = False
-        elif self._look_due and senses.frame_time >= self._settling.since:
-            self._look_due = False
-            self._learn_vision(senses)
-        target_lengths = self._lengths_at(self._way.at(senses.time))
+            self._observation_due = False
+        elif self._observation_due and readings.frame_time >= self._settling.since:
+            self._observation_due = False
+            self._learn_vision(readings)
+        target_lengths = self._lengths_at(self._trajectory.at(readings.time))
         if self.guard is not None:
             target_lengths = self.guard.safe(target_lengths)
         self._target_lengths = target_lengths
@@ -219,29 +219,33 @@ class Agent:
             self._asked = self.map, q, lengths
         return lengths.copy()
 
-    def _felt(self, senses: Senses, guard: Guard) -> Senses:
+    def _felt(self, readings: SensorReadings, guard: Guard) -> SensorReadings:
         """Senses with readings that can be used; those in doubt are left out of the estimate."""
-        period = senses.time - self._time if np.isfinite(self._time) else PERIOD
+        period = readings.time - self._time if np.isfinite(self._time) else PERIOD
         command, expected = self._target_lengths, self.estimator.lengths
-        felt = guard.feel(period, senses.lengths, senses.tensions, command, expected)
+        felt = guard.feel(period, readings.lengths, readings.tensions, command, expected)
         self.estimator.doubt(felt.doubted)
-        return senses._replace(lengths=felt.lengths, tensions=felt.tensions)
+        return readings._replace(lengths=felt.lengths, tensions=felt.tensions)
 
-    def _look_for_faults(self, senses: Senses, guard: Guard) -> None:
+    def _look_for_faults(self, readings: SensorReadings, guard: Guard) -> None:
         """Ask all watchers; unlearn what was learned just before something new was noticed."""
         estimate = self.estimator.q
-        guard.trust(len(self.vision.memory.looks))
+        guard.trust(len(self.vision.memory.observations))
         if self.hand_is_free:
-            guard.watch_hand(senses.time, estimate, lambda: self.map.jacobian(estimate))
+            guard.watch_hand(readings.time, estimate, lambda: self.map.jacobian(estimate))
         else:
             guard.leave_hand()
         if self._detector is not None:
             guard.watch_camera(
-                senses.time, senses.frame, senses.frame_time, self._hand_marker, self._hand_pose
+                readings.time,
+                readings.frame,
+                readings.frame_time,
+                self._hand_marker,
+                self._hand_pose,
             )
-        while self._before and senses.time - self._before[0].time > guard.options.take_back:
+        while self._before and readings.time - self._before[0].time > guard.options.take_back:
             self._before.popleft()
-        if guard.judge(senses.time) and self._before:
+        if guard.judge(readings.time) and self._before:
             self._take_back(self._before[0])
 
     def _hand_marker(self, frame: np.ndarray) -> MarkerPose | Skip:
@@ -282,34 +286,36 @@ class Agent:
         if self.guard is not None:
             self.guard.map_changed()
 
-    def _wake(self, senses: Senses) -> None:
+    def _wake(self, readings: SensorReadings) -> None:
         """Find out where the arm is, and stay there or begin the way that was asked for."""
         for _ in range(WAKING):
-            self.estimator.update(senses.lengths, PERIOD)
+            self.estimator.update(readings.lengths, PERIOD)
         here = self.estimator.q
-        asked = self._way.points[1:] if self._way.start == self._time else here[None]
-        self._way = Way(np.vstack([here, asked]), senses.time, self._way.duration)
+        asked = self._trajectory.points[1:] if self._trajectory.start == self._time else here[None]
+        self._trajectory = Trajectory(
+            np.vstack([here, asked]), readings.time, self._trajectory.duration
+        )
 
-    def look(self, senses: Senses) -> dict[int, MarkerPose]:
+    def look(self, readings: SensorReadings) -> dict[int, MarkerPose]:
         """Markers in the newest frame, by id; empty without a frame."""
-        new = senses.frame_time != self._frame_time
-        if self._detector is not None and senses.frame is not None and new:
-            self.markers = self._detector.detect(senses.frame, self._expected_markers()).poses
-            self._frame_time = senses.frame_time
+        new = readings.frame_time != self._frame_time
+        if self._detector is not None and readings.frame is not None and new:
+            self.markers = self._detector.detect(readings.frame, self._expected_markers()).poses
+            self._frame_time = readings.frame_time
         return self.markers
 
     def _expected_markers(self) -> dict[int, Floats]:
         return {self.options.hand_marker: self._hand_pose(self.estimator.q)}
 
-    def _learn_antagonism(self, senses: Senses) -> None:
+    def _learn_antagonism(self, readings: SensorReadings) -> None:
         if not (self.learning and self.options.learn_antagonism):
             return
         self._remember()
-        if self.antagonism.settled(self.estimator.q, senses.lengths, self.vision.pairs):
+        if self.antagonism.settled(self.estimator.q, readings.lengths, self.vision.pairs):
             self._map_moved()
 
-    def _learn_vision(self, senses: Senses) -> None:
-        marker = self.look(senses).get(self.options.hand_marker)
+    def _learn_vision(self, readings: SensorReadings) -> None:
+        marker = self.look(readings).get(self.options.hand_marker)
         if marker is None:
             if self.learning:
                 self.vision.drop("the hand's marker was not seen")
@@ -319,9 +325,9 @@ class Agent:
         self.seen = self.vision.seen(
             marker.pose_marker_in_camera,
             estimate,
-            senses.lengths,
+            readings.lengths,
             self._target_lengths,
-            senses.tensions,
+            readings.tensions,
             self.antagonism.pairs if self.options.learn_antagonism else None,
             learn=self.learning and self.options.learn_vision,
         )

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from jmm_agent.agent import Agent
 from jmm_agent.nominal_model import Floats
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 
 ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals that ask a process to end; Ctrl-C is an exception already."""
@@ -20,7 +20,7 @@ ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasat
 class Driver(Protocol):
     """A robot on its own clock, which the agent follows."""
 
-    def read(self) -> Senses:
+    def read(self) -> SensorReadings:
         """Wait for the next control period, and say what is felt and seen.
 
         Time [s] increases from call to call; the newest camera frame may be an old one, its
@@ -38,7 +38,7 @@ def drive(
     agent: Agent,
     driver: Driver,
     seconds: float,
-    watch: Callable[[Senses, Floats], None] = lambda senses, target_lengths: None,
+    watch: Callable[[SensorReadings, Floats], None] = lambda readings, target_lengths: None,
 ) -> None:
     """Let an agent drive a robot for some time of the robot's clock.
 
@@ -62,12 +62,12 @@ def drive(
     with _endings_raised():
         try:
             while True:
-                senses = driver.read()
-                begin = senses.time if begin is None else begin
-                target_lengths = agent.step(senses)
+                readings = driver.read()
+                begin = readings.time if begin is None else begin
+                target_lengths = agent.step(readings)
                 driver.write(target_lengths)
-                watch(senses, target_lengths)
-                if senses.time - begin >= seconds - 1e-9:
+                watch(readings, target_lengths)
+                if readings.time - begin >= seconds - 1e-9:
                     return
         except BaseException:
             driver.stop()

@@ -18,7 +18,7 @@ ZERO_TOLERANCE = 1e-6  # [m] lengths at q = 0
 CROSS_TOLERANCE = 1e-9  # [m] change of a length under a joint that the wire does not cross
 
 
-class DrawingError(AgentError):
+class NominalModelError(AgentError):
     """The drawing of the robot contradicts itself."""
 
 
@@ -31,7 +31,7 @@ class GroupTopology(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Drawing:
+class NominalModel:
     """Joints, wires and the lengths they have in the drawing.
 
     Attributes:
@@ -68,7 +68,9 @@ class Drawing:
         ):
             array = np.array(getattr(self, field), dtype=kind)
             if array.shape != shape:
-                raise DrawingError(f"Drawing: {field} has shape {array.shape}, but {shape} fits.")
+                raise NominalModelError(
+                    f"Drawing: {field} has shape {array.shape}, but {shape} fits."
+                )
             array.setflags(write=False)
             object.__setattr__(self, field, array)
         groups = {name: tuple(owned) for name, owned in self.groups.items()}
@@ -97,7 +99,7 @@ class Drawing:
         good = np.isfinite(self.lower) & np.isfinite(self.upper) & (self.lower < self.upper)
         if not good.all():
             j = int(np.flatnonzero(~good)[0])
-            raise DrawingError(
+            raise NominalModelError(
                 f"Drawing: joint {self.joints[j]!r} has limits [{self.lower[j]}, {self.upper[j]}], "
                 "but they must be finite, lower below upper."
             )
@@ -106,25 +108,25 @@ class Drawing:
         owned = [joint for joints in self.groups.values() for joint in joints]
         for joint in owned:
             if joint not in self.joints:
-                raise DrawingError(
+                raise NominalModelError(
                     f"Drawing: a group owns the unknown joint {joint!r}; joints are "
                     f"{list(self.joints)}."
                 )
         for joint in self.joints:
             if owned.count(joint) != 1:
-                raise DrawingError(
+                raise NominalModelError(
                     f"Drawing: joint {joint!r} is owned by {owned.count(joint)} groups, but each "
                     "joint must be owned by exactly one."
                 )
         for name, crossed in zip(self.muscles, self.crosses.sum(axis=1), strict=True):
             if crossed == 0:
-                raise DrawingError(f"Drawing: muscle {name!r} crosses no joint.")
+                raise NominalModelError(f"Drawing: muscle {name!r} crosses no joint.")
         for name, crossed in zip(self.joints, self.crosses.sum(axis=0), strict=True):
             if crossed == 0:
-                raise DrawingError(f"Drawing: joint {name!r} is crossed by no muscle.")
+                raise NominalModelError(f"Drawing: joint {name!r} is crossed by no muscle.")
         for group in self.topology():
             if group.muscle_index.size == 0:
-                raise DrawingError(
+                raise NominalModelError(
                     f"Drawing: group {group.name!r} has no muscle; merge it with its neighbour."
                 )
 
@@ -135,15 +137,15 @@ class Drawing:
         postures = np.vstack([np.zeros(n), base, moved])
         lengths = np.asarray(self.lengths(postures))
         if lengths.shape != (n + 2, m):
-            raise DrawingError(
+            raise NominalModelError(
                 f"Drawing: lengths of {n + 2} postures have shape {lengths.shape}, but "
                 f"{(n + 2, m)} is needed."
             )
         if not np.isfinite(lengths).all():
-            raise DrawingError("Drawing: lengths are not finite inside the joint limits.")
+            raise NominalModelError("Drawing: lengths are not finite inside the joint limits.")
         worst = int(np.abs(lengths[0]).argmax())
         if abs(lengths[0, worst]) > ZERO_TOLERANCE:
-            raise DrawingError(
+            raise NominalModelError(
                 f"Drawing: muscle {self.muscles[worst]!r} has length {lengths[0, worst]} m at "
                 "q = 0, but lengths must be relative to q = 0."
             )
@@ -151,7 +153,7 @@ class Drawing:
         wrong = np.argwhere((change > CROSS_TOLERANCE) & ~self.crosses)
         if wrong.size:
             i, j = wrong[0]
-            raise DrawingError(
+            raise NominalModelError(
                 f"Drawing: muscle {self.muscles[i]!r} changes with joint {self.joints[j]!r}, but "
                 "`crosses` says that it does not cross it."
             )
@@ -159,4 +161,6 @@ class Drawing:
 
 def _check_names(field: str, names: tuple[str, ...]) -> None:
     if not names or len(set(names)) != len(names):
-        raise DrawingError(f"Drawing: {field} must be at least one and all different: {names}.")
+        raise NominalModelError(
+            f"Drawing: {field} must be at least one and all different: {names}."
+        )

@@ -10,7 +10,7 @@ from jmm_agent.errors import AgentError
 from jmm_agent.nominal_model import Floats
 
 
-class Senses(NamedTuple):
+class SensorReadings(NamedTuple):
     """What the robot feels and sees at one moment; nothing else reaches the agent.
 
     Attributes:
@@ -27,7 +27,7 @@ class Senses(NamedTuple):
     frame: np.ndarray | None = None
     frame_time: float = -np.inf
 
-    def checked(self, after: float, muscles: int, guarded: bool) -> Senses:
+    def checked(self, after: float, muscles: int, guarded: bool) -> SensorReadings:
         """The same with copies of the numbers, which may be kept.
 
         Args:

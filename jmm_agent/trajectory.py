@@ -9,7 +9,7 @@ import numpy as np
 from jmm_agent.nominal_model import Floats
 
 
-class Way(NamedTuple):
+class Trajectory(NamedTuple):
     """Joint angles (K, n) [rad] to pass, evenly in time from ``start`` [s] for ``duration`` [s]."""
 
     points: Floats

@@ -19,9 +19,15 @@ import numpy as np
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.nominal_model import Floats
-from jmm_agent.vision.hold_out import HeldBack, HeldBackOptions
-from jmm_agent.vision.observation_fit import Look, LooksFit, LooksOptions, Sight, fit_alone
-from jmm_agent.vision.permanent_elongation import elongations, fit_with_gives
+from jmm_agent.vision.hold_out import HoldOut, HoldOutOptions
+from jmm_agent.vision.observation_fit import (
+    MarkerObservation,
+    ObservationFit,
+    ObservationFitOptions,
+    Sight,
+    fit_alone,
+)
+from jmm_agent.vision.permanent_elongation import elongations, fit_with_elongation
 
 PairLengths = Literal["min", "l_target", "l"]
 
@@ -67,8 +73,8 @@ class VisionOptions:
     sight_position: float = 0.02
     sight_rotation: float = 0.06
     fit: Literal["together", "alone"] = "together"
-    looks: LooksOptions = field(default_factory=LooksOptions)
-    held_back: HeldBackOptions | None = None
+    observations: ObservationFitOptions = field(default_factory=ObservationFitOptions)
+    hold_out: HoldOutOptions | None = None
 
 
 class AntagonismMemory(NamedTuple):
@@ -82,7 +88,7 @@ class VisionMemory(NamedTuple):
     """Looks remembered, a row or entry each: commands (m,) [m], whether no wire was saturated,
     joint angles (K, n) [rad], how often each wire gave since (K, m); and the pairs they make."""
 
-    looks: list[Look]
+    observations: list[MarkerObservation]
     commands: list[Floats]
     sound: list[bool]
     angles: Floats
@@ -151,7 +157,7 @@ class VisionUpdater:
     ) -> None:
         self._learner, self._prior, self._sight = learner, prior, sight
         self._limits, self._options = limits, options
-        self._looks: list[Look] = []
+        self._observations: list[MarkerObservation] = []
         self._commands: list[Floats] = []
         self._sound: list[bool] = []
         self._angles = np.empty((0, len(limits)))
@@ -159,8 +165,8 @@ class VisionUpdater:
         self.gave = np.empty((0, muscles))
         """How often each wire is believed to have given for good since each look remembered."""
         self.pairs = Pairs.none(joints, muscles)
-        held_back = options.held_back
-        self.held_back = None if held_back is None else HeldBack(held_back, joints, muscles)
+        hold_out = options.hold_out
+        self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
         """Looks that were not learned from; None if none is held back."""
         self.fired = 0
         self.dropped: dict[str, int] = {}
@@ -186,9 +192,9 @@ class VisionUpdater:
             learn: False only looks: nothing is remembered and the map stays.
         """
         options = self._options
-        look = Look(pose, lengths, estimate)
-        looks = [*self._looks, look][-options.looks.memory :]
-        fit, gave = self._fit(looks)
+        look = MarkerObservation(pose, lengths, estimate)
+        observations = [*self._observations, look][-options.observations.memory :]
+        fit, gave = self._fit(observations)
         angles = fit.angles[-1]
         seen = Seen(angles, estimate - angles, False, self._doubt(fit, estimate))
         if not learn:
@@ -199,29 +205,31 @@ class VisionUpdater:
         command = _pair_lengths(options.lengths, lengths, target)
         sound = bool(tensions.max() < options.saturation)
         pair = Pairs(angles[None], command[None], np.array([options.noise]))
-        if sound and self.held_back is not None and self.held_back.keeps(pair):
+        if sound and self.hold_out is not None and self.hold_out.keeps(pair):
             return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
-        keep = len(looks)
-        self._looks, self._angles, self.gave = looks, fit.angles, gave
+        keep = len(observations)
+        self._observations, self._angles, self.gave = observations, fit.angles, gave
         self._commands = [*self._commands, command][-keep:]
         self._sound = [*self._sound, sound][-keep:]
         self._learn(self.pairs.last(0) if antagonism is None else antagonism)
-        if self.held_back is not None and self.held_back.harmed(map_before, self._learner.map):
+        if self.hold_out is not None and self.hold_out.harmed(map_before, self._learner.map):
             self._learner.map, self.memory = map_before, before
             seen = seen._replace(reason="undone: looks held back say that it made the map worse")
             self.drop(seen.reason)
             return seen
         return seen._replace(learned=True)
 
-    def _fit(self, looks: list[Look]) -> tuple[LooksFit, Floats]:
+    def _fit(self, observations: list[MarkerObservation]) -> tuple[ObservationFit, Floats]:
         """Joint angles of all looks, the newest last; how often each wire gave since each."""
-        options, sight, limits = self._options.looks, self._sight, self._limits
+        options, sight, limits = self._options.observations, self._sight, self._limits
         gave = np.vstack([self.gave, np.zeros(self.gave.shape[1])])[-options.memory :]
         if self._options.fit == "together":
-            start = np.vstack([self._angles, looks[-1].guess])[-options.memory :]
-            return fit_with_gives(looks, self._prior, sight, limits, options, start, gave)
-        alone = fit_alone(looks[-1], sight, limits, options)
+            start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
+            return fit_with_elongation(
+                observations, self._prior, sight, limits, options, start, gave
+            )
+        alone = fit_alone(observations[-1], sight, limits, options)
         angles = np.vstack([self._angles, alone.angles])[-options.memory :]
         return alone._replace(angles=angles), gave
 
@@ -229,18 +237,20 @@ class VisionUpdater:
     def memory(self) -> VisionMemory:
         """All that is remembered; may be set to what it was before."""
         return VisionMemory(
-            self._looks, self._commands, self._sound, self._angles, self.gave, self.pairs
+            self._observations, self._commands, self._sound, self._angles, self.gave, self.pairs
         )
 
     @memory.setter
     def memory(self, earlier: VisionMemory) -> None:
-        self._looks, self._commands, self._sound, self._angles, self.gave, self.pairs = earlier
+        self._observations, self._commands, self._sound, self._angles, self.gave, self.pairs = (
+            earlier
+        )
 
     def drop(self, reason: str) -> None:
         """Count a look that brought nothing, and why."""
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
-    def _doubt(self, fit: LooksFit, estimate: Floats) -> str:
+    def _doubt(self, fit: ObservationFit, estimate: Floats) -> str:
         """Why the newest look is not believed; empty if it is."""
         options, angles = self._options, fit.angles[-1]
         position, rotation = fit.sight_error[-1]
@@ -268,7 +278,7 @@ class VisionUpdater:
         elif not free[-1]:
             self.drop("a joint was at its stop: no pair")
         noise = np.full(len(use), options.noise)
-        given = elongations(self._looks, self._prior, self._angles, self.gave)
+        given = elongations(self._observations, self._prior, self._angles, self.gave)
         lengths = np.array(self._commands) - given
         self.pairs = Pairs(self._angles[use], lengths[use], noise[use])
         new = self.pairs.last(int(use[-1]))

@@ -15,7 +15,7 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
 from jmm_agent.nominal_model import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.marker_detector import Eyes, MarkerDetector
+from jmm_agent.vision.marker_detector import Detector, MarkerDetector
 from kengoro.hand_search import READY
 from kengoro.session import Session
 from kengoro.trained_maps import ARM, trained_map
@@ -24,7 +24,7 @@ from kengoro_env.departures import actual, drawing
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
 
-ACTUAL, DRAWING = "actual", "drawing"
+ACTUAL, NOMINAL = "actual", "nominal"
 """The conditions of most experiments: the robot of a seed, and the same without departures."""
 
 CAMERA = Camera.from_fovy(640, 480, radians(45.0))
@@ -47,7 +47,7 @@ def make_agent(
     options: AgentOptions | None = None,
     rule: Rule | None = None,
     learning: bool = True,
-    eyes: Eyes | None = None,
+    detector: Detector | None = None,
 ) -> Agent:
     """An agent that knows the drawing and nothing of the robot.
 
@@ -61,7 +61,7 @@ def make_agent(
     agent = Agent(
         start,
         ArmKinematics(asset_path(ARM), JOINTS),
-        eyes or MarkerDetector(CAMERA, SIDES),
+        detector or MarkerDetector(CAMERA, SIDES),
         posture_set(),
         np.array(READY),
         np.random.default_rng([seed, 2]),
@@ -76,7 +76,7 @@ def make_session(condition: str, seed: int, agent: Agent, start: Floats) -> Sess
     """An episode of ``Kengoro/Posture-v0`` without an end, for an agent that knows the drawing.
 
     Args:
-        condition: `ACTUAL` or `DRAWING`.
+        condition: `ACTUAL` or `NOMINAL`.
         seed: of the robot and of its sensors' noise.
         agent: its mind.
         start: joint angles (n,) [rad] to begin at.

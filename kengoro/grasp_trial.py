@@ -132,10 +132,10 @@ class GraspTrial:
         session = self._session
         still_since = session.time
         session.wait(0.6)  # until a frame has come that was taken at rest
-        if session.senses.frame_time < still_since:
+        if session.readings.frame_time < still_since:
             return None
         agent = session.agent
-        marker = agent.look(session.senses).get(agent.options.can_marker)
+        marker = agent.look(session.readings).get(agent.options.can_marker)
         if marker is None:
             return None
         return self._planner.marker_in_world(marker.pose_marker_in_camera, agent.joint_angles)

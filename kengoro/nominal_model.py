@@ -32,7 +32,7 @@ def tension_sensor(muscle: str) -> str:
     return f"tension_{muscle}"
 
 
-def drawing_model(scene: Path, gains: Gains = DEFAULT_GAINS) -> mujoco.MjSpec:
+def study_model(scene: Path, gains: Gains = DEFAULT_GAINS) -> mujoco.MjSpec:
     """What ``Robot(scene)`` simulates without departures, with sensors and without pictures.
 
     Actuators and tendons have the muscles' names. The motor of the fingers, which nobody commands,
@@ -45,7 +45,7 @@ def drawing_model(scene: Path, gains: Gains = DEFAULT_GAINS) -> mujoco.MjSpec:
     draft = Draft.of(load_spec(scene))
     wind(draft)
     spec = draft.spec
-    for muscle in draft.wires:
+    for muscle in draft.tendons:
         _set_gains(spec.actuator(muscle), gains)
         _add_sensor(spec, length_sensor(muscle), mujoco.mjtSensor.mjSENS_TENDONPOS, muscle)
         _add_sensor(spec, tension_sensor(muscle), mujoco.mjtSensor.mjSENS_ACTUATORFRC, muscle)

@@ -21,7 +21,7 @@ from kengoro_env.assets import asset_path
 from kengoro_env.departures.sensors import EYE
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
 from kengoro_env.names import JOINTS
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 SETTLE = 2.0
 """The first command is held so long before the log begins [s]."""
@@ -94,7 +94,7 @@ class Recording:
     lengths: Floats
     tensions: Floats
     start: Floats
-    look_time: Floats = field(default_factory=lambda: np.zeros(0))
+    observation_time: Floats = field(default_factory=lambda: np.zeros(0))
     markers: Floats = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
 
@@ -112,7 +112,7 @@ def record(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
     if not isinstance(world, KengoroEnv):
         raise UsageError(f"A recording needs a Kengoro environment, not {world}.")
     start = tour.at(0.0)
-    drawing, eye = ArmDrawing(arm.scene), _Eye(tour)
+    drawing, eye = NominalArm(arm.scene), _Eye(tour)
     observation, _ = env.reset(seed=seed, options={"posture": start, "target": start})
     settling = round(SETTLE / CONTROL_PERIOD)
     time: list[float] = []
@@ -139,7 +139,7 @@ def record(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
         lengths=np.array(lengths),
         tensions=np.array(tensions),
         start=start,
-        look_time=np.array(eye.times),
+        observation_time=np.array(eye.times),
         markers=np.array(eye.markers).reshape(-1, 4, 4),
     )
 

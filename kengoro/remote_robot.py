@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from jmm_agent.nominal_model import Floats
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 from kengoro.errors import UsageError
 
 HOST = "127.0.0.1"
@@ -35,13 +35,13 @@ class RemoteRobot:
     def __init__(self, port: int) -> None:
         self._line = socket.create_connection((HOST, port), PATIENCE)
 
-    def read(self) -> Senses:
+    def read(self) -> SensorReadings:
         """Wait for what is felt and seen."""
         head, body = _receive(self._line)
         shape = head["frame"]
         frame = np.frombuffer(body, np.uint8).reshape(shape) if shape else None
         lengths, tensions = (np.array(head[name]) for name in ("lengths", "tensions"))
-        return Senses(head["time"], lengths, tensions, frame, head["frame_time"])
+        return SensorReadings(head["time"], lengths, tensions, frame, head["frame_time"])
 
     def write(self, target_lengths: Floats) -> None:
         """Command target muscle lengths (m,) [m]."""

@@ -1,8 +1,8 @@
 """A robot and a mind together: the loop that every experiment runs.
 
 The environment's ``info`` holds the truth. It is stripped here, before the agent: the agent gets
-`Senses` and nothing else, and the truth goes to the log. Faults that a guarded agent notices are
-added to it as ``info["faults"]``.
+`SensorReadings` and nothing else, and the truth goes to the log. Faults that a guarded agent
+notices are added to it as ``info["faults"]``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import faults_for_info
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 from kengoro.errors import UsageError
 from kengoro_env.env import KengoroEnv
 
@@ -48,15 +48,15 @@ class Log:
     target: list[Floats] = field(default_factory=list)
     true: list[Floats] = field(default_factory=list)
     estimate: list[Floats] = field(default_factory=list)
-    look_time: list[float] = field(default_factory=list)
-    look_error: list[Floats] = field(default_factory=list)
+    observation_time: list[float] = field(default_factory=list)
+    observation_error: list[Floats] = field(default_factory=list)
 
 
 _onlooker: ContextVar[Callable[[Session], None] | None] = ContextVar("onlooker", default=None)
 
 
 @contextmanager
-def looked_on(onlooker: Callable[[Session], None]) -> Iterator[None]:
+def observed_by(onlooker: Callable[[Session], None]) -> Iterator[None]:
     """Sessions that begin here show themselves to ``onlooker`` after every step.
 
     Experiments make their sessions deep inside; so none has to pass the onlooker on. It must not
@@ -104,11 +104,11 @@ class Session:
         agent.begin_episode()
 
     @property
-    def senses(self) -> Senses:
+    def readings(self) -> SensorReadings:
         """What the agent gets."""
         observation = self.observation
         frame_time = float(observation["frame_time"][0]) if "frame" in observation else -np.inf
-        return Senses(
+        return SensorReadings(
             self._steps * self._period,
             observation["lengths"],
             observation["tensions"],
@@ -132,7 +132,7 @@ class Session:
             EpisodeEndedError: the environment says that the episode is over.
         """
         self.agent.hand_is_free = self.fingers == OPEN
-        lengths = self.agent.step(self.senses)
+        lengths = self.agent.step(self.readings)
         action = self.world.lengths_to_action(lengths, self.fingers)
         self.observation, _, ended, cut, self.truth = self.env.step(action)
         self._steps += 1
@@ -155,8 +155,8 @@ class Session:
         log.estimate.append(self.agent.joint_angles)
         if self.agent.seen is not None and self.agent.seen is not self._seen:
             self._seen = self.agent.seen
-            log.look_time.append(self.time)
-            log.look_error.append(self.agent.seen.error)
+            log.observation_time.append(self.time)
+            log.observation_error.append(self.agent.seen.error)
 
     def wait(self, duration: float) -> None:
         """Let ``duration`` [s] pass."""

@@ -20,13 +20,13 @@ from kengoro.files import write_text
 from kengoro.nominal_model import (
     MARKER_ORIENTATION,
     MARKER_POSITION,
-    drawing_model,
     length_sensor,
+    study_model,
     tension_sensor,
     zero_lengths,
 )
 from kengoro.recording import SETTLE, Arm, Recording
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 LENGTH_NOISE, TENSION_NOISE = 1e-4, 1.0
 """Standard deviation of a reading of encoders [m] and tension sensors [N], as their makers say."""
@@ -48,11 +48,11 @@ TURN = ("marker_qw", "marker_qx", "marker_qy", "marker_qz")
 
 def write_study(out: Path, name: str, arm: Arm, recordings: Sequence[Recording]) -> Path:
     """Write model, logs and, last, ``STUDY.yaml`` to a folder; returns the path of the latter."""
-    spec, drawing = drawing_model(arm.scene), ArmDrawing(arm.scene)
+    spec, drawing = study_model(arm.scene), NominalArm(arm.scene)
     write_text(out / "model.xml", spec.to_xml())
     for number, recording in enumerate(recordings):
         write_text(out / f"log_{number}.csv", _log_table(recording, drawing.muscles))
-        if len(recording.look_time):
+        if len(recording.observation_time):
             write_text(out / f"camera_{number}.csv", _camera_table(recording))
     path = out / "STUDY.yaml"
     study = study_content(name, drawing, zero_lengths(spec, drawing.muscles), recordings)
@@ -61,7 +61,7 @@ def write_study(out: Path, name: str, arm: Arm, recordings: Sequence[Recording])
 
 
 def study_content(
-    name: str, arm: ArmDrawing, zero: Floats, recordings: Sequence[Recording]
+    name: str, arm: NominalArm, zero: Floats, recordings: Sequence[Recording]
 ) -> dict[str, Any]:
     """What ``STUDY.yaml`` holds.
 
@@ -87,7 +87,7 @@ def study_content(
             "scale": -1,
             "noise": TENSION_NOISE,
         }
-    if any(len(recording.look_time) for recording in recordings):
+    if any(len(recording.observation_time) for recording in recordings):
         sensors[MARKER_POSITION] = {"columns": [*POSITION], "unit": "m", "noise": MARKER_NOISE}
         sensors[MARKER_ORIENTATION] = {"columns": [*TURN], "unit": "1", "noise": TURN_NOISE}
     return {
@@ -107,7 +107,7 @@ def study_content(
 def _episode(number: int, recording: Recording, joints: Sequence[str]) -> dict[str, Any]:
     start = zip(joints, recording.start, strict=True)
     episode: dict[str, Any] = {"commands": f"log_{number}.csv"}
-    if len(recording.look_time):
+    if len(recording.observation_time):
         episode["readings"] = [f"camera_{number}.csv"]
     return {**episode, "joints": {joint: round(float(angle), 6) for joint, angle in start}}
 
@@ -138,7 +138,7 @@ def _camera_table(recording: Recording) -> str:
     position, turn = in_model_axes(recording.markers)
     rows = (
         [f"{time:.6f}", *(f"{x:.7f}" for x in (*p, *q))]
-        for time, p, q in zip(recording.look_time, position, turn, strict=True)
+        for time, p, q in zip(recording.observation_time, position, turn, strict=True)
     )
     return _csv(["time", *POSITION, *TURN], rows)
 

@@ -8,26 +8,28 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.nominal_model import Drawing
+from jmm_agent.nominal_model import NominalModel
 from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS, JOINTS
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 ARM = "mjcf/kengoro_arm/arm.xml"
 MAP_SEED = 0
 
 
-def drawing_for_agent(scene: Path | None = None) -> Drawing:
+def nominal_model(scene: Path | None = None) -> NominalModel:
     """What the agent is told of the robot in ``scene`` (the arm if left out).
 
     The map has a group for each of the arm's; of another robot's joints it has one for all.
     """
-    arm = ArmDrawing(asset_path(ARM) if scene is None else scene)
+    arm = NominalArm(asset_path(ARM) if scene is None else scene)
     groups = {"all": arm.joints}
     if set(arm.joints) <= set(JOINTS):
         shared = {n: tuple(j for j in own if j in arm.joints) for n, own in GROUP_JOINTS.items()}
         groups = {name: joints for name, joints in shared.items() if joints}
-    return Drawing(arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, groups)
+    return NominalModel(
+        arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, groups
+    )
 
 
 def default_cache() -> Path:
@@ -45,4 +47,4 @@ def trained_map(
     from jmm_agent.mapping.training import load_or_train
 
     folder = default_cache() if cache_dir is None else cache_dir
-    return load_or_train(drawing_for_agent(scene), MAP_SEED, folder, progress=progress)[0]
+    return load_or_train(nominal_model(scene), MAP_SEED, folder, progress=progress)[0]

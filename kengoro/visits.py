@@ -64,15 +64,21 @@ def visit(
     visits = no_visits() if visits is None else visits
     log, begin, half = session.log, len(session.log.time), session.time + move / 2
     session.move(target, move, patience)
-    looks = int(np.searchsorted(log.look_time, half))  # those before are of the posture it left
+    observations = int(
+        np.searchsorted(log.observation_time, half)
+    )  # those before are of the posture it left
     rest = len(log.time) - 1
-    if len(log.look_time) > looks:  # the step before the look: learning moves estimate and arm
-        rest = max(0, int(np.searchsorted(log.time, log.look_time[looks])) - 1)
+    if (
+        len(log.observation_time) > observations
+    ):  # the step before the look: learning moves estimate and arm
+        rest = max(0, int(np.searchsorted(log.time, log.observation_time[observations])) - 1)
     elif look:
         find_hand(session, target, TrialOptions())
     estimate, seen = log.estimate[rest], None
-    if len(log.look_time) > looks:  # the head may have turned, so the error counts, not the angles
-        seen = estimate - log.look_error[looks]
+    if (
+        len(log.observation_time) > observations
+    ):  # the head may have turned, so the error counts, not the angles
+        seen = estimate - log.observation_error[observations]
     for key, angles in zip(ANGLES, (target, log.true[rest], estimate, seen), strict=True):
         visits[key].append(None if angles is None else np.round(angles, 6).tolist())
     visits["max_tension"].append(round(float(np.max(log.tensions[begin:])), 1))

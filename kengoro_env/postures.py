@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -70,14 +70,14 @@ def least_tension(arms: Array, gravity: Array, least: float = 5.0, most: float =
     """
     from scipy.optimize import linprog  # takes 0.3 s, and only drawing the set anew needs it
 
-    wires, joints = arms.shape
+    tendons, joints = arms.shape
     answer = linprog(
-        np.append(np.zeros(wires), 1.0),
-        A_ub=np.hstack([np.eye(wires), -np.ones((wires, 1))]),
-        b_ub=np.zeros(wires),
+        np.append(np.zeros(tendons), 1.0),
+        A_ub=np.hstack([np.eye(tendons), -np.ones((tendons, 1))]),
+        b_ub=np.zeros(tendons),
         A_eq=np.hstack([arms.T, np.zeros((joints, 1))]),
         b_eq=gravity,
-        bounds=[(least, most)] * wires + [(0.0, None)],
+        bounds=[(least, most)] * tendons + [(0.0, None)],
         method="highs",
     )
     return float(answer.x[-1]) if answer.status == 0 else float("inf")
@@ -88,7 +88,7 @@ class PostureChecker:
 
     def __init__(self) -> None:
         scene = asset_path("mjcf/kengoro_arm/arm.xml")
-        self.drawing = ArmDrawing(scene)
+        self.drawing = NominalArm(scene)
         self.robot = Robot(scene)
         self._low, self._high = np.radians([RANGES_DEG[joint] for joint in JOINTS]).T
         model = self.robot.model

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path, assets_root
 from kengoro_env.errors import KengoroError
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 Array = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ def length_bounds(scene: str) -> LengthBounds:
     return _fixed(low, high)
 
 
-def computed_bounds(drawing: ArmDrawing) -> LengthBounds:
+def computed_bounds(drawing: NominalArm) -> LengthBounds:
     """Bounds for an arm, from postures all over and at the corners of the box of joint ranges."""
     rng = np.random.default_rng(0)
     share = rng.uniform(size=(SAMPLES, len(drawing.joints)))
@@ -163,7 +163,7 @@ def main() -> None:
     """Compute the bounds of all scenes anew and write them."""
     found = {}
     for scene in SCENES:
-        drawing = ArmDrawing(asset_path(scene))
+        drawing = NominalArm(asset_path(scene))
         bounds = computed_bounds(drawing)
         pairs = np.column_stack([bounds.low, bounds.high]).tolist()
         found[scene] = dict(zip(drawing.muscles, pairs, strict=True))

@@ -18,7 +18,7 @@ from kengoro_env.robot.motors import DEFAULT_GAINS, Gains
 from kengoro_env.robot.robot import DivergedError
 from kengoro_env.spaces import InvalidActionError, checked_action
 from kengoro_env.stepping.compiled_fleet import fleet_of
-from kengoro_env.stepping.fleet import ToldOfMany
+from kengoro_env.stepping.fleet import BatchResult
 from kengoro_env.tasks.reach import Reach, judged
 
 Array = NDArray[np.float64]
@@ -191,7 +191,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
                 raise InvalidActionError(f"environment {i}: {error}") from None
         return array
 
-    def _observe(self, told: ToldOfMany, moved: Mask, success: Mask) -> None:
+    def _observe(self, told: BatchResult, moved: Mask, success: Mask) -> None:
         """Write what those that moved sense, and the truth about them."""
         for i in np.flatnonzero(moved & (told.truth["time"] >= self._until)):
             task = self._tasks[i]

@@ -1,11 +1,11 @@
 """What is wrong with a stranger's file."""
 
 
-class StrangeFileError(Exception):
+class UntrustedFileError(Exception):
     """A file that is refused; the message goes on from the file's name: "is no XML"."""
 
 
-class FenceError(StrangeFileError):
+class SandboxError(UntrustedFileError):
     """The reader of a file crashed, or took too much time or memory."""
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from mjcf_sandbox import sandbox
-from mjcf_sandbox.errors import StrangeFileError, short_name
+from mjcf_sandbox.errors import UntrustedFileError, short_name
 
 LIMITS = sandbox.Limits(seconds=10.0, cpu=4, memory=2 << 30)
 """Models of arms with dozens of meshes need a tenth of it."""
@@ -81,7 +81,7 @@ def _add_model(
             if element.tag == ATTACH:
                 part = _inside(model.parent, "", name, folders)
                 if part.resolve() in above:
-                    raise StrangeFileError(f"attaches itself: {part.name}")
+                    raise UntrustedFileError(f"attaches itself: {part.name}")
                 if part.is_file() and part not in found:
                     _add_model(part, folders, found, above)
                 continue
@@ -123,9 +123,11 @@ def _inside(base: Path, place: str, name: str, folders: Sequence[Path]) -> Path:
         ends = (path.resolve(), (base / written).resolve())
         path.is_file()  # which says whether a name is too long
     except (OSError, RuntimeError, ValueError) as error:
-        raise StrangeFileError(f"names {short_name(name)!r}, which is no path of a file") from error
+        raise UntrustedFileError(
+            f"names {short_name(name)!r}, which is no path of a file"
+        ) from error
     if not all(any(end.is_relative_to(folder) for folder in folders) for end in ends):
-        raise StrangeFileError(
+        raise UntrustedFileError(
             f"names {short_name(str(written))}, which lies outside {folders[0]}; copy it there"
         )
     return path
@@ -138,7 +140,7 @@ def _parse(file: Path) -> ElementTree.Element:
     whatever the two might read differently is refused, but for two hyphens in a comment.
     """
     if file.stat().st_size > MAX_BYTES:
-        raise StrangeFileError(f"cannot be read: {file.name} has more than {MAX_BYTES >> 20} MiB")
+        raise UntrustedFileError(f"cannot be read: {file.name} has more than {MAX_BYTES >> 20} MiB")
     text = file.read_bytes().decode("utf-8", "replace").removeprefix("\ufeff")
     kept, end = [], 0
     for token in TOKEN.finditer(text):
@@ -148,10 +150,12 @@ def _parse(file: Path) -> ElementTree.Element:
         kept.append("\n" * token[0].count("\n") if token["comment"] else token[0])
     if end != len(text):
         line = text.count("\n", 0, end) + 1
-        raise StrangeFileError(f"cannot be read: {file.name}, line {line}, is no XML without a DTD")
+        raise UntrustedFileError(
+            f"cannot be read: {file.name}, line {line}, is no XML without a DTD"
+        )
     try:
         return ElementTree.fromstring("".join(kept))
     except ElementTree.ParseError as error:
-        raise StrangeFileError(
+        raise UntrustedFileError(
             f"cannot be read: {file.name} is not well-formed XML: {error}"
         ) from error

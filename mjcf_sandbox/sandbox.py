@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mjcf_sandbox.errors import FenceError, StrangeFileError
+from mjcf_sandbox.errors import SandboxError, UntrustedFileError
 
 START = (
     "import json, sys; task = json.loads(sys.argv[1]); sys.path[:] = task.pop('path'); "
@@ -89,8 +89,8 @@ def run(
         if child.returncode:
             reason = Path(name) / REASON
             if reason.is_file():
-                raise StrangeFileError(reason.read_text(encoding="utf-8"))
-            raise FenceError(_reason(child.returncode, limits))
+                raise UntrustedFileError(reason.read_text(encoding="utf-8"))
+            raise SandboxError(_reason(child.returncode, limits))
 
 
 def _wait(
@@ -103,7 +103,7 @@ def _wait(
             share, moved = found, time.monotonic()
             tell(share)
         if time.monotonic() - moved > (STARTING if share is None else seconds):
-            raise FenceError(f"takes longer than {seconds:g} s to read")
+            raise SandboxError(f"takes longer than {seconds:g} s to read")
         time.sleep(TICK)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
-from mjcf_sandbox.errors import StrangeFileError
+from mjcf_sandbox.errors import UntrustedFileError
 
 
 def main(path: str) -> None:
@@ -13,7 +13,7 @@ def main(path: str) -> None:
         model = mujoco.MjSpec.from_file(path).compile()
         mujoco.mj_forward(model, mujoco.MjData(model))
     except RuntimeError as error:  # what C++ throws when it runs out of memory
-        raise StrangeFileError("asks for more memory than a model may have") from error
+        raise UntrustedFileError("asks for more memory than a model may have") from error
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
-        raise StrangeFileError(f"does not compile: {reason}") from error
+        raise UntrustedFileError(f"does not compile: {reason}") from error

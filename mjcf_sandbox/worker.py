@@ -7,7 +7,7 @@ import math
 import sys
 from pathlib import Path
 
-from mjcf_sandbox.errors import StrangeFileError
+from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.sandbox import PROGRESS, REASON
 
 if sys.platform != "win32":
@@ -22,7 +22,7 @@ def main(module: str, arguments: list[str], cpu: int | None, memory: int) -> Non
     tell(0.0)
     try:
         work(*arguments)
-    except StrangeFileError as error:
+    except UntrustedFileError as error:
         reason.write_text(str(error), encoding="utf-8")
         sys.exit(1)
 

@@ -152,11 +152,11 @@ def unpack(command: Unpack, console: Console) -> None:
     """Write a bag's topics as CSV files."""
     from rich.progress import Progress
 
-    from reality_gap.io.rosbag_sandbox import unpack_behind_fence
+    from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
 
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
-        paths = unpack_behind_fence(
+        paths = unpack_in_sandbox(
             command.bag,
             command.out,
             command.topics,
@@ -192,8 +192,8 @@ def _show(diagnosis: Diagnosis, console: Console) -> None:
             )
             parameters.append(f"{name} {value} {unit} ({low} to {high})".replace("  ", " "))
         table.add_row(
-            cause.suspect.cause.title,
-            one_line(str(cause.suspect.place)),
+            cause.candidate.cause.title,
+            one_line(str(cause.candidate.location)),
             "\n".join(parameters),
             percent(cause.confidence),
             ", ".join(cause.equivalent),

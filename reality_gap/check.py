@@ -51,7 +51,7 @@ def check_study(study: Study) -> tuple[str, ...]:
 def unjudged(study: Study) -> tuple[str, ...]:
     """Ids of the causes that have nothing in this model and these channels to act on."""
     system = look_at(study)
-    return tuple(cause.id for cause in CATALOGUE.values() if not cause.places(system))
+    return tuple(cause.id for cause in CATALOGUE.values() if not cause.locations(system))
 
 
 def summary(study: Study) -> str:

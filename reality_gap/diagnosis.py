@@ -9,8 +9,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Place
-from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.causes.base import Location
+from reality_gap.simulation.hypothesis import Candidate
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Rival:
+class FittedCandidate:
     """A suspect that was fitted fully.
 
     Attributes:
@@ -42,13 +42,13 @@ class Rival:
         values: fitted parameters.
         score: log predictive probability of the choose split over the model without it [nats].
         confidence: probability that it is (one of) the right causes; of the step it was in. Those
-            of a step leave room for nobody, and for what is `Diagnosis.nameless`.
+            of a step leave room for nobody, and for what is `Diagnosis.unmodelled`.
         step: 0 in the search for the first cause, 1 for the second, ...
         chosen: whether it is in the verdict.
         evidence: log marginal likelihood over the hypothesis without it [nats].
     """
 
-    suspect: Suspect
+    candidate: Candidate
     values: dict[str, float]
     score: float
     confidence: float
@@ -69,16 +69,16 @@ class NamedCause:
         elsewhere: other places where the same cause would do the same.
     """
 
-    suspect: Suspect
+    candidate: Candidate
     parameters: dict[str, Estimate]
     confidence: float
     equivalent: tuple[str, ...]
-    elsewhere: tuple[Place, ...] = ()
+    elsewhere: tuple[Location, ...] = ()
 
     def foremost(self, most: int = 8) -> tuple[str, ...]:
         """Names of the parameters in their order; of more than ``most``, those that are farthest
         from doing nothing, the farthest first."""
-        known = [p for p in self.suspect.parameters if p.name in self.parameters]
+        known = [p for p in self.candidate.parameters if p.name in self.parameters]
         if len(known) > most:
             far = {p.name: abs((self.parameters[p.name].value - p.null) / p.scale) for p in known}
             known = sorted(known, key=lambda p: -far[p.name])[:most]
@@ -87,7 +87,7 @@ class NamedCause:
 
 @dataclass(frozen=True)
 class Gain:
-    """(before - after) / (before - floor) with its 95 % interval."""
+    """What an extension gains on held-out readings, with its 95 % interval."""
 
     value: float
     low: float
@@ -166,7 +166,10 @@ class Diagnosis:
             no name, was put in their place. None where no cause was found.
         rms_before, rms_after, noise_floor: RMS of the whitened residual on the report split, of the
             user's model and of the extended one; the same unless the verdict is "named".
-        gain: None when before is not surely above the floor.
+        gain: (before - after) / (before - floor); None when before is not surely above the floor,
+            or where causes are named whose gain is not surely above zero in the RMS.
+        likelihood_gain: how much likelier the named causes make the report split, given tolerances
+            and the other splits [nats]; None where nothing or groups are named.
         unexplained_fraction: of the power above the floor, what the best of the causes leave, 0 to
             1, whether they are named or not.
         explainable_fraction: of the power above the floor, what a learned residual, which is no
@@ -185,7 +188,7 @@ class Diagnosis:
     verdict: Verdict
     sentence: str
     causes: tuple[NamedCause, ...]
-    rivals: tuple[Rival, ...]
+    fitted_candidates: tuple[FittedCandidate, ...]
     rms_before: float
     rms_after: float
     noise_floor: float
@@ -196,11 +199,12 @@ class Diagnosis:
     next_experiment: Experiment | None
     not_judged: tuple[tuple[str, str], ...]
     traces: tuple[Trace, ...]
-    effects: tuple[tuple[Suspect, Mapping[str, float]], ...]
+    effects: tuple[tuple[Candidate, Mapping[str, float]], ...]
     extended_xml: str
     seconds: float
     measures: Mapping[str, float] = field(default_factory=dict)
-    nameless: float | None = None
+    unmodelled: float | None = None
+    likelihood_gain: Gain | None = None
 
 
 MANY = 8
@@ -237,8 +241,8 @@ def _named(cause: NamedCause) -> str:
         if cause.equivalent
         else ""
     )
-    title, place = cause.suspect.cause.title, cause.suspect.place
-    where = place.note if len(place.elements) > MANY and place.note else str(place)
+    title, location = cause.candidate.cause.title, cause.candidate.location
+    where = location.note if len(location.elements) > MANY and location.note else str(location)
     return (
         f"{title[0].upper()}{title[1:]} at {where}: {numbers} "
         f"(confidence {cause.confidence:.0%}{other})."
@@ -247,7 +251,13 @@ def _named(cause: NamedCause) -> str:
 
 def _rest(diagnosis: Diagnosis) -> str:
     if diagnosis.gain is None:
-        return ""
+        likelihood = diagnosis.likelihood_gain
+        if likelihood is None or likelihood.low <= 0.0:
+            return ""
+        return (
+            f" With it in the model, readings that were not used to find it are likelier by "
+            f"{likelihood.value:.0f} nats [{likelihood.low:.0f}, {likelihood.high:.0f}]."
+        )
     return (
         f" With it in the model, {diagnosis.gain.value:.0%} of the avoidable error is gone on "
         "readings that were not used to find it."

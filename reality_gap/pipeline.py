@@ -12,33 +12,39 @@ from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
-from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict, sentence
-from reality_gap.inference.checkpoint import Shelf, digest
-from reality_gap.inference.confidence import nameless
+from reality_gap.diagnosis import Diagnosis, FittedCandidate, NamedCause, Verdict, sentence
+from reality_gap.inference.checkpoint import Checkpoint, digest
+from reality_gap.inference.confidence import unmodelled
 from reality_gap.inference.deferral import Waiting, parted
 from reality_gap.inference.equivalence import Alternatives, alternatives
 from reality_gap.inference.forward_selection import Search, search
 from reality_gap.inference.group_fit import BETTER, explain, of_groups, power
-from reality_gap.inference.held_out import score
+from reality_gap.inference.held_out import likelihood_gain, pays, score
 from reality_gap.inference.intervals import intervals
 from reality_gap.inference.likelihood import predictive
 from reality_gap.inference.next_experiment import next_experiment
 from reality_gap.inference.remainder import Remainder
-from reality_gap.inference.screening import NO_SHELF, Sensitivity, screen, suspects, tolerances
+from reality_gap.inference.screening import (
+    NO_CHECKPOINT,
+    Sensitivity,
+    candidates,
+    screen,
+    tolerances,
+)
 from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import Options, decide, weighed
-from reality_gap.simulation.hypothesis import Suspect, acts_beside, build, same
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.hypothesis import Candidate, acts_beside, build, same
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.splits import REPORT, split
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-Watch = Callable[[Workbench, Array, Sequence[Sensitivity]], None]
+Watch = Callable[[Replayer, Array, Sequence[Sensitivity]], None]
 """Sees the replays, the residual of the study's model (n,), and all sensitivities."""
 
 
-FEW_WIRES = 20
+FEW_TENDONS = 20
 """With more, the search for single causes takes hours."""
 
 
@@ -48,7 +54,7 @@ def diagnose(
     progress: Progress = lambda share, what: None,
     causes: Sequence[Cause] | None = None,
     options: Options | None = None,
-    watch: Watch = lambda bench, null, found: None,
+    watch: Watch = lambda replayer, null, found: None,
     work: Path | None = None,
 ) -> Diagnosis:
     """Find out what a study's model gets wrong.
@@ -68,74 +74,82 @@ def diagnose(
     """
     begin = time.monotonic()
     options = Options() if options is None else options
-    with Workbench(study, jobs) as bench:
+    with Replayer(study, jobs) as replayer:
         progress(0.0, "replaying the model")
-        null = bench.residual([])
+        null = replayer.residual([])
         catalogue = list(causes or CATALOGUE.values())
-        whole = explain(bench, catalogue, null, options.many, lambda what: progress(0.01, what))
-        if whole is not None and not _search_too(bench, options):
-            return of_groups(bench, whole, null, begin)
-        chosen = suspects(bench.system, catalogue)
-        first, later = parted(bench.system, chosen)
+        whole = explain(replayer, catalogue, null, options.many, lambda what: progress(0.01, what))
+        if whole is not None and not _search_too(replayer, options):
+            return of_groups(replayer, whole, null, begin)
+        chosen = candidates(replayer.system, catalogue)
+        first, later = parted(replayer.system, chosen)
         what = f"looking at {len(first)} suspects"
         progress(0.02, what)
-        shelf = NO_SHELF if work is None else Shelf(work, digest(bench.system.study, first))
-        found = screen(
-            bench, first, [], null, shelf, lambda share: progress(0.02 + 0.58 * share, what)
+        checkpoint = (
+            NO_CHECKPOINT
+            if work is None
+            else Checkpoint(work, digest(replayer.system.study, first))
         )
-        watch(bench, null, found)
+        found = screen(
+            replayer, first, [], null, checkpoint, lambda share: progress(0.02 + 0.58 * share, what)
+        )
+        watch(replayer, null, found)
         judged, not_judged = _judge(chosen, first, found, options)
         progress(0.6, "fitting the likeliest")
-        allowed = options.tolerance * tolerances(bench, found, null)
-        waiting = Waiting(bench, null, later, options.visible)
+        allowed = options.tolerance * tolerances(replayer, found, null)
+        waiting = Waiting(replayer, null, later, options.visible)
         settings = options.search.for_log(study.duration)
-        result = search(bench, judged, null, allowed, settings, waiting)
+        result = search(replayer, judged, null, allowed, settings, waiting)
         progress(0.8, "weighing what remains")
-        result, left = weighed(bench, result, null, settings, options)
+        result, left = weighed(replayer, result, null, settings, options)
         best = result.best
         after = null if best is None else best.residual
-        if power(bench.measured, null) < options.many**2:
+        if power(replayer.measured, null) < options.many**2:
             whole = explain(
-                bench, catalogue, after, options.large, lambda what: progress(0.9, what)
+                replayer, catalogue, after, options.large, lambda what: progress(0.9, what)
             )
-        rest = power(bench.measured, after)
+        rest = power(replayer.measured, after)
         if whole is not None and rest > max(options.large**2, whole.power / BETTER):
-            return of_groups(bench, whole, null, begin)
-        tried = score(bench.system.study, bench.measured, null, after)
-        verdict = decide(result, left, tried.pays, options)
+            return of_groups(replayer, whole, null, begin)
+        tried = score(replayer.system.study, replayer.measured, null, after)
+        likelihood = likelihood_gain(result.noise_model, after)
+        verdict = decide(result, left, pays(tried.improvement, likelihood), options)
         certain = verdict is Verdict.NAMED
         # What has no name is not built into a model.
         built = after if certain else null
-        scored = tried if certain else score(bench.system.study, bench.measured, null, null)
-        rivals = alternatives(bench, result, settings, certain)
-        doubt = None if best is None else nameless(best.evidence, left.instead.evidence)
+        scored = tried if certain else score(replayer.system.study, replayer.measured, null, null)
+        fitted_candidates = alternatives(replayer, result, settings, certain)
+        doubt = None if best is None else unmodelled(best.evidence, left.instead.evidence)
         if doubt is not None:
-            rivals = tuple(replace(r, confidence=(1.0 - doubt) * r.confidence) for r in rivals)
-        named = _name(bench, result, rivals) if certain else ()
+            fitted_candidates = tuple(
+                replace(r, confidence=(1.0 - doubt) * r.confidence) for r in fitted_candidates
+            )
+        named = _name(replayer, result, fitted_candidates) if certain else ()
         progress(0.95, "choosing the next experiment")
         advice = None
         if certain and options.suggest:  # where no name holds, there is nobody to tell apart
-            advice = next_experiment(bench, rivals, result.found, null, doubt or 0.0)
+            advice = next_experiment(replayer, fitted_candidates, result.found, null, doubt or 0.0)
         parts = best.hypothesis if best is not None and certain else ()
-        plant = bench.machine(parts) if parts else build(bench.system, [])
-        beside = tuple(part for part in parts if acts_beside(bench.system, *part))
+        plant = replayer.machine(parts) if parts else build(replayer.system, [])
+        beside = tuple(part for part in parts if acts_beside(replayer.system, *part))
         diagnosis = Diagnosis(
             study=study.name,
             verdict=verdict,
             sentence="",
             causes=named,
-            rivals=_rivals(result, rivals, null),
-            nameless=doubt,
+            fitted_candidates=_fitted_candidates(result, fitted_candidates, null),
+            unmodelled=doubt,
+            likelihood_gain=likelihood if certain else None,
             rms_before=scored.before,
             rms_after=scored.after,
             noise_floor=scored.floor,
-            gain=scored.gain,
+            gain=scored.gain if tried.improvement.low > 0.0 or not certain else None,
             unexplained_fraction=tried.unexplained,
-            explainable_fraction=_explainable(null, after, left, bench),
+            explainable_fraction=_explainable(null, after, left, replayer),
             depends_on=left.depends_on,
             next_experiment=advice,
             not_judged=not_judged,
-            traces=traces(bench, null, built),
+            traces=traces(replayer, null, built),
             effects=beside,
             extended_xml=plant.spec.to_xml(),
             seconds=time.monotonic() - begin,
@@ -152,27 +166,27 @@ def diagnose(
     return replace(diagnosis, sentence=sentence(diagnosis))
 
 
-def _search_too(bench: Workbench, options: Options) -> bool:
+def _search_too(replayer: Replayer, options: Options) -> bool:
     """Whether single causes are searched for, too, in a machine that groups explain."""
-    few = len(bench.system.wires) <= FEW_WIRES
+    few = len(replayer.system.tendons) <= FEW_TENDONS
     return few if options.search_after_groups is None else options.search_after_groups
 
 
 def _judge(
-    chosen: Sequence[Suspect],
-    first: Sequence[Suspect],
+    chosen: Sequence[Candidate],
+    first: Sequence[Candidate],
     found: Sequence[Sensitivity],
     options: Options,
 ) -> tuple[list[Sensitivity], tuple[tuple[str, str], ...]]:
     """Leave out whom this motion cannot show, and say why."""
     judged, size = list[Sensitivity](), dict[str, float]()
     for sensitivity in found:
-        name = sensitivity.suspect.cause.id
+        name = sensitivity.candidate.cause.id
         size[name] = max(size.get(name, 0.0), sensitivity.change)
         if sensitivity.change > options.visible:
             judged.append(sensitivity)
     reasons = []
-    for name in dict.fromkeys(suspect.cause.id for suspect in first):
+    for name in dict.fromkeys(candidate.cause.id for candidate in first):
         if size.get(name, 0.0) <= options.visible:
             reasons.append(
                 (name, "three typical faults would change the readings by less than their noise")
@@ -183,44 +197,46 @@ def _judge(
 
 
 def _name(
-    bench: Workbench, result: Search, rivals: Sequence[Alternatives]
+    replayer: Replayer, result: Search, fitted_candidates: Sequence[Alternatives]
 ) -> tuple[NamedCause, ...]:
     """Causes of the best hypothesis with intervals, the one that explains most first."""
     assert result.best is not None
-    estimates = intervals(bench, result.best, result.ruler.learn)
+    estimates = intervals(replayer, result.best, result.noise_model.learn)
     named = list[tuple[float, NamedCause]]()
-    for place, numbers in zip(rivals, estimates, strict=True):
+    for location, numbers in zip(fitted_candidates, estimates, strict=True):
         # The best hypothesis keeps its causes' order; others have the newcomer last.
         right = [
-            f.suspects[-1].cause.id == place.suspect.cause.id
-            or any(same(s, place.suspect) for s in f.suspects)
-            for f in place.tried
+            f.candidates[-1].cause.id == location.candidate.cause.id
+            or any(same(s, location.candidate) for s in f.candidates)
+            for f in location.tried
         ]
-        confidence = float(place.confidence[np.array(right)].sum())
-        name = place.suspect.cause.id
-        ids = dict.fromkeys(s.cause.id for s in place.equivalent if s.cause.id != name)
-        elsewhere = tuple(s.place for s in place.equivalent if s.cause.id == name)
-        cause = NamedCause(place.suspect, numbers, confidence, tuple(ids), elsewhere)
-        named.append((place.own, cause))
+        confidence = float(location.confidence[np.array(right)].sum())
+        name = location.candidate.cause.id
+        ids = dict.fromkeys(s.cause.id for s in location.equivalent if s.cause.id != name)
+        elsewhere = tuple(s.location for s in location.equivalent if s.cause.id == name)
+        cause = NamedCause(location.candidate, numbers, confidence, tuple(ids), elsewhere)
+        named.append((location.own, cause))
     return tuple(cause for _, cause in sorted(named, key=lambda item: -item[0]))
 
 
-def _rivals(result: Search, places: Sequence[Alternatives], null: Array) -> tuple[Rival, ...]:
+def _fitted_candidates(
+    result: Search, locations: Sequence[Alternatives], null: Array
+) -> tuple[FittedCandidate, ...]:
     """Everybody who was fitted, by the cause whose place they were tried in."""
     listed = []
-    for step, place in enumerate(places):
-        for i, fitted in enumerate(place.tried):
-            own = [j for j, s in enumerate(fitted.suspects) if same(s, place.suspect)]
-            suspect, values = fitted.hypothesis[own[0] if own else -1]
+    for step, location in enumerate(locations):
+        for i, fitted in enumerate(location.tried):
+            own = [j for j, s in enumerate(fitted.candidates) if same(s, location.candidate)]
+            candidate, values = fitted.hypothesis[own[0] if own else -1]
             listed.append(
-                Rival(
-                    suspect=suspect,
+                FittedCandidate(
+                    candidate=candidate,
                     values=dict(values),
-                    score=predictive(result.ruler, null, fitted),
-                    confidence=float(place.confidence[i]),
+                    score=predictive(result.noise_model, null, fitted),
+                    confidence=float(location.confidence[i]),
                     step=step,
                     chosen=bool(own),
-                    evidence=float(place.evidence[i]),
+                    evidence=float(location.evidence[i]),
                 )
             )
     return tuple(listed)
@@ -234,9 +250,9 @@ def _refused(result: Search) -> float:
     return last.tried[0].evidence - (0.0 if last.base is None else last.base.evidence)
 
 
-def _explainable(null: Array, after: Array, left: Remainder, bench: Workbench) -> float:
+def _explainable(null: Array, after: Array, left: Remainder, replayer: Replayer) -> float:
     """Share of the null's power above the noise that causes and the learned residual explain."""
-    report = split(bench.measured) == REPORT
+    report = split(replayer.measured) == REPORT
     learned = left.learned.prediction
     power = float(np.sum(null[report] ** 2)) - report.sum()
     rest = float(np.sum((after - learned)[report] ** 2)) - report.sum()

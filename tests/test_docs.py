@@ -63,7 +63,7 @@ def small_study() -> dict[str, Any]:
         encoding="utf-8",
     )
     spring = joint_stiffness.CAUSE
-    return {"places": elements.each_joint, "parameters": spring.parameters, "edit": spring.edit}
+    return {"locations": elements.each_joint, "parameters": spring.parameters, "edit": spring.edit}
 
 
 def small_robot() -> dict[str, Any]:

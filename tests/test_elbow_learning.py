@@ -18,7 +18,7 @@ from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
 from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.mapping.training import train
-from jmm_agent.nominal_model import Drawing
+from jmm_agent.nominal_model import NominalModel
 from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.updaters import (
     AntagonismOptions,
@@ -26,8 +26,8 @@ from jmm_agent.updaters import (
     VisionOptions,
     VisionUpdater,
 )
-from jmm_agent.vision.observation_fit import LooksOptions
-from kengoro.trained_maps import drawing_for_agent
+from jmm_agent.vision.observation_fit import ObservationFitOptions
+from kengoro.trained_maps import nominal_model
 from kengoro_env.assets import asset_path
 from kengoro_env.env import KengoroEnv
 
@@ -52,12 +52,12 @@ class Outcome(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def drawing() -> Drawing:
-    return drawing_for_agent(asset_path("mjcf/kengoro_arm/elbow.xml"))
+def drawing() -> NominalModel:
+    return nominal_model(asset_path("mjcf/kengoro_arm/elbow.xml"))
 
 
 @pytest.fixture(scope="module")
-def drawn(drawing: Drawing) -> JointMuscleMap:
+def drawn(drawing: NominalModel) -> JointMuscleMap:
     return train(drawing, 0, Recipe(hidden=100, samples=3000, steps=400))[0]
 
 
@@ -71,7 +71,7 @@ def sight(q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class Loop:
     """A robot and a mind for one joint."""
 
-    def __init__(self, drawing: Drawing, drawn: JointMuscleMap, learning: bool) -> None:
+    def __init__(self, drawing: NominalModel, drawn: JointMuscleMap, learning: bool) -> None:
         env = gym.make("Kengoro/Elbow-v0", robot_seed=SEED).unwrapped
         assert isinstance(env, KengoroEnv)
         self.env = env
@@ -80,7 +80,7 @@ class Loop:
         prior = MapPrior(drawn, rng.uniform(*limits.T, (200, 1)), PriorOptions())
         self.learner = Learner(drawn, limits, RidgeRule(prior), BatchOptions(), rng)
         self.antagonism = AntagonismUpdater(self.learner, AntagonismOptions())
-        options = VisionOptions(looks=LooksOptions(position_noise=NOISE))
+        options = VisionOptions(observations=ObservationFitOptions(position_noise=NOISE))
         self.vision = VisionUpdater(self.learner, prior, sight, limits, options)
         self.estimator = JointEstimator(drawn, limits)
         self.settling = SettlingDetector(SettlingOptions())
@@ -128,7 +128,7 @@ class Loop:
         return np.sqrt(np.mean(errors**2, axis=0))
 
 
-def run(drawing: Drawing, drawn: JointMuscleMap, learning: bool) -> Outcome:
+def run(drawing: NominalModel, drawn: JointMuscleMap, learning: bool) -> Outcome:
     loop = Loop(drawing, drawn, learning)
     before, _ = loop.test()
     for angle in POSTURES:
@@ -138,7 +138,9 @@ def run(drawing: Drawing, drawn: JointMuscleMap, learning: bool) -> Outcome:
     return Outcome(before, after, estimate, loop.vision.fired, loop.antagonism.fired)
 
 
-def test_the_error_falls_to_a_third_by_learning(drawing: Drawing, drawn: JointMuscleMap) -> None:
+def test_the_error_falls_to_a_third_by_learning(
+    drawing: NominalModel, drawn: JointMuscleMap
+) -> None:
     outcome = run(drawing, drawn, learning=True)
     assert outcome.before > 6.0
     assert outcome.seen >= 8
@@ -147,7 +149,7 @@ def test_the_error_falls_to_a_third_by_learning(drawing: Drawing, drawn: JointMu
     assert outcome.estimate < outcome.before / 3
 
 
-def test_without_learning_the_error_stays(drawing: Drawing, drawn: JointMuscleMap) -> None:
+def test_without_learning_the_error_stays(drawing: NominalModel, drawn: JointMuscleMap) -> None:
     outcome = run(drawing, drawn, learning=False)
     assert (outcome.seen, outcome.fired) == (0, 0)
     assert outcome.after == pytest.approx(outcome.before, rel=0.1)

@@ -63,17 +63,17 @@ def main(interpreters: list[str]) -> None:
         run(sys.executable, "-m", "build", "--outdir", folder / "dist", ROOT, cwd=folder)
         for interpreter in found:
             for built in sorted((folder / "dist").iterdir()):
-                place, empty = folder / "venv", folder / "empty"
+                location, empty = folder / "venv", folder / "empty"
                 empty.mkdir()
-                run(interpreter, "-m", "venv", place, cwd=folder)
-                python = place / "bin" / "python"
+                run(interpreter, "-m", "venv", location, cwd=folder)
+                python = location / "bin" / "python"
                 installed = run(python, "-m", "pip", "install", "--quiet", built, cwd=empty)
                 used = sum(run(python, *use, cwd=empty) for use in USES)
                 print(
                     f"{interpreter}: {built.name} installed in {installed:.0f} s "
-                    f"({size_mb(place):.0f} MB with dependencies), used for {used:.0f} s"
+                    f"({size_mb(location):.0f} MB with dependencies), used for {used:.0f} s"
                 )
-                shutil.rmtree(place)
+                shutil.rmtree(location)
                 shutil.rmtree(empty)
     for name in missing:
         print(f"{name}: not here, not tried")

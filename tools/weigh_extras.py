@@ -15,11 +15,11 @@ from try_distributions import ROOT, run, size_mb
 
 def weigh(extra: str, folder: Path) -> tuple[float, int]:
     """Size [MB] of the packages that the core with an extra needs, and their number."""
-    place = folder / (extra or "core")
-    run(sys.executable, "-m", "venv", "--without-pip", place, cwd=folder)
+    location = folder / (extra or "core")
+    run(sys.executable, "-m", "venv", "--without-pip", location, cwd=folder)
     wanted = f"{ROOT}[{extra}]" if extra else str(ROOT)
-    target = next(place.glob("lib/python*/site-packages"))
-    pip = (sys.executable, "-m", "pip", "--python", place, "--disable-pip-version-check")
+    target = next(location.glob("lib/python*/site-packages"))
+    pip = (sys.executable, "-m", "pip", "--python", location, "--disable-pip-version-check")
     run(*pip, "install", "--quiet", wanted, cwd=folder)
     return size_mb(target), len(list(target.glob("*.dist-info")))
 

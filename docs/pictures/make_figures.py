@@ -68,7 +68,7 @@ def mapping() -> None:
         left.plot(np.degrees(angles), 1e3 * drawn[:, i], color=colour, label=muscles[i])
         left.plot(np.degrees(angles), 1e3 * read[:, i], "--", color=colour)
         right.plot(np.degrees(angles), 1e3 * (read - drawn)[:, i], color=colour, label=muscles[i])
-    left.plot([], [], color=GREY, label="drawing")
+    left.plot([], [], color=GREY, label="nominal")
     left.plot([], [], "--", color=GREY, label=f"actual robot, seed {ROBOT}")
     left.set(xlabel="true elbow angle [deg]", ylabel="wire length [mm]")
     right.set(xlabel="true elbow angle [deg]", ylabel="robot - drawing [mm]")
@@ -90,7 +90,7 @@ def stiffness() -> None:
 
     figure, axis = pyplot.subplots(figsize=(7, 3.6), layout="constrained")
     axis.plot(1e3 * beyond, tension(beyond), color=BLACK)
-    for x, place, colour, words in (
+    for x, location, colour, words in (
         (7e-3, (4.9, 400.0), ORANGE, "pulls: its l_target says\nwhat holds this posture"),
         (-6e-3, (-5.0, 160.0), BLUE, "does not pull: any longer\nl_target would do as well"),
     ):
@@ -98,7 +98,7 @@ def stiffness() -> None:
         axis.annotate(
             words,
             (1e3 * x, float(tension(x))),
-            xytext=place,
+            xytext=location,
             ha="center",
             color=colour,
             arrowprops={"arrowstyle": "-", "color": colour},

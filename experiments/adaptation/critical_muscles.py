@@ -15,7 +15,7 @@ from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.motors import DEFAULT_GAINS
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 POSTURES = 5
 """Postures of the set over which the effect is taken."""
@@ -27,7 +27,7 @@ ENOUGH = 1e-4  # [rad]
 
 
 @cache
-def worst_wires(count: int, length: float) -> tuple[str, ...]:
+def critical_muscles(count: int, length: float) -> tuple[str, ...]:
     """The wires that move the drawn arm most if they give, the worst first.
 
     The first moves it most by itself, the second most together with the first, and so on.
@@ -45,18 +45,18 @@ def worst_wires(count: int, length: float) -> tuple[str, ...]:
 
 
 @cache
-def effect_deg(wires: tuple[str, ...], length: float) -> float:
+def effect_deg(muscles: tuple[str, ...], length: float) -> float:
     """RMS over joints and postures [deg] by which the drawn arm moves if wires give by ``length``
     [m]."""
     arm = _arm()
-    given = length * np.isin(arm.muscles, wires)
+    given = length * np.isin(arm.muscles, muscles)
     moved = [rest(arm, arm.lengths(q)[0] + given, here) - here for q, here in _rests()]
     return float(np.degrees(np.sqrt(np.mean(np.square(moved)))))
 
 
 @cache
-def _arm() -> ArmDrawing:
-    return ArmDrawing(asset_path(ARM))
+def _arm() -> NominalArm:
+    return NominalArm(asset_path(ARM))
 
 
 @cache
@@ -67,7 +67,7 @@ def _rests() -> tuple[tuple[Floats, Floats], ...]:
     return tuple((q, rest(arm, arm.lengths(q)[0], q)) for q in chosen)
 
 
-def rest(arm: ArmDrawing, target: Floats, start: Floats) -> Floats:
+def rest(arm: NominalArm, target: Floats, start: Floats) -> Floats:
     """Joint angles (n,) [rad] inside the limits at which pull and gravity balance.
 
     Args:

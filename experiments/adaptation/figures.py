@@ -16,7 +16,7 @@ from experiments.adaptation.sizes import BEFORE, EVENT, OFF, Sizes
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
 from jmm_agent.nominal_model import Floats
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import Visits, hand_mm, rmse_deg
 
 ON_COLOUR, OFF_COLOUR = "#0072B2", "#D55E00"
@@ -28,7 +28,7 @@ def pictures(results: Results, sizes: Sizes) -> list[Picture]:
     return [
         _picture(results, sizes, ACTUAL, "target_true", "target - true, actual robots"),
         _picture(results, sizes, ACTUAL, "estimate_seen", "estimate - seen, actual robots"),
-        _picture(results, sizes, DRAWING, "target_true", "target - true, no departures"),
+        _picture(results, sizes, NOMINAL, "target_true", "target - true, no departures"),
     ]
 
 

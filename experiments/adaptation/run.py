@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.adaptation.critical_muscles import effect_deg, worst_wires
+from experiments.adaptation.critical_muscles import critical_muscles, effect_deg
 from experiments.adaptation.sizes import BEFORE, EVENT, OFF, Sizes
 from experiments.harness.experiment import Findings, Results, Study
 from experiments.harness.report import Table
 from experiments.harness.statistics import metric
 from jmm_agent.nominal_model import Floats
-from kengoro.arm import ACTUAL, DRAWING, make_session, new_agent, shuffled_postures
+from kengoro.arm import ACTUAL, NOMINAL, make_session, new_agent, shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import Visits, error_rows, errors, no_visits, visit
 
@@ -48,8 +48,8 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
         return visit_all(session, tested, sizes, learning=False)
 
     tests = {BEFORE: test()}
-    for wire in worst_wires(GIVING, LENGTH):
-        session.world.robot.elongate(wire, LENGTH)
+    for muscle in critical_muscles(GIVING, LENGTH):
+        session.world.robot.elongate(muscle, LENGTH)
     tests[EVENT] = test()
     visits["off"] = visit_all(session, more, sizes, learning=False)
     tests[OFF] = test()
@@ -93,22 +93,22 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         }
         for seed, result in results.items()
     }
-    wires = worst_wires(GIVING, LENGTH)
+    muscles = critical_muscles(GIVING, LENGTH)
     believed = [set(entry[ACTUAL]["believed"]) for entry in per_seed.values()]
     metrics = {
         **ratio_metrics([entry[ACTUAL] for entry in per_seed.values()], sizes),
         **{
-            f"drawing_{name}": {**found, "must": None, "reached": None}
+            f"nominal_{name}": {**found, "must": None, "reached": None}
             for name, found in ratio_metrics(
-                [entry[DRAWING] for entry in per_seed.values()], sizes
+                [entry[NOMINAL] for entry in per_seed.values()], sizes
             ).items()
             if name in ("event_ratio", "adapted_ratio")
         },
-        "wires_found": metric([len(found & set(wires)) for found in believed], "", good="high"),
-        "wires_wronged": metric([len(found - set(wires)) for found in believed], ""),
+        "muscles_found": metric([len(found & set(muscles)) for found in believed], "", good="high"),
+        "muscles_wronged": metric([len(found - set(muscles)) for found in believed], ""),
     }
-    tables = [*error_tables(per_seed, sizes), wire_table(wires, believed)]
-    return Findings(metrics, per_seed, tables, pictures(results, sizes), {"wires": list(wires)})
+    tables = [*error_tables(per_seed, sizes), muscle_table(muscles, believed)]
+    return Findings(metrics, per_seed, tables, pictures(results, sizes), {"muscles": list(muscles)})
 
 
 def ratio_metrics(tests: Sequence[Mapping[str, Any]], sizes: Sizes) -> dict[str, Any]:
@@ -151,7 +151,7 @@ def error_tables(per_seed: Mapping[int, Mapping[str, Any]], sizes: Sizes) -> lis
         **{str(n): f"{n} more, learning on" for n in sizes.checks},
     }
     tables = []
-    for condition, told in ((ACTUAL, "Actual robots"), (DRAWING, "Robots without departures")):
+    for condition, told in ((ACTUAL, "Actual robots"), (NOMINAL, "Robots without departures")):
         robots = [entry[condition] for entry in per_seed.values()]
         columns = {told: [robot[test] for robot in robots] for test, told in names.items()}
         title = f"{told}: median over robots (worst robot)"
@@ -178,14 +178,14 @@ def _disagreement(robots: Sequence[Mapping[str, Any]], sizes: Sizes) -> str:
     return f"As factors: {'; '.join(parts)}."
 
 
-def wire_table(wires: Sequence[str], believed: Sequence[set[str]]) -> Table:
+def muscle_table(muscles: Sequence[str], believed: Sequence[set[str]]) -> Table:
     """The wires that gave: why these, and on how many robots they were believed to have given."""
     rows = []
-    for number, wire in enumerate(wires, start=1):
-        found = sum(wire in robot for robot in believed)
-        effect = effect_deg(tuple(wires[:number]), LENGTH)
-        rows.append((wire, f"{effect:.1f}", f"{found} of {len(believed)}"))
-    wrong = sorted({wire for robot in believed for wire in robot - set(wires)})
+    for number, muscle in enumerate(muscles, start=1):
+        found = sum(muscle in robot for robot in believed)
+        effect = effect_deg(tuple(muscles[:number]), LENGTH)
+        rows.append((muscle, f"{effect:.1f}", f"{found} of {len(believed)}"))
+    wrong = sorted({muscle for robot in believed for muscle in robot - set(muscles)})
     return Table(
         f"The wires that give by {1e3 * LENGTH:g} mm",
         ("", "with those above, on the drawing [deg]", "believed to have given"),
@@ -206,7 +206,7 @@ STUDY = Study(
         "not learned online that they cannot follow elongation, and shows no experiment."
     ),
     figure="claim of sec. I",
-    conditions=(ACTUAL, DRAWING),
+    conditions=(ACTUAL, NOMINAL),
     sizes=Sizes(),
     quick=QUICK,
     run=run,

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
 from experiments.robots.elbow import MUSCLES
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 
 COLOURS = ("#0072B2", "#009E73", "#D55E00")
 PAPER_N = (370.0, 250.0)
@@ -74,7 +74,7 @@ def draw_largest(axes: Axes, results: Results) -> None:
         ("ours", ACTUAL, "ours", "#0072B2", "-"),
         ("paper", ACTUAL, "the paper's minibatch steps", "#D55E00", "-"),
         ("off", ACTUAL, "no learning", "0.4", "--"),
-        ("ours", DRAWING, "ours, robots without departures", "#009E73", ":"),
+        ("ours", NOMINAL, "ours, robots without departures", "#009E73", ":"),
     )
     for name, condition, label, colour, style in runs:
         curves = np.array([[t["largest"] for t in r[condition][name]] for r in results.values()])

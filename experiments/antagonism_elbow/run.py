@@ -20,11 +20,11 @@ from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
 from experiments.robots.elbow import AGONISTS, ANTAGONIST, SCENE, Elbow
 from jmm_agent.mapping.minibatch import MinibatchRule
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import least_tension
 from kengoro_env.robot.motors import DEFAULT_GAINS
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 ANGLES_DEG = (30.0, 60.0, 90.0)
 START_N = 375.0
@@ -135,8 +135,8 @@ def move(elbow: Elbow, sizes: Sizes) -> dict[str, Any]:
 
 
 @cache
-def _drawing() -> ArmDrawing:
-    return ArmDrawing(asset_path(SCENE))
+def _drawing() -> NominalArm:
+    return NominalArm(asset_path(SCENE))
 
 
 def numbers(trial: dict[str, Any]) -> dict[str, float]:
@@ -176,7 +176,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
 
     per_seed: dict[int, Any] = {}
     for seed, result in results.items():
-        runs = {name: result[ACTUAL][name] for name in RULES} | {DRAWING: result[DRAWING][OURS]}
+        runs = {name: result[ACTUAL][name] for name in RULES} | {NOMINAL: result[NOMINAL][OURS]}
         per_seed[seed] = {
             name: {"first": _rounded(trials[0]), "last": _rounded(trials[-1])}
             for name, trials in runs.items()
@@ -197,7 +197,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         "last_largest_tension": metric(values("largest_N", "last"), "N", paper=250),
         "tension_ratio": metric(ratio(OURS), "", must=0.68, paper=0.68),
         "tension_ratio_paper_rule": metric(ratio(PAPER), "", paper=0.68),
-        "tension_ratio_drawing": metric(ratio(DRAWING), ""),
+        "tension_ratio_nominal": metric(ratio(NOMINAL), ""),
         "agonist_difference_change": metric(
             change("agonist_difference_N"), "N", 0.0, "becomes equal"
         ),
@@ -222,7 +222,7 @@ def _table(per_seed: dict[int, Any]) -> Table:
     rows = []
     for key, told in TOLD.items():
         cells = []
-        for name in (OURS, DRAWING):
+        for name in (OURS, NOMINAL):
             for when in ("first", "last"):
                 found = [entry[name][when][key] for entry in per_seed.values()]
                 cells.append(f"{np.median(found):.1f} ({min(found):.1f} to {max(found):.1f})")
@@ -267,7 +267,7 @@ STUDY = Study(
         f"{DEFAULT_GAINS.stiffness / 1e3:.0f} N/mm and {DEFAULT_GAINS.bias:.0f} N of bias."
     ),
     figure="Fig. 9",
-    conditions=(ACTUAL, DRAWING),
+    conditions=(ACTUAL, NOMINAL),
     sizes=Sizes(),
     quick=QUICK,
     run=run,

@@ -55,7 +55,7 @@ def pictures(
         ),
         Picture(
             f"Looks fitted together and each look alone, after {count} postures",
-            _finished(_looks(together, alone)),
+            _finished(_observations(together, alone)),
             "Medians over actual robots with 95 % intervals.",
         ),
         Picture(
@@ -101,10 +101,10 @@ def _counted(axes: pyplot.Axes, counts: list[int]) -> None:
     axes.grid(alpha=0.3)
 
 
-def _looks(together: Numbers, alone: Numbers) -> Figure:
+def _observations(together: Numbers, alone: Numbers) -> Figure:
     names = [name for name in STYLES if name != NO_LEARNING]
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 4), sharey=True)
-    place = np.arange(len(names))[::-1]
+    location = np.arange(len(names))[::-1]
     for ax, outcome in zip(axes, ("target_true_deg", "estimate_seen_deg"), strict=True):
         for found, shift, told, shade in (
             (together, 0.2, "looks fitted together", 1.0),
@@ -114,12 +114,18 @@ def _looks(together: Numbers, alone: Numbers) -> Figure:
             medians = np.array([span.median for span in spans])
             edges = np.abs(np.array([[s.low, s.high] for s in spans]).T - medians)
             ax.barh(
-                place + shift, medians, 0.38, xerr=edges, color="#3a6fb5", alpha=shade, label=told,
+                location + shift,
+                medians,
+                0.38,
+                xerr=edges,
+                color="#3a6fb5",
+                alpha=shade,
+                label=told,
                 error_kw={"capsize": 3, "lw": 1},
-            )  # fmt: skip
+            )
         ax.set_xlabel(PANELS[outcome])
         ax.grid(axis="x", alpha=0.3)
-    axes[0].set_yticks(place, names)
+    axes[0].set_yticks(location, names)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", ncols=2, fontsize=9, frameon=False)
     figure.tight_layout(rect=(0, 0, 1, 0.93))

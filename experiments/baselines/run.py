@@ -28,7 +28,7 @@ from experiments.baselines.tables import (
     counted_tables,
     drawing_table,
     metrics,
-    one_look_table,
+    one_observation_table,
 )
 from experiments.harness.experiment import Findings, Results, Study
 from experiments.learnability.run import known_world
@@ -38,8 +38,8 @@ from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule
 from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import VisionUpdater
-from jmm_agent.vision.observation_fit import Look, LooksOptions, fit_alone
-from kengoro.arm import ACTUAL, DRAWING, HAND, make_agent, make_session, shuffled_postures
+from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFitOptions, fit_alone
+from kengoro.arm import ACTUAL, HAND, NOMINAL, make_agent, make_session, shuffled_postures
 from kengoro.visits import errors, visit
 
 COMPARED = 27
@@ -92,8 +92,8 @@ class Stage(NamedTuple):
 
     map: PostureMap
     pairs: Pairs
-    one_look: Pairs
-    eyes: VisionUpdater
+    one_observation: Pairs
+    detector: VisionUpdater
 
 
 @cache
@@ -135,7 +135,7 @@ def gather(
     for count, posture in enumerate(postures[1 : 1 + max(counts)], start=1):
         visit(session, posture, None, sizes.move, sizes.patience)
         if agent.seen is not None and agent.seen is not seen and agent.seen.learned:
-            alone = alone.joined(_one_look(agent, world))
+            alone = alone.joined(_one_observation(agent, world))
         seen = agent.seen
         if count in counts:
             stages[count] = Stage(agent.map, agent.vision.pairs, alone, deepcopy(agent.vision))
@@ -143,15 +143,15 @@ def gather(
     return stages
 
 
-def _one_look(agent: Agent, world: World) -> Pairs:
+def _one_observation(agent: Agent, world: World) -> Pairs:
     """The agent's newest pair as the paper's inverse kinematics of its look alone has it; none if
     the newest look gave no pair."""
     newest, seen = agent.vision.pairs.last(1), agent.seen
     if seen is None or not np.array_equal(newest.postures, seen.angles[None]):
         return newest.last(0)
     pose = agent.markers[HAND].pose_marker_in_camera
-    look = Look(pose, newest.lengths[0], seen.angles + seen.error)
-    fit = fit_alone(look, world.sight, world.limits, LooksOptions())
+    look = MarkerObservation(pose, newest.lengths[0], seen.angles + seen.error)
+    fit = fit_alone(look, world.sight, world.limits, ObservationFitOptions())
     return newest._replace(postures=fit.angles)
 
 
@@ -167,20 +167,20 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     stages = gather(agent, condition, seed, postures, sizes, world)
     examiner = Examiner(world, condition, seed, sizes.test_move, sizes.test_hold)
 
-    def examined(jmm: PostureMap, eyes: VisionUpdater) -> dict[str, Any]:
-        return {"visits": examiner.examine(jmm, tested, eyes)}
+    def examined(jmm: PostureMap, detector: VisionUpdater) -> dict[str, Any]:
+        return {"visits": examiner.examine(jmm, tested, detector)}
 
     result: dict[str, Any] = {"counts": {}, "one_look": {}}
     for count, stage in stages.items():
-        maps = {NO_LEARNING: examined(world.map, stage.eyes)}
+        maps = {NO_LEARNING: examined(world.map, stage.detector)}
         for name, make in methods(world, _baselines(cache), seed).items():
             begin = time.process_time()
             jmm = make(stage.pairs)
             milliseconds = 1e3 * (time.process_time() - begin)
-            maps[name] = examined(stage.map if name == OURS else jmm, stage.eyes)
+            maps[name] = examined(stage.map if name == OURS else jmm, stage.detector)
             maps[name]["update_ms"] = round(milliseconds, 2)
             if condition == ACTUAL and count == _looks_compared(sizes):
-                result["one_look"][name] = examined(make(stage.one_look), stage.eyes)
+                result["one_look"][name] = examined(make(stage.one_observation), stage.detector)
         result["counts"][str(count)] = {"maps": maps, "pairs": len(stage.pairs.noise)}
     return result
 
@@ -210,7 +210,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     from experiments.baselines.figures import pictures
 
     by_count = {count: numbers(results, ACTUAL, count) for count in sizes.counts}
-    without = {count: numbers(results, DRAWING, count) for count in sizes.counts_drawing}
+    without = {count: numbers(results, NOMINAL, count) for count in sizes.counts_drawing}
     compared = _looks_compared(sizes)
     together, alone = by_count[compared], numbers(results, ACTUAL, None)
     pairs = {
@@ -231,7 +231,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     tables = [
         counted.pop(compared),
         *counted.values(),
-        one_look_table(together, alone, compared),
+        one_observation_table(together, alone, compared),
         *(drawing_table(found, count) for count, found in without.items()),
     ]
     drawn = pictures(by_count, together, alone, compared)
@@ -254,7 +254,7 @@ STUDY = Study(
         "likelihood. No learning is the network trained offline once on the drawing."
     ),
     figure="methods of sec. I and II",
-    conditions=(ACTUAL, DRAWING),
+    conditions=(ACTUAL, NOMINAL),
     sizes=Sizes(),
     quick=QUICK,
     run=run,

@@ -120,7 +120,7 @@ def _listed(names: Sequence[str]) -> str:
     return "; ".join(names) if names else "none"
 
 
-def one_look_table(together: Numbers, alone: Numbers, count: int) -> Table:
+def one_observation_table(together: Numbers, alone: Numbers, count: int) -> Table:
     """What the fit of looks is worth to each method."""
     rows = [
         (

@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.harness.experiment import Results
 from experiments.harness.report import GROUP_COLOURS, Picture, png
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,10 +72,10 @@ def _shade(axes: Axes, curves: Mapping[str, Any]) -> None:
 def _errors(axes: Axes, curves: Mapping[str, Any]) -> None:
     _shade(axes, curves)
     axes.plot(curves["time"], curves["true_error"], color="0.55", lw=1, label="all, against true")
-    for name, errors in curves["look_error"].items():
+    for name, errors in curves["observation_error"].items():
         colour, size = GROUP_COLOURS.get(name, "black"), 5 if name == "all" else 3
         label = f"{name}, against seen"
-        axes.plot(curves["look_time"], errors, "o", ms=size, color=colour, label=label)
+        axes.plot(curves["observation_time"], errors, "o", ms=size, color=colour, label=label)
     axes.set_ylabel("RMSE_joint [deg]")
     axes.set_ylim(bottom=0.0)
     axes.legend(ncol=3, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
@@ -93,13 +93,13 @@ def _tensions(axes: Axes, curves: Mapping[str, Any]) -> None:
 
 
 def _distances(axes: Axes, results: Results) -> None:
-    for place, result in enumerate(results.values()):
+    for location, result in enumerate(results.values()):
         approaches = result[ACTUAL]["summary"]["approaches"]
-        drawn = [a["hand_distance_mm"] for a in result[DRAWING]["summary"]["approaches"]]
-        places = place + 0.16 * (np.arange(len(drawn)) - (len(approaches) - 1) / 2)
-        axes.plot(places, drawn, "x", color="black", ms=5)
+        drawn = [a["hand_distance_mm"] for a in result[NOMINAL]["summary"]["approaches"]]
+        locations = location + 0.16 * (np.arange(len(drawn)) - (len(approaches) - 1) / 2)
+        axes.plot(locations, drawn, "x", color="black", ms=5)
         for number, approach in enumerate(approaches):
-            x = place + 0.16 * (number - (len(approaches) - 1) / 2)
+            x = location + 0.16 * (number - (len(approaches) - 1) / 2)
             colour = pick(number)
             face = colour if approach["grasped"] else "none"
             axes.bar(x, approach["hand_distance_mm"], 0.14, color=face, edgecolor=colour)

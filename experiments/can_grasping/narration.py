@@ -57,5 +57,5 @@ def stage_bar(robot: str) -> Iterator[Tell]:
         bar.update(task, description=f"{'is done':<33}", completed=USUAL_TIME)
 
 
-def tell_nobody(stage: str, time: float) -> None:
+def no_progress(stage: str, time: float) -> None:
     """A `Tell` for robots that work unseen."""

@@ -34,7 +34,7 @@ class CanRobot:
     The posture set is split: the end of a random order is for tests, the rest to learn from.
 
     Args:
-        condition: `ACTUAL`, or `DRAWING` for the robot without departures.
+        condition: `ACTUAL`, or `NOMINAL` for the robot without departures.
         seed: of the robot and of all that is drawn by chance.
         options: of the trial.
         tested: postures on which the map is tested before and after.
@@ -112,16 +112,16 @@ class CanRobot:
         log, agent = self.session.log, self.agent
         thin = max(1, round(LOG_PERIOD / (log.time[1] - log.time[0])))
         joints = agent.map.joints
-        looks = np.degrees(log.look_error).reshape(-1, len(joints))
+        observations = np.degrees(log.observation_error).reshape(-1, len(joints))
         true = np.degrees(np.array(log.estimate) - np.array(log.true))[::thin]
         shoulder = next(group for group in agent.map.groups if group.name == "shoulder")
         return {
             "time": np.round(log.time[::thin], 2).tolist(),
             "tensions": np.round(log.tensions[::thin], 1).tolist(),
             "true_error": np.round(np.sqrt(np.mean(true**2, axis=1)), 2).tolist(),
-            "look_time": np.round(log.look_time, 2).tolist(),
-            "look_error": {
-                name: np.round(np.sqrt(np.mean(looks[:, own] ** 2, axis=1)), 2).tolist()
+            "observation_time": np.round(log.observation_time, 2).tolist(),
+            "observation_error": {
+                name: np.round(np.sqrt(np.mean(observations[:, own] ** 2, axis=1)), 2).tolist()
                 for name, own in group_joints().items()
             },
             "approach_start": [round(approach.start, 2) for approach in self.trial.approaches],

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from rich import get_console
 
-from experiments.can_grasping.narration import Tell, stage_bar, tell_nobody, watcher
+from experiments.can_grasping.narration import Tell, no_progress, stage_bar, watcher
 from experiments.can_grasping.robot import SWEEP_DEG, CanRobot
 from experiments.can_grasping.tables import metrics, outcome_table, tables
 from experiments.harness import common
@@ -27,7 +27,7 @@ from experiments.harness.common import Summary
 from experiments.harness.experiment import Findings, Results, Study, run_study
 from experiments.harness.report import print_table
 from kengoro import trained_maps
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.hand_search import TrialOptions
 from kengoro.viewer.video import Video
 
@@ -75,7 +75,7 @@ def run(
     """The experiment on one robot: its ``summary`` and the ``curves`` for the figures.
 
     Args:
-        condition: `ACTUAL`, or `DRAWING`: without departures, the trial only.
+        condition: `ACTUAL`, or `NOMINAL`: without departures, the trial only.
         seed: of the robot.
         sizes: how much is done.
         cache: folder of trained maps.
@@ -85,8 +85,8 @@ def run(
     robot = CanRobot(condition, seed, sizes.trial, sizes.tested, cache)
     name = "Kengoro" if condition == ACTUAL else "Kengoro as drawn"
     film = (films or {}).get(seed) if condition == ACTUAL else None
-    with stage_bar(name) if live else nullcontext(tell_nobody) as tell:
-        if condition == DRAWING:
+    with stage_bar(name) if live else nullcontext(no_progress) as tell:
+        if condition == NOMINAL:
             robot.run_trial(watcher(None, tell))
             return {"summary": trial_summary(robot)}
         return run_actual(robot, film, tell)
@@ -162,7 +162,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     from experiments.can_grasping.figures import figures
 
     per_seed = {
-        seed: {**result[ACTUAL]["summary"], DRAWING: result[DRAWING]["summary"]}
+        seed: {**result[ACTUAL]["summary"], NOMINAL: result[NOMINAL]["summary"]}
         for seed, result in results.items()
     }
     return Findings(metrics(per_seed), per_seed, tables(per_seed), figures(results), {})
@@ -179,7 +179,7 @@ STUDY = Study(
         "Beside the actual robots stand the same without departures."
     ),
     figure="Figs. 12 to 14",
-    conditions=(ACTUAL, DRAWING),
+    conditions=(ACTUAL, NOMINAL),
     sizes=Sizes(),
     quick=QUICK,
     run=run,

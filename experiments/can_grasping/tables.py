@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from experiments.harness.report import Table
 from experiments.harness.statistics import metric
-from kengoro.arm import DRAWING
+from kengoro.arm import NOMINAL
 from kengoro.visits import error_rows
 
 PerSeed = Mapping[Any, Mapping[str, Any]]
@@ -35,13 +35,13 @@ def share(yes: Sequence[bool], must: float | None = None, paper: str | None = No
 def metrics(per_seed: PerSeed) -> dict[str, dict[str, Any]]:
     """Numbers that the experiment is judged by; one that no robot has is left out."""
     robots = list(per_seed.values())
-    drawn = [robot[DRAWING] for robot in robots]
+    drawn = [robot[NOMINAL] for robot in robots]
     result = {
         "grasped_before": share([r["grasped_before"] for r in robots], paper="misses"),
         "grasped_after": share([r["grasped_after"] for r in robots], 0.9, "grasps"),
     }
     for end, number in (("first", 0), ("last", -1)):
-        for name, trials in (("", robots), ("_drawing", drawn)):
+        for name, trials in (("", robots), ("_nominal", drawn)):
             off = [t["approaches"][number]["hand_distance_mm"] for t in trials if t["approaches"]]
             if off:
                 result[f"hand_{end}_approach{name}"] = metric(off, "mm")
@@ -52,8 +52,8 @@ def metrics(per_seed: PerSeed) -> dict[str, dict[str, Any]]:
                 result[f"{name}_{when}"] = metric(values, unit)
     result["jmm_change_mm"] = metric([r["jmm_change_mm"] for r in robots], "mm", paper=15.0)
     result["postures_learned"] = metric([float(r["postures"]) for r in robots], "")
-    result["grasped_first_drawing"] = share([d["grasped_at_first_approach"] for d in drawn])
-    result["grasped_after_drawing"] = share([d["grasped_after"] for d in drawn])
+    result["grasped_first_nominal"] = share([d["grasped_at_first_approach"] for d in drawn])
+    result["grasped_after_nominal"] = share([d["grasped_after"] for d in drawn])
     return result
 
 
@@ -102,7 +102,7 @@ def outcome_table(per_seed: PerSeed) -> Table:
                 "yes" if result["grasped_after"] else "no",
                 "yes" if control else "no",
                 result["postures"],
-                _distances(result[DRAWING]),
+                _distances(result[NOMINAL]),
             ]
         )
     robots = per_seed.values()

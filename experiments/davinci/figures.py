@@ -222,7 +222,7 @@ def _errors(scores: Mapping[str, Scores]) -> bytes:
 
 def _error_rows(axis: Axes, scores: Mapping[str, Scores], what: str, factor: float) -> None:
     for number, score in enumerate(scores.values()):
-        colour = RIVAL if score.rival else MODEL
+        colour = RIVAL if score.fitted_candidate else MODEL
         for shift, marker, groups, name in (
             (-0.15, "o", score.loads, "loads held out"),
             (0.15, "^", score.frequencies, "frequencies held out"),

@@ -162,7 +162,7 @@ def cause_table(diagnosis: Diagnosis) -> Table:
         for name, e in cause.parameters.items():
             rows.append(
                 (
-                    str(cause.suspect),
+                    str(cause.candidate),
                     name,
                     f"{e.value:.4g}",
                     f"{e.low:.4g} to {e.high:.4g}",

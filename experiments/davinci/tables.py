@@ -32,7 +32,7 @@ class Scores:
     all: Errors
     loads: dict[float, Errors]
     frequencies: dict[float, Errors]
-    rival: bool
+    fitted_candidate: bool
 
 
 def misfit(errors: Errors) -> float:

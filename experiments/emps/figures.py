@@ -118,7 +118,7 @@ def _medians(axis: Axes, velocity: Floats, remainder: Floats, colour: str, name:
 
 def _parameter_figure(first: Diagnosis, fit: Regression) -> bytes:
     named = {
-        cause.suspect.cause.id: next(iter(cause.parameters.values())) for cause in first.causes
+        cause.candidate.cause.id: next(iter(cause.parameters.values())) for cause in first.causes
     }
     rows = (
         ("mass", "", MASS, 1.0),

@@ -39,7 +39,7 @@ from experiments.harness.experiment import LEAST_WIDTH
 from experiments.harness.report import Table, print_table, write_report
 from kengoro.files import write_json
 from reality_gap import CATALOGUE, Diagnosis, Options, RealityGapError, diagnose
-from reality_gap.diagnosis import Rival
+from reality_gap.diagnosis import FittedCandidate
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.report.files import check_out, write_diagnosis
 from reality_gap.study.data import Study
@@ -109,7 +109,7 @@ def main(args: Args) -> Summary:
         parameter_table(first, second, fits["as published"]),
         error_table(errors),
         remainder_table(first, second),
-        rival_table(first, second),
+        candidate_table(first, second),
         regression_table(fits),
     ]
     wide = Console(width=max(console.width, LEAST_WIDTH))
@@ -139,7 +139,7 @@ def named(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Named causes, as JSON can hold them."""
     return [
         {
-            "cause": cause.suspect.cause.id,
+            "cause": cause.candidate.cause.id,
             "confidence": round(cause.confidence, 4),
             "equivalent": list(cause.equivalent),
             "parameters": {
@@ -178,12 +178,12 @@ def parameter_table(first: Diagnosis, second: Diagnosis, fit: Regression) -> Tab
         for cause in diagnosis.causes:
             for name, e in cause.parameters.items():
                 known = (
-                    published.get((cause.suspect.cause.id, name)) if stage == "textbook" else None
+                    published.get((cause.candidate.cause.id, name)) if stage == "textbook" else None
                 )
                 inside = "" if known is None else "yes" if e.low <= known <= e.high else "NO"
                 rows.append(
                     (
-                        f"{cause.suspect.cause.id}: {name}",
+                        f"{cause.candidate.cause.id}: {name}",
                         stage,
                         f"{e.value:.4g}",
                         f"{e.low:.4g} to {e.high:.4g}",
@@ -234,21 +234,21 @@ def remainder_table(first: Diagnosis, second: Diagnosis) -> Table:
     return Table("What remains depends on", ("quantity", "causes", "share"), rows, note)
 
 
-def rival_table(first: Diagnosis, second: Diagnosis) -> Table:
+def candidate_table(first: Diagnosis, second: Diagnosis) -> Table:
     """Who was refused, beside who was taken."""
     rows = [
-        (str(r.suspect), stage, r.step + 1, f"{r.score:.1f}", f"{r.confidence:.3f}", _taken(r))
+        (str(r.candidate), stage, r.step + 1, f"{r.score:.1f}", f"{r.confidence:.3f}", _taken(r))
         for stage, diagnosis in (("textbook", first), ("all", second))
-        for r in diagnosis.rivals
+        for r in diagnosis.fitted_candidates
     ]
     note = f"Score: evidence on data held out [nats]. A spring is {SPRING}."
     return Table(
-        "Rivals", ("suspect", "causes", "place", "score", "confidence", "taken"), rows, note
+        "Rivals", ("candidate", "causes", "place", "score", "confidence", "taken"), rows, note
     )
 
 
-def _taken(rival: Rival) -> str:
-    return "yes" if rival.chosen else ""
+def _taken(fitted_candidate: FittedCandidate) -> str:
+    return "yes" if fitted_candidate.chosen else ""
 
 
 def regression_table(fits: dict[str, Regression]) -> Table:

@@ -28,7 +28,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Table, metric_table, write_report
 from experiments.harness.runner import core_seconds, progress_bar, read_kept
 from experiments.harness.statistics import metric
-from experiments.robots.accuracy import Ruler
+from experiments.robots.accuracy import MapAccuracy
 from experiments.robots.checkpoint import load_memory, save_memory
 from kengoro.arm import ACTUAL, make_session, new_agent, shuffled_postures
 from kengoro.files import write_json
@@ -146,10 +146,10 @@ def live(
     session.env.close()
     save_memory(after, agent)
     return {
-        "error_mm": round(Ruler(seed, POSTURES).error_mm(agent), 3),
+        "error_mm": round(MapAccuracy(seed, POSTURES).error_mm(agent), 3),
         "visited": visited,
         "updates": agent.vision.fired,
-        "looks": len(agent.vision.memory.looks),
+        "observations": len(agent.vision.memory.observations),
     }
 
 

@@ -61,15 +61,15 @@ class Injection:
     @property
     def where(self) -> str:
         """Where the agent should find it."""
-        places = {
+        locations = {
             faults.COMMAND_LATE: "commands",
             faults.PUSHED: "hand",
             faults.CAMERA_FROZEN: "camera",
         }
-        return self.muscle or places.get(self.kind, "marker")
+        return self.muscle or locations.get(self.kind, "marker")
 
 
-class MirroringEyes:
+class MirroringDetector:
     """Eyes that take the wrong one of a marker's two poses while the environment wants them to.
 
     Args:
@@ -117,7 +117,7 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         assert isinstance(env.unwrapped, KengoroEnv)
         self.world = env.unwrapped
         self._detector = detector
-        self.eyes = MirroringEyes(detector)
+        self.detector = MirroringDetector(detector)
         self._injection: Injection | None = None
         self._begin = 0.0
         self.shown: float | None = None
@@ -136,13 +136,13 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         self.shown = None if later else self._begin
         self._frozen = None
         self._commands.clear()
-        self.eyes.mirrored = False
+        self.detector.mirrored = False
         force = np.zeros(3)
         if injection is not None and injection.kind == faults.PUSHED:
             force = PUSH * np.array(injection.direction)
         hand = self.world.robot.model.site("grip").bodyid[0]
         self.world.robot.data.xfrc_applied[hand, :3] = force
-        if injection is not None and injection.kind == faults.WIRE_SNAPPED:
+        if injection is not None and injection.kind == faults.MUSCLE_SNAPPED:
             self.world.robot.elongate(injection.muscle, SNAPPED)
 
     def reset(self, **more: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -182,24 +182,26 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
             return observation
         shows = injection.kind not in IN_FRAMES
         if injection.muscle:
-            self._spoil_wire(observation, injection, last)
+            self._spoil_muscle(observation, injection, last)
         elif "frame" in observation:
             shows = self._spoil_frame(observation, injection)
         if shows and self.shown is None:
             self.shown = self.world.robot.time
         return observation
 
-    def _spoil_wire(self, observation: dict[str, Any], injection: Injection, last: Floats) -> None:
-        wire = self.world.muscles.index(injection.muscle)
+    def _spoil_muscle(
+        self, observation: dict[str, Any], injection: Injection, last: Floats
+    ) -> None:
+        muscle = self.world.muscles.index(injection.muscle)
         self._read = self._true.copy()
         if injection.kind == faults.ENCODER_STUCK:
-            self._read[wire] = last[wire]
+            self._read[muscle] = last[muscle]
         elif injection.kind == faults.ENCODER_JUMP:
-            self._read[wire] += JUMP
+            self._read[muscle] += JUMP
         elif injection.kind == faults.ENCODER_DEAD:
-            self._read[wire] = np.nan
+            self._read[muscle] = np.nan
         elif injection.kind == faults.TENSION_SENSOR_DEAD:
-            observation["tensions"][wire] = 0.0
+            observation["tensions"][muscle] = 0.0
         observation["lengths"] = self._read
 
     def _spoil_frame(self, observation: dict[str, Any], injection: Injection) -> bool:
@@ -222,7 +224,7 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         if injection.kind == faults.SECOND_MARKER:
             _paint_copy(frame, marker)
         else:
-            self.eyes.mirrored = True
+            self.detector.mirrored = True
         return True
 
 

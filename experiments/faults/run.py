@@ -21,24 +21,24 @@ from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Findings, Results, Study, run_study
-from experiments.robots.accuracy import Ruler
+from experiments.robots.accuracy import MapAccuracy
 from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.guard import faults
 from jmm_agent.guard.guard import Guard
 from jmm_agent.updaters import VisionOptions
-from jmm_agent.vision.hold_out import HeldBackOptions
-from jmm_agent.vision.marker_detector import Eyes, MarkerDetector
+from jmm_agent.vision.hold_out import HoldOutOptions
+from jmm_agent.vision.marker_detector import Detector, MarkerDetector
 from kengoro.arm import ACTUAL, CAMERA, NO_END, SIDES, make_env, new_agent, shuffled_postures
 from kengoro.session import Session
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
-WIRE_FAULTS = (
+MUSCLE_FAULTS = (
     faults.ENCODER_STUCK,
     faults.ENCODER_JUMP,
     faults.TENSION_SENSOR_DEAD,
-    faults.WIRE_SNAPPED,
+    faults.MUSCLE_SNAPPED,
 )
 TRIALS = (
     NO_FAULT,
@@ -46,7 +46,7 @@ TRIALS = (
     faults.SECOND_MARKER,
     faults.MIRRORED_MARKER,
     faults.CAMERA_FROZEN,
-    *WIRE_FAULTS,
+    *MUSCLE_FAULTS,
     faults.COMMAND_LATE,
     faults.PUSHED,
 )
@@ -112,7 +112,7 @@ class Life:
         self._detector = MarkerDetector(CAMERA, SIDES)
         env = make_env("Posture", seed, max_episode_steps=NO_END)
         self.env = FaultyEnv(env, self._detector)
-        self.agent = guarded_agent(seed, cache, self.env.eyes)
+        self.agent = guarded_agent(seed, cache, self.env.detector)
         start = self._postures[0]
         options = {"posture": start, "target": start}
         self.session = Session(self.env, self.agent, seed, None, options)
@@ -150,11 +150,11 @@ class Life:
             self.not_finite += int(np.sum(~np.isfinite(array)))
 
 
-def guarded_agent(seed: int, cache: Path | None, eyes: Eyes) -> Agent:
+def guarded_agent(seed: int, cache: Path | None, detector: Detector) -> Agent:
     """An agent that knows the drawing, watches over its robot and undoes harmful updates."""
-    options = AgentOptions(vision=VisionOptions(held_back=HeldBackOptions()))
-    agent = new_agent(cache, seed, options=options, eyes=eyes)
-    gravity = ArmDrawing(asset_path(ARM)).gravity
+    options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
+    agent = new_agent(cache, seed, options=options, detector=detector)
+    gravity = NominalArm(asset_path(ARM)).gravity
     agent.guard = Guard(agent.map.muscles, agent.kinematics, CAMERA, gravity, MOTORS)
     return agent
 
@@ -164,7 +164,7 @@ def injection(kind: str, seed: int, muscles: Sequence[str]) -> Injection | None:
     if kind == NO_FAULT:
         return None
     rng = np.random.default_rng([seed, 7, TRIALS.index(kind)])
-    muscle = str(rng.choice(muscles)) if kind in WIRE_FAULTS else ""
+    muscle = str(rng.choice(muscles)) if kind in MUSCLE_FAULTS else ""
     direction = rng.standard_normal(3)
     x, y, z = (direction / np.linalg.norm(direction)).tolist()
     return Injection(kind, muscle, (x, y, z))
@@ -172,25 +172,25 @@ def injection(kind: str, seed: int, muscles: Sequence[str]) -> Injection | None:
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
     """One robot: it learns, and from there each fault comes, stays and goes."""
-    life, ruler = Life(seed, cache, sizes), Ruler(seed, sizes.tested)
+    life, accuracy = Life(seed, cache, sizes), MapAccuracy(seed, sizes.tested)
     life.live(sizes.learning)
-    trials = {kind: trial(life.twin(), ruler, kind, seed, sizes) for kind in sizes.trials}
+    trials = {kind: trial(life.twin(), accuracy, kind, seed, sizes) for kind in sizes.trials}
     life.env.close()
     return {"learning": told(life, 0.0, sizes.learning), "trials": trials}
 
 
-def trial(life: Life, ruler: Ruler, kind: str, seed: int, sizes: Sizes) -> dict[str, Any]:
+def trial(life: Life, accuracy: MapAccuracy, kind: str, seed: int, sizes: Sizes) -> dict[str, Any]:
     """One fault comes at a time drawn by chance, stays and goes."""
     rng = np.random.default_rng([seed, 9, TRIALS.index(kind)])
     life.live(float(rng.uniform(0.0, sizes.move + sizes.patience)))
     life.named.clear()
     injected = injection(kind, seed, life.env.world.muscles)
-    before, begin = ruler.error_mm(life.agent), life.session.time
+    before, begin = accuracy.error_mm(life.agent), life.session.time
     life.env.largest_demand = life.largest_tension = 0.0
     life.env.inject(injected)
     life.live(sizes.fault)
     gone, shown = life.session.time, life.env.shown
-    if kind != faults.WIRE_SNAPPED:
+    if kind != faults.MUSCLE_SNAPPED:
         life.env.inject(None)
         life.live(sizes.after)
     life.env.close()
@@ -201,7 +201,7 @@ def trial(life: Life, ruler: Ruler, kind: str, seed: int, sizes: Sizes) -> dict[
         "shown": shown,
         "gone": gone,
         "before_mm": before,
-        "after_mm": ruler.error_mm(life.agent),
+        "after_mm": accuracy.error_mm(life.agent),
         "still_named": [fault.kind for fault in life.agent.faults],
         **told(life, begin, life.session.time),
     }

@@ -48,7 +48,7 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
         for time in times
         if time >= shown
     ]
-    healed = gone + LINGERS if trial["kind"] != faults.WIRE_SNAPPED else np.inf
+    healed = gone + LINGERS if trial["kind"] != faults.MUSCLE_SNAPPED else np.inf
     during, later = [], []
     for kind, where, times in trial["named"]:
         same = (kind, where) == (trial["kind"], trial["where"])
@@ -86,7 +86,7 @@ def metrics(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
             continue
         if shown := _shown(mine):
             found[f"{kind}_in_time"] = _share_in_time(shown)
-        if kind != faults.WIRE_SNAPPED:
+        if kind != faults.MUSCLE_SNAPPED:
             found[f"{kind}_ratio"] = metric([trial["ratio"] for trial in mine], "", KEPT)
     if trials:
         found["noticed_in_time"] = _share_in_time(trials)
@@ -137,7 +137,7 @@ def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
 def _row(kind: str, trials: list[Mapping[str, Any]]) -> list[object]:
     after = [t["noticed_after_s"] for t in trials if t["noticed_after_s"] is not None]
     ratios = [trial["ratio"] for trial in trials]
-    healed, shown = kind != faults.WIRE_SNAPPED, _shown(trials)
+    healed, shown = kind != faults.MUSCLE_SNAPPED, _shown(trials)
     return [
         kind,
         f"{sum(map(_in_time, shown))} of {len(shown)}" if shown else "-",

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.gauss_newton import at, to_theta
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import Suspect, build
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.hypothesis import Candidate, build
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import CHOOSE, split
 
@@ -68,38 +68,38 @@ def largest_correlation(
         share = np.divide(along, power, out=np.zeros(len(power)), where=power > 0)
         score = float(share.max(initial=0.0))
         if best is None or score > best.score:
-            best = _named(sensitivity.suspect, score)
+            best = _named(sensitivity.candidate, score)
     return best
 
 
-def _named(suspect: Suspect, score: float) -> Named:
-    return Named(suspect.cause.id, suspect.place.elements, score)
+def _named(candidate: Candidate, score: float) -> Named:
+    return Named(candidate.cause.id, candidate.location.elements, score)
 
 
-def can_be_freed() -> bool:
+def sysid_installed() -> bool:
     """Whether `mujoco.sysid` is there: without its extra it imports as an empty package."""
     from mujoco import sysid
 
     return hasattr(sysid, "optimize")
 
 
-def everything_freed(bench: Workbench, found: Sequence[Sensitivity]) -> Named | None:
+def free_parameter_baseline(replayer: Replayer, found: Sequence[Sensitivity]) -> Named | None:
     """Fit all parameters at once, and take the one that moved most for its interval.
 
     None without the extra ``mujoco[sysid]``.
     """
-    if not can_be_freed():
+    if not sysid_installed():
         return None
     from mujoco import sysid
 
     logging.getLogger("absl").setLevel(logging.ERROR)
-    start = freed(bench, found)
-    use = split(bench.measured) <= CHOOSE
-    owners = [suspect for suspect, _ in start for _ in suspect.parameters]
+    start = freed(replayer, found)
+    use = split(replayer.measured) <= CHOOSE
+    owners = [candidate for candidate, _ in start for _ in candidate.parameters]
     parameters = _parameters(sysid, start)
 
     def residual(x: Array, _: object) -> tuple[list[Array], None, None]:
-        columns = [_residual(bench, start, theta)[use] for theta in np.atleast_2d(x.T)]
+        columns = [_residual(replayer, start, theta)[use] for theta in np.atleast_2d(x.T)]
         rows = np.vstack([np.column_stack(columns), np.atleast_2d(x.T).T / PRIOR])
         return [rows if x.ndim > 1 else rows[:, 0]], None, None
 
@@ -114,26 +114,26 @@ def everything_freed(bench: Workbench, found: Sequence[Sensitivity]) -> Named | 
     return _named(owners[most], float(moved[most]))
 
 
-def freed(bench: Workbench, found: Sequence[Sensitivity]) -> Hypothesis:
+def freed(replayer: Replayer, found: Sequence[Sensitivity]) -> Hypothesis:
     """Every cause at every single element whose replay needs no Python in its steps, at null."""
     parts, seen = [], set()
     for sensitivity in found:
-        suspect = sensitivity.suspect
-        key = (suspect.cause.id, suspect.place)
-        smooth = not any(p.starts for p in suspect.parameters)
-        if key in seen or not smooth or len(suspect.place.elements) > 1:
+        candidate = sensitivity.candidate
+        key = (candidate.cause.id, candidate.location)
+        smooth = not any(p.starts for p in candidate.parameters)
+        if key in seen or not smooth or len(candidate.location.elements) > 1:
             continue
         seen.add(key)
-        values = at([(suspect, suspect.nulls())], np.full(len(suspect.parameters), NEAR_NULL))
-        if not build(bench.system, values).effects.hooks:
-            parts.append((suspect, suspect.nulls()))
+        values = at([(candidate, candidate.nulls())], np.full(len(candidate.parameters), NEAR_NULL))
+        if not build(replayer.system, values).effects.hooks:
+            parts.append((candidate, candidate.nulls()))
     return parts
 
 
 def _parameters(sysid: Any, start: Hypothesis) -> Any:
     """One number for each parameter, in scales, moved off the bounds."""
     found = sysid.ParameterDict()
-    parameters = [p for suspect, _ in start for p in suspect.parameters]
+    parameters = [p for candidate, _ in start for p in candidate.parameters]
     for i, (p, null) in enumerate(zip(parameters, to_theta(start), strict=True)):
         low, high = sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale))
         low, high = max(low, -FAR), min(high, FAR)
@@ -142,5 +142,5 @@ def _parameters(sysid: Any, start: Hypothesis) -> Any:
     return found
 
 
-def _residual(bench: Workbench, start: Hypothesis, theta: Array) -> Array:
-    return np.nan_to_num(bench.residual(at(start, theta)), posinf=1e3, neginf=-1e3)
+def _residual(replayer: Replayer, start: Hypothesis, theta: Array) -> Array:
+    return np.nan_to_num(replayer.residual(at(start, theta)), posinf=1e3, neginf=-1e3)

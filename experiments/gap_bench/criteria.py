@@ -19,8 +19,8 @@ from experiments.gap_bench.scores import (
     gain_ratio,
     parameter_error,
     right_first,
+    right_location,
     right_or_equivalent,
-    right_place,
     said,
     truth,
 )
@@ -111,9 +111,11 @@ def musts(trials: Sequence[Trial]) -> list[Row]:
     return [
         share("right cause first", map(right_first, single), least=90.0),
         share("right cause or a declared equivalent", map(right_or_equivalent, single), least=97.0),
-        share("right muscle, joint or sensor", map(right_place, single), least=90.0),
-        share("... or one declared to do the same", (right_place(t, True) for t in single)),
-        share("... of those with the right cause", map(right_place, filter(right_first, single))),
+        share("right muscle, joint or sensor", map(right_location, single), least=90.0),
+        share("... or one declared to do the same", (right_location(t, True) for t in single)),
+        share(
+            "... of those with the right cause", map(right_location, filter(right_first, single))
+        ),
         share("singles with a second cause named", (len(t["causes"]) > 1 for t in single)),
         share("false alarms on fault-free logs", (said(t) != NOTHING for t in null), most=5.0),
         share("outside called unexplained", (said(t) == UNEXPLAINED for t in outside), least=80.0),

@@ -36,9 +36,9 @@ def length_error(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
     }
     told: dict[str, Array] = {}
     for cause in found.causes:
-        if cause.suspect.cause.id == ID:
+        if cause.candidate.cause.id == ID:
             value = {name: e.value for name, e in cause.parameters.items()}
-            for site in cause.suspect.place.elements:
+            for site in cause.candidate.location.elements:
                 single = "x" in value
                 names = [axis if single else f"{site}.{axis}" for axis in "xyz"]
                 told[site] = np.array([value[name] for name in names])
@@ -55,15 +55,15 @@ def bend(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
     Such a coefficient times the bend is what friction is of the tension. None unless the first
     cause is of this kind.
     """
-    if not found.causes or found.causes[0].suspect.place.note != CAPSTAN:
+    if not found.causes or found.causes[0].candidate.location.note != CAPSTAN:
         return None
     model = load(truth.machine, assets).spec().compile()
     data = mujoco.MjData(model)
-    wires = [model.tendon(name).id for name in found.causes[0].suspect.place.elements]
+    tendons = [model.tendon(name).id for name in found.causes[0].candidate.location.elements]
     bends = []
     for posture in _postures(truth):
         _pose(model, data, posture)
-        bends.append([total_bend(data, wire) for wire in wires])
+        bends.append([total_bend(data, tendon) for tendon in tendons])
     return float(np.mean(bends))
 
 

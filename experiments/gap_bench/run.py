@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from experiments.gap_bench.baselines import can_be_freed
+from experiments.gap_bench.baselines import sysid_installed
 from experiments.gap_bench.criteria import musts
 from experiments.gap_bench.figures import pictures
 from experiments.gap_bench.tables import (
@@ -82,7 +82,7 @@ def main(args: Args) -> dict[str, Any]:
     for i, case in enumerate(cases(args)):
         freed = i < args.freed
         followup = args.followup and case.kind == "single"
-        tasks[f"trial_{case.seed}" + freed * "_freed"] = (case, followup, freed)
+        tasks[f"trial_{case.seed}" + freed * "_free_parameters"] = (case, followup, freed)
     log_reported([task[0].seed for task in tasks.values()])  # a run that is stopped looked, too
     key = digest(args)
     kept = args.out / "trials"
@@ -97,7 +97,7 @@ def _check(args: Args) -> None:
         raise ExperimentError(f"Trials are {args.trials}, but at least 1 is needed.")
     if args.kind is not None and args.kind not in KINDS:
         raise ExperimentError(f"There is no kind {args.kind!r}; there are: {', '.join(KINDS)}.")
-    if args.freed and not can_be_freed():
+    if args.freed and not sysid_installed():
         raise ExperimentError("To free everything, install mujoco's extra: mujoco[sysid].")
 
 

@@ -59,7 +59,7 @@ def exact_set(trial: Trial, equivalents: bool = False) -> bool:
     return any(all(map(set.__contains__, order, true)) for order in permutations(named))
 
 
-def right_place(trial: Trial, elsewhere: bool = False) -> bool | None:
+def right_location(trial: Trial, elsewhere: bool = False) -> bool | None:
     """Whether the first name is at the single's muscle, joint or sensor, whatever its cause.
 
     None for effects that are nowhere in particular, as the direction of gravity.
@@ -69,19 +69,19 @@ def right_place(trial: Trial, elsewhere: bool = False) -> bool | None:
         elsewhere: other places count too where, as is said, the same cause would do the same.
     """
     effect = trial["truth"][0]
-    if not effect["where"]:
+    if not effect["elements"]:
         return None
     if not trial["causes"]:
         return False
     first = trial["causes"][0]
-    places = [first["where"], *(first["elsewhere"] if elsewhere else [])]
-    return any(same_place(trial, effect["cause"], effect["where"], p) for p in places)
+    locations = [first["elements"], *(first["elsewhere"] if elsewhere else [])]
+    return any(same_location(trial, effect["cause"], effect["elements"], p) for p in locations)
 
 
-def same_place(trial: Trial, cause: str, one: Sequence[str], other: Sequence[str]) -> bool:
+def same_location(trial: Trial, cause: str, one: Sequence[str], other: Sequence[str]) -> bool:
     """Whether two lists of elements are about the same muscles, joints, links or sensors."""
     machine = machine_of(trial)
-    a, b = (spots(machine, cause, elements) for elements in (one, other))
+    a, b = (locations_of(machine, cause, elements) for elements in (one, other))
     return len(a & b) >= SHARED * len(a | b)
 
 
@@ -90,27 +90,27 @@ def machine_of(trial: Trial) -> Machine:
     return load(trial["case"]["machine"], ASSETS)
 
 
-def spots(machine: Machine, cause: str, elements: Sequence[str]) -> set[str]:
+def locations_of(machine: Machine, cause: str, elements: Sequence[str]) -> set[str]:
     """Sites and sensors of a wire stand for it, bodies for the link that they are welded into.
 
     A delay is one of commands or one of sensors: their names stay apart.
     """
     if cause == "delay":
         return set(elements)
-    wires, bodies = _wires(machine), _links(machine)
+    tendons, bodies = _tendons(machine), _links(machine)
     found = set()
     for name in elements:
         bare = name.removeprefix("length_").removeprefix("tension_")
-        found |= wires.get(bare, {bodies.get(name, name)})
+        found |= tendons.get(bare, {bodies.get(name, name)})
     return found
 
 
 @lru_cache(maxsize=4)
-def _wires(machine: Machine) -> dict[str, set[str]]:
-    found = {wire: {wire} for wire in machine.wires}
-    for wire, path in zip(machine.wires, machine.paths, strict=True):
+def _tendons(machine: Machine) -> dict[str, set[str]]:
+    found = {tendon: {tendon} for tendon in machine.tendons}
+    for tendon, path in zip(machine.tendons, machine.paths, strict=True):
         for site in path:
-            found.setdefault(site, set()).add(wire)
+            found.setdefault(site, set()).add(tendon)
     return found
 
 
@@ -125,7 +125,7 @@ def _links(machine: Machine) -> dict[str, str]:
 def entropy(trial: Trial) -> float | None:
     """Of the rivals for the least certain place in the verdict [nats]; None where nobody is."""
     steps: dict[int, list[float]] = {}
-    for step, _, _, _, confidence in trial["rivals"]:
+    for step, _, _, _, confidence in trial["candidates"]:
         steps.setdefault(step, []).append(confidence)
     found = []
     for confidences in steps.values():
@@ -142,7 +142,7 @@ def parameter_error(trial: Trial) -> tuple[str, float] | None:
     samples. Moved sites: RMS of a wire's length [mm]. All but the last two in %. Friction around a
     wire's bends is hidden as a share of the tension, which is the coefficient times the bend.
     """
-    if not trial["causes"] or not right_first(trial) or right_place(trial) is False:
+    if not trial["causes"] or not right_first(trial) or right_location(trial) is False:
         return None
     id, true = truth(trial), trial["truth"][0]["parameters"]
     told = {name: value[0] for name, value in trial["causes"][0]["parameters"].items()}
@@ -190,7 +190,7 @@ def added_mass_error(trial: Trial) -> float | None:
 def link_mass(trial: Trial) -> float:
     """Drawn mass of the link that the single acts on [kg]."""
     model = machine_of(trial).model
-    body = model.body(trial["truth"][0]["where"][0]).id
+    body = model.body(trial["truth"][0]["elements"][0]).id
     return float(model.body_mass[model.body_weldid == model.body_weldid[body]].sum())
 
 

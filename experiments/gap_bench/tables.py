@@ -14,10 +14,10 @@ from experiments.gap_bench.scores import (
     Trial,
     parameter_error,
     right_first,
+    right_location,
     right_or_equivalent,
-    right_place,
     said,
-    same_place,
+    same_location,
     truth,
 )
 from experiments.harness.report import Table
@@ -74,7 +74,7 @@ def causes_table(trials: Sequence[Trial]) -> Table:
         if errors:
             error = f"{np.median([e for _, e in errors]):.2g} {ERRORS[errors[0][0]][1]}"
         tests: tuple[Callable[[Trial], bool | None], ...]
-        tests = (right_first, right_or_equivalent, right_place)
+        tests = (right_first, right_or_equivalent, right_location)
         counts = [_of(map(test, own)) for test in tests]
         rows.append((id, len(own), *counts, error))
     head = ("cause", "n", "right first", "or equivalent", "right place", "median error")
@@ -86,7 +86,10 @@ def _of(right: Iterable[bool | None]) -> str:
     return f"{sum(known)} of {len(known)}" if known else ""
 
 
-BASELINES = {"correlation": "largest correlation", "freed": "mujoco.sysid, everything freed"}
+BASELINES = {
+    "correlation": "largest correlation",
+    "free_parameters": "mujoco.sysid, everything freed",
+}
 
 
 def baselines_table(trials: Sequence[Trial]) -> Table:
@@ -112,7 +115,7 @@ def _ours(trials: Sequence[Trial]) -> tuple[object, ...]:
     return (
         len(trials),
         _of(map(right_first, single)),
-        _of(map(right_place, single)),
+        _of(map(right_location, single)),
         _of(said(t) != NOTHING for t in null),
         _of(said(t) in (UNEXPLAINED, NOTHING) for t in outside),
         "",
@@ -125,11 +128,11 @@ def _theirs(trials: Sequence[Trial], key: str) -> tuple[object, ...]:
     limit = float(np.quantile(scores, 1 - PASSES)) if scores else 0.0
     named = [t for t in single if t["baselines"][key]["score"] > limit]
     right = sum(t["baselines"][key]["cause"] == truth(t) for t in named)
-    placed = [t for t in single if t["truth"][0]["where"]]
+    placed = [t for t in single if t["truth"][0]["elements"]]
     there = sum(
-        same_place(t, truth(t), t["truth"][0]["where"], t["baselines"][key]["where"])
+        same_location(t, truth(t), t["truth"][0]["elements"], t["baselines"][key]["elements"])
         for t in named
-        if t["truth"][0]["where"]
+        if t["truth"][0]["elements"]
     )
     return (
         len(trials),

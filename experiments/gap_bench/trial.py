@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hidden_plants
-from experiments.gap_bench.baselines import Named, everything_freed, largest_correlation
+from experiments.gap_bench.baselines import Named, free_parameter_baseline, largest_correlation
 from experiments.gap_bench.length_errors import bend, length_error
 from experiments.gap_bench.scores import AMBIGUOUS, ASSETS, entropy
 from hidden_plants import Effect, Nuisance, Secret, Truth
@@ -21,7 +21,7 @@ from reality_gap.inference.held_out import score
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.hypothesis import build
 from reality_gap.simulation.replay import replay
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import measured
 
 Array = NDArray[np.float64]
@@ -65,13 +65,13 @@ def write_case(folder: Path, case: Case, nuisance: Nuisance | None = None) -> Tr
 class Seen:
     """What a diagnosis saw first, for those that it is compared with."""
 
-    bench: Workbench | None = None
+    replayer: Replayer | None = None
     null: Array = field(default_factory=lambda: np.zeros(0))
     found: Sequence[Sensitivity] = ()
 
-    def keep(self, bench: Workbench, null: Array, found: Sequence[Sensitivity]) -> None:
+    def keep(self, replayer: Replayer, null: Array, found: Sequence[Sensitivity]) -> None:
         """Keep it."""
-        self.bench, self.null, self.found = bench, null, found
+        self.replayer, self.null, self.found = replayer, null, found
 
 
 def trial(case: Case, options: Options | None = None, jobs: int = 1) -> dict[str, Any]:
@@ -97,10 +97,10 @@ def compared_trial(case: Case, followup: bool, freed: bool) -> dict[str, Any]:
         study, options = load_study(folder / "STUDY.yaml"), Options(suggest=followup)
         found = diagnose(study, options=options, watch=seen.keep)
         again = follow(folder, case, found) if followup else None
-    assert seen.bench is not None
+    assert seen.replayer is not None
     baselines: dict[str, Named | None] = {
-        "correlation": largest_correlation(seen.bench.measured, seen.null, seen.found),
-        "freed": everything_freed(seen.bench, seen.found) if freed else None,
+        "correlation": largest_correlation(seen.replayer.measured, seen.null, seen.found),
+        "free_parameters": free_parameter_baseline(seen.replayer, seen.found) if freed else None,
     }
     return (
         _told(case, truth.secret)
@@ -117,14 +117,14 @@ def compared_trial(case: Case, followup: bool, freed: bool) -> dict[str, Any]:
 
 def true_model(case: Case, seen: Seen) -> dict[str, float | None]:
     """What the drawing with the hidden effects in it, and no mismatch, would leave and gain."""
-    assert seen.bench is not None
+    assert seen.replayer is not None
     nuisance = Nuisance().scaled(EXACT)
     with tempfile.TemporaryDirectory() as name:
         write_case(Path(name), case, nuisance)
         exact = measured(load_study(Path(name) / "STUDY.yaml")).value
-    system, readings = seen.bench.system, seen.bench.measured
+    system, readings = seen.replayer.system, seen.replayer.measured
     drawn = replay(build(system, []), system.study, readings).prediction
-    usual = seen.bench.look([]).prediction - drawn  # which is in the replays of what is named
+    usual = seen.replayer.look([]).prediction - drawn  # which is in the replays of what is named
     after = (readings.value - readings.align(exact) - usual) / readings.noise
     scored = score(system.study, readings, seen.null, after)
     return {"rms": scored.after, "gain": None if scored.gain is None else scored.gain.value}
@@ -152,7 +152,7 @@ def _told(case: Case, secret: Secret) -> dict[str, Any]:
 def _truth(effect: Effect) -> dict[str, Any]:
     return {
         "cause": effect.id,
-        "where": list(effect.elements),
+        "elements": list(effect.elements),
         "parameters": dict(effect.parameters),
         "amplitude": effect.amplitude,
     }
@@ -164,21 +164,27 @@ def outcome(found: Diagnosis) -> dict[str, Any]:
         "verdict": found.verdict.value,
         "causes": [
             {
-                "cause": c.suspect.cause.id,
-                "where": list(c.suspect.place.elements),
-                "elsewhere": [list(place.elements) for place in c.elsewhere],
-                "note": c.suspect.place.note,
+                "cause": c.candidate.cause.id,
+                "elements": list(c.candidate.location.elements),
+                "elsewhere": [list(location.elements) for location in c.elsewhere],
+                "note": c.candidate.location.note,
                 "parameters": {name: [e.value, e.low, e.high] for name, e in c.parameters.items()},
                 "confidence": c.confidence,
                 "equivalent": list(c.equivalent),
             }
             for c in found.causes
         ],
-        "rivals": [
-            [r.step, r.suspect.cause.id, list(r.suspect.place.elements), r.score, r.confidence]
-            for r in found.rivals
+        "candidates": [
+            [
+                r.step,
+                r.candidate.cause.id,
+                list(r.candidate.location.elements),
+                r.score,
+                r.confidence,
+            ]
+            for r in found.fitted_candidates
         ],
-        "evidence": [r.evidence for r in found.rivals],
+        "evidence": [r.evidence for r in found.fitted_candidates],
         "rms": [found.rms_before, found.rms_after, found.noise_floor],
         "gain": None if found.gain is None else found.gain.value,
         "unexplained": found.unexplained_fraction,

@@ -31,8 +31,8 @@ from kengoro.files import write_json
 from reality_gap import Options, diagnose, load_study
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.confidence import TEMPER, tempered
-from reality_gap.inference.screening import suspects
-from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.inference.screening import candidates
+from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.synthetic import simulate
 from reality_gap.study.system import look_at
 
@@ -78,7 +78,7 @@ def main(args: Args) -> dict[str, Any]:
     tasks = {f"trial_{s}": (s, seconds) for s in range(args.seed, args.seed + args.trials)}
     key = run.digest(run.Args(seconds=seconds, kind=NAME))
     found = run_tasks(trial, tasks, args.jobs, args.out / "trials", key, args.cluster)
-    trials = [t for t in found.values() if t["rivals"]]
+    trials = [t for t in found.values() if t["candidates"]]
     best = calibrated(trials)
     rows = [
         (name, f"{temper:.2f}", *_told(trials, temper))
@@ -112,57 +112,65 @@ def trial(seed: int, seconds: float) -> dict[str, Any]:
         write_case(Path(name), Case("null", seed, seconds=seconds))
         study = load_study(Path(name) / "STUDY.yaml")
         system = look_at(study)
-        known = suspects(system, list(CATALOGUE.values()))
+        known = candidates(system, list(CATALOGUE.values()))
         hidden = hide(rng, known)
         honest = [part for part in _honest(rng, known) if part[0] is not hidden[0]]
         told = simulate(study, [*honest, hidden], rng, FINER)
         found = outcome(diagnose(told, options=Options(suggest=False)))
-    suspect, values = hidden
-    truth = {"cause": suspect.cause.id, "where": list(suspect.place.elements), "values": values}
+    candidate, values = hidden
+    truth = {
+        "cause": candidate.cause.id,
+        "elements": list(candidate.location.elements),
+        "values": values,
+    }
     return {"seed": seed, "truth": truth} | found
 
 
-def hide(rng: np.random.Generator, known: Sequence[Suspect]) -> tuple[Suspect, dict[str, float]]:
+def hide(
+    rng: np.random.Generator, known: Sequence[Candidate]
+) -> tuple[Candidate, dict[str, float]]:
     """A cause, each as likely as any other, somewhere, of a size that is uniform in its log."""
-    ids = sorted({suspect.cause.id for suspect in known})
+    ids = sorted({candidate.cause.id for candidate in known})
     name = str(rng.choice(ids))
-    places = [suspect for suspect in known if suspect.cause.id == name]
-    suspect = places[int(rng.integers(len(places)))]
+    locations = [candidate for candidate in known if candidate.cause.id == name]
+    candidate = locations[int(rng.integers(len(locations)))]
     size = np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST)))
     # Not all the same: friction as large in both directions has another name.
-    way = rng.standard_normal(len(suspect.parameters))
+    way = rng.standard_normal(len(candidate.parameters))
     values = {}
-    for p, share in zip(suspect.parameters, way / np.abs(way).max(), strict=True):
+    for p, share in zip(candidate.parameters, way / np.abs(way).max(), strict=True):
         if p.starts:
             values[p.name] = float(rng.choice(p.starts))
         else:
             value = p.null + size * share * p.scale
             values[p.name] = float(value if p.low <= value <= p.high else 2 * p.null - value)
-    return suspect, values
+    return candidate, values
 
 
 def _honest(
-    rng: np.random.Generator, known: Sequence[Suspect]
-) -> list[tuple[Suspect, dict[str, float]]]:
+    rng: np.random.Generator, known: Sequence[Candidate]
+) -> list[tuple[Candidate, dict[str, float]]]:
     """What every drawing is off by, drawn at random."""
     found = []
-    for suspect in known:
-        if len(suspect.place.elements) > 1:
+    for candidate in known:
+        if len(candidate.location.elements) > 1:
             continue
         values = {}
-        for p in suspect.parameters:
+        for p in candidate.parameters:
             value = p.null + p.usual + p.tolerance * rng.standard_normal()
             inside = value if p.low <= value <= p.high else 2 * p.null - value
             values[p.name] = float(np.clip(inside, p.low, p.high))
-        if any(p.tolerance for p in suspect.parameters):
-            found.append((suspect, values))
+        if any(p.tolerance for p in candidate.parameters):
+            found.append((candidate, values))
     return found
 
 
 def evidence_and_right(trial: Mapping[str, Any]) -> tuple[Array, NDArray[np.bool_]]:
     """Evidence of the first step's rivals over the null's (k,) [nats], and which were hidden."""
     truth = trial["truth"]
-    first = [(r, e) for r, e in zip(trial["rivals"], trial["evidence"], strict=True) if r[0] == 0]
+    first = [
+        (r, e) for r, e in zip(trial["candidates"], trial["evidence"], strict=True) if r[0] == 0
+    ]
     return np.array([e for _, e in first]), np.array([r[1] == truth["cause"] for r, _ in first])
 
 

@@ -19,7 +19,7 @@ from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.mapping.training import train
 from jmm_agent.nominal_model import Floats
-from kengoro.trained_maps import MAP_SEED, drawing_for_agent
+from kengoro.trained_maps import MAP_SEED, nominal_model
 from kengoro_env.names import JOINTS
 
 BALANCE = 1e4
@@ -49,7 +49,7 @@ class ExtendedArm:
             self._model = model = mujoco.MjModel.from_xml_string(mjcf)
             self._data = mujoco.MjData(model)
             joints = [model.joint(joint) for joint in JOINTS]
-            self._wires = np.array([model.actuator(muscle).id for muscle in muscles])
+            self._tendons = np.array([model.actuator(muscle).id for muscle in muscles])
             self._tendons = np.array([model.tendon(muscle).id for muscle in muscles])
         except (ValueError, KeyError) as error:
             reason = " ".join(str(error).split())
@@ -57,10 +57,10 @@ class ExtendedArm:
         self._position = np.array([joint.qposadr[0] for joint in joints])
         self._velocity = np.array([joint.dofadr[0] for joint in joints])
         self._offset = zero
-        self._least = -model.actuator_forcerange[self._wires, 1]
-        self._zero = self._place(np.zeros(len(JOINTS)))
+        self._least = -model.actuator_forcerange[self._tendons, 1]
+        self._zero = self._location(np.zeros(len(JOINTS)))
 
-    def _place(self, posture: Floats) -> Floats:
+    def _location(self, posture: Floats) -> Floats:
         data = self._data
         mujoco.mj_resetData(self._model, data)
         data.qpos[self._position] = posture
@@ -71,7 +71,9 @@ class ExtendedArm:
     def paths(self, postures: Floats) -> Floats:
         """Lengths (B, m) [m] of the wires' paths, from those in the zero posture, at postures
         (B, n) [rad]."""
-        return np.array([self._place(posture) for posture in np.atleast_2d(postures)]) - self._zero
+        return (
+            np.array([self._location(posture) for posture in np.atleast_2d(postures)]) - self._zero
+        )
 
     def commands(self, postures: Floats) -> Floats:
         """Commands (B, m) [m] under which the model settles at postures (B, n) [rad], as the
@@ -80,12 +82,12 @@ class ExtendedArm:
 
     def _command(self, posture: Floats) -> Floats:
         """Each wire pulls with its least tension, or as much more as the arm's weight needs."""
-        model, data, wires = self._model, self._data, self._wires
-        self._place(posture)
+        model, data, tendons = self._model, self._data, self._tendons
+        self._location(posture)
         weight = (data.qfrc_passive - data.qfrc_bias)[self._velocity]
         pull = least_pull(self._arms(), weight, self._least)
-        gain, bias = model.actuator_gainprm[wires, 0], model.actuator_biasprm[wires]
-        length = data.actuator_length[wires]
+        gain, bias = model.actuator_gainprm[tendons, 0], model.actuator_biasprm[tendons]
+        length = data.actuator_length[tendons]
         return (-pull - bias[:, 0] - bias[:, 1] * length) / gain - self._offset
 
     def _arms(self) -> Floats:
@@ -99,7 +101,7 @@ class ExtendedArm:
             data.moment_rowadr,
             data.moment_colind,
         )
-        return arms[np.ix_(self._wires, self._velocity)]
+        return arms[np.ix_(self._tendons, self._velocity)]
 
 
 def least_pull(arms: Floats, weight: Floats, least: Floats) -> Floats:
@@ -112,11 +114,11 @@ def least_pull(arms: Floats, weight: Floats, least: Floats) -> Floats:
         weight: torques (n,) [N m] of gravity and springs.
         least: (m,) [N].
     """
-    wires = len(arms)
+    tendons = len(arms)
     missing = weight - arms.T @ least
     above, _ = nnls(
-        np.vstack([np.eye(wires), BALANCE * arms.T]),
-        np.concatenate([np.zeros(wires), BALANCE * missing]),
+        np.vstack([np.eye(tendons), BALANCE * arms.T]),
+        np.concatenate([np.zeros(tendons), BALANCE * missing]),
     )
     return least + above
 
@@ -129,7 +131,7 @@ def extended_map(
 ) -> JointMuscleMap:
     """The map of an extended arm: trained on its paths as the drawing's is on the drawing, then
     moved to the commands at some postures (N, n) [rad] by the least change of its output layers."""
-    drawing = replace(drawing_for_agent(), lengths=arm.paths)
+    drawing = replace(nominal_model(), lengths=arm.paths)
     drawn, _ = train(drawing, MAP_SEED, recipe, progress)
     prior = MapPrior(drawn, postures, SHIFT)
     return prior.corrected(postures, arm.commands(postures), np.full(len(postures), EXACT))

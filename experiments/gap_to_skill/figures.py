@@ -45,8 +45,8 @@ def draw(axes: Axes, results: Results, unit: str) -> None:
         ])  # fmt: skip
         axes.plot([0, 1], found.T, "o-", color=colour, ms=4, lw=1, alpha=0.7)
         axes.plot([], [], "o-", color=colour, label=f"map {condition.replace('-', ' ')}")
-        for place, median in enumerate(np.median(found, axis=0)):
-            axes.hlines(median, place - 0.12, place + 0.12, color=colour, lw=4)
+        for location, median in enumerate(np.median(found, axis=0)):
+            axes.hlines(median, location - 0.12, location + 0.12, color=colour, lw=4)
     axes.set_xticks([0, 1], ["before online learning", "after"])
     axes.set_xlim(-0.35, 1.35)
     axes.set_ylim(bottom=0)

@@ -25,10 +25,10 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.nominal_model import Floats
 from kengoro.arm import ACTUAL, make_agent, make_session, shuffled_postures
-from kengoro.nominal_model import drawing_model, zero_lengths
+from kengoro.nominal_model import study_model, zero_lengths
 from kengoro.recording import Tour, record, whole_arm
 from kengoro.study_writer import write_study
-from kengoro.trained_maps import drawing_for_agent, trained_map
+from kengoro.trained_maps import nominal_model, trained_map
 from kengoro.visits import no_visits, visit
 from kengoro_env.postures import posture_set
 from reality_gap import Diagnosis, diagnose, load_study
@@ -128,8 +128,8 @@ def diagnose_robot(seed: int, postures: Floats, sizes: Sizes) -> Diagnosis:
 
 def map_of(diagnosis: Diagnosis) -> JointMuscleMap:
     """The map of the model that a diagnosis extended."""
-    muscles = drawing_for_agent().muscles
-    zero = zero_lengths(drawing_model(whole_arm().scene), muscles)
+    muscles = nominal_model().muscles
+    zero = zero_lengths(study_model(whole_arm().scene), muscles)
     return extended_map(ExtendedArm(diagnosis.extended_xml, muscles, zero), posture_set())
 
 
@@ -139,8 +139,8 @@ def what_was_found(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": diagnosis.verdict.value,
         "causes": [
             {
-                "cause": named.suspect.cause.id,
-                "where": str(named.suspect.place)[:80],
+                "cause": named.candidate.cause.id,
+                "location": str(named.candidate.location)[:80],
                 "parameters": len(named.parameters),
                 "confidence": round(named.confidence, 3),
             }

@@ -10,7 +10,7 @@ from experiments.harness.statistics import interval, metric, paired
 from experiments.posture_accuracy.tables import WHEN, averages
 from kengoro.visits import error_rows
 
-DRAWN, EXTENDED = "from-drawing", "from-diagnosis"
+DRAWN, EXTENDED = "from-nominal", "from-diagnosis"
 """The conditions: the model that the map is trained on. The robot is the same actual one."""
 
 HALF = 0.5

@@ -28,7 +28,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Picture, Table, metric_table, print_table, write_report
 from experiments.harness.runner import Tasks, core_seconds, run_tasks
 from kengoro.files import remove_parts, write_bytes, write_json
-from kengoro.session import looked_on
+from kengoro.session import observed_by
 from kengoro.trained_maps import trained_map
 
 Results = dict[int, dict[str, Any]]
@@ -108,7 +108,7 @@ def run_study(study: Study, args: Args) -> Summary:
         for condition in study.conditions
     }
     key = f"{source_digest(study.folder, *study.others)} {asdict(sizes)}"
-    run = run_watched if args.view else run_unseen
+    run = run_watched if args.view else run_unwatched
     kept = run(study, tasks, args, key)
     results: Results = {
         seed: {name: kept[f"{seed:03d}-{name}"] for name in study.conditions} for seed in seeds
@@ -131,7 +131,7 @@ def run_study(study: Study, args: Args) -> Summary:
     return summary
 
 
-def run_unseen(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
+def run_unwatched(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
     """Results of the tasks by name, in parallel."""
     return run_tasks(study.run, tasks, args.jobs, args.out / "robots", key, args.cluster)
 
@@ -151,7 +151,7 @@ def run_watched(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, A
 
     def run(window: Window, condition: str, seed: int, *more: Any) -> dict[str, Any]:
         window.title = f"{study.title}: robot {seed}, {condition}"
-        with looked_on(window.look):
+        with observed_by(window.look):
             return study.run(condition, seed, *more)
 
     with open_window(study.title) as window:

@@ -14,7 +14,7 @@ from experiments.harness.experiment import Results
 from experiments.harness.report import GROUP_COLOURS, Picture, png
 from experiments.initial_training.flexion import Flexion
 from jmm_agent.nominal_model import Floats
-from kengoro.trained_maps import drawing_for_agent
+from kengoro.trained_maps import nominal_model
 
 OURS, PAPER = "ours", "paper"
 COLOURS = {OURS: "#0072B2", PAPER: "#D55E00"}
@@ -26,7 +26,7 @@ GOAL = 1.0
 def pictures(results: Results) -> list[Picture]:
     """The paper's figure; loss of all groups; errors during flexion."""
     first, result = next(iter(results.items()))
-    drawing = drawing_for_agent()
+    drawing = nominal_model()
     flexion = Flexion(drawing)
     true = flexion.lengths(drawing.lengths)
     found = {name: np.array(result[name]["flexion"]) for name in NAMES}

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import METRES
-from jmm_agent.nominal_model import Drawing, Floats
+from jmm_agent.nominal_model import Floats, NominalModel
 
 PITCH = "sh_pitch"
 POINTS = 61
@@ -24,7 +24,7 @@ class Flexion:
         names: their names.
     """
 
-    def __init__(self, drawing: Drawing) -> None:
+    def __init__(self, drawing: NominalModel) -> None:
         self.joint = drawing.joints.index(PITCH)
         angles = np.linspace(drawing.lower[self.joint], drawing.upper[self.joint], POINTS)
         self.postures = np.zeros((POINTS, len(drawing.joints)))

@@ -20,7 +20,7 @@ import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap, sigmoid
 from jmm_agent.mapping.network_fit import Layers, Network
-from jmm_agent.nominal_model import Drawing, Floats, Indices
+from jmm_agent.nominal_model import Floats, Indices, NominalModel
 
 PARTS: dict[str, int] = {
     "neck_yaw": 9,
@@ -98,7 +98,7 @@ class PaperReport:
 
 
 def train_as_paper(
-    drawing: Drawing, seed: int, share: Share
+    drawing: NominalModel, seed: int, share: Share
 ) -> tuple[JointMuscleMap, dict[str, PaperReport]]:
     """Train the map of every group as the paper does; the same seed gives the same bits."""
     streams = np.random.SeedSequence([seed, 3]).spawn(len(drawing.groups))
@@ -117,7 +117,9 @@ def train_as_paper(
     return JointMuscleMap(drawing.joints, drawing.muscles, tuple(groups)), reports
 
 
-def grid_postures(drawing: Drawing, joints: Indices, most: int, rng: np.random.Generator) -> Floats:
+def grid_postures(
+    drawing: NominalModel, joints: Indices, most: int, rng: np.random.Generator
+) -> Floats:
     """Different postures (B, n) [rad] of the grid over some joints, in random order, B <= most.
 
     All other joints stand at zero.
@@ -126,13 +128,13 @@ def grid_postures(drawing: Drawing, joints: Indices, most: int, rng: np.random.G
     count = prod(parts)
     chosen = rng.choice(count, min(count, most), replace=False)
     postures = np.zeros((len(chosen), len(drawing.joints)))
-    for joint, size, place in zip(joints, parts, np.unravel_index(chosen, parts), strict=True):
+    for joint, size, location in zip(joints, parts, np.unravel_index(chosen, parts), strict=True):
         axis = np.linspace(drawing.lower[joint], drawing.upper[joint], size)
-        postures[:, joint] = axis[place]
+        postures[:, joint] = axis[location]
     return postures
 
 
-def _parts(drawing: Drawing, joints: Indices) -> list[int]:
+def _parts(drawing: NominalModel, joints: Indices) -> list[int]:
     return [PARTS[drawing.joints[joint]] for joint in joints]
 
 

@@ -24,8 +24,8 @@ from experiments.initial_training.paper_recipe import EPOCHS, PaperReport, Share
 from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
 from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.training import GroupReport, train
-from jmm_agent.nominal_model import Drawing
-from kengoro.trained_maps import drawing_for_agent
+from jmm_agent.nominal_model import NominalModel
+from kengoro.trained_maps import nominal_model
 from kengoro_env.names import GROUP_JOINTS
 
 OURS, PAPER = "ours", "paper"
@@ -67,7 +67,7 @@ class Args(common.Args):
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
     """Train all groups by one of the two recipes and examine the map."""
-    drawing = drawing_for_agent()
+    drawing = nominal_model()
     begin = time.process_time()
     groups: dict[str, dict[str, Any]]
     if condition == OURS:
@@ -119,7 +119,7 @@ def _papers(report: PaperReport) -> dict[str, Any]:
     }
 
 
-def examine(jmm: JointMuscleMap, drawing: Drawing, seed: int) -> dict[str, float]:
+def examine(jmm: JointMuscleMap, drawing: NominalModel, seed: int) -> dict[str, float]:
     """RMSE [mm] by group on fresh postures, uniform in the box of joint ranges."""
     rng = np.random.default_rng([seed, 4])
     postures = rng.uniform(drawing.lower, drawing.upper, (EXAMINED, len(drawing.joints)))

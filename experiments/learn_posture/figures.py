@@ -14,7 +14,7 @@ from matplotlib import pyplot
 from experiments.harness.report import Picture, png
 
 LEARNED, RANDOM, GREY = "#0072B2", "#D55E00", "#666666"
-LINES = {"still": ("holds still", ":"), "drawing": ("the drawing's lengths", "--")}
+LINES = {"still": ("holds still", ":"), "nominal": ("the drawing's lengths", "--")}
 
 
 def learning_curve(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from experiments.harness.errors import ExperimentError
 from jmm_agent.nominal_model import Floats
-from kengoro.trained_maps import drawing_for_agent
+from kengoro.trained_maps import nominal_model
 from kengoro_env.env import KengoroEnv
 from kengoro_env.vector import KengoroVectorEnv
 
@@ -144,7 +144,7 @@ def rest_policy(env: KengoroEnv) -> Policy:
 
 def drawing_policy(env: KengoroEnv) -> Policy:
     """The lengths that the drawing has in the target posture: what is there to be learned."""
-    drawing = drawing_for_agent()
+    drawing = nominal_model()
     return lambda observed: env.bounds.to_action(drawing.lengths(observed["target"])).astype(float)
 
 
@@ -152,7 +152,7 @@ OTHERS: dict[str, Callable[[KengoroEnv], Policy]] = {
     "random": random_policy,
     "still": still_policy,
     "rest": rest_policy,
-    "drawing": drawing_policy,
+    "nominal": drawing_policy,
 }
 """Policies that learn nothing, by name."""
 

@@ -47,7 +47,7 @@ NAMES = {
     "random": "random actions",
     "still": "holds still",
     "rest": "the rest (untrained)",
-    "drawing": "the drawing's lengths",
+    "nominal": "the drawing's lengths",
 }
 
 

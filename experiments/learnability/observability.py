@@ -28,7 +28,7 @@ def unseen(world: World) -> dict[str, Any]:
     postures = world.postures[:POSTURES]
     share, dimensions = np.zeros(len(joints)), []
     for q in postures:
-        rows = kinematics.unseen_subspace(MARKER, q, relative_to=EYE)
+        rows = kinematics.unobservable_subspace(MARKER, q, relative_to=EYE)
         share += np.sum(rows**2, axis=0) / len(postures)
         dimensions.append(len(rows))
     slopes = np.array([kinematics.frame_jacobian(MARKER, q, relative_to=EYE) for q in postures])
@@ -36,7 +36,9 @@ def unseen(world: World) -> dict[str, Any]:
     return {
         "one_look_share": dict(zip(joints, np.round(share, 3).tolist(), strict=True)),
         "one_look_dimensions": [min(dimensions), max(dimensions)],
-        "many_looks": [_told(world, slopes, vector) for vector in vectors[: -DIRECTIONS - 1 : -1]],
+        "many_observations": [
+            _told(world, slopes, vector) for vector in vectors[: -DIRECTIONS - 1 : -1]
+        ],
     }
 
 

@@ -18,7 +18,7 @@ from experiments.harness.report import Picture, Table, png, write_report
 from jmm_agent.nominal_model import Floats
 from kengoro.files import write_bytes
 
-OFF, DRAWING, FLOOR, BEST = "off", "drawing", "floor", "2-together"
+OFF, NOMINAL, FLOOR, BEST = "off", "nominal", "floor", "2-together"
 LABELS = {
     "off": "no learning",
     "1-ridge-min": "ridge, min(l, l_target)",
@@ -28,10 +28,10 @@ LABELS = {
     "1-minibatch-l_target": "minibatch, l_target (paper)",
     "1-minibatch-output-min": "minibatch, output layer, min(l, l_target)",
     "2-together": "all looks and wires together, ridge",
-    "2-one-look": "each look alone, ridge",
+    "2-one-observation": "each look alone, ridge",
     "2-paper": "each look alone, minibatch, l_target (paper)",
     "floor": "floor: best command found",
-    "drawing": "drawing(), no learning",
+    "nominal": "drawing(), no learning",
 }
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#777777"
@@ -67,7 +67,7 @@ def report(summary: Summary, out: Path) -> None:
         ),
         "unseen": (
             "What looks at the hand do not show",
-            unseen_figure(summary),
+            observability_figure(summary),
             "Left: share of each joint's movement that one look leaves open. Right: constant "
             "errors of the joints that move the marker least over many looks.",
         ),
@@ -76,7 +76,7 @@ def report(summary: Summary, out: Path) -> None:
     for name, (title, figure, note) in figures.items():
         pictures.append(Picture(title, png(figure), note))
         write_bytes(out / f"{name}.png", pictures[-1].png)
-    tables = [stage_table(summary), group_table(summary), unseen_table(summary)]
+    tables = [stage_table(summary), group_table(summary), observability_table(summary)]
     write_report(out / "report.html", "Is it learnable?", INTRODUCTION, summary, tables, pictures)
 
 
@@ -117,7 +117,7 @@ def stage_table(summary: Summary) -> Table:
 
 def group_table(summary: Summary) -> Table:
     """The three errors by group, before and after learning, beside drawing() and the floor."""
-    columns = {"before": OFF, "after": BEST, "floor": FLOOR, "drawing()": DRAWING}
+    columns = {"before": OFF, "after": BEST, "floor": FLOOR, "drawing()": NOMINAL}
     rows = []
     for key, label in ERRORS.items():
         for group in GROUPS:
@@ -143,7 +143,7 @@ def group_table(summary: Summary) -> Table:
     )
 
 
-def unseen_table(summary: Summary) -> Table:
+def observability_table(summary: Summary) -> Table:
     """Constant errors that many looks hardly see."""
     rows = [
         (
@@ -151,7 +151,7 @@ def unseen_table(summary: Summary) -> Table:
             f"{direction['mm_per_deg']:.2f}",
             f"{direction['deg_per_deg']:.2f}",
         )
-        for direction in summary["unseen"]["many_looks"]
+        for direction in summary["unseen"]["many_observations"]
     ]
     low, high = summary["unseen"]["one_look_dimensions"]
     return Table(
@@ -191,19 +191,22 @@ def joints_figure(summary: Summary) -> Figure:
     """Bars by joint: error before and after; vision's error by one look and by all together."""
     figure = Figure(figsize=(11, 6.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    shown = {OFF: "before", BEST: "after", FLOOR: "floor", DRAWING: "drawing()"}
+    shown = {OFF: "before", BEST: "after", FLOOR: "floor", NOMINAL: "drawing()"}
     key = "target_true_joints_deg"
     _bars(above, summary, {label: (trial, key) for trial, label in shown.items()})
     above.set_ylabel("|target - true| [deg]")
     key = "seen_true_joints_deg"
-    looks = {"each look alone": ("2-one-look", key), "all looks together": ("2-together", key)}
-    _bars(below, summary, looks)
+    observations = {
+        "each look alone": ("2-one-observation", key),
+        "all looks together": ("2-together", key),
+    }
+    _bars(below, summary, observations)
     below.set_ylabel("|vision - true| [deg]")
     below.set_xticks(range(len(summary["joints"])), summary["joints"], rotation=35, ha="right")
     return figure
 
 
-def unseen_figure(summary: Summary) -> Figure:
+def observability_figure(summary: Summary) -> Figure:
     """Share of each joint that one look leaves open; weakest directions of many looks."""
     figure = Figure(figsize=(11, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -212,7 +215,7 @@ def unseen_figure(summary: Summary) -> Figure:
     left.invert_yaxis()
     left.set_xlim(0, 1)
     left.set_xlabel("share not seen by one look (mean over postures)")
-    directions = summary["unseen"]["many_looks"]
+    directions = summary["unseen"]["many_observations"]
     names = [
         "\n".join(
             " ".join(f"{x:+.1f} {joint}" for joint, x in pair)
@@ -244,8 +247,8 @@ def _bars(axes: Axes, summary: Summary, series: dict[str, tuple[str, str]]) -> N
         zip(series.items(), colours, strict=False)
     ):
         values = _median_over_seeds(summary, trial, key)
-        places = np.arange(len(values)) + width * (rank - (len(series) - 1) / 2)
-        axes.bar(places, values, width, color=colour, label=label)
+        locations = np.arange(len(values)) + width * (rank - (len(series) - 1) / 2)
+        axes.bar(locations, values, width, color=colour, label=label)
     axes.legend(fontsize=9, ncols=len(series))
     axes.grid(axis="y", alpha=0.3)
 

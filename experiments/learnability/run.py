@@ -44,7 +44,7 @@ from kengoro.trained_maps import trained_map
 from kengoro_env.departures import actual, drawing
 
 NAME = "learnability"
-OFF, DRAWING, FLOOR = "off", "drawing", "floor"
+OFF, NOMINAL, FLOOR = "off", "nominal", "floor"
 STAGE_1 = {
     "1-ridge-min": Variant("true angles", "min", "ridge"),
     "1-ridge-l_target": Variant("true angles", "l_target", "ridge"),
@@ -55,11 +55,11 @@ STAGE_1 = {
 }
 STAGE_2 = {
     "2-together": Variant("looks together", "min", "ridge"),
-    "2-one-look": Variant("one look", "min", "ridge"),
+    "2-one-observation": Variant("one look", "min", "ridge"),
     "2-paper": Variant("one look", "l_target", "minibatch"),
 }
 VARIANTS = {OFF: Variant(learns=False), **STAGE_1, **STAGE_2}
-TRIALS = (*VARIANTS, FLOOR, DRAWING)
+TRIALS = (*VARIANTS, FLOOR, NOMINAL)
 
 
 @dataclass(frozen=True)
@@ -86,14 +86,14 @@ def known_world(maps: Path | None) -> World:
 def run_trial(trial: str, seed: int, sizes: Sizes, maps: Path | None) -> dict[str, Any]:
     """One trial on one robot: angles [rad] of the postures learned from and tested on, as lists."""
     world = known_world(maps)
-    body = Body(world, drawing() if trial == DRAWING else actual(seed), sizes)
+    body = Body(world, drawing() if trial == NOMINAL else actual(seed), sizes)
     learned_from, tested_on = world.split(seed, sizes)
     if trial == FLOOR:
         found = floor(body, tested_on, seed)
         return {"tested": _listed(target=[t for t, _ in found], true=[q for _, q in found])}
     result: dict[str, Any] = {}
     jmm = world.map
-    if trial != DRAWING:
+    if trial != NOMINAL:
         lesson = learn(body, learned_from, VARIANTS[trial], seed)
         jmm, result["learned"] = lesson.map, _rests(lesson.rests)
         result["learned"] |= _listed(seen=lesson.seen) | {"pairs": lesson.pairs}

@@ -19,7 +19,7 @@ from experiments.harness.statistics import interval
 from experiments.initial_training.flexion import Flexion
 from experiments.muscle_jacobian.moment_arms import ANALYTIC, KINDS, QUADRATIC, TRUE
 from experiments.muscle_jacobian.tables import PARTS, STAGES, Stage, over_seeds
-from kengoro.trained_maps import drawing_for_agent
+from kengoro.trained_maps import nominal_model
 
 COLOURS = {ANALYTIC: "#D55E00", QUADRATIC: "#0072B2", TRUE: "black"}
 
@@ -32,7 +32,7 @@ NOTE = (
 def pictures(results: Results) -> list[Picture]:
     """The paper's figure before and after learning, and the sum of it."""
     first, result = next(iter(results.items()))
-    before = [stage for stage in STAGES if stage.examined == "drawing"]
+    before = [stage for stage in STAGES if stage.examined == "nominal"]
     after = [stage for stage in STAGES if stage.examined == "after"]
     found = [
         Picture(
@@ -58,7 +58,7 @@ def pictures(results: Results) -> list[Picture]:
 
 def _flexion_figure(stages: Sequence[Stage], result: dict[str, Any]) -> bytes:
     """One row a stage: analytic left, quadratic right."""
-    flexion = Flexion(drawing_for_agent())
+    flexion = Flexion(nominal_model())
     rows = len(stages)
     figure, axes = pyplot.subplots(
         rows, 2, figsize=(12, 0.6 + 3.6 * rows), sharex=True, sharey=True, squeeze=False
@@ -108,10 +108,10 @@ def _bars(axes: Axes, results: Results, name: str, part: str, kinds: Sequence[st
         found = [interval(over_seeds(results, stage, kind, name, part)) for stage in STAGES]
         medians = np.array([of.median for of in found])
         reach = [medians - [of.low for of in found], [of.high for of in found] - medians]
-        places = np.arange(len(STAGES)) + (number - (len(kinds) - 1) / 2) * width
-        axes.bar(places, medians, 0.9 * width, yerr=reach, color=COLOURS[kind], label=kind,
+        locations = np.arange(len(STAGES)) + (number - (len(kinds) - 1) / 2) * width
+        axes.bar(locations, medians, 0.9 * width, yerr=reach, color=COLOURS[kind], label=kind,
                  capsize=2, ecolor="grey")  # fmt: skip
     axes.set_xticks(np.arange(len(STAGES)), [stage.short for stage in STAGES], fontsize=8)
-    drawn = sum(stage.truth == "drawing" for stage in STAGES)
+    drawn = sum(stage.truth == "nominal" for stage in STAGES)
     axes.axvline(drawn - 0.5, color="grey", lw=0.8)
     axes.grid(axis="y", alpha=0.3)

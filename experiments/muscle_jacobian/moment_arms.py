@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import METRES, QUADRATIC_STEP, JointMuscleMap
-from jmm_agent.nominal_model import Drawing, Floats
+from jmm_agent.nominal_model import Floats, NominalModel
 from kengoro_env.robot.robot import Robot
 
 Arms = Callable[[Floats], Floats]
@@ -43,7 +43,7 @@ class RobotArms:
         joints = [robot.model.joint(joint) for joint in robot.joints]
         self._position = np.array([joint.qposadr[0] for joint in joints])
         self._velocity = np.array([joint.dofadr[0] for joint in joints])
-        self._wires = np.array([robot.model.tendon(muscle).id for muscle in robot.muscles])
+        self._muscles = np.array([robot.model.tendon(muscle).id for muscle in robot.muscles])
 
     def __call__(self, posture: Floats) -> Floats:
         """dl/dq (m, n) [m/rad] at a posture (n,) [rad]."""
@@ -56,7 +56,7 @@ class RobotArms:
         mujoco.mju_sparse2dense(
             dense, data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
         )
-        return dense[np.ix_(self._wires, self._velocity)]
+        return dense[np.ix_(self._muscles, self._velocity)]
 
 
 class Sweep(NamedTuple):
@@ -71,7 +71,7 @@ class Sweep(NamedTuple):
     postures: Floats
 
 
-def sweeps(drawing: Drawing, count: int, rng: np.random.Generator) -> list[Sweep]:
+def sweeps(drawing: NominalModel, count: int, rng: np.random.Generator) -> list[Sweep]:
     """Sweeps of every joint, each from its own ``count`` postures, uniform in the box."""
     result = []
     for joint in range(len(drawing.joints)):

@@ -37,7 +37,7 @@ def learn(
 
 
 @dataclass
-class Felt:
+class FilteredReadings:
     """What the robot measured and where it was, by control step.
 
     Attributes:
@@ -49,20 +49,22 @@ class Felt:
     true: list[Floats] = field(default_factory=list)
 
 
-def feel(session: Session, postures: Floats, move: float) -> Felt:
+def feel(session: Session, postures: Floats, move: float) -> FilteredReadings:
     """Move through postures (K, n) [rad] without learning, ``move`` [s] each."""
     session.agent.learning = False
-    felt = Felt()
+    felt = FilteredReadings()
     for posture in postures:
         session.agent.go(posture, move)
         for _ in range(round(move / PERIOD)):
             session.step()
-            felt.lengths.append(session.senses.lengths)
+            felt.lengths.append(session.readings.lengths)
             felt.true.append(session.truth["joint_angles"])
     return felt
 
 
-def estimator_errors(felt: Felt, jmm: JointMuscleMap, limits: Floats) -> dict[str, float]:
+def estimator_errors(
+    felt: FilteredReadings, jmm: JointMuscleMap, limits: Floats
+) -> dict[str, float]:
     """RMS over time and joints [deg] of estimate - true by both Jacobians, and between the two."""
     true = np.array(felt.true)
     analytic = estimates(felt, jmm, limits)
@@ -75,7 +77,7 @@ def estimator_errors(felt: Felt, jmm: JointMuscleMap, limits: Floats) -> dict[st
     return {name: float(np.degrees(np.sqrt(np.mean(np.square(gap))))) for name, gap in gaps.items()}
 
 
-def estimates(felt: Felt, length_map: LengthMap, limits: Floats) -> Floats:
+def estimates(felt: FilteredReadings, length_map: LengthMap, limits: Floats) -> Floats:
     """Joint angles (K, n) [rad] by an estimator that begins at the true ones."""
     estimator = JointEstimator(length_map, limits, q=felt.true[0])
     for _ in range(WAKING):

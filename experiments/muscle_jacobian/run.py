@@ -46,11 +46,11 @@ from experiments.muscle_jacobian.tables import (
     told,
 )
 from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
-from jmm_agent.nominal_model import Drawing
+from jmm_agent.nominal_model import NominalModel
 from kengoro.arm import shuffled_postures
-from kengoro.trained_maps import ARM, drawing_for_agent, trained_map
+from kengoro.trained_maps import ARM, nominal_model, trained_map
 from kengoro_env.assets import asset_path
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,12 @@ QUICK = Sizes(3, 2, 1, 1.0, 1.0, 1_000, 1_000)
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
     """Examine a map against the drawing; or let a robot learn with ours and examine it then."""
-    drawing = drawing_for_agent()
-    drawn = ArmDrawing(asset_path(ARM)).moment_arms
+    drawing = nominal_model()
+    drawn = NominalArm(asset_path(ARM)).moment_arms
     swept = sweeps(drawing, sizes.sweeps, np.random.default_rng([seed, 6]))
     if condition == PAPER:
         papers, _ = train_as_paper(drawing, seed, Share(sizes.samples, sizes.least_steps))
-        return {"drawing": examine(papers, drawn, drawing, swept)}
+        return {"nominal": examine(papers, drawn, drawing, swept)}
     ours = trained_map(cache)
     postures = shuffled_postures(seed)
     learned_from = postures[: 1 + sizes.postures]
@@ -97,13 +97,13 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
         "estimator": estimator_errors(felt, learned, session.agent.kinematics.limits),
     }
     if condition == OURS:
-        result["drawing"] = examine(ours, drawn, drawing, swept)
+        result["nominal"] = examine(ours, drawn, drawing, swept)
         result["before"] = examine(ours, actual, drawing, swept)
     return result
 
 
 def examine(
-    jmm: JointMuscleMap, true: Arms, drawing: Drawing, swept: Sequence[Sweep]
+    jmm: JointMuscleMap, true: Arms, drawing: NominalModel, swept: Sequence[Sweep]
 ) -> dict[str, Any]:
     """Errors and waviness of a map, and its moment arms during shoulder flexion."""
     found = list(curves(jmm, true, swept))

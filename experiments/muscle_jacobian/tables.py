@@ -42,12 +42,12 @@ class Stage(NamedTuple):
     @property
     def truth(self) -> str:
         """What it is compared with."""
-        return "drawing" if self.examined == "drawing" else "robot"
+        return "nominal" if self.examined == "nominal" else "robot"
 
 
 STAGES = (
-    Stage("ours", "our map before learning", "our map", OURS, "drawing"),
-    Stage("paper", "the paper's map before learning", "paper's map", PAPER, "drawing"),
+    Stage("ours", "our map before learning", "our map", OURS, "nominal"),
+    Stage("paper", "the paper's map before learning", "paper's map", PAPER, "nominal"),
     Stage("ours_before", "our map before learning", "our map,\nbefore", OURS, "before"),
     Stage("ours_learned", "our map after our learning", "our map,\nour learning", OURS, "after"),
     Stage(
@@ -190,7 +190,7 @@ def _kinks(results: Results) -> str:
     """How much rougher than the drawing's the true moment arms of the robots are."""
     ratios = [
         r[OURS]["before"]["whole"][TRUE][ALL]["bend"]
-        / r[OURS]["drawing"]["whole"][TRUE][ALL]["bend"]
+        / r[OURS]["nominal"]["whole"][TRUE][ALL]["bend"]
         for r in results.values()
     ]
     return (

@@ -17,7 +17,7 @@ from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
 from experiments.posture_accuracy.tables import MEASURES, WHEN, by_posture
 from jmm_agent.nominal_model import Floats
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import ERRORS, gaps
 from kengoro_env.names import JOINTS
 
@@ -82,12 +82,12 @@ def draw_postures(axes: Axes, results: Results, pair: str, unit: str) -> None:
         ]
         means, spreads = (_table(found, measure) for measure in (np.mean, np.std))
         count = means.shape[1] - 1
-        places = np.arange(count + 1) + side * WIDTH
+        locations = np.arange(count + 1) + side * WIDTH
         height, error = np.nanmean(means, axis=0), np.nanmean(spreads, axis=0)
-        axes.bar(places, height, WIDTH, color=COLOURS[when], label=when, yerr=error, capsize=4)
+        axes.bar(locations, height, WIDTH, color=COLOURS[when], label=when, yerr=error, capsize=4)
         across = np.linspace(-0.3, 0.3, len(means)) * WIDTH if len(means) > 1 else np.zeros(1)
-        spots = places + across[:, None]
-        axes.plot(spots.ravel(), means.ravel(), ".", color="black", ms=3, alpha=0.6)
+        locations_of = locations + across[:, None]
+        axes.plot(locations_of.ravel(), means.ravel(), ".", color="black", ms=3, alpha=0.6)
     axes.axvline(count - 0.5, color="0.6", lw=0.8)
     names = [f"posture {k + 1}" for k in range(count)]
     axes.set_xticks(range(count + 1), [*names, "all"], fontsize=9)
@@ -103,18 +103,18 @@ def _table(found: list[list[Floats]], measure: Callable[[Floats], Any]) -> Float
 
 def draw_robots(axes: Axes, results: Results, unit: str) -> None:
     """Each robot's mean before and after, seen and true, with and without departures."""
-    looks = (
+    observations = (
         (ACTUAL, "estimate_seen", "o", -0.2),
         (ACTUAL, "target_true", "D", 0.0),
-        (DRAWING, "target_true", "_", 0.2),
+        (NOMINAL, "target_true", "_", 0.2),
     )
-    for condition, pair, marker, aside in looks:
+    for condition, pair, marker, aside in observations:
         for when in WHEN:
             found = [MEASURES[unit](result[condition][when], pair) for result in results.values()]
             values = [float(errors.mean()) if errors.size else np.nan for errors in found]
-            places = np.arange(len(values)) + aside
+            locations = np.arange(len(values)) + aside
             label = f"{ERRORS[pair]}, {condition}, {when}"
-            axes.plot(places, values, marker, color=COLOURS[when], ms=6, mew=1.5, label=label)
+            axes.plot(locations, values, marker, color=COLOURS[when], ms=6, mew=1.5, label=label)
     axes.set_xticks(range(len(results)), [str(seed) for seed in results])
     axes.set_xlabel("robot")
     axes.set_xlim(-0.6, len(results) - 0.4)
@@ -128,8 +128,8 @@ def draw_joints(axes: Axes, results: Results) -> None:
     for number, (pair, colour) in enumerate(colours.items()):
         found = [gaps(result[ACTUAL]["after"], pair) for result in results.values()]
         rms = [np.degrees(np.sqrt(np.mean(gap**2, axis=0))) for gap in found if len(gap)]
-        places = np.arange(len(JOINTS)) + 0.27 * (number - 1)
-        axes.bar(places, np.median(rms, axis=0), 0.25, color=colour, label=ERRORS[pair])
+        locations = np.arange(len(JOINTS)) + 0.27 * (number - 1)
+        axes.bar(locations, np.median(rms, axis=0), 0.25, color=colour, label=ERRORS[pair])
     axes.set_xticks(range(len(JOINTS)), JOINTS, rotation=35, ha="right", fontsize=9)
     axes.set_ylabel("error [deg]")
     axes.legend(fontsize=9)

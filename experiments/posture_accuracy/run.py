@@ -18,7 +18,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Findings, Results, Study
 from experiments.posture_accuracy.tables import metrics, seed_entry, tables
 from jmm_agent.nominal_model import Floats
-from kengoro.arm import ACTUAL, DRAWING, make_session, new_agent, shuffled_postures
+from kengoro.arm import ACTUAL, NOMINAL, make_session, new_agent, shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import Visits, no_visits, visit
 
@@ -130,7 +130,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     from experiments.posture_accuracy.figures import pictures
 
     per_seed = {
-        seed: {condition: seed_entry(result[condition]) for condition in (ACTUAL, DRAWING)}
+        seed: {condition: seed_entry(result[condition]) for condition in (ACTUAL, NOMINAL)}
         for seed, result in results.items()
     }
     return Findings(metrics(per_seed), per_seed, tables(per_seed), pictures(results), {})
@@ -146,7 +146,7 @@ STUDY = Study(
         "to the arm even where the map is right."
     ),
     figure="Fig. 11",
-    conditions=(ACTUAL, DRAWING),
+    conditions=(ACTUAL, NOMINAL),
     sizes=Sizes(),
     quick=QUICK,
     run=run,

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
 from jmm_agent.nominal_model import Floats
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import ERRORS, Visits, error_rows, gaps, hand_mm, rmse_deg
 from kengoro_env.names import JOINTS
 
@@ -127,7 +127,7 @@ def metrics(per_seed: PerSeed) -> dict[str, dict[str, Any]]:
     for name in ("rmse_true", "hand_true"):
         key, unit = JUDGED[name].key, JUDGED[name].key.rpartition("_")[2]
         for when in WHEN:
-            found[f"{name}_{when}_drawing"] = (of_robots(per_seed, key, when, DRAWING), unit)
+            found[f"{name}_{when}_nominal"] = (of_robots(per_seed, key, when, NOMINAL), unit)
     time, away, away_rms = (
         [entry[ACTUAL][key] for entry in per_seed.values()]
         for key in ("learning_time", "away_deg", "away_rms_deg")
@@ -142,7 +142,7 @@ def tables(per_seed: PerSeed) -> list[Table]:
     """Both definitions of error, and each robot."""
     columns = {
         f"{condition}, {when}": [entry[condition][when] for entry in per_seed.values()]
-        for condition in (ACTUAL, DRAWING)
+        for condition in (ACTUAL, NOMINAL)
         for when in WHEN
     }
     return [
@@ -179,9 +179,9 @@ def sag(per_seed: PerSeed) -> str:
     """How much of the error is there without any departure."""
     drawn, actual = (
         interval(list(of_robots(per_seed, "target_true_deg", "before", condition).values()))
-        for condition in (DRAWING, ACTUAL)
+        for condition in (NOMINAL, ACTUAL)
     )
-    after = interval(list(of_robots(per_seed, "target_true_deg", "after", DRAWING).values()))
+    after = interval(list(of_robots(per_seed, "target_true_deg", "after", NOMINAL).values()))
     return (
         f"Without departures, target - true is {drawn} deg before learning, which is sag under "
         f"gravity, and {after} deg after; on the actual robots it is {actual} deg before."
@@ -202,7 +202,7 @@ def spread(per_seed: PerSeed) -> str:
 def counted(per_seed: PerSeed) -> str:
     """How many trials there were."""
     robot = next(iter(per_seed.values()))
-    own, drawn = (robot[condition]["before"]["trials"] for condition in (ACTUAL, DRAWING))
+    own, drawn = (robot[condition]["before"]["trials"] for condition in (ACTUAL, NOMINAL))
     return (
         f"Trials before and again after: {own} on each actual robot, {drawn} on each without "
         "departures, from the first of the same starts."
@@ -220,9 +220,9 @@ def robot_table(per_seed: PerSeed) -> Table:
             for unit in MEASURES
             for pair in pairs
         ]
-        looks = " -> ".join(f"{found[w]['seen']} of {found[w]['trials']}" for w in WHEN)
+        observations = " -> ".join(f"{found[w]['seen']} of {found[w]['trials']}" for w in WHEN)
         away = f"{found['away_deg']:.0f} ({found['away_rms_deg']:.0f})"
-        rows.append((seed, *cells, looks, f"{found['learning_time']:.0f}", away))
+        rows.append((seed, *cells, observations, f"{found['learning_time']:.0f}", away))
     names = [f"{ERRORS[pair]} [{unit}]" for unit in MEASURES for pair in pairs]
     head = ("robot", *names, "hand seen in", "learning [s]", "away [deg]")
     return Table(

@@ -13,7 +13,7 @@ from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot
 
 
-class Ruler:
+class MapAccuracy:
     """Measures a map's error against the robot's own lengths at postures drawn by chance.
 
     Args:

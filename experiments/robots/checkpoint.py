@@ -12,7 +12,7 @@ from experiments.harness.errors import ExperimentError
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
-from jmm_agent.vision.observation_fit import Look
+from jmm_agent.vision.observation_fit import MarkerObservation
 from kengoro.files import write_bytes
 
 FORMAT = "memory-1"
@@ -26,13 +26,13 @@ def save_memory(path: Path, agent: Agent) -> None:
     content: dict[str, np.ndarray] = {
         "format": np.array(FORMAT),
         "chance": np.array(chance),
-        "poses": np.array([look.pose for look in vision.looks]).reshape(-1, 4, 4),
-        "lengths": np.array([look.lengths for look in vision.looks]).reshape(-1, muscles),
-        "guesses": np.array([look.guess for look in vision.looks]).reshape(-1, joints),
+        "poses": np.array([look.pose for look in vision.observations]).reshape(-1, 4, 4),
+        "lengths": np.array([look.lengths for look in vision.observations]).reshape(-1, muscles),
+        "guesses": np.array([look.guess for look in vision.observations]).reshape(-1, joints),
         "commands": np.array(vision.commands).reshape(-1, muscles),
         "sound": np.array(vision.sound, dtype=bool),
         "angles": vision.angles,
-        "gave": vision.gave,
+        "elongated": vision.gave,
         "last": np.empty(0) if antagonism.last is None else antagonism.last,
     }
     for name, pairs in (("vision", vision.pairs), ("antagonism", antagonism.pairs)):
@@ -59,13 +59,13 @@ def load_memory(path: Path, agent: Agent) -> None:
             name: Pairs(*(content[f"{name}_{part}"] for part in Pairs._fields))
             for name in ("vision", "antagonism")
         }
-        looks = zip(content["poses"], content["lengths"], content["guesses"], strict=True)
+        observations = zip(content["poses"], content["lengths"], content["guesses"], strict=True)
         vision = VisionMemory(
-            [Look(*look) for look in looks],
+            [MarkerObservation(*look) for look in observations],
             list(content["commands"]),
             content["sound"].tolist(),
             content["angles"],
-            content["gave"],
+            content["elongated"],
             pairs["vision"],
         )
         last = content["last"] if content["last"].size else None

@@ -47,8 +47,8 @@ class Tightened:
 
     def edit(self, draft: Draft) -> None:
         """Shift the lengths that encoders read."""
-        offset = draft.senses.length_offset
-        for muscle in draft.wires:
+        offset = draft.sensor_errors.length_offset
+        for muscle in draft.tendons:
             offset[muscle] = offset.get(muscle, 0.0) + self.length
 
 

@@ -34,7 +34,7 @@ class Examiner:
 
     Args:
         world: what is known without moving a robot.
-        condition: `ACTUAL` or `DRAWING`.
+        condition: `ACTUAL` or `NOMINAL`.
         seed: of the robot and of its sensors' noise.
         move: time for a movement [s].
         hold: time to come to rest [s].
@@ -46,9 +46,9 @@ class Examiner:
         self._robot = Robot(world.scene, departures, Gains())
         moving, holding = (round(t / self._robot.control_period) for t in (move, hold))
         share = np.minimum(1.0, np.arange(1, moving + holding + 1) / moving)
-        self._way = (share * share * (3.0 - 2.0 * share))[:, None]
+        self._trajectory = (share * share * (3.0 - 2.0 * share))[:, None]
 
-    def examine(self, jmm: PostureMap, postures: Floats, eyes: VisionUpdater) -> Visits:
+    def examine(self, jmm: PostureMap, postures: Floats, detector: VisionUpdater) -> Visits:
         """Move from the first posture to all others in turn, with nothing learned on the way.
 
         What is estimated is what explains the lengths at rest best, as the filter does there.
@@ -62,13 +62,13 @@ class Examiner:
         robot.reset(postures[0], np.random.default_rng([self._seed, 4]))
         for here, target in pairwise(postures):
             tension = 0.0
-            for command in jmm.lengths(here + self._way * (target - here)):
+            for command in jmm.lengths(here + self._trajectory * (target - here)):
                 robot.step(command)
                 tension = max(tension, float(robot.tensions.max()))
-            true, lengths = robot.joint_angles, robot.sense_lengths()
+            true, lengths = robot.joint_angles, robot.measured_lengths()
             estimate = world.estimate(jmm, lengths, target)
-            tensions = robot.sense_tensions()
-            seen = eyes.seen(
+            tensions = robot.measured_tensions()
+            seen = detector.seen(
                 world.marker(true), estimate, lengths, robot.target, tensions, learn=False
             ).angles
             for key, angles in zip(ANGLES, (target, true, estimate, seen), strict=True):

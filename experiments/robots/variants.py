@@ -9,7 +9,7 @@ from jmm_agent.agent import AgentOptions
 from jmm_agent.mapping.learner import BatchOptions
 from jmm_agent.mapping.minibatch import MinibatchRule
 from jmm_agent.updaters import VisionOptions
-from jmm_agent.vision.observation_fit import LooksOptions
+from jmm_agent.vision.observation_fit import ObservationFitOptions
 
 PAPER, DEFAULT, NONE = "paper", "default", "none"
 """The paper's plain rule, what the experiments use, and no learning at all."""
@@ -72,9 +72,10 @@ VARIANTS = {
     "default-l_target": _default("pair holds l_target", vision=VisionOptions(lengths="l_target")),
     "default-antagonism": _default("Antagonism Updater alone", learn_vision=False),
     "default-vision": _default("Vision Updater alone", learn_antagonism=False),
-    "default-one-look": _default("each look alone", vision=VisionOptions(fit="alone")),
+    "default-one-observation": _default("each look alone", vision=VisionOptions(fit="alone")),
     "default-memory-10": _default(
-        "ten looks are remembered", vision=VisionOptions(looks=LooksOptions(memory=10))
+        "ten looks are remembered",
+        vision=VisionOptions(observations=ObservationFitOptions(memory=10)),
     ),
     "default-steps": _steps("ten minibatch steps, all layers", MinibatchRule()),
     "default-steps-output": _steps(
@@ -147,7 +148,9 @@ CLAIMS = {
         _true("l_target is better than l", "default-l_target", "default-l"),
         _true("min(l, l_target) is better than l_target", DEFAULT, "default-l_target"),
         *_no_competition(DEFAULT),
-        _true("fitting looks together is better than each alone", DEFAULT, "default-one-look"),
+        _true(
+            "fitting looks together is better than each alone", DEFAULT, "default-one-observation"
+        ),
         _true("remembering 60 looks is better than 10", DEFAULT, "default-memory-10"),
         _true("ridge is better than ten steps, all layers", DEFAULT, "default-steps"),
         _true("ridge is better than ten steps, output layers", DEFAULT, "default-steps-output"),

@@ -15,14 +15,14 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.length_map import LengthMap
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.nominal_model import Floats
-from jmm_agent.vision.marker_residual import MarkerSight
+from jmm_agent.vision.marker_residual import MarkerResidual
 from kengoro.trained_maps import ARM, trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.motors import Gains
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 EYE, MARKER, GRIP = "eye", "marker_hand", "grip"
@@ -66,11 +66,11 @@ class World:
     def __init__(self, cache: Path | None) -> None:
         self.cache = cache
         self.scene = asset_path(ARM)
-        self.arm = ArmDrawing(self.scene)
+        self.arm = NominalArm(self.scene)
         self.limits = np.column_stack([self.arm.lower, self.arm.upper])
         self.map = trained_map(cache)
         self.kinematics = ArmKinematics(self.scene, self.arm.joints)
-        self.sight = MarkerSight(self.kinematics, EYE, MARKER)
+        self.sight = MarkerResidual(self.kinematics, EYE, MARKER)
         self.postures = posture_set()
         self.prior = MapPrior(self.map, self.postures, PriorOptions())
 
@@ -139,12 +139,12 @@ class Body:
         return self.robot.joint_angles
 
     def _rest(self, target: Floats, jmm: JointMuscleMap) -> Rest:
-        lengths = self.robot.sense_lengths()
+        lengths = self.robot.measured_lengths()
         return Rest(
             target,
             self.robot.joint_angles,
             self.world.estimate(jmm, lengths, target),
             lengths,
             jmm.lengths(target),
-            self.robot.sense_tensions(),
+            self.robot.measured_tensions(),
         )

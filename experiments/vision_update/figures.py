@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from experiments.harness.experiment import Results
 from experiments.harness.report import GROUP_COLOURS, Picture, png
 from jmm_agent.nominal_model import Floats
-from kengoro.arm import ACTUAL, CAMERA, DRAWING, HAND, SIDES
+from kengoro.arm import ACTUAL, CAMERA, HAND, NOMINAL, SIDES
 from kengoro.session import Session
 from kengoro.visits import group_joints, rmse_deg
 
@@ -31,7 +31,7 @@ def believed_and_seen(session: Session) -> dict[str, Any]:
     """
     agent, options = session.agent, session.agent.options
     session.wait(0.4)
-    marker = agent.look(session.senses).get(HAND)
+    marker = agent.look(session.readings).get(HAND)
     pose = agent.kinematics.pose(
         options.marker_site, agent.joint_angles, relative_to=options.camera
     )
@@ -71,7 +71,7 @@ def pictures(results: Results) -> list[Picture]:
         )
     ]
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 4), sharey=True)
-    for ax, condition in zip(axes, (ACTUAL, DRAWING), strict=True):
+    for ax, condition in zip(axes, (ACTUAL, NOMINAL), strict=True):
         draw_errors(ax, results, condition)
         ax.set_title("actual robots" if condition == ACTUAL else "robots without departures")
     axes[0].set_ylabel("RMSE_joint [deg]")

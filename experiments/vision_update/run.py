@@ -16,7 +16,7 @@ from experiments.harness.experiment import Findings, Results, Study
 from experiments.harness.report import Table
 from experiments.harness.statistics import metric
 from jmm_agent.agent import AgentOptions
-from kengoro.arm import ACTUAL, DRAWING, make_session, new_agent, shuffled_postures
+from kengoro.arm import ACTUAL, NOMINAL, make_session, new_agent, shuffled_postures
 from kengoro.visits import (
     ERRORS,
     error_rows,
@@ -93,7 +93,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         "shoulder_seen_last": metric(medians("estimate_seen", late=True), "deg", 3.0, 3.0),
         "shoulder_true_first": metric(medians("estimate_true", late=False), "deg"),
         "shoulder_true_last": metric(medians("estimate_true", late=True), "deg"),
-        "shoulder_true_last_drawing": metric(medians("estimate_true", True, DRAWING), "deg"),
+        "shoulder_true_last_nominal": metric(medians("estimate_true", True, NOMINAL), "deg"),
     }
     per_seed = {
         seed: {
@@ -103,13 +103,13 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
                 "updates": result[condition]["fired"],
                 "dropped": result[condition]["dropped"],
             }
-            for condition in (ACTUAL, DRAWING)
+            for condition in (ACTUAL, NOMINAL)
         }
         for seed, result in results.items()
     }
     columns = {
         f"{condition}, {when}": [entry[condition][when] for entry in per_seed.values()]
-        for condition in (ACTUAL, DRAWING)
+        for condition in (ACTUAL, NOMINAL)
         for when in ("first", "last")
     }
     tables = [
@@ -130,7 +130,7 @@ def group_table(results: Results) -> Table:
     for group, joints in group_joints().items():
         for pair in ("estimate_seen", "estimate_true"):
             cells = []
-            for condition in (ACTUAL, DRAWING):
+            for condition in (ACTUAL, NOMINAL):
                 for late in (False, True):
                     found = [
                         np.median(rmse_deg(part(r[condition], late), pair, joints))
@@ -155,7 +155,7 @@ STUDY = Study(
         "Beside the actual robots stand the same without departures."
     ),
     figure="Fig. 10",
-    conditions=(ACTUAL, DRAWING),
+    conditions=(ACTUAL, NOMINAL),
     sizes=Sizes(),
     quick=QUICK,
     run=run,

@@ -20,11 +20,11 @@ from experiments.harness.common import Summary
 from experiments.harness.experiment import Findings, Results, Study, run_study
 from experiments.harness.report import Picture, Table
 from experiments.harness.statistics import metric
-from experiments.robots.accuracy import Ruler
+from experiments.robots.accuracy import MapAccuracy
 from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.nominal_model import Floats
 from jmm_agent.updaters import VisionOptions
-from jmm_agent.vision.hold_out import HeldBackOptions
+from jmm_agent.vision.hold_out import HoldOutOptions
 from kengoro.arm import new_agent, shuffled_postures
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
@@ -63,7 +63,7 @@ class Sizes:
         tested: number of postures over which the map's error is taken.
     """
 
-    looks: int = 28
+    observations: int = 28
     first: int = 12
     every: int = 3
     tested: int = 50
@@ -84,13 +84,13 @@ class Args(common.Args):
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
     """What became of each look, and of the map's error [mm]."""
-    held_back = HeldBackOptions() if condition in (TESTED, RIGHT_TESTED) else None
-    agent = new_agent(cache, seed, options=AgentOptions(vision=VisionOptions(held_back=held_back)))
-    robot, ruler = Robot(asset_path(ARM), actual(seed)), Ruler(seed, sizes.tested)
+    hold_out = HoldOutOptions() if condition in (TESTED, RIGHT_TESTED) else None
+    agent = new_agent(cache, seed, options=AgentOptions(vision=VisionOptions(hold_out=hold_out)))
+    robot, accuracy = Robot(asset_path(ARM), actual(seed)), MapAccuracy(seed, sizes.tested)
     rng, wrong = np.random.default_rng([seed, 12]), np.random.default_rng([seed, 13])
-    looks = []
-    before = ruler.error_mm(agent)
-    for number, posture in enumerate(shuffled_postures(seed)[: sizes.looks]):
+    observations = []
+    before = accuracy.error_mm(agent)
+    for number, posture in enumerate(shuffled_postures(seed)[: sizes.observations]):
         robot.reset(posture, rng)
         pose = agent.kinematics.pose("marker_hand", robot.joint_angles, relative_to="eye")
         pose = displaced(pose, NOISE_POSITION, NOISE_ROTATION, rng)
@@ -98,11 +98,11 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
         if kind:
             far, turned = KINDS[kind]
             pose = displaced(pose, 1e-3 * far, np.radians(turned), wrong, exactly=True)
-        outcome = look(agent, pose, robot.sense_lengths(), posture)
-        after = ruler.error_mm(agent)
-        looks.append({"wrong": kind, "outcome": outcome, "before": before, "after": after})
+        outcome = look(agent, pose, robot.measured_lengths(), posture)
+        after = accuracy.error_mm(agent)
+        observations.append({"wrong": kind, "outcome": outcome, "before": before, "after": after})
         before = after
-    return {"looks": looks}
+    return {"observations": observations}
 
 
 def displaced(
@@ -140,55 +140,69 @@ def main(args: Args) -> Summary:
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
     """What became of wrong looks and of right ones, with and without looks held back."""
-    found = {name: [result[name]["looks"] for result in results.values()] for name in CONDITIONS}
-    last = {name: [looks[-1]["after"] for looks in found[name]] for name in CONDITIONS}
-    undone = [sum(x["outcome"] == "undone" for x in looks) for looks in found[RIGHT_TESTED]]
+    found = {
+        name: [result[name]["observations"] for result in results.values()] for name in CONDITIONS
+    }
+    last = {
+        name: [observations[-1]["after"] for observations in found[name]] for name in CONDITIONS
+    }
+    undone = [
+        sum(x["outcome"] == "undone" for x in observations) for observations in found[RIGHT_TESTED]
+    ]
     cost = [tested / plain for tested, plain in zip(last[RIGHT_TESTED], last[RIGHT], strict=True)]
     metrics = {
-        "worst_ratio_plain": metric([_worst(looks) for looks in found[PLAIN]], ""),
-        "worst_ratio_tested": metric([_worst(looks) for looks in found[TESTED]], "", HARM),
-        "right_looks_undone": metric([float(count) for count in undone], "", 0.0),
+        "worst_ratio_plain": metric([_worst(observations) for observations in found[PLAIN]], ""),
+        "worst_ratio_tested": metric(
+            [_worst(observations) for observations in found[TESTED]], "", HARM
+        ),
+        "right_observations_undone": metric([float(count) for count in undone], "", 0.0),
         "cost_of_holding_back": metric(cost, ""),
         **{f"last_mm_{name}": metric(errors, "mm") for name, errors in last.items()},
     }
     per_seed = {
-        seed: {name: {"last_mm": round(r[name]["looks"][-1]["after"], 3)} for name in CONDITIONS}
+        seed: {
+            name: {"last_mm": round(r[name]["observations"][-1]["after"], 3)} for name in CONDITIONS
+        }
         for seed, r in results.items()
     }
     rows = [
-        row(name, kind, [x for looks in found[name] for x in looks if x["wrong"] == kind])
+        row(
+            name,
+            kind,
+            [x for observations in found[name] for x in observations if x["wrong"] == kind],
+        )
         for name in CONDITIONS
         for kind in (*KINDS, "")
         if kind == "" or name in (PLAIN, TESTED)
     ]
     head = (
-        "condition", "look wrong by", "looks", "refused", "undone", "held back", "learned",
+        "condition", "look wrong by", "observations", "refused", "undone", "held back", "learned",
         f"of these harmful (x {HARM:g})", "map's error after / before, worst",
     )  # fmt: skip
     note = (
-        f"{len(results)} robots, {sizes.looks} looks each. The map's error is the median over "
-        f"{sizes.tested} postures of its RMS difference from the robot's own lengths. Refused: no "
-        "posture explains the look and the lengths together."
+        f"{len(results)} robots, {sizes.observations} looks each. The map's error is the median "
+        f"over {sizes.tested} postures of its RMS difference from the robot's own lengths. "
+        "Refused: no posture explains the look and the lengths together."
     )
     table = Table("What became of looks", head, rows, note)
     return Findings(metrics, per_seed, [table], [picture(found, sizes)], {})
 
 
-def _worst(looks: Sequence[Mapping[str, Any]]) -> float:
+def _worst(observations: Sequence[Mapping[str, Any]]) -> float:
     """The largest factor by which one wrong look raised the map's error."""
-    return max([x["after"] / x["before"] for x in looks if x["wrong"]], default=1.0)
+    return max([x["after"] / x["before"] for x in observations if x["wrong"]], default=1.0)
 
 
-def row(name: str, kind: str, looks: Sequence[Mapping[str, Any]]) -> list[object]:
+def row(name: str, kind: str, observations: Sequence[Mapping[str, Any]]) -> list[object]:
     """What became of looks of one kind."""
-    ratios = [x["after"] / x["before"] for x in looks]
+    ratios = [x["after"] / x["before"] for x in observations]
     counts = [
-        sum(x["outcome"] == outcome for x in looks)
+        sum(x["outcome"] == outcome for x in observations)
         for outcome in ("refused", "undone", "held back", "learned")
     ]
     harmful = sum(ratio > HARM for ratio in ratios)
     worst = f"{max(ratios, default=1.0):.2f}"
-    return [TOLD[name], kind or "nothing", len(looks), *counts, harmful, worst]
+    return [TOLD[name], kind or "nothing", len(observations), *counts, harmful, worst]
 
 
 def picture(found: Mapping[str, Sequence[Sequence[Mapping[str, Any]]]], sizes: Sizes) -> Picture:
@@ -199,11 +213,15 @@ def picture(found: Mapping[str, Sequence[Sequence[Mapping[str, Any]]]], sizes: S
 
     figure, axes = pyplot.subplots(figsize=(9, 4.2))
     for name, style in zip(CONDITIONS, ("C3-", "C0-", "0.6", "C0:"), strict=True):
-        errors = np.median([[x["after"] for x in looks] for looks in found[name]], axis=0)
+        errors = np.median(
+            [[x["after"] for x in observations] for observations in found[name]], axis=0
+        )
         axes.plot(np.arange(1, len(errors) + 1), errors, style, label=TOLD[name])
-    wrong = [k + 1 for k in range(sizes.looks) if sizes.kind(k)]
+    wrong = [k + 1 for k in range(sizes.observations) if sizes.kind(k)]
     axes.plot(wrong, np.zeros(len(wrong)), "k^", clip_on=False, label="a wrong look")
-    axes.set(xlabel="look", ylabel="error of the map, median over robots [mm]", ylim=(0, None))
+    axes.set(
+        xlabel="observation", ylabel="error of the map, median over robots [mm]", ylim=(0, None)
+    )
     axes.legend(frameon=False, fontsize=9)
     figure.tight_layout()
     image = png(figure)
@@ -223,7 +241,7 @@ STUDY = Study(
     others=("experiments/faults",),
     conditions=CONDITIONS,
     sizes=Sizes(),
-    quick=Sizes(looks=18, first=12, every=2, tested=10),
+    quick=Sizes(observations=18, first=12, every=2, tested=10),
     run=run,
     conclude=conclude,
 )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from hidden_plants.machine import Machine
-from hidden_plants.mechanisms import camera, drive, friction, load, outside, path, sensing, wire
+from hidden_plants.mechanisms import camera, drive, friction, load, outside, path, sensing, tendon
 from hidden_plants.mechanisms.mechanism import Mechanism, Structure
 from hidden_plants.secret import Effect
 
 MECHANISMS: dict[str, Mechanism] = {
     mechanism.id: mechanism
-    for module in (friction, wire, drive, path, sensing, load, camera, outside)
+    for module in (friction, tendon, drive, path, sensing, load, camera, outside)
     for mechanism in module.MECHANISMS
 }
 
@@ -27,7 +27,7 @@ def resized(effect: Effect, amplitude: float) -> Effect:
     return Effect(effect.id, effect.elements, parameters, amplitude)
 
 
-SHOWN_WIRES = (
+SHOWN_TENDONS = (
     "scm_left",
     "splenius_right",
     "trap_sup",
@@ -50,14 +50,14 @@ def structures(machine: Machine, id: str) -> list[Structure]:
     every = MECHANISMS[id].structures(machine)
     if machine.name == "elbow":
         return every
-    hidden = set(machine.wires).difference(SHOWN_WIRES)
+    hidden = set(machine.tendons).difference(SHOWN_TENDONS)
     hidden |= set(machine.joints).difference(SHOWN_JOINTS)
-    shown = set(SHOWN_WIRES)
+    shown = set(SHOWN_TENDONS)
     hidden_sites = {
         site
-        for wire, path in zip(machine.wires, machine.paths, strict=True)
+        for tendon, path in zip(machine.tendons, machine.paths, strict=True)
         for site in path
-        if wire not in shown
+        if tendon not in shown
     }
     by_place: dict[tuple[str, ...], list[Structure]] = {}
     for structure in every:

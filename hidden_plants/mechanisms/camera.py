@@ -47,7 +47,7 @@ def _tune_marker(robot: Robot, effect: Effect) -> None:
 
 
 def _mounting(shape: Shape, amplitude: float) -> dict[str, float]:
-    turns = {f"turn_{axis}": f"way_{name}" for axis, name in zip("xyz", "uvw", strict=True)}
+    turns = {f"turn_{axis}": f"direction_{name}" for axis, name in zip("xyz", "uvw", strict=True)}
     return {
         **along(shape, amplitude),
         **{turn: TURN_OF_SHIFT * amplitude * shape[way] for turn, way in turns.items()},

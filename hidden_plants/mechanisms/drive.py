@@ -18,7 +18,7 @@ from hidden_plants.mechanisms.mechanism import (
     BOTH_SIGNS,
     Mechanism,
     Structure,
-    each_wire,
+    each_tendon,
     scaled,
     signed,
 )
@@ -32,34 +32,34 @@ POLES = (0.45, 0.45, 0.10)
 class Lag:
     """Three lags in a row, each integrated in closed form over a step."""
 
-    def __init__(self, wire: int, time_constant: float, step: float) -> None:
-        self.wire = wire
+    def __init__(self, tendon: int, time_constant: float, step: float) -> None:
+        self.tendon = tendon
         self.keep = [exp(-step / (share * time_constant)) for share in POLES]
         self.levels = [float("nan")] * len(POLES)
 
     def __call__(self, state: State) -> None:
         """Delay what the motor gives."""
-        value = float(state.motor[self.wire])
+        value = float(state.motor[self.tendon])
         if self.levels[0] != self.levels[0]:
             self.levels = [value] * len(POLES)
         for i, keep in enumerate(self.keep):
             value += keep * (self.levels[i] - value)
             self.levels[i] = value
-        state.motor[self.wire] = value
+        state.motor[self.tendon] = value
 
 
 def _tune_lag(robot: Robot, effect: Effect) -> None:
     time_constant = effect.parameters["time_constant"]
     for name in effect.elements:
-        robot.drive.append(partial(Lag, robot.wire(name), time_constant, robot.step))
+        robot.drive.append(partial(Lag, robot.tendon(name), time_constant, robot.step))
 
 
 def _delays(machine: Machine) -> list[Structure]:
-    wires = machine.wires
+    tendons = machine.tendons
     places = [
-        (wires, 0.0),
-        (tuple(f"length_{wire}" for wire in wires), 1.0),
-        (tuple(f"tension_{wire}" for wire in wires), 1.0),
+        (tendons, 0.0),
+        (tuple(f"length_{tendon}" for tendon in tendons), 1.0),
+        (tuple(f"tension_{tendon}" for tendon in tendons), 1.0),
         (("marker_position", "marker_orientation"), 1.0),
     ]
     return [Structure("delay", elements, {"of_sensor": kind}) for elements, kind in places]
@@ -71,17 +71,17 @@ def _tune_delay(robot: Robot, effect: Effect) -> None:
             delay = robot.sensor_delay.get(name, 0.0) + effect.parameters["delay"]
             robot.sensor_delay[name] = delay
         else:
-            robot.command_delay[robot.wire(name)] += effect.parameters["delay"]
+            robot.command_delay[robot.tendon(name)] += effect.parameters["delay"]
 
 
 def _tune_force_scale(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.gain[robot.wire(name)] *= 1.0 + effect.parameters["excess"]
+        robot.gain[robot.tendon(name)] *= 1.0 + effect.parameters["excess"]
 
 
 def _tune_force_offset(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.force_offset[robot.wire(name)] += effect.parameters["force"]
+        robot.force_offset[robot.tendon(name)] += effect.parameters["force"]
 
 
 MECHANISMS = (
@@ -90,7 +90,7 @@ MECHANISMS = (
         unit="s",
         typical=4e-3,
         bound=0.03,
-        structures=each_wire("actuator_lag"),
+        structures=each_tendon("actuator_lag"),
         parameters=scaled("time_constant"),
         tune=_tune_lag,
     ),
@@ -108,7 +108,7 @@ MECHANISMS = (
         unit="1",
         typical=0.03,
         bound=0.4,
-        structures=each_wire("force_scale", BOTH_SIGNS),
+        structures=each_tendon("force_scale", BOTH_SIGNS),
         parameters=signed("excess"),
         tune=_tune_force_scale,
     ),
@@ -117,7 +117,7 @@ MECHANISMS = (
         unit="N",
         typical=3.0,
         bound=25.0,
-        structures=each_wire("force_offset", BOTH_SIGNS),
+        structures=each_tendon("force_offset", BOTH_SIGNS),
         parameters=signed("force"),
         tune=_tune_force_offset,
     ),

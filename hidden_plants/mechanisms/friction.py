@@ -6,7 +6,7 @@ from functools import partial
 from math import copysign, exp
 
 from hidden_plants.machine import Machine
-from hidden_plants.mechanisms.mechanism import Mechanism, Shape, Structure, each_wire, scaled
+from hidden_plants.mechanisms.mechanism import Mechanism, Shape, Structure, each_tendon, scaled
 from hidden_plants.robot import Device, Robot, State
 from hidden_plants.secret import Effect
 
@@ -16,8 +16,8 @@ JOINT_BRISTLE = 5e-4
 
 def _coulomb_places(machine: Machine) -> list[Structure]:
     id = "coulomb_friction"
-    wires = each_wire(id, ({"on_joint": 0.0},))(machine)
-    return wires + [Structure(id, (joint,), {"on_joint": 1.0}) for joint in machine.joints]
+    tendons = each_tendon(id, ({"on_joint": 0.0},))(machine)
+    return tendons + [Structure(id, (joint,), {"on_joint": 1.0}) for joint in machine.joints]
 
 
 def _tune_coulomb(robot: Robot, effect: Effect) -> None:
@@ -27,8 +27,8 @@ def _tune_coulomb(robot: Robot, effect: Effect) -> None:
             level = effect.parameters["force"]
             robot.body.append(partial(JointFriction, dof, level))
         else:
-            robot.friction_out[robot.wire(name)] += effect.parameters["force"]
-            robot.friction_in[robot.wire(name)] += effect.parameters["force"]
+            robot.friction_out[robot.tendon(name)] += effect.parameters["force"]
+            robot.friction_in[robot.tendon(name)] += effect.parameters["force"]
 
 
 class JointFriction:
@@ -47,8 +47,8 @@ class JointFriction:
 
 def _viscous_places(machine: Machine) -> list[Structure]:
     id = "viscous_friction"
-    wires = each_wire(id, ({"on_joint": 0.0},))(machine)
-    return wires + [Structure(id, (joint,), {"on_joint": 1.0}) for joint in machine.joints]
+    tendons = each_tendon(id, ({"on_joint": 0.0},))(machine)
+    return tendons + [Structure(id, (joint,), {"on_joint": 1.0}) for joint in machine.joints]
 
 
 def _tune_viscous(robot: Robot, effect: Effect) -> None:
@@ -58,13 +58,13 @@ def _tune_viscous(robot: Robot, effect: Effect) -> None:
             dof = int(robot.model.joint(name).dofadr[0])
             robot.body.append(partial(_joint_drag, dof, coefficient))
         else:
-            wire = robot.wire(name)
-            robot.tug.append(partial(_wire_drag, wire, coefficient))
+            tendon = robot.tendon(name)
+            robot.tug.append(partial(_tendon_drag, tendon, coefficient))
 
 
-def _wire_drag(wire: int, coefficient: float) -> Device:
+def _tendon_drag(tendon: int, coefficient: float) -> Device:
     def act(state: State) -> None:
-        state.pull[wire] += coefficient * state.velocity[wire]
+        state.pull[tendon] += coefficient * state.velocity[tendon]
 
     return act
 
@@ -78,13 +78,13 @@ def _joint_drag(dof: int, coefficient: float) -> Device:
 
 def _tune_load_dependent(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.load_friction[robot.wire(name)] += effect.parameters["share"]
+        robot.load_friction[robot.tendon(name)] += effect.parameters["share"]
 
 
 def _tune_direction_dependent(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.friction_out[robot.wire(name)] += effect.parameters["force_out"]
-        robot.friction_in[robot.wire(name)] += effect.parameters["force_in"]
+        robot.friction_out[robot.tendon(name)] += effect.parameters["force_out"]
+        robot.friction_in[robot.tendon(name)] += effect.parameters["force_in"]
 
 
 def _two_levels(shape: Shape, amplitude: float) -> dict[str, float]:
@@ -122,7 +122,7 @@ LOAD_DEPENDENT = Mechanism(
     unit="1",
     typical=0.03,
     bound=0.35,
-    structures=each_wire("load_dependent_friction"),
+    structures=each_tendon("load_dependent_friction"),
     parameters=scaled("share"),
     tune=_tune_load_dependent,
 )
@@ -133,7 +133,9 @@ DIRECTION_DEPENDENT = Mechanism(
     unit="N",
     typical=4.0,
     bound=20.0,
-    structures=each_wire("direction_dependent_friction", ({"share_out": 0.9}, {"share_out": 0.1})),
+    structures=each_tendon(
+        "direction_dependent_friction", ({"share_out": 0.9}, {"share_out": 0.1})
+    ),
     parameters=_two_levels,
     tune=_tune_direction_dependent,
 )

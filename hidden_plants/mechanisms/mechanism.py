@@ -71,13 +71,13 @@ class Mechanism:
         return Effect(self.id, structure.elements, parameters, amplitude)
 
 
-def each_wire(
+def each_tendon(
     id: str, shapes: tuple[Shape, ...] = ({},), group: bool = False
 ) -> Callable[[Machine], list[Structure]]:
     """Every wire alone, with every shape; with ``group`` also all wires of the machine at once."""
 
     def structures(machine: Machine) -> list[Structure]:
-        places = [(wire,) for wire in machine.wires] + ([machine.wires] if group else [])
+        places = [(tendon,) for tendon in machine.tendons] + ([machine.tendons] if group else [])
         return [Structure(id, place, shape) for place in places for shape in shapes]
 
     return structures
@@ -87,12 +87,14 @@ def random_way(rng: np.random.Generator, names: str = "xyz") -> dict[str, float]
     """A random unit vector, as the shape's ``way_<name>`` for three names."""
     way = rng.standard_normal(3)
     way /= np.linalg.norm(way)
-    return {f"way_{name}": round(float(part), 4) for name, part in zip(names, way, strict=True)}
+    return {
+        f"direction_{name}": round(float(part), 4) for name, part in zip(names, way, strict=True)
+    }
 
 
 def along(shape: Shape, amplitude: float) -> dict[str, float]:
     """``x``, ``y``, ``z``: the amplitude along the shape's unit vector."""
-    return {**shape, **{axis: amplitude * shape[f"way_{axis}"] for axis in "xyz"}}
+    return {**shape, **{axis: amplitude * shape[f"direction_{axis}"] for axis in "xyz"}}
 
 
 def vector(effect: Effect) -> Array:

@@ -67,31 +67,31 @@ def _tune_cogging_joint(robot: Robot, effect: Effect) -> None:
 
 def _cogging_motors(machine: Machine) -> list[Structure]:
     structures = []
-    for wire in machine.wires:
-        rng = shapes_of("cogging_motor", wire)
+    for tendon in machine.tendons:
+        rng = shapes_of("cogging_motor", tendon)
         shape = {
             "pitch": round(rng.uniform(0.004, 0.009), 5),
             "phase": round(rng.uniform(0.0, 6.28), 3),
         }
-        structures.append(Structure("cogging_motor", (wire,), shape))
+        structures.append(Structure("cogging_motor", (tendon,), shape))
     return structures
 
 
 def _tune_cogging_motor(robot: Robot, effect: Effect) -> None:
     force, pitch = effect.parameters["force"], effect.parameters["pitch"]
-    wire, phase = robot.wire(effect.elements[0]), effect.parameters["phase"]
+    tendon, phase = robot.tendon(effect.elements[0]), effect.parameters["phase"]
 
     def act(state: State) -> None:
-        state.motor[wire] += force * sin(tau * float(state.encoder[wire]) / pitch + phase)
+        state.motor[tendon] += force * sin(tau * float(state.encoder[tendon]) / pitch + phase)
 
     robot.drive.append(lambda: act)
 
 
 def _neighbours(machine: Machine, id: str, listener: str) -> list[Structure]:
-    wires = machine.wires
+    tendons = machine.tendons
     return [
-        Structure(id, (f"{listener}_{wire}", f"tension_{wires[(i + skip) % len(wires)]}"), {})
-        for i, wire in enumerate(wires)
+        Structure(id, (f"{listener}_{tendon}", f"tension_{tendons[(i + skip) % len(tendons)]}"), {})
+        for i, tendon in enumerate(tendons)
         for skip in (1, 2)
     ]
 
@@ -135,36 +135,36 @@ def _catches(machine: Machine) -> list[Structure]:
     zero = machine.lengths(machine.model.qpos0[None])[0]
     away = {"biceps": -0.03, "brachialis": -0.027, "triceps": 0.04}
     return [
-        Structure("catching_wire", (wire,), {"length": round(float(zero[i]) + away[wire], 4)})
-        for i, wire in enumerate(machine.wires)
-        if wire in away
+        Structure("catching_tendon", (tendon,), {"length": round(float(zero[i]) + away[tendon], 4)})
+        for i, tendon in enumerate(machine.tendons)
+        if tendon in away
     ]
 
 
 class Catch:
     """A knot that catches at a length, holds up to a force, and jumps free."""
 
-    def __init__(self, wire: int, length: float, force: float) -> None:
-        self.wire, self.length, self.force = wire, length, force
+    def __init__(self, tendon: int, length: float, force: float) -> None:
+        self.tendon, self.length, self.force = tendon, length, force
         self.side, self.held = 0.0, False
 
     def __call__(self, state: State) -> None:
         """Hold the wire where it is caught."""
-        beyond = float(state.length[self.wire]) - self.length
+        beyond = float(state.length[self.tendon]) - self.length
         side = copysign(1.0, beyond)
         if not self.held and self.side and side != self.side:
             self.held = True
         if self.held and CATCH_STIFFNESS * abs(beyond) > self.force:
             self.held = False
         if self.held:
-            state.pull[self.wire] += CATCH_STIFFNESS * beyond
+            state.pull[self.tendon] += CATCH_STIFFNESS * beyond
         self.side = side
 
 
 def _tune_catch(robot: Robot, effect: Effect) -> None:
-    wire = robot.wire(effect.elements[0])
+    tendon = robot.tendon(effect.elements[0])
     length, force = effect.parameters["length"], effect.parameters["force"]
-    robot.tug.append(lambda: Catch(wire, length, force))
+    robot.tug.append(lambda: Catch(tendon, length, force))
 
 
 def _covers(machine: Machine) -> list[Structure]:
@@ -225,7 +225,7 @@ MECHANISMS = (
         tune=_tune_crosstalk,
     ),
     Mechanism("hard_stop", "rad", 0.15, 0.8, _stops, _stop_angle, tune=_tune_stop),
-    Mechanism("catching_wire", "N", 30.0, 150.0, _catches, scaled("force"), tune=_tune_catch),
+    Mechanism("catching_tendon", "N", 30.0, 150.0, _catches, scaled("force"), tune=_tune_catch),
     Mechanism(
         "cover_stiffness",
         "N m/rad^3",

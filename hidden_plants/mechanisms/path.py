@@ -87,7 +87,7 @@ TOUCH = 0.0015
 """The bone is larger than what the wire clears, and smaller than what its sites do, by this [m]."""
 
 
-def clearances(machine: Machine, wire: str, qpos: Array) -> Array:
+def clearances(machine: Machine, tendon: str, qpos: Array) -> Array:
     """How far the straight wire and its sites are from the bone's centre or axis (k, 2) [m].
 
     Args:
@@ -95,8 +95,8 @@ def clearances(machine: Machine, wire: str, qpos: Array) -> Array:
         wire: of `BONES`.
         qpos: postures (k, joints) [rad].
     """
-    bone = BONES[machine.name][wire]
-    path = machine.paths[machine.wires.index(wire)]
+    bone = BONES[machine.name][tendon]
+    path = machine.paths[machine.tendons.index(tendon)]
     first = path[path.index(bone.before) - 1]
     data = mujoco.MjData(machine.model)
     found = np.empty((len(qpos), 2))
@@ -131,8 +131,8 @@ def _wraps(machine: Machine) -> list[Structure]:
     structures = []
     zero = np.array(machine.model.qpos0)[None]
     moved = _postures(machine)
-    for wire in BONES[machine.name]:
-        there, at_zero = clearances(machine, wire, moved), clearances(machine, wire, zero)
+    for tendon in BONES[machine.name]:
+        there, at_zero = clearances(machine, tendon, moved), clearances(machine, tendon, zero)
         free = round(float(min(there[:, 0].min(), at_zero[0, 0])), 5)
         shape = {
             "clearance": free,
@@ -141,7 +141,7 @@ def _wraps(machine: Machine) -> list[Structure]:
             "on_arm": float(machine.name == "arm"),
         }
         if shape["least"] < shape["most"]:
-            structures.append(Structure("missing_wrapping", (wire,), shape))
+            structures.append(Structure("missing_wrapping", (tendon,), shape))
     return structures
 
 
@@ -168,8 +168,8 @@ def _wrap(spec: mujoco.MjSpec, effect: Effect) -> None:
         _redraw(spec, name, bone.before, geom.name)
 
 
-def _redraw(spec: mujoco.MjSpec, wire: str, before: str, bone: str) -> None:
-    """Draw all wires again, in order; ``wire`` meets ``bone`` before the site ``before``."""
+def _redraw(spec: mujoco.MjSpec, wrapped: str, before: str, bone: str) -> None:
+    """Draw all wires again, in order; ``wrapped`` meets ``bone`` before the site ``before``."""
     paths = {
         tendon.name: ([wrap.target.name for wrap in tendon.path], float(tendon.damping[0]))
         for tendon in spec.tendons
@@ -180,7 +180,7 @@ def _redraw(spec: mujoco.MjSpec, wire: str, before: str, bone: str) -> None:
         tendon = spec.add_tendon(name=name)
         tendon.damping[0] = damping
         for site in sites:
-            if name == wire and site == before:
+            if name == wrapped and site == before:
                 tendon.wrap_geom(bone, "")
             tendon.wrap_site(site)
 

@@ -18,7 +18,7 @@ from hidden_plants.mechanisms.mechanism import (
     BOTH_SIGNS,
     Mechanism,
     Structure,
-    each_wire,
+    each_tendon,
     signed,
 )
 from hidden_plants.robot import Robot, path_lengths
@@ -27,22 +27,22 @@ from hidden_plants.secret import Effect
 
 def _tune_length_offset(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.offset[robot.wire(name)] += effect.parameters["length"]
+        robot.offset[robot.tendon(name)] += effect.parameters["length"]
 
 
 def _tune_length_scale(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.scale[robot.wire(name)] *= 1.0 + effect.parameters["excess"]
+        robot.scale[robot.tendon(name)] *= 1.0 + effect.parameters["excess"]
 
 
 def _tune_tension_offset(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.tension_offset[robot.wire(name)] += effect.parameters["force"]
+        robot.tension_offset[robot.tendon(name)] += effect.parameters["force"]
 
 
 def _tune_tension_scale(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        robot.tension_scale[robot.wire(name)] *= 1.0 + effect.parameters["excess"]
+        robot.tension_scale[robot.tendon(name)] *= 1.0 + effect.parameters["excess"]
 
 
 def _joint_offsets(machine: Machine) -> list[Structure]:
@@ -67,7 +67,7 @@ MECHANISMS = (
         unit="m",
         typical=5e-4,
         bound=0.01,
-        structures=each_wire("length_offset", BOTH_SIGNS),
+        structures=each_tendon("length_offset", BOTH_SIGNS),
         parameters=signed("length"),
         tune=_tune_length_offset,
     ),
@@ -76,7 +76,7 @@ MECHANISMS = (
         unit="1",
         typical=0.01,
         bound=0.2,
-        structures=each_wire("length_scale", BOTH_SIGNS),
+        structures=each_tendon("length_scale", BOTH_SIGNS),
         parameters=signed("excess"),
         tune=_tune_length_scale,
     ),
@@ -85,7 +85,7 @@ MECHANISMS = (
         unit="N",
         typical=3.0,
         bound=40.0,
-        structures=each_wire("tension_offset", BOTH_SIGNS),
+        structures=each_tendon("tension_offset", BOTH_SIGNS),
         parameters=signed("force"),
         tune=_tune_tension_offset,
     ),
@@ -94,7 +94,7 @@ MECHANISMS = (
         unit="1",
         typical=0.03,
         bound=0.4,
-        structures=each_wire("tension_scale", BOTH_SIGNS),
+        structures=each_tendon("tension_scale", BOTH_SIGNS),
         parameters=signed("excess"),
         tune=_tune_tension_scale,
     ),

@@ -20,7 +20,7 @@ from jmm_agent.vision.marker_detector import MarkerPose, Skip
 
 
 @dataclass(frozen=True)
-class SightWatchOptions:
+class CameraMonitorOptions:
     """When pictures are not believed.
 
     Attributes:
@@ -52,10 +52,10 @@ class SightWatchOptions:
     longest: float = 15.0
 
 
-class CameraWatch:
+class FrozenCameraMonitor:
     """Notices that no new picture comes, or that the newest is an old one."""
 
-    def __init__(self, options: SightWatchOptions) -> None:
+    def __init__(self, options: CameraMonitorOptions) -> None:
         self._options = options
         self.reset()
 
@@ -117,7 +117,7 @@ class CameraWatch:
         return self._silent or self._same
 
 
-class MarkerWatch:
+class MarkerMonitor:
     """Compares each frame with where the marker must be.
 
     Args:
@@ -125,7 +125,7 @@ class MarkerWatch:
         options: thresholds.
     """
 
-    def __init__(self, camera: Camera, options: SightWatchOptions) -> None:
+    def __init__(self, camera: Camera, options: CameraMonitorOptions) -> None:
         self._focal = camera.focal_px
         self._half = np.array([camera.width, camera.height]) / 2.0
         self._options = options

@@ -20,7 +20,7 @@ ENCODER_DEAD = "encoder_dead"
 ENCODER_STUCK = "encoder_stuck"
 ENCODER_JUMP = "encoder_jump"
 TENSION_SENSOR_DEAD = "tension_sensor_dead"
-WIRE_SNAPPED = "wire_snapped"
+MUSCLE_SNAPPED = "muscle_snapped"
 CAMERA_FROZEN = "camera_frozen"
 MARKER_HIDDEN = "marker_hidden"
 SECOND_MARKER = "second_marker"
@@ -33,7 +33,7 @@ KINDS = {
     ENCODER_STUCK: "the encoder's reading no longer changes, not even by its noise",
     ENCODER_JUMP: "the encoder's reading jumped farther than a wire can move",
     TENSION_SENSOR_DEAD: "the tension sensor reads nothing, but the wire still moves as it should",
-    WIRE_SNAPPED: "the wire has no tension and its motor winds it up",
+    MUSCLE_SNAPPED: "the wire has no tension and its motor winds it up",
     CAMERA_FROZEN: "no new picture comes, or the same one again while the hand moves",
     MARKER_HIDDEN: "the marker is not seen where it must be in view",
     SECOND_MARKER: "the hand's marker is in the picture more than once",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jmm_agent.guard.camera_monitor import CameraWatch, MarkerWatch, SightWatchOptions
+from jmm_agent.guard.camera_monitor import CameraMonitorOptions, FrozenCameraMonitor, MarkerMonitor
 from jmm_agent.guard.faults import (
     CAMERA_FROZEN,
     COMMAND_LATE,
@@ -20,8 +20,13 @@ from jmm_agent.guard.faults import (
     Fault,
     MotorControl,
 )
-from jmm_agent.guard.motion_monitor import LateWatch, LateWatchOptions, PushWatch, PushWatchOptions
-from jmm_agent.guard.muscle_monitor import Felt, WireWatch, WireWatchOptions
+from jmm_agent.guard.motion_monitor import (
+    DelayMonitor,
+    DelayMonitorOptions,
+    DisturbanceMonitor,
+    DisturbanceMonitorOptions,
+)
+from jmm_agent.guard.muscle_monitor import FilteredReadings, MuscleMonitor, MuscleMonitorOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.nominal_model import Floats
 from jmm_agent.vision.camera import Camera
@@ -51,10 +56,10 @@ class GuardOptions:
     learned: int = 8
     history: float = 2.0
     take_back: float = 1.0
-    wires: WireWatchOptions = field(default_factory=WireWatchOptions)
-    late: LateWatchOptions = field(default_factory=LateWatchOptions)
-    push: PushWatchOptions = field(default_factory=PushWatchOptions)
-    sight: SightWatchOptions = field(default_factory=SightWatchOptions)
+    muscles: MuscleMonitorOptions = field(default_factory=MuscleMonitorOptions)
+    late: DelayMonitorOptions = field(default_factory=DelayMonitorOptions)
+    push: DisturbanceMonitorOptions = field(default_factory=DisturbanceMonitorOptions)
+    sight: CameraMonitorOptions = field(default_factory=CameraMonitorOptions)
 
 
 class Guard:
@@ -84,17 +89,17 @@ class Guard:
         self.options = options = options or GuardOptions()
         self._kinematics, self._gravity = kinematics, gravity
         self._motors = motors = motors or MotorControl()
-        self._wires = WireWatch(muscles, motors, options.wires)
-        self._late = LateWatch(motors, options.late)
-        self._push = PushWatch(options.push)
-        self._camera = CameraWatch(options.sight)
-        self._marker = MarkerWatch(camera, options.sight)
-        self._felt: Felt
+        self._muscles = MuscleMonitor(muscles, motors, options.muscles)
+        self._late = DelayMonitor(motors, options.late)
+        self._push = DisturbanceMonitor(options.push)
+        self._camera = FrozenCameraMonitor(options.sight)
+        self._marker = MarkerMonitor(camera, options.sight)
+        self._felt: FilteredReadings
         self.reset()
 
     def reset(self) -> None:
         """Forget the robot's state, as at the start of an episode."""
-        for watch in (self._wires, self._late, self._push, self._camera, self._marker):
+        for watch in (self._muscles, self._late, self._push, self._camera, self._marker):
             watch.reset()
         self._estimates = deque[tuple[float, Floats]]()
         self._steps, self._force_time = 0, -np.inf
@@ -109,15 +114,15 @@ class Guard:
 
     def feel(
         self, period: float, lengths: Floats, tensions: Floats, command: Floats, expected: Floats
-    ) -> Felt:
-        """What can be used of the readings; see `WireWatch.update`."""
-        self._felt = felt = self._wires.update(period, lengths, tensions, command, expected)
+    ) -> FilteredReadings:
+        """What can be used of the readings; see `MuscleMonitor.update`."""
+        self._felt = felt = self._muscles.update(period, lengths, tensions, command, expected)
         self._late.update(felt.lengths, felt.tensions, command, ~(felt.doubted | felt.numb))
         return felt
 
-    def trust(self, looks: int) -> None:
+    def trust(self, observations: int) -> None:
         """Trust the map if enough looks are remembered that it learned from."""
-        self._trusted = looks >= self.options.learned
+        self._trusted = observations >= self.options.learned
 
     def watch_hand(self, time: float, estimate: Floats, map_jacobian: Callable[[], Floats]) -> None:
         """Look for a push, where all wires can be believed.
@@ -188,7 +193,7 @@ class Guard:
         return any(fault not in known for fault in found)
 
     def _found(self) -> Iterator[tuple[str, str]]:
-        yield from self._wires.found()
+        yield from self._muscles.found()
         if self._late.late:
             yield COMMAND_LATE, "commands"
         if self._push.pushed:

@@ -13,7 +13,7 @@ from jmm_agent.nominal_model import Floats
 
 
 @dataclass(frozen=True)
-class LateWatchOptions:
+class DelayMonitorOptions:
     """When commands count as late.
 
     Attributes:
@@ -31,7 +31,7 @@ class LateWatchOptions:
     shortest: int = 2
 
 
-class LateWatch:
+class DelayMonitor:
     """Compares measured tensions with what the newest and what older commands demand.
 
     Args:
@@ -39,7 +39,7 @@ class LateWatch:
         options: thresholds.
     """
 
-    def __init__(self, motors: MotorControl, options: LateWatchOptions) -> None:
+    def __init__(self, motors: MotorControl, options: DelayMonitorOptions) -> None:
         self._motors, self._options = motors, options
         self.reset()
 
@@ -71,7 +71,7 @@ class LateWatch:
 
 
 @dataclass(frozen=True)
-class PushWatchOptions:
+class DisturbanceMonitorOptions:
     """When a force on the hand counts as a push.
 
     Attributes:
@@ -99,7 +99,7 @@ class PushWatchOptions:
     longest: float = 30.0
 
 
-class PushWatch:
+class DisturbanceMonitor:
     """Finds the force on the hand that balances tensions and gravity best, and sees it change.
 
     At rest -G' T + g + J' F = 0 with the muscle Jacobian G, gravity's torques g and the hand's
@@ -107,7 +107,7 @@ class PushWatch:
     changes slowly; a push comes and goes within a fifth of a second.
     """
 
-    def __init__(self, options: PushWatchOptions) -> None:
+    def __init__(self, options: DisturbanceMonitorOptions) -> None:
         self._options = options
         self._variance = options.usual_change**2
         self.reset()

@@ -14,8 +14,8 @@ from jmm_agent.guard.faults import (
     ENCODER_DEAD,
     ENCODER_JUMP,
     ENCODER_STUCK,
+    MUSCLE_SNAPPED,
     TENSION_SENSOR_DEAD,
-    WIRE_SNAPPED,
     MotorControl,
 )
 from jmm_agent.nominal_model import Floats
@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class WireWatchOptions:
+class MuscleMonitorOptions:
     """From when on a reading is not believed.
 
     Attributes:
@@ -57,7 +57,7 @@ class WireWatchOptions:
     doubt_after: float = 0.05
 
 
-class Felt(NamedTuple):
+class FilteredReadings(NamedTuple):
     """Readings that can be used, and which of them are not to be believed.
 
     Attributes:
@@ -75,7 +75,7 @@ class Felt(NamedTuple):
     unsafe: Mask
 
 
-class WireWatch:
+class MuscleMonitor:
     """Watches each wire by its own encoder and tension sensor.
 
     Args:
@@ -85,7 +85,7 @@ class WireWatch:
     """
 
     def __init__(
-        self, muscles: tuple[str, ...], motors: MotorControl, options: WireWatchOptions
+        self, muscles: tuple[str, ...], motors: MotorControl, options: MuscleMonitorOptions
     ) -> None:
         self._muscles, self._motors, self._options = muscles, motors, options
         self._quiet = np.zeros(len(muscles))
@@ -107,7 +107,7 @@ class WireWatch:
 
     def update(
         self, dt: float, lengths: Floats, tensions: Floats, command: Floats, expected: Floats
-    ) -> Felt:
+    ) -> FilteredReadings:
         """Take what was measured while ``command`` was held.
 
         Args:
@@ -129,7 +129,7 @@ class WireWatch:
         unsafe = self._dead | self._stuck | self._jumped | self._snapped
         undecided = (self._slack_time >= self._options.doubt_after) & ~self._numb
         slack = self._slack_time > 0.0
-        return Felt(reading, tensions, unsafe | undecided, self._numb | slack, unsafe)
+        return FilteredReadings(reading, tensions, unsafe | undecided, self._numb | slack, unsafe)
 
     @property
     def _jumped(self) -> Mask:
@@ -180,14 +180,14 @@ class WireWatch:
     def found(self) -> Iterator[tuple[str, str]]:
         """Kind and muscle of every fault that is seen now."""
         intact = ~self._snapped & ~self._dead
-        for kind, wires in (
+        for kind, muscles in (
             (ENCODER_DEAD, self._dead),
-            (WIRE_SNAPPED, self._snapped),
+            (MUSCLE_SNAPPED, self._snapped),
             (TENSION_SENSOR_DEAD, self._numb),
             (ENCODER_STUCK, self._stuck & intact),
             (ENCODER_JUMP, self._jumped & intact & ~self._stuck & self._decided),
         ):
-            for index in np.flatnonzero(wires):
+            for index in np.flatnonzero(muscles):
                 yield kind, self._muscles[index]
 
     @property

@@ -213,7 +213,7 @@ class ArmKinematics:
         reason = self._reason(found, angle <= 1e-3, 0.0, angle, low, high)
         return IkResult(found.x, angle <= 1e-3, 0.0, angle, found.iterations, reason)
 
-    def unseen_subspace(
+    def unobservable_subspace(
         self,
         frame: str,
         q: ArrayLike,

@@ -99,11 +99,11 @@ class MapPrior:
         spread = np.full(len(postures), self.options.noise) if noise is None else noise
         kernels = []
         for rank, group in enumerate(self.map.groups):
-            features, wires = self._features(rank, postures), group.muscle_index
-            history = np.zeros((len(postures), len(wires))) if gave is None else gave[:, wires]
+            features, muscles = self._features(rank, postures), group.muscle_index
+            history = np.zeros((len(postures), len(muscles))) if gave is None else gave[:, muscles]
             for times, alike in _histories(history):
                 given = self.options.give**2 * np.minimum.outer(times, times)
-                kernels.append(GroupKernel(wires[alike], features, spread, given))
+                kernels.append(GroupKernel(muscles[alike], features, spread, given))
         return kernels
 
     def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:

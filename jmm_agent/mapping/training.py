@@ -25,7 +25,7 @@ from jmm_agent.mapping.joint_muscle_map import (
     JointMuscleMap,
 )
 from jmm_agent.mapping.network_fit import Recipe, TrainingError, fit
-from jmm_agent.nominal_model import Drawing, Floats
+from jmm_agent.nominal_model import Floats, NominalModel
 
 Progress = Callable[[str, float], None]
 """Called with a group's name and the fraction of its training that is done."""
@@ -63,7 +63,7 @@ class TrainingReport:
 
 
 def train(
-    drawing: Drawing, seed: int, recipe: Recipe | None = None, progress: Progress | None = None
+    drawing: NominalModel, seed: int, recipe: Recipe | None = None, progress: Progress | None = None
 ) -> tuple[JointMuscleMap, TrainingReport]:
     """Train the map of every group from the drawing.
 
@@ -99,7 +99,7 @@ def train(
 
 
 def load_or_train(
-    drawing: Drawing,
+    drawing: NominalModel,
     seed: int,
     cache_dir: str | os.PathLike[str],
     recipe: Recipe | None = None,
@@ -135,7 +135,7 @@ def load_or_train(
     return jmm, report
 
 
-def content_hash(drawing: Drawing, seed: int, recipe: Recipe) -> str:
+def content_hash(drawing: NominalModel, seed: int, recipe: Recipe) -> str:
     """Hexadecimal digest of the drawing (by its lengths at 256 postures), recipe and seed."""
     x, lengths = _sample(drawing, np.random.default_rng(0), PROBES, 1.0)
     named = (FORMAT, seed, drawing.joints, drawing.muscles, drawing.groups, asdict(recipe))
@@ -150,18 +150,18 @@ def _tell(progress: Progress | None, name: str, done: float) -> None:
         progress(name, done)
 
 
-def _generators(drawing: Drawing, seed: int) -> list[np.random.Generator]:
+def _generators(drawing: NominalModel, seed: int) -> list[np.random.Generator]:
     children = np.random.SeedSequence(seed).spawn(1 + len(drawing.groups))
     return [np.random.default_rng(child) for child in children]
 
 
-def _box(drawing: Drawing) -> tuple[Floats, Floats]:
+def _box(drawing: NominalModel) -> tuple[Floats, Floats]:
     """Centre and half range of the joint limits [rad], each (n,)."""
     return (drawing.upper + drawing.lower) / 2.0, (drawing.upper - drawing.lower) / 2.0
 
 
 def _sample(
-    drawing: Drawing, rng: np.random.Generator, count: int, reach: float
+    drawing: NominalModel, rng: np.random.Generator, count: int, reach: float
 ) -> tuple[Floats, Floats]:
     """Postures (count, n) scaled so that the limits are -1 and 1, and lengths (count, m) [m]."""
     centre, scale = _box(drawing)
@@ -172,7 +172,7 @@ def _sample(
     return x, lengths
 
 
-def _validate(jmm: JointMuscleMap, drawing: Drawing, seed: int) -> list[float]:
+def _validate(jmm: JointMuscleMap, drawing: NominalModel, seed: int) -> list[float]:
     """RMSE [m] by group on postures that no training has seen."""
     x, lengths = _sample(drawing, np.random.default_rng([seed, VALIDATION]), VALIDATION, 1.0)
     centre, scale = _box(drawing)

@@ -18,7 +18,7 @@ from jmm_agent.mapping.learner import Pairs
 
 
 @dataclass(frozen=True)
-class HeldBackOptions:
+class HoldOutOptions:
     """Which looks are held back, and when an update counts as harmful.
 
     Attributes:
@@ -44,7 +44,7 @@ class HeldBackOptions:
             )
 
 
-class HeldBack:
+class HoldOut:
     """Pairs of the looks that are held back, and what they say about updates.
 
     They stay when the updater's ``memory`` is set to what it was before: one wrong pair among
@@ -57,7 +57,7 @@ class HeldBack:
         pairs: newest last; none of them was learned.
     """
 
-    def __init__(self, options: HeldBackOptions, joints: int, muscles: int) -> None:
+    def __init__(self, options: HoldOutOptions, joints: int, muscles: int) -> None:
         self._options = options
         self._believed = self._in_a_row = 0
         self.pairs = Pairs.none(joints, muscles)

@@ -79,7 +79,7 @@ class Detections:
     strangers: tuple[int, ...]
 
 
-class Eyes(Protocol):
+class Detector(Protocol):
     """Whatever finds markers in frames."""
 
     def detect(

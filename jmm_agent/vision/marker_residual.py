@@ -9,7 +9,7 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.nominal_model import Floats
 
 
-class MarkerSight:
+class MarkerResidual:
     """Error of the marker's pose in the camera frame, and how the joints change it.
 
     Args:

@@ -40,7 +40,7 @@ ALONE_STEPS = 100
 """Gauss-Newton steps at most for one look alone."""
 
 
-class Look(NamedTuple):
+class MarkerObservation(NamedTuple):
     """One settled posture in which the marker was seen.
 
     Attributes:
@@ -55,7 +55,7 @@ class Look(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LooksOptions:
+class ObservationFitOptions:
     """How sure the fit is of what.
 
     Attributes:
@@ -84,7 +84,7 @@ class LooksOptions:
     give_recent: int = 5
 
 
-class LooksFit(NamedTuple):
+class ObservationFit(NamedTuple):
     """Joint angles of all looks (K, n) [rad], whether the fit came to rest, and what vision says.
 
     `sight_error` holds for each look the norms of position [m] and rotation [rad] left over.
@@ -95,15 +95,15 @@ class LooksFit(NamedTuple):
     sight_error: Floats
 
 
-def fit_looks(
-    looks: Sequence[Look],
+def fit_observations(
+    observations: Sequence[MarkerObservation],
     prior: MapPrior,
     sight: Sight,
     limits: Floats,
-    options: LooksOptions,
+    options: ObservationFitOptions,
     start: Floats | None = None,
     gave: Floats | None = None,
-) -> LooksFit:
+) -> ObservationFit:
     """Joint angles of all looks at once (module docstring).
 
     Args:
@@ -115,9 +115,9 @@ def fit_looks(
         gave: (K, m) how often each wire gave for good since each look; never if left out.
     """
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
-    guesses = np.array([look.guess for look in looks]) if start is None else start
+    guesses = np.array([look.guess for look in observations]) if start is None else start
     angles = np.clip(guesses, low, high)
-    problem = LooksProblem(looks, prior, sight, options, gave)
+    problem = ObservationProblem(observations, prior, sight, options, gave)
     cost, errors = problem.cost(angles)
     damping, converged = 1e-3, False
     for _ in range(options.steps):
@@ -148,10 +148,12 @@ def fit_looks(
     norms = np.column_stack(
         [np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)]
     )
-    return LooksFit(angles, converged, norms)
+    return ObservationFit(angles, converged, norms)
 
 
-def fit_alone(look: Look, sight: Sight, limits: Floats, options: LooksOptions) -> LooksFit:
+def fit_alone(
+    look: MarkerObservation, sight: Sight, limits: Floats, options: ObservationFitOptions
+) -> ObservationFit:
     """Joint angles of one look, as near as possible to its guess: the paper's IK (sec. III-C)."""
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
     root = np.repeat([1.0 / options.position_noise, 1.0 / options.rotation_noise], 3)
@@ -165,27 +167,27 @@ def fit_alone(look: Look, sight: Sight, limits: Floats, options: LooksOptions) -
     found = minimise(residual, start, low, high, pull, ALONE_STEPS)
     error = sight(found.x, look.pose)[0]
     norms = np.array([[np.linalg.norm(error[:3]), np.linalg.norm(error[3:])]])
-    return LooksFit(found.x[None], found.stationary, norms)
+    return ObservationFit(found.x[None], found.stationary, norms)
 
 
-class LooksProblem:
-    """What `fit_looks` minimises; joint angles are (K, n) [rad]."""
+class ObservationProblem:
+    """What `fit_observations` minimises; joint angles are (K, n) [rad]."""
 
     def __init__(
         self,
-        looks: Sequence[Look],
+        observations: Sequence[MarkerObservation],
         prior: MapPrior,
         sight: Sight,
-        options: LooksOptions,
+        options: ObservationFitOptions,
         gave: Floats | None = None,
     ) -> None:
-        self._looks, self._prior, self._sight, self._gave = looks, prior, sight, gave
-        self._lengths = np.array([look.lengths for look in looks])
+        self._observations, self._prior, self._sight, self._gave = observations, prior, sight, gave
+        self._lengths = np.array([look.lengths for look in observations])
         self._weight = np.repeat([options.position_noise**-2, options.rotation_noise**-2], 3)
 
     def cost(self, angles: Floats) -> tuple[float, Floats]:
         """Cost, and the errors of sight (K, 6)."""
-        pairs = zip(angles, self._looks, strict=True)
+        pairs = zip(angles, self._observations, strict=True)
         errors = np.array([self._sight(q, look.pose)[0] for q, look in pairs])
         residual = self._lengths - self._prior.map.lengths(angles)
         cost = float(np.sum(self._weight * errors**2))
@@ -201,7 +203,7 @@ class LooksProblem:
         residual = self._lengths - expected
         matrix = np.zeros((count, joints, count, joints))
         gradient = np.zeros((count, joints))
-        for k, (q, look) in enumerate(zip(angles, self._looks, strict=True)):
+        for k, (q, look) in enumerate(zip(angles, self._observations, strict=True)):
             error, slope = self._sight(q, look.pose)
             matrix[k, :, k, :] += slope.T @ (self._weight[:, None] * slope)
             gradient[k] += slope.T @ (self._weight * error)

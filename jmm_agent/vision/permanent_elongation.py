@@ -31,52 +31,54 @@ from scipy.linalg import cho_factor, cho_solve
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.nominal_model import Floats
 from jmm_agent.vision.observation_fit import (
-    Look,
-    LooksFit,
-    LooksOptions,
-    LooksProblem,
+    MarkerObservation,
+    ObservationFit,
+    ObservationFitOptions,
+    ObservationProblem,
     Sight,
-    fit_looks,
+    fit_observations,
 )
 
 HOLD = 1e-6
 """Added to the Gauss-Newton matrix, relative to its diagonal."""
 
 
-def fit_with_gives(
-    looks: Sequence[Look],
+def fit_with_elongation(
+    observations: Sequence[MarkerObservation],
     prior: MapPrior,
     sight: Sight,
     limits: Floats,
-    options: LooksOptions,
+    options: ObservationFitOptions,
     start: Floats,
     gave: Floats,
-) -> tuple[LooksFit, Floats]:
-    """`fit_looks`, and which wires gave among the newest looks.
+) -> tuple[ObservationFit, Floats]:
+    """`fit_observations`, and which wires gave among the newest looks.
 
     Args:
-        looks, prior, sight, limits, options, start: of `fit_looks`.
+        looks, prior, sight, limits, options, start: of `fit_observations`.
         gave: (K, m) how often each wire gave since each look, as believed so far.
 
     Returns:
         the fit, and how often each wire gave since each look (K, m).
     """
-    fit = fit_looks(looks, prior, sight, limits, options, start, gave)
-    recent = min(options.give_recent, len(looks) - 1)
+    fit = fit_observations(observations, prior, sight, limits, options, start, gave)
+    recent = min(options.give_recent, len(observations) - 1)
     if recent < 1 or options.give_evidence == np.inf:
         return fit, gave
     for _ in range(gave.shape[1]):
-        evidence = log_bayes_factors(looks, prior, sight, options, fit.angles, gave, recent)
+        evidence = log_bayes_factors(observations, prior, sight, options, fit.angles, gave, recent)
         if evidence.max() < options.give_evidence:
             break
         look, muscle = np.unravel_index(evidence.argmax(), evidence.shape)
         gave = gave.copy()
-        gave[: len(looks) - recent + look, muscle] += 1.0
-        fit = fit_looks(looks, prior, sight, limits, options, fit.angles, gave)
+        gave[: len(observations) - recent + look, muscle] += 1.0
+        fit = fit_observations(observations, prior, sight, limits, options, fit.angles, gave)
     return fit, gave
 
 
-def elongations(looks: Sequence[Look], prior: MapPrior, angles: Floats, gave: Floats) -> Floats:
+def elongations(
+    observations: Sequence[MarkerObservation], prior: MapPrior, angles: Floats, gave: Floats
+) -> Floats:
     """By how much the length of each wire at each look (K, m) [m] exceeds what it would be now.
 
     Args:
@@ -85,7 +87,7 @@ def elongations(looks: Sequence[Look], prior: MapPrior, angles: Floats, gave: Fl
         angles: their joint angles (K, n) [rad].
         gave: (K, m) how often each wire gave since each look.
     """
-    residual = np.array([look.lengths for look in looks]) - prior.map.lengths(angles)
+    residual = np.array([look.lengths for look in observations]) - prior.map.lengths(angles)
     found = np.zeros_like(residual)
     if gave.any():
         for kernel in prior.groups(angles, gave=gave):
@@ -94,10 +96,10 @@ def elongations(looks: Sequence[Look], prior: MapPrior, angles: Floats, gave: Fl
 
 
 def log_bayes_factors(
-    looks: Sequence[Look],
+    observations: Sequence[MarkerObservation],
     prior: MapPrior,
     sight: Sight,
-    options: LooksOptions,
+    options: ObservationFitOptions,
     angles: Floats,
     gave: Floats,
     recent: int,
@@ -105,18 +107,20 @@ def log_bayes_factors(
     """Evidence that a wire gave just before each of the newest looks, (recent, m).
 
     Args:
-        looks, prior, sight, options: of `fit_looks`.
+        looks, prior, sight, options: of `fit_observations`.
         angles: joint angles of the looks (K, n) [rad], at or near the fit's.
         gave: (K, m) how often each wire gave since each look, as believed so far.
         recent: number of newest looks, below K.
     """
-    count, give = len(looks), prior.options.give
-    matrix, gradient = LooksProblem(looks, prior, sight, options, gave).normal_equations(angles)
+    count, give = len(observations), prior.options.give
+    matrix, gradient = ObservationProblem(
+        observations, prior, sight, options, gave
+    ).normal_equations(angles)
     matrix[np.diag_indices_from(matrix)] *= 1.0 + HOLD
     factor = cho_factor(matrix)
     left = cho_solve(factor, gradient)
     expected, jacobian = prior.map.lengths_and_jacobian(angles)
-    residual = np.array([look.lengths for look in looks]) - expected
+    residual = np.array([look.lengths for look in observations]) - expected
     steps = np.tri(count, k=-1).T[:, count - recent :]  # u, a column each
     evidence = np.zeros((recent, gave.shape[1]))
     for kernel in prior.groups(angles, gave=gave):

@@ -22,7 +22,7 @@ from kengoro.arm import shuffled_postures
 from kengoro.errors import UsageError
 from kengoro.recording import Arm, Tour, elbow, record, whole_arm
 from kengoro.study_writer import write_study
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 ARMS = {"whole": whole_arm, "elbow": elbow}
 
@@ -66,9 +66,9 @@ def main(args: Args) -> None:
         for number, tour in enumerate(_tours(args, arm))
     ]
     write_study(args.out, NAMES[args.arm], arm, recordings)
-    looks = sum(len(recording.look_time) for recording in recordings)
+    observations = sum(len(recording.observation_time) for recording in recordings)
     rows = sum(len(recording.time) for recording in recordings)
-    Console().print(f"{args.out}/STUDY.yaml: {rows} rows, {looks} looks at the hand")
+    Console().print(f"{args.out}/STUDY.yaml: {rows} rows, {observations} looks at the hand")
 
 
 def _check(args: Args) -> None:
@@ -82,7 +82,7 @@ def _check(args: Args) -> None:
 
 
 def _tours(args: Args, arm: Arm) -> list[Tour]:
-    joints = ArmDrawing(arm.scene)
+    joints = NominalArm(arm.scene)
     if args.targets is not None:
         postures = read_targets(args.targets, joints)
         return [
@@ -101,7 +101,7 @@ def _postures(args: Args, count: int) -> Floats:
     return postures[np.arange(count) % len(postures)]
 
 
-def read_targets(path: Path, arm: ArmDrawing) -> Floats:
+def read_targets(path: Path, arm: NominalArm) -> Floats:
     """Postures (K, n) [rad] from a CSV file in degrees with the joints' names as header.
 
     Raises:

@@ -39,8 +39,8 @@ MOST_POINTS = 600
 FULL_TENSION = 300.0
 """Tension of the last colour of the wires [N]; higher ones have it, too."""
 
-WIRE_COLOURS = "autumn_r"
-WIRE_WIDTH = 0.003
+MUSCLE_COLOURS = "autumn_r"
+MUSCLE_WIDTH = 0.003
 """Radius of the wires as shown [m]; twice the true one, so that colours are seen."""
 
 SEEN, BELIEVED = "#00a02c", "#1452ff"
@@ -87,7 +87,7 @@ class Moment(NamedTuple):
     doing: str
     tensions: Floats
     marks: Marks
-    look_time: float | None
+    observation_time: float | None
 
 
 class Curves(NamedTuple):
@@ -103,7 +103,7 @@ class Curves(NamedTuple):
     time: Floats
     true_deg: Floats
     true_mm: Floats
-    look_time: Floats
+    observation_time: Floats
     seen_deg: Floats
     seen_mm: Floats
 
@@ -113,7 +113,7 @@ class Story:
 
     def __init__(self) -> None:
         self._rows: list[tuple[float, float, float]] = []
-        self._looks: list[tuple[float, float, float]] = []
+        self._observations: list[tuple[float, float, float]] = []
         self._seen: object = None
         self._at_look: tuple[Floats, Floats] | None = None
 
@@ -123,7 +123,7 @@ class Story:
         if agent.seen is not None and agent.seen is not self._seen:
             self._seen = agent.seen
             seen, error = agent.seen.angles, agent.seen.error
-            self._looks.append((session.time, *_error(seen + error, seen)))
+            self._observations.append((session.time, *_error(seen + error, seen)))
             self._note_marker(session, seen + error)
         if not self._rows or session.time >= self._rows[-1][0] + NOTE_PERIOD - 1e-9:
             error_now = _error(agent.joint_angles, session.truth["joint_angles"])
@@ -147,13 +147,13 @@ class Story:
             session.stage or learning,
             session.world.robot.tensions,
             Marks(believed, *(self._at_look or ())),
-            self._looks[-1][0] if self._looks else None,
+            self._observations[-1][0] if self._observations else None,
         )
 
     def curves(self) -> Curves:
         """The curves so far, thinned to `MOST_POINTS`."""
         rows = np.array(self._rows[:: 1 + len(self._rows) // MOST_POINTS]).reshape(-1, 3)
-        return Curves(*rows.T, *np.array(self._looks).reshape(-1, 3).T)
+        return Curves(*rows.T, *np.array(self._observations).reshape(-1, 3).T)
 
 
 def _error(one: Floats, other: Floats) -> tuple[float, float]:
@@ -188,8 +188,8 @@ class Scene:
     ) -> None:
         self.model = model.__copy__()
         self.data = mujoco.MjData(self.model)
-        self._wires = [self.model.tendon(name).id for name in muscles]
-        self.model.tendon_width[self._wires] = WIRE_WIDTH
+        self._muscles = [self.model.tendon(name).id for name in muscles]
+        self.model.tendon_width[self._muscles] = MUSCLE_WIDTH
         joints = {self.model.joint(j).name for j in range(self.model.njnt)}
         spooled = [name for name in muscles if spool_joint(name) in joints]
         self._spooled = [self.model.tendon(name).id for name in spooled]
@@ -201,7 +201,7 @@ class Scene:
         points = self.data.wrap_xpos.reshape(-1, 3)
         ends = self.data.ten_wrapadr[self._spooled]
         points[ends] = points[ends + 1]  # from the spool to the guide: no length
-        self.model.tendon_rgba[self._wires] = wire_colours(moment.tensions)
+        self.model.tendon_rgba[self._muscles] = muscle_colours(moment.tensions)
 
     def draw(self, marks: Marks) -> Image:
         """The view from outside with the marks, (height, width, 3) uint8, RGB."""
@@ -212,7 +212,7 @@ class Scene:
         self._painter.close()
 
 
-def look_from_outside(camera: mujoco.MjvCamera, data: mujoco.MjData) -> None:
+def place_outside_camera(camera: mujoco.MjvCamera, data: mujoco.MjData) -> None:
     """Put a camera that can be moved where the one is that looks from outside."""
     outside = data.camera(OUTSIDE)
     forward = -outside.xmat.reshape(3, 3)[:, 2]
@@ -223,9 +223,9 @@ def look_from_outside(camera: mujoco.MjvCamera, data: mujoco.MjData) -> None:
     camera.elevation = np.degrees(np.arcsin(forward[2]))
 
 
-def wire_colours(tensions: Floats) -> Floats:
+def muscle_colours(tensions: Floats) -> Floats:
     """Colours (m, 4) of wires, red, green, blue and opacity in [0, 1], by tension (m,) [N]."""
-    colours: Floats = colormaps[WIRE_COLOURS](np.clip(tensions / FULL_TENSION, 0.0, 1.0))
+    colours: Floats = colormaps[MUSCLE_COLOURS](np.clip(tensions / FULL_TENSION, 0.0, 1.0))
     return colours
 
 
@@ -267,7 +267,7 @@ class Panel:
         colours = figure.add_axes((0.15, 0.885, 0.8, 0.02))
         joints = figure.add_axes((0.15, 0.45, 0.8, 0.34))
         hand = figure.add_axes((0.15, 0.08, 0.8, 0.33))
-        scale = ScalarMappable(Normalize(0.0, FULL_TENSION), WIRE_COLOURS)
+        scale = ScalarMappable(Normalize(0.0, FULL_TENSION), MUSCLE_COLOURS)
         figure.colorbar(
             scale, colours, orientation="horizontal", extend="max", label="tension of a wire [N]"
         )
@@ -287,7 +287,7 @@ class Panel:
         errors = (curves.true_deg, curves.seen_deg), (curves.true_mm, curves.seen_mm)
         for axes, (line, dots), (true, seen) in zip(self._axes, self._lines, errors, strict=True):
             line.set_data(curves.time, true)
-            dots.set_data(curves.look_time, seen)
+            dots.set_data(curves.observation_time, seen)
             axes.set_ylim(0.0, 1.15 * max([1e-3, *true, *seen]))
             axes.set_xlim(0.0, 1.03 * max([1.0, *curves.time]))
         self._canvas.draw()

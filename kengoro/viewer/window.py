@@ -17,7 +17,15 @@ from typing import NamedTuple
 from rich import get_console
 
 from kengoro.session import Session
-from kengoro.viewer.scene import Curves, Moment, Panel, Scene, Story, add_marks, look_from_outside
+from kengoro.viewer.scene import (
+    Curves,
+    Moment,
+    Panel,
+    Scene,
+    Story,
+    add_marks,
+    place_outside_camera,
+)
 from kengoro.viewer.web import Broadcast, PageServer, Shown, data_url
 from kengoro_env.vision.rendering import RenderingError, has_display, open_viewer
 
@@ -166,7 +174,7 @@ class Viewer:
         others = set(threading.enumerate())
         self._viewer = open_viewer(scene.model, scene.data)
         with self._viewer.lock():
-            look_from_outside(self._viewer.cam, scene.data)
+            place_outside_camera(self._viewer.cam, scene.data)
         self._threads = set(threading.enumerate()) - others  # MuJoCo does not hand them out
 
     @property
@@ -197,6 +205,6 @@ class Viewer:
 def state_texts(moment: Moment) -> dict[str, str]:
     """What is told of a moment: the clock, what the robot does, and how old the newest look is."""
     look = "The hand was not seen yet"
-    if moment.look_time is not None:
-        look = f"The hand was seen {moment.time - moment.look_time:.1f} s ago"
+    if moment.observation_time is not None:
+        look = f"The hand was seen {moment.time - moment.observation_time:.1f} s ago"
     return {"clock": f"{moment.time:.1f} s of its time", "doing": moment.doing, "look": look}

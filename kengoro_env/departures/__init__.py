@@ -13,7 +13,7 @@ from kengoro_env.departures.sensors import (
     TensionSensorError,
     ZeroPosture,
 )
-from kengoro_env.departures.tendons import DryFriction, Elongation, MotorInertia, WireStretch
+from kengoro_env.departures.tendons import DryFriction, Elongation, MotorInertia, TendonStretch
 
 __all__ = [
     "AttachmentDisplacement",
@@ -24,8 +24,8 @@ __all__ = [
     "EncoderError",
     "FrameDelay",
     "MotorInertia",
+    "TendonStretch",
     "TensionSensorError",
-    "WireStretch",
     "ZeroPosture",
     "actual",
     "drawing",

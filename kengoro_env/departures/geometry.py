@@ -50,7 +50,7 @@ class Bone:
     position: tuple[float, float, float]
     radius: float
     axis: tuple[float, float, float] | None
-    wires: tuple[tuple[str, int, tuple[float, float, float]], ...]
+    tendons: tuple[tuple[str, int, tuple[float, float, float]], ...]
 
 
 BONES: dict[str, Bone] = {
@@ -99,8 +99,8 @@ class BoneWrapping:
             return
         for name, bone in BONES.items():
             body = draft.spec.body(bone.body)
-            wires = [wire for wire in bone.wires if wire[0] in draft.wires]
-            if not wires:  # a scene with a part of the arm only
+            tendons = [tendon for tendon in bone.tendons if tendon[0] in draft.tendons]
+            if not tendons:  # a scene with a part of the arm only
                 continue
             radius = self.scale * bone.radius
             geom = body.add_geom(
@@ -117,11 +117,11 @@ class BoneWrapping:
             )
             if bone.axis is not None:
                 geom.alt.zaxis = np.array(bone.axis)
-            for muscle, segment, side in wires:
+            for muscle, segment, side in tendons:
                 direction = np.array(side) / np.linalg.norm(side)
                 site = body.add_site(
                     name=f"side_{name}_{muscle}",
                     pos=np.array(bone.position) + 1.5 * bone.radius * direction,
                     group=4,
                 )
-                draft.wire(muscle).wraps[segment] = (geom.name, site.name)
+                draft.tendon(muscle).wraps[segment] = (geom.name, site.name)

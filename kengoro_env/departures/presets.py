@@ -12,7 +12,7 @@ from kengoro_env.departures.sensors import (
     TensionSensorError,
     ZeroPosture,
 )
-from kengoro_env.departures.tendons import DryFriction, MotorInertia, WireStretch
+from kengoro_env.departures.tendons import DryFriction, MotorInertia, TendonStretch
 from kengoro_env.robot.draft import Departure
 
 
@@ -29,7 +29,7 @@ def actual(seed: int) -> tuple[Departure, ...]:
     return (
         AttachmentDisplacement(sigma=0.004, seed=seed),
         BoneWrapping(scale=1.0),
-        WireStretch(compliance=1 / 100_000, hardening=4e6),
+        TendonStretch(compliance=1 / 100_000, hardening=4e6),
         MotorInertia(inertia=1.0),
         DryFriction(constant=1.0, ratio=0.02),
         EncoderError(offset=0.001, noise=0.0001, quantum=0.00005, seed=seed),

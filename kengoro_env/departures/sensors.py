@@ -33,13 +33,13 @@ class EncoderError:
         """Write offsets, noise and quantum into the senses."""
         if self.offset > 0.0:
             rng = np.random.default_rng([self.seed, 102])
-            draft.senses.length_offset = {
-                muscle: self.offset * float(rng.standard_normal()) for muscle in draft.wires
+            draft.sensor_errors.length_offset = {
+                muscle: self.offset * float(rng.standard_normal()) for muscle in draft.tendons
             }
         if self.noise > 0.0:
-            draft.senses.length_noise = self.noise
+            draft.sensor_errors.length_noise = self.noise
         if self.quantum > 0.0:
-            draft.senses.length_quantum = self.quantum
+            draft.sensor_errors.length_quantum = self.quantum
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ class TensionSensorError:
     def edit(self, draft: Draft) -> None:
         """Write noise and offsets into the senses."""
         if self.noise > 0.0:
-            draft.senses.tension_noise = self.noise
+            draft.sensor_errors.tension_noise = self.noise
         if self.offset > 0.0:
             rng = np.random.default_rng([self.seed, 103])
-            draft.senses.tension_offset = {
-                muscle: self.offset * float(rng.standard_normal()) for muscle in draft.wires
+            draft.sensor_errors.tension_offset = {
+                muscle: self.offset * float(rng.standard_normal()) for muscle in draft.tendons
             }
 
 
@@ -126,7 +126,7 @@ class FrameDelay:
     def edit(self, draft: Draft) -> None:
         """Write the delay into the senses."""
         if self.delay > 0.0:
-            draft.senses.frame_delay = self.delay
+            draft.sensor_errors.frame_delay = self.delay
 
 
 @dataclass(frozen=True)
@@ -163,4 +163,4 @@ class ZeroPosture:
                 side = {"elbow": 1, "sh_roll": -1}.get(joint, int(rng.choice([-1, 1])))
                 share = side * float(rng.uniform(0.5, 1.5))
                 if joint in known:
-                    draft.senses.zero_posture[joint] = share * angle[group]
+                    draft.sensor_errors.zero_posture[joint] = share * angle[group]

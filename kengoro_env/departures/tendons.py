@@ -8,7 +8,7 @@ from kengoro_env.robot.draft import Draft, Event
 
 
 @dataclass(frozen=True)
-class WireStretch:
+class TendonStretch:
     """Wires are one-sided springs that harden: x = compliance T at small tension T.
 
     Tension is T = x / compliance + hardening x^2 for a stretch x > 0, and 0 for a slack wire.
@@ -25,8 +25,8 @@ class WireStretch:
         """Put every wire on a spool and let it stretch."""
         if self.compliance == 0.0:
             return
-        for wire in draft.wires.values():
-            wire.stiffness = (1.0 / self.compliance, self.hardening, 0.0)
+        for tendon in draft.tendons.values():
+            tendon.stiffness = (1.0 / self.compliance, self.hardening, 0.0)
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Elongation:
         """Lengthen the wire now, or note when it will give."""
         if self.length == 0.0:
             return
-        wire = draft.wire(self.muscle)
+        tendon = draft.tendon(self.muscle)
         if self.time > 0.0:
             draft.events.append(Event(self.time, self.muscle, self.length))
         else:
-            wire.elongation = self.length
+            tendon.elongation = self.length
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class DryFriction:
         """Give every wire its friction."""
         if self.constant == 0.0 and self.ratio == 0.0:
             return
-        for wire in draft.wires.values():
-            wire.friction, wire.friction_ratio = self.constant, self.ratio
+        for tendon in draft.tendons.values():
+            tendon.friction, tendon.friction_ratio = self.constant, self.ratio
 
 
 @dataclass(frozen=True)
@@ -82,5 +82,5 @@ class MotorInertia:
         """Give every motor its inertia."""
         if self.inertia == 0.0:
             return
-        for wire in draft.wires.values():
-            wire.motor_inertia = self.inertia
+        for tendon in draft.tendons.values():
+            tendon.motor_inertia = self.inertia

@@ -124,11 +124,11 @@ class Body(ABC):
         """What encoders (m,) [m] and tension sensors (m,) [N] read; where it is true, ``now``'s."""
         return self._sensors.read(now.lengths, now.tensions, self._noise)
 
-    def sense_lengths(self) -> Array:
+    def measured_lengths(self) -> Array:
         """What the encoders read (m,) [m]: with offset, noise and quantum."""
         return self._sensors.read_lengths(self.lengths, self._noise)
 
-    def sense_tensions(self) -> Array:
+    def measured_tensions(self) -> Array:
         """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
         return self._sensors.read_tensions(self.tensions, self._noise)
 

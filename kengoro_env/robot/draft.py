@@ -27,7 +27,7 @@ class UnknownNameError(KengoroError):
 
 
 @dataclass
-class Wire:
+class TendonSpec:
     """What departs from an ideal wire on an ideal motor. All zero or None: the drawing's wire.
 
     Attributes:
@@ -49,7 +49,7 @@ class Wire:
 
 
 @dataclass
-class Senses:
+class SensorErrors:
     """How the robot's senses depart from the truth.
 
     Attributes:
@@ -92,20 +92,20 @@ class Draft:
     """
 
     spec: mujoco.MjSpec
-    wires: dict[str, Wire]
-    senses: Senses = field(default_factory=Senses)
+    tendons: dict[str, TendonSpec]
+    sensor_errors: SensorErrors = field(default_factory=SensorErrors)
     events: list[Event] = field(default_factory=list)
 
     @classmethod
     def of(cls, spec: mujoco.MjSpec) -> Draft:
         """A draft without departures on a copy of ``spec``."""
-        return cls(spec.copy(), {tendon.name: Wire() for tendon in spec.tendons})
+        return cls(spec.copy(), {tendon.name: TendonSpec() for tendon in spec.tendons})
 
-    def wire(self, muscle: str) -> Wire:
+    def tendon(self, muscle: str) -> TendonSpec:
         """The wire of a muscle; `UnknownNameError` lists the muscles there are."""
-        if muscle not in self.wires:
-            raise UnknownNameError("muscle", muscle, self.wires)
-        return self.wires[muscle]
+        if muscle not in self.tendons:
+            raise UnknownNameError("muscle", muscle, self.tendons)
+        return self.tendons[muscle]
 
 
 class Departure(Protocol):

@@ -53,20 +53,20 @@ class Motors:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, draft: Draft, gains: Gains):
-        self.muscles = tuple(draft.wires)
+        self.muscles = tuple(draft.tendons)
         self._model: Any = model
         self._data: Any = data
         self._limit = gains.limit
-        wires = list(draft.wires.values())
+        planned = list(draft.tendons.values())
         # NumPy is faster with an array than with a number.
         self._limits, self._damping, self._none = (
-            np.full(len(wires), value) for value in (gains.limit, MOTOR_DAMPING, 0.0)
+            np.full(len(planned), value) for value in (gains.limit, MOTOR_DAMPING, 0.0)
         )
         tendons = np.array([model.tendon(name).id for name in self.muscles])
         self._tendon = index_of(tendons)
         actuators = np.array([model.actuator(name).id for name in self.muscles])
         self._actuator = index_of(actuators)
-        self._spooled = np.array([wire.stiffness is not None for wire in wires])
+        self._spooled = np.array([tendon.stiffness is not None for tendon in planned])
         self._has_spools, self._all_spooled = bool(self._spooled.any()), bool(self._spooled.all())
         spools = [
             model.joint(spool_joint(name))
@@ -76,10 +76,12 @@ class Motors:
         self._spool_position = index_of(np.array([j.qposadr[0] for j in spools], dtype=int))
         self._spool_velocity = np.array([joint.dofadr[0] for joint in spools], dtype=int)
         self._spooled_tendon = tendons[self._spooled]
-        self._polynomial = np.array([wire.stiffness or (0.0, 0.0, 0.0) for wire in wires]).T.copy()
+        self._polynomial = np.array(
+            [tendon.stiffness or (0.0, 0.0, 0.0) for tendon in planned]
+        ).T.copy()
         # A tendon pulls by a negative force on its length, a spool by a positive one on its travel.
         self._sign = np.where(self._spooled, 1.0, -1.0)
-        ratio = np.array([wire.friction_ratio for wire in wires])
+        ratio = np.array([tendon.friction_ratio for tendon in planned])
         straight = ~self._spooled
         self.frictions = tuple(
             GrowingFriction(model, field, places, actuators[these], (self._sign * ratio)[these])
@@ -89,10 +91,10 @@ class Motors:
             )
             if np.any(ratio[these] > 0.0)
         )
-        self._elongation = np.array([wire.elongation for wire in wires])
+        self._elongation = np.array([tendon.elongation for tendon in planned])
         self._elongated = bool(self._elongation.any())
-        self._drum = np.zeros(len(wires))  # paid out when the spool stands at zero
-        self.stiffness, self.bias = (np.zeros(len(wires)) for _ in range(2))
+        self._drum = np.zeros(len(tendons))  # paid out when the spool stands at zero
+        self.stiffness, self.bias = (np.zeros(len(tendons)) for _ in range(2))
         self._look()
         self._lay_out()
         self.set_stiffness(gains.stiffness, gains.bias)

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import load_spec
-from kengoro_env.robot.tendons import wired_joints
+from kengoro_env.robot.tendons import actuated_joints
 
 Array = NDArray[np.float64]
 
 
-class ArmDrawing:
+class NominalArm:
     """The geometric model of the arm: straight wires through their points (paper, sec. II-A).
 
     Attributes:
@@ -26,7 +26,7 @@ class ArmDrawing:
     def __init__(self, scene: Path) -> None:
         self._model = model = load_spec(scene).compile()
         self._data = mujoco.MjData(model)
-        self.joints = wired_joints(model)
+        self.joints = actuated_joints(model)
         self.muscles = tuple(model.tendon(i).name for i in range(model.ntendon))
         addresses = [model.joint(joint) for joint in self.joints]
         self._position = np.array([joint.qposadr[0] for joint in addresses])

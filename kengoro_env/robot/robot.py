@@ -24,8 +24,8 @@ from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.indexing import index_of
 from kengoro_env.robot.motors import DEFAULT_GAINS, Gains, Motors
 from kengoro_env.robot.sensors import Sensors
-from kengoro_env.robot.tendons import wind, wired_joints
-from mjcf_sandbox.errors import StrangeFileError
+from kengoro_env.robot.tendons import actuated_joints, wind
+from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model
 
 Array = NDArray[np.float64]
@@ -82,8 +82,8 @@ class Robot(Body):
                 f"control_period {control_period} s is not a multiple of the physics time step "
                 f"{self.model.opt.timestep} s"
             )
-        self._gains, self._senses, self._planned = gains, draft.senses, tuple(draft.events)
-        self.joints = wired_joints(self.model)
+        self._gains, self._senses, self._planned = gains, draft.sensor_errors, tuple(draft.events)
+        self.joints = actuated_joints(self.model)
         addresses = [self.model.joint(joint) for joint in self.joints]
         self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
         self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
@@ -170,12 +170,12 @@ class Robot(Body):
         Raises:
             DivergedError: the simulation is no longer finite.
         """
-        self.let_wires_give()
+        self.elongate_tendons()
         self._target[:] = target
         self.motors.command(self._commanded(target))
         self._advance()
 
-    def let_wires_give(self) -> None:
+    def elongate_tendons(self) -> None:
         """Let happen to wires what is due."""
         while self.events and self.events[0].time <= self.time:
             event = self.events.pop(0)
@@ -290,5 +290,5 @@ def load_spec(path: Path) -> mujoco.MjSpec:
     except ValueError as error:
         reason = str(error).splitlines()[0]
         raise KengoroError(f"the model file {path} is not valid MJCF: {reason}") from error
-    except StrangeFileError as error:
+    except UntrustedFileError as error:
         raise KengoroError(f"the model file {path} {error}") from error

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.robot.draft import Senses
+from kengoro_env.robot.draft import SensorErrors
 
 Array = NDArray[np.float64]
 
@@ -29,15 +29,19 @@ class Sensors:
         length_offset: of the encoders (m,) [m]; None for none.
     """
 
-    def __init__(self, senses: Senses, muscles: Sequence[str]) -> None:
+    def __init__(self, sensor_errors: SensorErrors, muscles: Sequence[str]) -> None:
         # NumPy is faster with an array than with a number.
         self._length_noise, self._length_quantum, self._tension_noise = (
             np.full(len(muscles), value) if value else None
-            for value in (senses.length_noise, senses.length_quantum, senses.tension_noise)
+            for value in (
+                sensor_errors.length_noise,
+                sensor_errors.length_quantum,
+                sensor_errors.tension_noise,
+            )
         )
         self._none = np.zeros(len(muscles))
-        self.length_offset = _of_each(senses.length_offset, muscles)
-        self._tension_offset = _of_each(senses.tension_offset, muscles)
+        self.length_offset = _of_each(sensor_errors.length_offset, muscles)
+        self._tension_offset = _of_each(sensor_errors.tension_offset, muscles)
 
     @property
     def kinds_of_noise(self) -> int:

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from kengoro_env.errors import KengoroError
-from kengoro_env.robot.draft import Draft, Wire
+from kengoro_env.robot.draft import Draft, TendonSpec
 
 SPOOL_TRAVEL = 0.6
 """Length of a spool's travel [m]; the wire's end starts in its middle, away from the guide."""
@@ -29,7 +29,7 @@ def spool_joint(muscle: str) -> str:
     return f"spool_{muscle}"
 
 
-def wired_joints(model: mujoco.MjModel) -> tuple[str, ...]:
+def actuated_joints(model: mujoco.MjModel) -> tuple[str, ...]:
     """Hinges and slides that a wire through sites crosses, in the model's order, without spools.
 
     A wire crosses a joint if some of its points move with it and others do not.
@@ -56,40 +56,40 @@ def wired_joints(model: mujoco.MjModel) -> tuple[str, ...]:
 def wind(draft: Draft) -> None:
     """Write the draft's wires and their motors into its spec; `Motors` sets the gains."""
     for tendon in list(draft.spec.tendons):
-        muscle, wire = tendon.name, draft.wires[tendon.name]
-        if wire.wraps and wire.motor_inertia and not wire.stiffness:
+        muscle, planned = tendon.name, draft.tendons[tendon.name]
+        if planned.wraps and planned.motor_inertia and not planned.stiffness:
             raise KengoroError(
                 f"the wire of {muscle} wraps over a bone, and its motor has inertia: MuJoCo can do "
-                "both only for a wire that stretches; add WireStretch"
+                "both only for a wire that stretches; add TendonStretch"
             )
-        if wire.wraps or wire.stiffness:
-            tendon = _lay(draft.spec, tendon, wire)
-        if wire.stiffness:
+        if planned.wraps or planned.stiffness:
+            tendon = _lay(draft.spec, tendon, planned)
+        if planned.stiffness:
             joint = draft.spec.joint(spool_joint(muscle))
-            joint.armature = wire.motor_inertia
-            joint.frictionloss = wire.friction
+            joint.armature = planned.motor_inertia
+            joint.frictionloss = planned.friction
             _add_motor(draft.spec, muscle, mujoco.mjtTrn.mjTRN_JOINT, joint.name)
         else:
-            tendon.armature = wire.motor_inertia
-            tendon.frictionloss = wire.friction
+            tendon.armature = planned.motor_inertia
+            tendon.frictionloss = planned.friction
             tendon.damping = np.array([MOTOR_DAMPING, 0.0, 0.0])
             _add_motor(draft.spec, muscle, mujoco.mjtTrn.mjTRN_TENDON, muscle)
 
 
-def _lay(spec: mujoco.MjSpec, old: mujoco.MjsTendon, wire: Wire) -> mujoco.MjsTendon:
+def _lay(spec: mujoco.MjSpec, old: mujoco.MjsTendon, planned: TendonSpec) -> mujoco.MjsTendon:
     """Lay a wire anew, over its bones and from its spool if it has one."""
     name, sites = old.name, [element.target.name for element in old.path]
     kind = old.default()
     spec.delete(old)
     tendon = spec.add_tendon(kind, name=name)
-    if wire.stiffness:
+    if planned.stiffness:
         tendon.wrap_site(_add_spool(spec, name, sites[0]))
-        tendon.stiffness = np.array(wire.stiffness)
+        tendon.stiffness = np.array(planned.stiffness)
         tendon.springlength = np.array([0.0, SPOOL_TRAVEL])  # set to the true length by `Motors`
     for index, site in enumerate(sites):
         tendon.wrap_site(site)
-        if index in wire.wraps:
-            tendon.wrap_geom(*wire.wraps[index])
+        if index in planned.wraps:
+            tendon.wrap_geom(*planned.wraps[index])
     return tendon
 
 

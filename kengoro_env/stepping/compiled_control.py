@@ -54,7 +54,7 @@ class CompiledControl(Control):
         self._shape = (len(entries),)
         self._action = steps.actions[0, : len(entries)]
         self._noise, self._noisy = steps.noise[0], bool(steps.noise.size)
-        self._told, self._pose, self._thing_pose = steps.told[0], steps.poses[0], steps.thing_pose
+        self._told, self._pose, self._thing_pose = steps.told[0], steps.poses[0], steps.object_pose
         self._goal: Array | None = None
         one = ctypes.byref(steps.structures[0])
         self._run = partial(compiled.control_step, one)
@@ -74,7 +74,7 @@ class CompiledControl(Control):
             self._steps.aim(0, goal)
         if robot.events:
             checked_action(self._action, self._entries)
-            robot.let_wires_give()
+            robot.elongate_tendons()
         state = self._act() if self._noisy else self._run()
         if state == NOT_AN_ACTION:
             checked_action(self._action, self._entries)  # which says what is wrong

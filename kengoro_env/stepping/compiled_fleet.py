@@ -14,7 +14,7 @@ from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import LengthBounds
 from kengoro_env.stepping.c_compiler import library
 from kengoro_env.stepping.compiled_steps import BROKEN, DIVERGED, Steps
-from kengoro_env.stepping.fleet import Fleet, ToldOfMany
+from kengoro_env.stepping.fleet import BatchResult, Fleet
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -76,7 +76,7 @@ class CompiledFleet:
         """Let the ``i``-th robot be where ``robot`` is: to be called after each of its resets."""
         self._robots[i].become(self._robot)
 
-    def step(self, actions: Array, moving: Mask, goals: Array) -> ToldOfMany:
+    def step(self, actions: Array, moving: Mask, goals: Array) -> BatchResult:
         """Carry out actions for one control period; as `Fleet.step`.
 
         What is told are views of arrays that the next step writes.
@@ -86,7 +86,7 @@ class CompiledFleet:
         noisy = bool(steps.noise.size)
         for robot, noise, moves in zip(self._robots, steps.noise, moving.tolist(), strict=True):
             if moves and robot.events:
-                robot.let_wires_give()
+                robot.elongate_tendons()
             if moves and noisy:
                 robot.random.standard_normal(out=noise)
         self._run(*self._arguments)
@@ -104,7 +104,7 @@ class CompiledFleet:
         }
         observation = {"lengths": lengths, "tensions": tensions}
         diverged = self._states == DIVERGED
-        return ToldOfMany(diverged, observation, truth, numbers[:, 0], numbers[:, 1])
+        return BatchResult(diverged, observation, truth, numbers[:, 0], numbers[:, 1])
 
     def parts(self, i: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of the ``i``-th robot, for reading."""

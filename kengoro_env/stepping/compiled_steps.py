@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import LengthBounds
-from kengoro_env.stepping.lift_monitor import Thing
+from kengoro_env.stepping.lift_monitor import TrackedObject
 
 DONE, NOT_AN_ACTION, DIVERGED, BROKEN = range(4)
 """What may come of a step."""
@@ -68,7 +68,7 @@ class Steps:
     """
 
     def __init__(
-        self, robots: Sequence[Robot], bounds: LengthBounds, thing: Thing | None = None
+        self, robots: Sequence[Robot], bounds: LengthBounds, thing: TrackedObject | None = None
     ) -> None:
         count, first = len(robots), robots[0]
         m, n = len(first.muscles), len(first.joints)
@@ -78,7 +78,7 @@ class Steps:
         self.parts = tuple(map(slice, ends, ends[1:]))
         self.told = np.zeros((count, ends[-1]))
         self.poses = np.tile(np.eye(4), (count, 1, 1))
-        self.thing_pose = np.eye(4)
+        self.object_pose = np.eye(4)
         watched = {"thing": -1} if thing is None else thing.layout()
         self.structures = (Step * count)()
         self._kept: list[Any] = []  # what pointers point to
@@ -88,7 +88,7 @@ class Steps:
                 "noise": self.noise[i],
                 "told": self.told[i],
                 "pose": self.poses[i],
-                "thing_pose": self.thing_pose,
+                "thing_pose": self.object_pose,
                 **watched,
             }
             self._fill(structure, {**robot.layout(), **bounds.layout(), **own})

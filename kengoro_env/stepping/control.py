@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import LengthBounds, checked_action
-from kengoro_env.stepping.lift_monitor import Sight, Thing
+from kengoro_env.stepping.lift_monitor import Sight, TrackedObject
 from kengoro_env.stepping.observation import Observation, felt, known, mean
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Control:
         self, robot: Robot, bounds: LengthBounds, entries: Sequence[str], thing: str | None
     ) -> None:
         self._robot, self._bounds, self._entries = robot, bounds, entries
-        self._thing = None if thing is None else Thing(robot.model, thing)
+        self._thing = None if thing is None else TrackedObject(robot.model, thing)
 
     def step(self, action: object, goal: Array | None) -> Told:
         """Carry out ``action`` (k,) for a control period.

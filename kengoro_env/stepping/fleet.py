@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class ToldOfMany(NamedTuple):
+class BatchResult(NamedTuple):
     """What came of a control step of many robots; of those that moved and did not diverge.
 
     Attributes:
@@ -92,7 +92,7 @@ class Fleet(Body):
         self._random[i], self._coming[i] = robot.random, list(robot.events)
         self._next[i] = _first_time(robot.events)
 
-    def step(self, actions: Array, moving: Mask, goals: Array) -> ToldOfMany:
+    def step(self, actions: Array, moving: Mask, goals: Array) -> BatchResult:
         """Carry out actions for one control period.
 
         Args:
@@ -103,7 +103,7 @@ class Fleet(Body):
         diverged = self._move(self._bounds.to_lengths(actions), moving)
         now = self.measure()
         off = now.joint_angles - goals
-        return ToldOfMany(
+        return BatchResult(
             diverged,
             felt(self, now, self._bounds),
             known(self, now) | {"time": self.time},
@@ -117,7 +117,7 @@ class Fleet(Body):
         # Where each step is a call of its own, looking through the numbers of all takes its time.
         ids = None if moving.all() else np.flatnonzero(moving)
         for i in np.flatnonzero(moving & (self._next <= batch.bind("time"))):
-            self._let_wires_give(int(i))
+            self._elongate_tendons(int(i))
         self._target[moving] = target[moving]
         motors.command(self._commanded(self._target))
         # Paths, poses and cameras follow the joints, which mj_step leaves a time step behind.
@@ -139,7 +139,7 @@ class Fleet(Body):
         """Model and data of the ``i``-th robot, for reading."""
         return self._batch.get_model(i), self._batch.get_data(i)
 
-    def _let_wires_give(self, i: int) -> None:
+    def _elongate_tendons(self, i: int) -> None:
         coming, now = self._coming[i], self._batch.bind("time")[i]
         while coming and coming[0].time <= now:
             event = coming.pop(0)

@@ -38,7 +38,7 @@ class Sight(NamedTuple):
     touched: int
 
 
-class Thing:
+class TrackedObject:
     """A thing that the hand is to lift: a body with one geom.
 
     Args:

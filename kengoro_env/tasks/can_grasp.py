@@ -21,7 +21,7 @@ from kengoro_env.departures.sensors import EYE
 from kengoro_env.errors import KengoroError
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot
-from kengoro_env.stepping.lift_monitor import LIFT_HEIGHT, LiftMonitor, Sight, Thing
+from kengoro_env.stepping.lift_monitor import LIFT_HEIGHT, LiftMonitor, Sight, TrackedObject
 from kengoro_env.tasks.task import Outcome
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ class CanGrasp:
         place = options.get("can", drawn)
         self._check_place(robot, place)
         postures = posture_set()
-        self._can = Thing(robot.model, CAN)
+        self._can = TrackedObject(robot.model, CAN)
         while True:
             posture = options.get("posture", postures[rng.integers(len(postures))])
             robot.reset(posture, noise)

@@ -12,7 +12,7 @@ import math
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
 from reality_gap.causes.support import elements
 from reality_gap.study.system import System
 
@@ -22,10 +22,10 @@ _NONE = mujoco.mjtDyn.mjDYN_NONE
 _FILTERS = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     of_force = elements.each_actuator(system, _is_plain) + elements.all_actuators(system, _is_plain)
     of_command = elements.each_actuator(system, _can_lag) + elements.all_actuators(system, _can_lag)
-    return of_force + tuple(Place(p.kind, p.elements, COMMAND) for p in of_command)
+    return of_force + tuple(Location(p.kind, p.elements, COMMAND) for p in of_command)
 
 
 def _is_plain(model: mujoco.MjModel, actuator: int) -> bool:
@@ -40,14 +40,14 @@ def _can_lag(model: mujoco.MjModel, actuator: int) -> bool:
     return int(model.actuator_dyntype[actuator]) in (int(_NONE), *map(int, _FILTERS))
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("time_constant", "s", 0.004, 0.0001, 0.0, 0.5),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    if place.note != COMMAND or not values["time_constant"]:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    if location.note != COMMAND or not values["time_constant"]:
         return
-    for name in place.elements:
+    for name in location.elements:
         actuator = spec.actuator(name)
         if actuator.dyntype == _NONE:
             actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
@@ -56,9 +56,9 @@ def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> 
         actuator.dynprm[0] += values["time_constant"]
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    if place.note != COMMAND and values["time_constant"]:
-        effects.act(lambda model: _Lag(model, place.elements, values["time_constant"]))
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    if location.note != COMMAND and values["time_constant"]:
+        effects.act(lambda model: _Lag(model, location.elements, values["time_constant"]))
 
 
 class _Lag:
@@ -106,7 +106,7 @@ CAUSE = Cause(
     id="actuator_lag",
     title="lag of an actuator",
     explanation="An actuator follows its command with a first-order lag.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

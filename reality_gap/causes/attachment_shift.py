@@ -11,7 +11,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import encoder_zero
 from reality_gap.study.system import System
 
@@ -21,29 +21,29 @@ AFAR = (-0.02, -0.01, -0.005, 0.005, 0.01, 0.02)
 """Shifts along one axis [m]: wires that go slack on the way make a valley of each side."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    sites = tuple(dict.fromkeys(site for wire in system.wires for site in wire.sites))
-    every = (Place("model", sites, EVERY),) if len(sites) > 1 else ()
-    return tuple(Place("site", (site,)) for site in sites) + every
+def _locations(system: System) -> tuple[Location, ...]:
+    sites = tuple(dict.fromkeys(site for tendon in system.tendons for site in tendon.sites))
+    every = (Location("model", sites, EVERY),) if len(sites) > 1 else ()
+    return tuple(Location("site", (site,)) for site in sites) + every
 
 
-def _name(place: Place, site: str, axis: str) -> str:
-    return f"{site}.{axis}" if place.note == EVERY else axis
+def _name(location: Location, site: str, axis: str) -> str:
+    return f"{site}.{axis}" if location.note == EVERY else axis
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    afar = AFAR if len(place.elements) == 1 else ()
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    afar = AFAR if len(location.elements) == 1 else ()
     return tuple(
-        Parameter(_name(place, site, axis), "m", 0.002, 0.00007, -0.03, 0.03, afar=afar)
-        for site in place.elements
+        Parameter(_name(location, site, axis), "m", 0.002, 0.00007, -0.03, 0.03, afar=afar)
+        for site in location.elements
         for axis in AXES
     )
 
 
-def _geometry(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    for name in place.elements:
+def _geometry(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    for name in location.elements:
         site = spec.site(name)
-        shift = np.array([values[_name(place, name, axis)] for axis in AXES])
+        shift = np.array([values[_name(location, name, axis)] for axis in AXES])
         site.pos = site.pos + shift
         site.fromto = site.fromto + np.tile(shift, 2)  # not a number unless the file has it
 
@@ -52,7 +52,7 @@ CAUSE = Cause(
     id="attachment_shift",
     title="displaced attachment",
     explanation="A point of a wire's path is elsewhere on its body, so that its lever arms differ.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=partial(encoder_zero.edit, _geometry),
     attach=partial(encoder_zero.attach, _geometry),

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Hook, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements, encoders, typical_scales
 from reality_gap.causes.support.encoders import Feedback
 from reality_gap.study.system import System
@@ -19,20 +19,20 @@ from reality_gap.study.system import System
 Array = NDArray[np.float64]
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    found = elements.each_wire(system) + elements.each_joint(system)
+def _locations(system: System) -> tuple[Location, ...]:
+    found = elements.each_tendon(system) + elements.each_joint(system)
     return tuple(p for p in found if encoders.matters(*encoders.encoders(system, p)))
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    if place.kind == "tendon":
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    if location.kind == "tendon":
         return (Parameter("gap", "m", 0.0003, 5e-6, 0.0, 0.03),)
-    unit, size = typical_scales.joint_travel(system, place)
+    unit, size = typical_scales.joint_travel(system, location)
     return (Parameter("gap", unit, 0.005 * size, 0.0001 * size, 0.0, 0.3 * size),)
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    chosen, half = encoders.encoders(system, place), values["gap"] / 2
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    chosen, half = encoders.encoders(system, location), values["gap"] / 2
     if not half:
         return
 
@@ -46,7 +46,7 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
 
     if any(encoder.actuator for encoder in chosen):
         effects.act(make)
-    effects.senses.append(sense)
+    effects.readings.append(sense)
 
 
 def played(position: Array, half: float) -> Array:
@@ -88,7 +88,7 @@ CAUSE = Cause(
     id="backlash",
     title="backlash",
     explanation="An element and its encoder have a gap between them, so that turns are read late.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     attach=_attach,
 )

@@ -59,7 +59,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Where a cause acts: names of model elements, one or a group that shares the parameters.
 
     Attributes:
@@ -124,7 +124,7 @@ class Hook(Protocol):
         """
 
 
-class Sense(Protocol):
+class ReadingEffect(Protocol):
     """Changes what is read."""
 
     def __call__(self, record: Record) -> None:
@@ -162,7 +162,7 @@ class Effects:
 
     commands: list[Command] = field(default_factory=list)
     hooks: list[Acting] = field(default_factory=list)
-    senses: list[Sense] = field(default_factory=list)
+    readings: list[ReadingEffect] = field(default_factory=list)
 
     def act(
         self,
@@ -199,10 +199,10 @@ class Cause:
     id: str
     title: str
     explanation: str
-    places: Callable[[System], tuple[Place, ...]]
-    parameters: Callable[[System, Place], tuple[Parameter, ...]]
-    edit: Callable[[mujoco.MjSpec, System, Place, Values], None] | None = None
-    attach: Callable[[Effects, System, Place, Values], None] | None = None
+    locations: Callable[[System], tuple[Location, ...]]
+    parameters: Callable[[System, Location], tuple[Parameter, ...]]
+    edit: Callable[[mujoco.MjSpec, System, Location, Values], None] | None = None
+    attach: Callable[[Effects, System, Location, Values], None] | None = None
     fine: bool = False
     event: bool = False
     sticky: bool = False

@@ -7,7 +7,7 @@ MuJoCo's cameras look along -z.
 
 from __future__ import annotations
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import frames
 from reality_gap.study.system import System
 
@@ -15,33 +15,33 @@ DEPTH = 2
 """Component of a position in a camera's frame."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     return frames.cameras(system, frames.position_sensors(system))
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("scale", "1", 0.02, 0.0005, -0.5, 1.0),)
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     sensors = [
         s
         for s in frames.position_sensors(system)
-        if frames.seen_from(system, s) == place.elements[0]
+        if frames.seen_from(system, s) == location.elements[0]
     ]
 
     def stretch(record: Record) -> None:
         for sensor in sensors:
             record.sensors[:, record.column(sensor, DEPTH)] *= 1.0 + values["scale"]
 
-    effects.senses.append(stretch)
+    effects.readings.append(stretch)
 
 
 CAUSE = Cause(
     id="camera_focal",
     title="wrong focal length",
     explanation="The camera's focal length differs, so that all depths are wrong by one factor.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     attach=_attach,
 )

@@ -8,23 +8,23 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import links
 from reality_gap.study.system import System
 
 AXES = ("x", "y", "z")
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    return tuple(Place("body", (link.name,)) for link in links.links(system))
+def _locations(system: System) -> tuple[Location, ...]:
+    return tuple(Location("body", (link.name,)) for link in links.links(system))
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return tuple(Parameter(axis, "m", 0.01, 0.0001, -0.1, 0.1) for axis in AXES)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    link = links.link(system, system.model.body(place.elements[0]).id)
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    link = links.link(system, system.model.body(location.elements[0]).id)
     body = links.inertial(spec, system, link.heaviest)
     part = float(system.model.body(link.heaviest).mass[0])
     shift = np.array([values[axis] for axis in AXES])
@@ -35,7 +35,7 @@ CAUSE = Cause(
     id="centre_of_mass",
     title="wrong centre of mass",
     explanation="A link's weight acts elsewhere on it than drawn.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
 )

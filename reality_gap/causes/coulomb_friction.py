@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import elements, lugre, typical_scales
 from reality_gap.study.system import System
 
@@ -12,32 +12,32 @@ USUAL, SPREAD = 1.5e-3, 1e-3
 """Friction that a wire has where none is drawn, and by how much it differs, over its force."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    return elements.each_wire(system) + elements.all_wires(system) + elements.each_joint(system)
+def _locations(system: System) -> tuple[Location, ...]:
+    return elements.each_tendon(system) + elements.all_tendons(system) + elements.each_joint(system)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    if place.kind == "tendon":
-        size = typical_scales.wire_force(system, place)
-        usual = 0.0 if lugre.drawn(system, place) else USUAL * size
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    if location.kind == "tendon":
+        size = typical_scales.tendon_force(system, location)
+        usual = 0.0 if lugre.drawn(system, location) else USUAL * size
         friction = Parameter("friction", "N", 3.0, SPREAD * size, 0.0, 200.0, usual=usual)
     else:
-        unit, size = typical_scales.joint_force(system, place)
+        unit, size = typical_scales.joint_force(system, location)
         friction = Parameter("friction", unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)
-    return (friction, lugre.bend(system, place)) if lugre.possible(system) else (friction,)
+    return (friction, lugre.bend(system, location)) if lugre.possible(system) else (friction,)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["friction"]:
-        bend = lugre.bend_in(values, system, place)
-        lugre.brake(spec, system, CAUSE.id, place, values["friction"], bend)
+        bend = lugre.bend_in(values, system, location)
+        lugre.brake(spec, system, CAUSE.id, location, values["friction"], bend)
 
 
 CAUSE = Cause(
     id="coulomb_friction",
     title="Coulomb friction",
     explanation="A force of constant size opposes the motion, so that it sticks and lags behind.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     sticky=True,

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements
 from reality_gap.study.system import System, column
 
@@ -28,11 +28,11 @@ LINEAR = 1
 """MuJoCo's number for linear interpolation in a history."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     kinds = dict.fromkeys(_bus(system, name) for name in system.sensed)
     groups = [tuple(name for name in system.sensed if _bus(system, name) == kind) for kind in kinds]
     actuators = elements.each_actuator(system) + elements.all_actuators(system)
-    return actuators + tuple(Place("sensor", group) for group in groups)
+    return actuators + tuple(Location("sensor", group) for group in groups)
 
 
 def _bus(system: System, sensor: str) -> int:
@@ -41,29 +41,29 @@ def _bus(system: System, sensor: str) -> int:
     return FRAMES[0] if kind in FRAMES else kind
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("delay", "s", 0.004, 0.00005, 0.0, 0.3),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     step = spec.option.timestep
-    if place.kind != "actuator" or values["delay"] < step:
+    if location.kind != "actuator" or values["delay"] < step:
         return
-    for name in place.elements:
+    for name in location.elements:
         actuator = spec.actuator(name)
         actuator.delay += values["delay"]
         actuator.nsample = math.ceil(actuator.delay / step) + 1
         actuator.interp = LINEAR
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     delay = values["delay"]
-    if place.kind == "sensor":
-        effects.senses.append(lambda record: _late(record, place.elements, delay))
+    if location.kind == "sensor":
+        effects.readings.append(lambda record: _late(record, location.elements, delay))
         return
 
     def command(model: mujoco.MjModel, time: Array, command: Array) -> Array:
-        columns = [column(model, name) for name in place.elements]
+        columns = [column(model, name) for name in location.elements]
         command = command.copy()
         change = np.diff(command[:, columns], axis=0)
         command[1:, columns] -= change * delay / model.opt.timestep
@@ -85,7 +85,7 @@ CAUSE = Cause(
     id="delay",
     title="delay",
     explanation="Commands act late, or sensors are read late, by a constant time.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

@@ -13,7 +13,7 @@ import math
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Effects, Hook, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
 from reality_gap.causes.support import elements, lugre, typical_scales
 from reality_gap.causes.support.constant_force import push
 from reality_gap.causes.support.model_overrides import Extra
@@ -26,18 +26,18 @@ CREEP = 2e-3
 """Share of a typical velocity below which the direction is not clear."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    return elements.each_wire(system) + elements.each_joint(system)
+def _locations(system: System) -> tuple[Location, ...]:
+    return elements.each_tendon(system) + elements.each_joint(system)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    bend = (lugre.bend(system, place),) if lugre.possible(system) else ()
-    if place.kind == "tendon":
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    bend = (lugre.bend(system, location),) if lugre.possible(system) else ()
+    if location.kind == "tendon":
         ways = ("forward", "backward")
         return tuple(Parameter(way, "N", 3.0, 0.05, 0.0, 200.0) for way in ways) + bend
-    unit, size = typical_scales.joint_force(system, place)
+    unit, size = typical_scales.joint_force(system, location)
     dry = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
-    unit, size = typical_scales.joint_damping(system, place)
+    unit, size = typical_scales.joint_damping(system, location)
     viscous = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
     return (
         Parameter("forward", *dry),
@@ -56,21 +56,21 @@ def _half(values: Values, kind: str = "") -> float:
     return 0.5 * (values[f"forward{kind}"] - values[f"backward{kind}"])
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if _mean(values):
         lean = -_half(values) if lugre.possible(system) else 0.0
-        bend = lugre.bend_in(values, system, place)
-        lugre.brake(spec, system, CAUSE.id, place, _mean(values), bend, lean)
-    if place.kind == "joint":
-        spec.joint(place.elements[0]).damping[0] += _mean(values, "_viscous")
+        bend = lugre.bend_in(values, system, location)
+        lugre.brake(spec, system, CAUSE.id, location, _mean(values), bend, lean)
+    if location.kind == "joint":
+        spec.joint(location.elements[0]).damping[0] += _mean(values, "_viscous")
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    name = place.elements[0]
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    name = location.elements[0]
     if not lugre.possible(system) and _half(values):
-        effects.act(lambda model: push(model, place.kind, name, -_half(values)))
-    if place.kind == "joint" and _half(values, "_viscous"):
-        creep = CREEP * typical_scales.joint_speed(system, place)
+        effects.act(lambda model: push(model, location.kind, name, -_half(values)))
+    if location.kind == "joint" and _half(values, "_viscous"):
+        creep = CREEP * typical_scales.joint_speed(system, location)
         effects.act(lambda model: _drag(model, name, creep, values), period=PERIOD)
 
 
@@ -89,7 +89,7 @@ CAUSE = Cause(
     id="direction_dependent_friction",
     title="friction that depends on the direction",
     explanation="Friction is larger in one direction of the motion than in the other.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

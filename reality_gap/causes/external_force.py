@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
 from reality_gap.causes.support import links
 from reality_gap.study.system import System
 
@@ -29,21 +29,21 @@ EACH = "in each episode"
 """Note of a place that is pushed again and again."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     found = [links.link(system, root).heaviest for root in links.ends(system)]
     notes = ("", EACH) if len(system.study.episodes) > 1 else ("",)
-    return tuple(Place("body", (name,), note) for name in found if name for note in notes)
+    return tuple(Location("body", (name,), note) for name in found if name for note in notes)
 
 
-def _durations(system: System, place: Place) -> list[float]:
+def _durations(system: System, location: Location) -> list[float]:
     """Of what the times of a push count in [s]: each episode, or all of them as one."""
-    if place.note == EACH:
+    if location.note == EACH:
         return [episode.duration for episode in system.study.episodes]
     return [system.study.duration]
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    total = max(_durations(system, place))
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    total = max(_durations(system, location))
     count = min(STARTS, max(1, round(2 * total)))
     starts = tuple(total * (i + 0.25) / count for i in range(count))
     while_ = max(0.4, 0.75 * total / count)
@@ -54,17 +54,17 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     )
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     force = np.array([values["x"], values["y"], values["z"]])
     if not force.any():
         return
-    body, origin = system.model.body(place.elements[0]).name, 0.0
-    for duration in _durations(system, place):
+    body, origin = system.model.body(location.elements[0]).name, 0.0
+    for duration in _durations(system, location):
         begin = origin + values["start"]
         end = begin + values["duration"]
         hook = _Push(body, force, begin, end)
         first, last = begin - 15 * EDGE, end + 15 * EDGE
-        if place.note == EACH:
+        if location.note == EACH:
             first, last = max(first, origin), min(last, origin + duration)
         effects.act(partial(_always, hook), first, last, wrenches=hook.wrenches)
         origin += duration
@@ -99,7 +99,7 @@ CAUSE = Cause(
     id="external_force",
     title="force from outside",
     explanation="Something pushes or pulls a limb for a while.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     attach=_attach,
     event=True,

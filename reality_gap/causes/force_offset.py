@@ -9,30 +9,30 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
 from reality_gap.causes.support import actuators, elements, typical_scales
 from reality_gap.causes.support.constant_force import push
 from reality_gap.study.system import System
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     if system.study.inverse:
         return elements.each_joint(system)
     return elements.each_actuator(system, actuators.linear)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    if place.kind == "actuator":
-        unit, size = typical_scales.actuator_force(system, place)
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    if location.kind == "actuator":
+        unit, size = typical_scales.actuator_force(system, location)
     else:
-        unit, size = typical_scales.joint_force(system, place)
+        unit, size = typical_scales.joint_force(system, location)
     return (Parameter("force", unit, 0.05 * size, 0.0015 * size, -2.0 * size, 2.0 * size),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    if place.kind != "actuator" or not values["force"]:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    if location.kind != "actuator" or not values["force"]:
         return
-    for name in place.elements:
+    for name in location.elements:
         actuator = spec.actuator(name)
         if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
             actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
@@ -42,10 +42,10 @@ def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> 
             actuator.forcerange += values["force"]
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    if place.kind != "joint":
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    if location.kind != "joint":
         return
-    name = place.elements[0]
+    name = location.elements[0]
     effects.act(lambda model: push(model, "joint", name, values["force"]))
 
 
@@ -53,7 +53,7 @@ CAUSE = Cause(
     id="force_offset",
     title="force offset",
     explanation="A constant force acts besides the commanded one.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import actuators, elements
 from reality_gap.study.system import System
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     found = elements.each_actuator(system, actuators.linear)
     return found + elements.all_actuators(system, actuators.linear)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("excess", "1", 0.05, 0.002, -0.9, 2.0),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    for name in place.elements:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    for name in location.elements:
         actuator = spec.actuator(name)
         actuator.gainprm[:3] *= 1 + values["excess"]
         actuator.biasprm[:3] *= 1 + values["excess"]
@@ -30,7 +30,7 @@ CAUSE = Cause(
     id="force_scale",
     title="force scale",
     explanation="An actuator gives more or less force than it should, in a constant proportion.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
 )

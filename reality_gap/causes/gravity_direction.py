@@ -6,15 +6,15 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.study.system import System
 
 AXES = ("x", "y", "z")
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     heavy = bool(system.bodies) and bool(np.any(system.model.opt.gravity))
-    return (Place("model", ("gravity",)),) if heavy else ()
+    return (Location("model", ("gravity",)),) if heavy else ()
 
 
 def _axes(system: System) -> list[int]:
@@ -22,13 +22,13 @@ def _axes(system: System) -> list[int]:
     return sorted(np.argsort(np.abs(system.model.opt.gravity), kind="stable")[:2].tolist())
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"about_{AXES[i]}", "rad", 0.05, 0.001, -0.8, 0.8) for i in _axes(system)
     )
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     turn = np.zeros(3)
     for i in _axes(system):
         turn[i] = values[f"about_{AXES[i]}"]
@@ -39,7 +39,7 @@ CAUSE = Cause(
     id="gravity_direction",
     title="tilted base",
     explanation="Gravity points elsewhere, as when the machine stands at a tilt.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
 )

@@ -10,39 +10,39 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements, encoders, lever_arms, servos
 from reality_gap.study.system import System
 
 EVERY = "every joint"
-WIRES = "zero of its wires"
+TENDONS = "zero of its wires"
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     own = [
         p for p in elements.each_joint(system) if encoders.matters(*encoders.encoders(system, p))
     ]
     wired = _wired(system)
     every = wired or tuple(p.elements[0] for p in own)
-    group = (Place("model", every, EVERY),) if len(every) > 1 else ()
-    return tuple(own) + tuple(Place("joint", (name,), WIRES) for name in wired) + group
+    group = (Location("model", every, EVERY),) if len(every) > 1 else ()
+    return tuple(own) + tuple(Location("joint", (name,), TENDONS) for name in wired) + group
 
 
 def _wired(system: System) -> tuple[str, ...]:
-    read = any(wire.servo or wire.length_sensors for wire in system.wires)
-    return lever_arms.wired_joints(system) if read else ()
+    read = any(tendon.servo or tendon.length_sensors for tendon in system.tendons)
+    return lever_arms.actuated_joints(system) if read else ()
 
 
-def _by_wires(system: System, place: Place) -> bool:
-    return place.note == WIRES or (place.note == EVERY and bool(_wired(system)))
+def _by_tendons(system: System, location: Location) -> bool:
+    return location.note == TENDONS or (location.note == EVERY and bool(_wired(system)))
 
 
-def _name(place: Place, joint: str) -> str:
-    return joint if place.note == EVERY else "offset"
+def _name(location: Location, joint: str) -> str:
+    return joint if location.note == EVERY else "offset"
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    return tuple(_parameter(system, _name(place, joint), joint) for joint in place.elements)
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    return tuple(_parameter(system, _name(location, joint), joint) for joint in location.elements)
 
 
 def _parameter(system: System, name: str, joint: str) -> Parameter:
@@ -52,40 +52,40 @@ def _parameter(system: System, name: str, joint: str) -> Parameter:
 
 
 def _errors(
-    system: System, place: Place, values: Values
+    system: System, location: Location, values: Values
 ) -> tuple[tuple[encoders.Encoder, float], ...]:
     """What each encoder concerned reads too much [m or rad]."""
-    if not _by_wires(system, place):
-        chosen = encoders.encoders(system, Place("joint", place.elements))
-        return tuple((e, values[_name(place, e.element)]) for e in chosen)
-    stood = {joint: -values[_name(place, joint)] for joint in place.elements}
+    if not _by_tendons(system, location):
+        chosen = encoders.encoders(system, Location("joint", location.elements))
+        return tuple((e, values[_name(location, e.element)]) for e in chosen)
+    stood = {joint: -values[_name(location, joint)] for joint in location.elements}
     longer = lever_arms.lengthening(system, stood)
-    chosen = encoders.encoders(system, Place("tendon", tuple(longer)))
+    chosen = encoders.encoders(system, Location("tendon", tuple(longer)))
     return tuple((e, -longer[e.element]) for e in chosen)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    for encoder, error in _errors(system, place, values):
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    for encoder, error in _errors(system, location, values):
         if encoder.actuator:
             servos.misread(spec, encoder.actuator, error)
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    errors = _errors(system, place, values)
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    errors = _errors(system, location, values)
 
     def shift(record: Record) -> None:
         for encoder, error in errors:
             for sensor in encoder.sensors:
                 record.sensors[:, record.column(sensor)] += error
 
-    effects.senses.append(shift)
+    effects.readings.append(shift)
 
 
 CAUSE = Cause(
     id="joint_offset",
     title="wrong zero of a joint",
     explanation="Encoders were zeroed while a joint stood elsewhere, and misread it by as much.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

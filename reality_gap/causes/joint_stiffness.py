@@ -5,19 +5,19 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import elements, typical_scales
 from reality_gap.study.system import System
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     return elements.each_joint(system)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    model, joint = system.model, system.model.joint(place.elements[0])
-    force, size = typical_scales.joint_force(system, place)
-    unit, travel = typical_scales.joint_travel(system, place)
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    model, joint = system.model, system.model.joint(location.elements[0])
+    force, size = typical_scales.joint_force(system, location)
+    unit, travel = typical_scales.joint_travel(system, location)
     low, high = (float(end) for end in joint.range) if joint.limited[0] else (-travel, travel)
     zero = float(model.qpos0[joint.qposadr[0]])
     starts = tuple(dict.fromkeys((0.5 * (low + high), zero)))
@@ -28,12 +28,12 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     )
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     """Two springs are one, between their rests."""
     added = values["stiffness"]
     if not added:
         return
-    joint = spec.joint(place.elements[0])
+    joint = spec.joint(location.elements[0])
     hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
     rest = np.rad2deg(values["rest"]) if hinge and spec.compiler.degree else values["rest"]
     old = float(joint.stiffness[0])
@@ -45,7 +45,7 @@ CAUSE = Cause(
     id="joint_stiffness",
     title="spring in a joint",
     explanation="A spring pulls a joint towards a rest position.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
 )

@@ -4,43 +4,43 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements
 from reality_gap.study.system import System
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    return elements.each_wire(system, sensed="length")
+def _locations(system: System) -> tuple[Location, ...]:
+    return elements.each_tendon(system, sensed="length")
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("offset", "m", 0.001, 0.00003, -0.1, 0.1),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     """What feeds the length back acts on what the encoder reads."""
-    for name in place.elements:
-        wire = system.wire(name)
-        if wire.servo:
-            bias = spec.actuator(wire.actuator).biasprm
-            bias[0] -= wire.gain * values["offset"]
+    for name in location.elements:
+        tendon = system.tendon(name)
+        if tendon.servo:
+            bias = spec.actuator(tendon.actuator).biasprm
+            bias[0] -= tendon.gain * values["offset"]
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    sensors = [s for name in place.elements for s in system.wire(name).length_sensors]
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    sensors = [s for name in location.elements for s in system.tendon(name).length_sensors]
 
     def shift(record: Record) -> None:
         for sensor in sensors:
             record.sensors[:, record.column(sensor)] += values["offset"]
 
-    effects.senses.append(shift)
+    effects.readings.append(shift)
 
 
 CAUSE = Cause(
     id="length_offset",
     title="length offset",
     explanation="An encoder reads a wire longer or shorter than it is, always by as much.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

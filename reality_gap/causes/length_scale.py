@@ -8,43 +8,43 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements, encoders, servos
 from reality_gap.study.system import System
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    found = elements.each_wire(system) + elements.all_wires(system)
+def _locations(system: System) -> tuple[Location, ...]:
+    found = elements.each_tendon(system) + elements.all_tendons(system)
     return tuple(p for p in found if all(map(encoders.matters, encoders.encoders(system, p))))
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     # A wire that is held too short fights the others, one that is too long goes slack: no line.
     return (Parameter("scale", "1", 0.02, 0.0002, -0.5, 0.5, secants=(0.012, -0.012)),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    for wire in (system.wire(name) for name in place.elements):
-        if wire.servo:
-            servos.misread(spec, wire.actuator, 0.0, values["scale"], wire.length0)
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    for tendon in (system.tendon(name) for name in location.elements):
+        if tendon.servo:
+            servos.misread(spec, tendon.actuator, 0.0, values["scale"], tendon.length0)
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    chosen = encoders.encoders(system, place)
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    chosen = encoders.encoders(system, location)
 
     def stretch(record: Record) -> None:
         for encoder in chosen:
-            travel = encoders.recorded(record, encoder) - system.wire(encoder.element).length0
+            travel = encoders.recorded(record, encoder) - system.tendon(encoder.element).length0
             encoders.add_to_reading(record, encoder, values["scale"] * travel)
 
-    effects.senses.append(stretch)
+    effects.readings.append(stretch)
 
 
 CAUSE = Cause(
     id="length_scale",
     title="wrong scale of a length",
     explanation="An encoder counts more or less than the wire moves, as with a wrong spool radius.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

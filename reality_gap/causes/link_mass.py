@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import links
 from reality_gap.study.system import System
 
@@ -17,33 +17,33 @@ PART = 0.1
 """Share of a link's mass that a body of it has at least, to be looked at alone."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    found = list[Place]()
+def _locations(system: System) -> tuple[Location, ...]:
+    found = list[Location]()
     for link in links.links(system):
-        found.append(Place("body", (link.name,)))
+        found.append(Location("body", (link.name,)))
         parts = [name for name in link.bodies if _mass(system, (name,)) > PART * link.mass]
-        found += [Place("body", (name,), ALONE) for name in parts if len(parts) > 1]
+        found += [Location("body", (name,), ALONE) for name in parts if len(parts) > 1]
     return tuple(found)
 
 
-def _bodies(system: System, place: Place) -> tuple[str, ...]:
-    if place.note == ALONE:
-        return place.elements
-    return links.link(system, system.model.body(place.elements[0]).id).bodies
+def _bodies(system: System, location: Location) -> tuple[str, ...]:
+    if location.note == ALONE:
+        return location.elements
+    return links.link(system, system.model.body(location.elements[0]).id).bodies
 
 
 def _mass(system: System, bodies: tuple[str, ...]) -> float:
     return sum(float(system.model.body(name).mass[0]) for name in bodies)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    mass = _mass(system, _bodies(system, place))
-    tolerance = 0.0 if place.note == ALONE else 0.003 * mass
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    mass = _mass(system, _bodies(system, location))
+    tolerance = 0.0 if location.note == ALONE else 0.003 * mass
     return (Parameter("mass", "kg", 0.1 * mass, tolerance, -0.9 * mass, 3.0 * mass),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    bodies = _bodies(system, place)
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    bodies = _bodies(system, location)
     share = values["mass"] / _mass(system, bodies)
     for name in bodies:
         body = links.inertial(spec, system, name)
@@ -56,7 +56,7 @@ CAUSE = Cause(
     id="link_mass",
     title="wrong mass of a link",
     explanation="A link, or a part of it, is heavier or lighter than drawn, its inertia as well.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
 )

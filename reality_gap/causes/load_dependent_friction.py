@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Hook, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
 from reality_gap.causes.support import elements, lugre
 from reality_gap.study.system import System
 
@@ -42,10 +42,10 @@ CREEP = 1e-3
 """Velocity at which the direction of a wire's motion counts as clear [m/s]."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    straight = elements.each_wire(system) + elements.all_wires(system)
-    bent = {w.tendon for w in system.wires if _bends(system.model, w.tendon)}
-    capstan = [Place(p.kind, p.elements, CAPSTAN) for p in straight if bent & set(p.elements)]
+def _locations(system: System) -> tuple[Location, ...]:
+    straight = elements.each_tendon(system) + elements.all_tendons(system)
+    bent = {w.name for w in system.tendons if _bends(system.model, w.name)}
+    capstan = [Location(p.kind, p.elements, CAPSTAN) for p in straight if bent & set(p.elements)]
     return straight + tuple(capstan)
 
 
@@ -57,32 +57,32 @@ def _bends(model: mujoco.MjModel, tendon: str) -> bool:
     return count > 2 and int(model.wrap_type[start]) != joint
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    scale = 0.1 if place.note == CAPSTAN else 0.05
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    scale = 0.1 if location.note == CAPSTAN else 0.05
     coefficient = Parameter("coefficient", "1", scale, 0.01 * scale, 0.0, 1.0)
     if not lugre.possible(system):
         return (coefficient,)
-    return (coefficient, lugre.bend(system, place))
+    return (coefficient, lugre.bend(system, location))
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["coefficient"]:
-        usual, bend = values["coefficient"] * USUAL, lugre.bend_in(values, system, place)
-        lugre.brake(spec, system, CAUSE.id, place, usual, bend)
+        usual, bend = values["coefficient"] * USUAL, lugre.bend_in(values, system, location)
+        lugre.brake(spec, system, CAUSE.id, location, usual, bend)
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    names = tuple(system.wire(name).actuator for name in place.elements)
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    names = tuple(system.tendon(name).actuator for name in location.elements)
     mu = values["coefficient"]
     if not mu:
         return
 
     def make(model: mujoco.MjModel) -> Hook:
-        tendons = np.array([model.tendon(name).id for name in place.elements])
+        tendons = np.array([model.tendon(name).id for name in location.elements])
         actuators = np.array([model.actuator(name).id for name in names])
-        friction = lugre.Brakes(model, system, CAUSE.id, place)
+        friction = lugre.Brakes(model, system, CAUSE.id, location)
         gear = model.actuator_gear[actuators, 0]
-        bends = _Bends(tendons) if place.note == CAPSTAN else None
+        bends = _Bends(tendons) if location.note == CAPSTAN else None
 
         def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             tension = np.maximum(-gear * data.actuator_force[actuators], 0.0)
@@ -145,7 +145,7 @@ CAUSE = Cause(
     id="load_dependent_friction",
     title="friction that grows with tension",
     explanation="A wire's friction grows with its tension, in its guides or around its bends.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

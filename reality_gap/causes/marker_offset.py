@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import frames
 from reality_gap.causes.support.new_elements import add_site
 from reality_gap.study.system import System
@@ -20,30 +20,30 @@ _OBJ = mujoco.mjtObj
 _KINDS = {int(_OBJ.mjOBJ_SITE): "site", int(_OBJ.mjOBJ_XBODY): "body"}
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     sensors = frames.position_sensors(system) + frames.orientation_sensors(system)
     found = (_marker(system, sensor) for sensor in sensors)
-    return tuple(dict.fromkeys(place for place in found if place is not None))
+    return tuple(dict.fromkeys(location for location in found if location is not None))
 
 
-def _marker(system: System, sensor: str) -> Place | None:
+def _marker(system: System, sensor: str) -> Location | None:
     reads = system.model.sensor(sensor)
     kind = _KINDS.get(int(reads.objtype[0]))
     if kind is None:
         return None
     index = int(reads.objid[0])
     thing = system.model.site(index) if kind == "site" else system.model.body(index)
-    return Place(kind, (thing.name,)) if thing.name else None
+    return Location(kind, (thing.name,)) if thing.name else None
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    turned = any(_marker(system, s) == place for s in frames.orientation_sensors(system))
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    turned = any(_marker(system, s) == location for s in frames.orientation_sensors(system))
     return frames.motion(SHIFT, TURN if turned else None)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    name = place.elements[0]
-    if place.kind == "site":
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    name = location.elements[0]
+    if location.kind == "site":
         drawn = system.model.site(name)
         frames.put(spec.site(name), *frames.moved(drawn.pos, drawn.quat, values))
         return
@@ -58,7 +58,7 @@ CAUSE = Cause(
     id="marker_offset",
     title="displaced marker",
     explanation="A marker is fixed elsewhere on its body, so that another point is measured.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
 )

@@ -15,7 +15,7 @@ from functools import partial
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import encoder_zero, lever_arms, obstacles, tendon_paths
 from reality_gap.causes.support.new_elements import add_geom, add_site
 from reality_gap.causes.support.obstacles import Obstacle
@@ -30,29 +30,29 @@ LENGTH = 0.01
 """Half of a cylinder's, as drawn; for wires it is endless [m]."""
 
 
-def _place(obstacle: Obstacle) -> Place:
+def _location(obstacle: Obstacle) -> Location:
     start, end = obstacle.between
     over = f"{obstacle.over.kind} {obstacle.over.name}"
-    return Place("tendon", (obstacle.tendon,), f"from {start} to {end} over {over}")
+    return Location("tendon", (obstacle.tendon,), f"from {start} to {end} over {over}")
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    return tuple(_place(obstacle) for obstacle in obstacles.obstacles(system))
+def _locations(system: System) -> tuple[Location, ...]:
+    return tuple(_location(obstacle) for obstacle in obstacles.obstacles(system))
 
 
-def _obstacle(system: System, place: Place) -> Obstacle:
-    return next(o for o in obstacles.obstacles(system) if _place(o) == place)
+def _obstacle(system: System, location: Location) -> Obstacle:
+    return next(o for o in obstacles.obstacles(system) if _location(o) == location)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
-    it = _obstacle(system, place)
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    it = _obstacle(system, location)
     step = it.typical - it.touching
     starts = tuple(min(it.touching + share * step, it.largest) for share in SHARES)
     return (Parameter("radius", "m", step, 0.0, it.touching, it.largest, it.touching, starts),)
 
 
-def _geometry(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    it, radius = _obstacle(system, place), values["radius"]
+def _geometry(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    it, radius = _obstacle(system, location), values["radius"]
     if radius <= it.touching:
         return
     over = it.over
@@ -87,7 +87,7 @@ CAUSE = Cause(
     id="missing_wrapping",
     title="missing wrapping",
     explanation="A wire that is drawn straight runs over something, and keeps its lever arm there.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=partial(encoder_zero.edit, _geometry),
     attach=partial(encoder_zero.attach, _geometry),

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Parameter, Place, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import links
 from reality_gap.study.system import System
 
@@ -20,22 +20,22 @@ RADIUS = 0.01
 _WRAP = mujoco.mjtWrap
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     found = []
     for root in links.ends(system):
         site = _free_site(system, root)
         if site is not None:
             body = system.model.body(int(system.model.site_bodyid[site])).name
-            found.append(Place("body", (body,), f"at {system.model.site(site).name}"))
+            found.append(Location("body", (body,), f"at {system.model.site(site).name}"))
         else:
-            found.append(Place("body", (links.link(system, root).heaviest,)))
-    return tuple(place for place in found if place.elements[0])
+            found.append(Location("body", (links.link(system, root).heaviest,)))
+    return tuple(location for location in found if location.elements[0])
 
 
 def _free_site(system: System, root: int) -> int | None:
     """The first site of a link that no wire runs through; rather one that is no marker."""
     model = system.model
-    on_wires = _sites_of_wires(model)
+    on_tendons = _sites_of_tendons(model)
     markers = {
         int(model.sensor(name).objid[0]) for name in system.sensed if _reads_site(model, name)
     }
@@ -43,14 +43,14 @@ def _free_site(system: System, root: int) -> int | None:
         s
         for s in range(model.nsite)
         if model.body_weldid[model.site_bodyid[s]] == root
-        and s not in on_wires
+        and s not in on_tendons
         and model.site(s).name
         and model.body(int(model.site_bodyid[s])).name
     ]
     return min(free, key=lambda s: (s in markers, s), default=None)
 
 
-def _sites_of_wires(model: mujoco.MjModel) -> set[int]:
+def _sites_of_tendons(model: mujoco.MjModel) -> set[int]:
     on = {int(i) for i in model.wrap_objid[model.wrap_type == int(_WRAP.mjWRAP_SITE)]}
     around = np.isin(model.wrap_type, [int(_WRAP.mjWRAP_SPHERE), int(_WRAP.mjWRAP_CYLINDER)])
     return on | {int(i) for i in model.wrap_prm[around]}
@@ -60,22 +60,22 @@ def _reads_site(model: mujoco.MjModel, sensor: str) -> bool:
     return int(model.sensor(sensor).objtype[0]) == int(mujoco.mjtObj.mjOBJ_SITE)
 
 
-def _point(system: System, place: Place) -> NDArray[np.float64]:
+def _point(system: System, location: Location) -> NDArray[np.float64]:
     """Where it hangs, in the frame of its body (3,) [m]."""
-    if place.note:
-        return system.model.site(place.note.removeprefix("at ")).pos
-    return system.model.body(place.elements[0]).ipos
+    if location.note:
+        return system.model.site(location.note.removeprefix("at ")).pos
+    return system.model.body(location.elements[0]).ipos
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("mass", "kg", 0.1, 0.001, 0.0, 20.0),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if not values["mass"]:
         return
-    holder = spec.body(place.elements[0])
-    ball = holder.add_body(name=f"payload_of_{holder.name}", pos=_point(system, place))
+    holder = spec.body(location.elements[0])
+    ball = holder.add_body(name=f"payload_of_{holder.name}", pos=_point(system, location))
     ball.mass, ball.ipos = values["mass"], np.zeros(3)
     ball.inertia = np.full(3, 0.4 * values["mass"] * RADIUS**2)
     ball.explicitinertial = True
@@ -85,7 +85,7 @@ CAUSE = Cause(
     id="payload",
     title="payload",
     explanation="Something heavy that the drawing does not have hangs at an end of the machine.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
 )

@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import actuators, elements, encoders
-from reality_gap.study.system import System, Wire
+from reality_gap.study.system import ActuatedTendon, System
 
 Array = NDArray[np.float64]
 
@@ -23,42 +23,44 @@ REACH, POINTS = 12.0, 600
 """Of the table: beyond 12 times the tension parameter less than 0.001 % of the slack hangs."""
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    wires = {w.tendon for w in system.wires if w.servo or w.length_sensors}
-    found = elements.each_wire(system) + elements.all_wires(system)
-    return tuple(place for place in found if wires.issuperset(place.elements))
+def _locations(system: System) -> tuple[Location, ...]:
+    tendons = {w.name for w in system.tendons if w.servo or w.length_sensors}
+    found = elements.each_tendon(system) + elements.all_tendons(system)
+    return tuple(location for location in found if tendons.issuperset(location.elements))
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (
         Parameter("slack", "m", 0.001, 1e-5, 0.0, 0.05),
         Parameter("tension", "N", 20.0, 0.0, 5.0, 300.0, null=60.0, starts=(60.0,)),
     )
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     slack, scale = values["slack"], values["tension"]
     if not slack:
         return
-    chosen = encoders.encoders(system, place)
-    wires = [system.wire(name) for name in place.elements]
-    fed = [wire for wire in wires if wire.servo]
+    chosen = encoders.encoders(system, location)
+    tendons = [system.tendon(name) for name in location.elements]
+    fed = [tendon for tendon in tendons if tendon.servo]
 
     def sense(record: Record) -> None:
-        for encoder, wire in zip(chosen, wires, strict=True):
-            tension = np.maximum(actuators.pull(record, wire), 0.0)
+        for encoder, tendon in zip(chosen, tendons, strict=True):
+            tension = np.maximum(actuators.pull(record, tendon), 0.0)
             encoders.add_to_reading(record, encoder, slack * np.exp(-tension / scale))
 
     if fed:
         effects.act(lambda model: _Sag(model, fed, slack, scale))
-    effects.senses.append(sense)
+    effects.readings.append(sense)
 
 
 class _Sag:
     """Lets the servos of wires see what is paid out; in plain numbers, as for every step."""
 
-    def __init__(self, model: mujoco.MjModel, fed: list[Wire], slack: float, scale: float) -> None:
-        self._wires = [_Hanging(model, wire, slack, scale) for wire in fed]
+    def __init__(
+        self, model: mujoco.MjModel, fed: list[ActuatedTendon], slack: float, scale: float
+    ) -> None:
+        self._tendons = [_Hanging(model, tendon, slack, scale) for tendon in fed]
         self._fresh = False
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -68,22 +70,24 @@ class _Sag:
             self._fresh = True
         bias, step = model.actuator_biasprm, model.opt.timestep
         lengths, velocities = data.ten_length, data.ten_velocity
-        for wire in self._wires:
-            drive = data.ctrl[wire.input] if wire.act < 0 else data.act[wire.act]
-            plain = bias[wire.actuator, 0] - wire.added
-            length = lengths[wire.tendon] + step * velocities[wire.tendon]
-            wire.added = wire.slope * wire.sag(
-                -wire.gear * (wire.gain * drive + plain + wire.slope * length)
+        for tendon in self._tendons:
+            drive = data.ctrl[tendon.input] if tendon.act < 0 else data.act[tendon.act]
+            plain = bias[tendon.actuator, 0] - tendon.added
+            length = lengths[tendon.id] + step * velocities[tendon.id]
+            tendon.added = tendon.slope * tendon.sag(
+                -tendon.gear * (tendon.gain * drive + plain + tendon.slope * length)
             )
-            bias[wire.actuator, 0] = plain + wire.added
+            bias[tendon.actuator, 0] = plain + tendon.added
 
 
 class _Hanging:
     """A wire's numbers, and how much of it hangs at which tension."""
 
-    def __init__(self, model: mujoco.MjModel, wire: Wire, slack: float, scale: float) -> None:
-        self.tendon = int(model.tendon(wire.tendon).id)
-        self.actuator = i = int(model.actuator(wire.actuator).id)
+    def __init__(
+        self, model: mujoco.MjModel, tendon: ActuatedTendon, slack: float, scale: float
+    ) -> None:
+        self.id = int(model.tendon(tendon.name).id)
+        self.actuator = i = int(model.actuator(tendon.actuator).id)
         self.input, self.act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
         self.gain, self.gear = float(model.actuator_gainprm[i, 0]), float(model.actuator_gear[i, 0])
         self.slope = float(model.actuator_biasprm[i, 1]) * self.gear
@@ -126,7 +130,7 @@ CAUSE = Cause(
     id="slack",
     title="slack wire",
     explanation="A wire hangs where its tension is low, so that more is paid out than its path.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     attach=_attach,
 )

@@ -16,28 +16,28 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import actuators, elements
-from reality_gap.study.system import System, Wire, column
+from reality_gap.study.system import ActuatedTendon, System, column
 
 Array = NDArray[np.float64]
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    wires = {w.tendon for w in system.wires if w.servo or w.length_sensors}
-    found = elements.each_wire(system) + elements.all_wires(system)
-    return tuple(place for place in found if wires.issuperset(place.elements))
+def _locations(system: System) -> tuple[Location, ...]:
+    tendons = {w.name for w in system.tendons if w.servo or w.length_sensors}
+    found = elements.each_tendon(system) + elements.all_tendons(system)
+    return tuple(location for location in found if tendons.issuperset(location.elements))
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("compliance", "m/N", 3e-6, 5e-8, 0.0, 2e-4),)
 
 
-def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
-    for name in place.elements:
-        if not system.wire(name).servo:
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    for name in location.elements:
+        if not system.tendon(name).servo:
             continue
-        actuator, tendon = spec.actuator(system.wire(name).actuator), spec.tendon(name)
+        actuator, tendon = spec.actuator(system.tendon(name).actuator), spec.tendon(name)
         shrink = 1 - actuator.biasprm[1] * actuator.gear[0] ** 2 * values["compliance"]
         actuator.gainprm[0] /= shrink
         actuator.biasprm[:2] /= shrink
@@ -46,49 +46,50 @@ def _edit(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> 
         tendon.armature /= shrink**2
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    wires, compliance = [system.wire(name) for name in place.elements], values["compliance"]
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    tendons, compliance = [system.tendon(name) for name in location.elements], values["compliance"]
 
     def lag(model: mujoco.MjModel, time: Array, command: Array) -> Array:
         command = command.copy()
-        for wire in wires:
-            i = column(model, wire.actuator)
-            damping, shrink = _motor(model, wire, compliance)
+        for tendon in tendons:
+            i = column(model, tendon.actuator)
+            damping, shrink = _motor(model, tendon, compliance)
             late = damping * compliance * shrink
             command[:, i] = np.interp(time - late, time, command[:, i])
         return command
 
     def stretch(record: Record) -> None:
-        for wire in wires:
-            _read(record, wire, compliance)
+        for tendon in tendons:
+            _read(record, tendon, compliance)
 
-    if any(wire.servo for wire in wires):
+    if any(tendon.servo for tendon in tendons):
         effects.commands.append(lag)
-    effects.senses.append(stretch)
+    effects.readings.append(stretch)
 
 
-def _motor(model: mujoco.MjModel, wire: Wire, compliance: float) -> tuple[float, float]:
+def _motor(model: mujoco.MjModel, tendon: ActuatedTendon, compliance: float) -> tuple[float, float]:
     """Damping of a wire's motor [N s/m], and what share of the path's motion it turns by."""
-    damping = float(model.tendon_damping[model.tendon(wire.tendon).id])
-    if not wire.servo:
+    damping = float(model.tendon_damping[model.tendon(tendon.name).id])
+    if not tendon.servo:
         return 0.0, 1.0
-    actuator = model.actuator(wire.actuator)
+    actuator = model.actuator(tendon.actuator)
     shrink = 1 + float(actuator.biasprm[1] * actuator.gear[0] ** 2) * compliance
     return damping / shrink**2, shrink
 
 
-def _read(record: Record, wire: Wire, compliance: float) -> None:
+def _read(record: Record, tendon: ActuatedTendon, compliance: float) -> None:
     """Its encoder and its tension sensor sit on the motor."""
-    model, tendon = record.model, record.model.tendon(wire.tendon).id
-    damping, shrink = _motor(model, wire, compliance)
-    velocity, pull = record.velocity[:, tendon], actuators.pull(record, wire)
-    free = ~actuators.at_limit(record, wire) if wire.servo else np.zeros(len(pull), dtype=bool)
+    model = record.model
+    damping, shrink = _motor(model, tendon, compliance)
+    velocity = record.velocity[:, model.tendon(tendon.name).id]
+    pull = actuators.pull(record, tendon)
+    free = ~actuators.at_limit(record, tendon) if tendon.servo else np.zeros(len(pull), dtype=bool)
     tension = pull + damping * np.where(free, shrink**2, 1.0) * velocity
     turning = velocity - compliance * np.gradient(tension, record.time)
     change = np.where(free, tension - damping * turning - pull, 0.0)
-    for sensor in wire.length_sensors:
+    for sensor in tendon.length_sensors:
         record.sensors[:, record.column(sensor)] -= compliance * tension
-    for sensor in wire.tension_sensors:
+    for sensor in tendon.tension_sensors:
         record.sensors[:, record.column(sensor)] -= change
 
 
@@ -96,7 +97,7 @@ CAUSE = Cause(
     id="tendon_elasticity",
     title="elastic wire",
     explanation="A wire stretches with its tension, so that it pulls less than it should.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     edit=_edit,
     attach=_attach,

@@ -2,36 +2,36 @@
 
 from __future__ import annotations
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements
 from reality_gap.study.system import System
 
 
-def _places(system: System) -> tuple[Place, ...]:
-    return elements.each_wire(system, sensed="tension") + elements.all_wires(
+def _locations(system: System) -> tuple[Location, ...]:
+    return elements.each_tendon(system, sensed="tension") + elements.all_tendons(
         system, sensed="tension"
     )
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("scale", "1", 0.05, 0.001, -0.9, 2.0),)
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    sensors = tuple(elements.tension_signs(system, place))
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    sensors = tuple(elements.tension_signs(system, location))
 
     def stretch(record: Record) -> None:
         for sensor in sensors:
             record.sensors[:, record.column(sensor)] *= 1.0 + values["scale"]
 
-    effects.senses.append(stretch)
+    effects.readings.append(stretch)
 
 
 CAUSE = Cause(
     id="tension_scale",
     title="wrong scale of a tension",
     explanation="A tension sensor reads more or less than there is, in proportion to the tension.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     attach=_attach,
 )

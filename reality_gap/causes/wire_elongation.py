@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements, encoders
 from reality_gap.study.system import System, column
 
@@ -25,16 +25,16 @@ STARTS = 8
 SLOWLY = "slowly"
 
 
-def _places(system: System) -> tuple[Place, ...]:
+def _locations(system: System) -> tuple[Location, ...]:
     each = [
-        p for p in elements.each_wire(system) if encoders.matters(*encoders.encoders(system, p))
+        p for p in elements.each_tendon(system) if encoders.matters(*encoders.encoders(system, p))
     ]
-    return tuple(each) + tuple(Place(p.kind, p.elements, SLOWLY) for p in each)
+    return tuple(each) + tuple(Location(p.kind, p.elements, SLOWLY) for p in each)
 
 
-def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     total = system.study.duration
-    if place.note == SLOWLY:
+    if location.note == SLOWLY:
         return (Parameter("rate", "m/s", 0.001 / total, 1e-5 / total, -0.02 / total, 0.05 / total),)
     starts = tuple(total * (i + 0.5) / STARTS for i in range(STARTS))
     return (
@@ -43,15 +43,15 @@ def _parameters(system: System, place: Place) -> tuple[Parameter, ...]:
     )
 
 
-def _elongation(place: Place, values: Values, time: Array) -> Array:
+def _elongation(location: Location, values: Values, time: Array) -> Array:
     """By how much the wire has become longer (k,) [m]."""
-    if place.note == SLOWLY:
+    if location.note == SLOWLY:
         return values["rate"] * time
     return values["elongation"] * 0.5 * (1 + np.tanh((time - values["time"]) / RISE))
 
 
-def _attach(effects: Effects, system: System, place: Place, values: Values) -> None:
-    chosen = encoders.encoders(system, place)
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    chosen = encoders.encoders(system, location)
 
     def command(model: mujoco.MjModel, time: Array, command: Array) -> Array:
         """A target that is longer is the same force as a reading that is shorter."""
@@ -62,23 +62,23 @@ def _attach(effects: Effects, system: System, place: Place, values: Values) -> N
                 ratio = model.actuator_biasprm[i, 1] * model.actuator_gear[i, 0]
                 ratio /= -model.actuator_gainprm[i, 0]
                 command[:, column(model, encoder.actuator)] += ratio * _elongation(
-                    place, values, time
+                    location, values, time
                 )
         return command
 
     def sense(record: Record) -> None:
         for encoder in chosen:
-            encoders.add_to_reading(record, encoder, -_elongation(place, values, record.time))
+            encoders.add_to_reading(record, encoder, -_elongation(location, values, record.time))
 
     effects.commands.append(command)
-    effects.senses.append(sense)
+    effects.readings.append(sense)
 
 
 CAUSE = Cause(
     id="wire_elongation",
     title="permanent elongation of a wire",
     explanation="A wire becomes longer for good, at once or slowly, and its encoder cannot see it.",
-    places=_places,
+    locations=_locations,
     parameters=_parameters,
     attach=_attach,
     fine=True,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.files import PART, write_whole
-from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.data import Study
 
 Columns = list[NDArray[np.float32]]
@@ -20,7 +20,7 @@ PACKAGE = Path(__file__).parents[1]
 KEY = "KEY"
 
 
-class Shelf:
+class Checkpoint:
     """Arrays that took long to make, each under a number.
 
     Args:
@@ -60,7 +60,7 @@ def forget(folder: Path) -> None:
         folder.rmdir()
 
 
-def digest(study: Study, suspects: Sequence[Suspect]) -> str:
+def digest(study: Study, candidates: Sequence[Candidate]) -> str:
     """A key of all that sensitivities rest on: log, model, suspects and this package's sources."""
     found = hashlib.sha256()
     model = study.spec().compile()
@@ -74,18 +74,18 @@ def digest(study: Study, suspects: Sequence[Suspect]) -> str:
             found.update(np.ascontiguousarray(array).tobytes())
         for reading in episode.readings:
             found.update(reading.time.tobytes() + b"\0" + reading.value.tobytes())
-    found.update(repr([(s.cause.id, s.place, s.parameters) for s in suspects]).encode())
-    sources = {path for s in suspects for path in _sources(s)} | set(PACKAGE.rglob("*.py"))
+    found.update(repr([(s.cause.id, s.location, s.parameters) for s in candidates]).encode())
+    sources = {path for s in candidates for path in _sources(s)} | set(PACKAGE.rglob("*.py"))
     for path in sorted(sources):
         found.update(path.name.encode() + b"\0" + path.read_bytes())
     return found.hexdigest()
 
 
-def _sources(suspect: Suspect) -> list[Path]:
+def _sources(candidate: Candidate) -> list[Path]:
     """The files that a suspect's cause is written in, which may be the user's."""
-    cause = suspect.cause
+    cause = candidate.cause
     found = []
-    for function in (cause.places, cause.parameters, cause.edit, cause.attach):
+    for function in (cause.locations, cause.parameters, cause.edit, cause.attach):
         while isinstance(function, partial):
             function = function.func
         if (code := getattr(function, "__code__", None)) is not None:

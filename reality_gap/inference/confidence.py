@@ -3,7 +3,7 @@
 Evidence believes that one of the suspects is exactly right, that every fit found its best, and that
 what drawings are off by adds up linearly. None of this is quite so, so that evidence is divided by
 a temper. `python -m experiments gap-calibrate` finds it on replays of the drawing with causes in
-it; `gap-bench` measures how well the confidence keeps its word.
+it; `gap-replayer` measures how well the confidence keeps its word.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def probabilities(base: float, fits: Sequence[Fit]) -> Array:
     return tempered(np.array([f.evidence for f in fits]) - base, TEMPER)
 
 
-def nameless(named: float, learned: float) -> float:
+def unmodelled(named: float, learned: float) -> float:
     """Probability that the gap is none of the causes, but something that has no name.
 
     The learned residual is one rival more: a catalogue is never whole.

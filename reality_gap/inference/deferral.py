@@ -14,36 +14,42 @@ from numpy.typing import NDArray
 
 from reality_gap.inference.ranking import Ranked
 from reality_gap.inference.screening import Sensitivity, screen
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
 
-MANY_WIRES = 8
+MANY_TENDONS = 8
 """With so many wires, fine causes wait."""
-SPOTS = 6
+CLOSER = 6
 """Wires and joints that are looked at more closely, at each step of a search."""
 
 
-def spots(system: System, suspect: Suspect) -> frozenset[str]:
+def locations_of(system: System, candidate: Candidate) -> frozenset[str]:
     """The tendons and joints where a suspect acts."""
-    elements = set(suspect.place.elements)
+    elements = set(candidate.location.elements)
     found = elements & set(system.joints)
-    for wire in system.wires:
-        own = {wire.tendon, wire.actuator, *wire.sites, *wire.length_sensors, *wire.tension_sensors}
+    for tendon in system.tendons:
+        own = {
+            tendon.name,
+            tendon.actuator,
+            *tendon.sites,
+            *tendon.length_sensors,
+            *tendon.tension_sensors,
+        }
         if elements & own:
-            found.add(wire.tendon)
+            found.add(tendon.name)
     return frozenset(found)
 
 
 def parted(
-    system: System, chosen: Sequence[Suspect]
-) -> tuple[tuple[Suspect, ...], tuple[Suspect, ...]]:
+    system: System, chosen: Sequence[Candidate]
+) -> tuple[tuple[Candidate, ...], tuple[Candidate, ...]]:
     """Whom to look at first, and who may wait: fine causes at one spot of a large machine."""
-    if len(system.wires) < MANY_WIRES:
+    if len(system.tendons) < MANY_TENDONS:
         return tuple(chosen), ()
-    waits = [s.cause.fine and len(spots(system, s)) == 1 for s in chosen]
+    waits = [s.cause.fine and len(locations_of(system, s)) == 1 for s in chosen]
     first = tuple(s for s, wait in zip(chosen, waits, strict=True) if not wait)
     return first, tuple(s for s, wait in zip(chosen, waits, strict=True) if wait)
 
@@ -59,10 +65,10 @@ class Waiting:
     """
 
     def __init__(
-        self, bench: Workbench, null: Array, suspects: Sequence[Suspect], visible: float
+        self, replayer: Replayer, null: Array, candidates: Sequence[Candidate], visible: float
     ) -> None:
-        self._bench, self._null, self._visible = bench, null, visible
-        self._waiting = {s: spots(bench.system, s) for s in suspects}
+        self._replayer, self._null, self._visible = replayer, null, visible
+        self._waiting = {s: locations_of(replayer.system, s) for s in candidates}
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -75,11 +81,11 @@ class Waiting:
         """
         there: list[str] = []
         for evidence, sensitivity, _ in ranked:
-            here = spots(self._bench.system, sensitivity.suspect)
+            here = locations_of(self._replayer.system, sensitivity.candidate)
             if evidence > 0 and len(here) == 1 and not here & set(there):
                 there += here
-        called = [s for s, own in self._waiting.items() if own & set(there[:SPOTS])]
-        for suspect in called:
-            del self._waiting[suspect]
-        found = screen(self._bench, called, [], self._null) if called else ()
+        called = [s for s, own in self._waiting.items() if own & set(there[:CLOSER])]
+        for candidate in called:
+            del self._waiting[candidate]
+        found = screen(self._replayer, called, [], self._null) if called else ()
         return tuple(s for s in found if s.change > self._visible)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from reality_gap.inference.confidence import probabilities
 from reality_gap.inference.forward_selection import Search, Settings, tried_beside
 from reality_gap.inference.gauss_newton import Fit, fit
-from reality_gap.inference.likelihood import Ruler
+from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.refinement import again, try_next
-from reality_gap.simulation.hypothesis import Suspect, same
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.hypothesis import Candidate, same
+from reality_gap.simulation.replayer import Replayer
 
 Array = NDArray[np.float64]
 
@@ -38,17 +38,17 @@ class Alternatives:
         equivalent: who predicts the same to within the noise, and may well be the one.
     """
 
-    suspect: Suspect
+    candidate: Candidate
     without: Fit | None
     tried: tuple[Fit, ...]
     confidence: Array
     evidence: Array
     own: float
-    equivalent: tuple[Suspect, ...]
+    equivalent: tuple[Candidate, ...]
 
 
 def alternatives(
-    bench: Workbench,
+    replayer: Replayer,
     result: Search,
     settings: Settings,
     retry: bool = True,
@@ -64,36 +64,38 @@ def alternatives(
     best = result.best
     if best is None:
         return ()
-    rule = result.ruler
+    rule = result.noise_model
     everyone = []
-    for i, (suspect, _) in enumerate(best.hypothesis):
+    for i, (candidate, _) in enumerate(best.hypothesis):
         rest = [part for j, part in enumerate(best.hypothesis) if j != i]
         before = tried_beside([*result.steps, *result.revised], rest)
         if before is not None:
             base, tried = before.base, before.tried
         else:
-            base = fit(bench, rest, rule.learn, rule.null) if rest and retry else None
-            tried = try_next(bench, result.found, rule, base, settings.refits) if retry else ()
-        fits = _with_best(rule, tried, best, suspect)
+            base = fit(replayer, rest, rule.learn, rule.null) if rest and retry else None
+            tried = try_next(replayer, result.found, rule, base, settings.refits) if retry else ()
+        fits = _with_best(rule, tried, best, candidate)
         floor = 0.0 if base is None else again(rule, base).evidence
         chances = probabilities(floor, fits)
         more = np.array([f.evidence for f in fits]) - floor
         alike = _equivalent(best, fits, chances)
         own = again(rule, best).evidence - floor
-        everyone.append(Alternatives(suspect, base, fits, chances, more, own, alike))
+        everyone.append(Alternatives(candidate, base, fits, chances, more, own, alike))
     return tuple(everyone)
 
 
-def _with_best(rule: Ruler, tried: Sequence[Fit], best: Fit, suspect: Suspect) -> tuple[Fit, ...]:
-    others = [again(rule, f) for f in tried if not same(f.suspects[-1], suspect)]
+def _with_best(
+    rule: NoiseModel, tried: Sequence[Fit], best: Fit, candidate: Candidate
+) -> tuple[Fit, ...]:
+    others = [again(rule, f) for f in tried if not same(f.candidates[-1], candidate)]
     return tuple(sorted([again(rule, best), *others], key=lambda f: -f.evidence))
 
 
-def _equivalent(best: Fit, fits: Sequence[Fit], chances: Array) -> tuple[Suspect, ...]:
+def _equivalent(best: Fit, fits: Sequence[Fit], chances: Array) -> tuple[Candidate, ...]:
     found = []
     for other, chance in zip(fits, chances, strict=True):
         if other.hypothesis is best.hypothesis or chance < CHANCE:
             continue
         if float(np.mean((other.residual - best.residual) ** 2)) < NEAR:
-            found.append(other.suspects[-1])
+            found.append(other.candidates[-1])
     return tuple(found)

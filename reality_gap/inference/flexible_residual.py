@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.causes.base import Record
-from reality_gap.inference.likelihood import Ruler
+from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.unmodelled_forces import FORCE, push
 from reality_gap.simulation.hypothesis import build
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import REPORT, split
-from reality_gap.study.system import System, Wire
+from reality_gap.study.system import ActuatedTendon, System
 
 Array = NDArray[np.float64]
 
@@ -53,17 +53,17 @@ class Bank:
     columns: Array
 
 
-def banks(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> tuple[Bank, ...]:
+def banks(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> tuple[Bank, ...]:
     """All functions, as changes of the prediction of ``base``, whose replay gave ``records``."""
-    found = [_crosstalk(bench), *_errors(bench, records)]
-    if not bench.system.study.inverse:
-        found += _forces(bench, base, records)
+    found = [_crosstalk(replayer), *_errors(replayer, records)]
+    if not replayer.system.study.inverse:
+        found += _forces(replayer, base, records)
     return tuple(found)
 
 
-def _crosstalk(bench: Workbench) -> Bank:
+def _crosstalk(replayer: Replayer) -> Bank:
     """Every channel hears every other sensor of the log."""
-    measured, study = bench.measured, bench.system.study
+    measured, study = replayer.measured, replayer.system.study
     columns = []
     for heard in range(len(study.channels)):
         signal = _everywhere(measured, heard)
@@ -85,10 +85,10 @@ def _everywhere(measured: Measured, channel: int) -> Array:
     return signal
 
 
-def _errors(bench: Workbench, records: Sequence[Record]) -> list[Bank]:
+def _errors(replayer: Replayer, records: Sequence[Record]) -> list[Bank]:
     """Every channel errs by a function of a joint's position."""
-    measured = bench.measured
-    moving = _moving(bench.system, records)
+    measured = replayer.measured
+    moving = _moving(replayer.system, records)
     found = []
     for name in moving:
         at = records[0].model.joint(name).qposadr[0]
@@ -117,11 +117,11 @@ def _waves(moving: Sequence[str]) -> int:
     return min(WAVES, max(4, MOST // (2 * len(moving))))
 
 
-def _forces(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> list[Bank]:
-    system = bench.system
+def _forces(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> list[Bank]:
+    system = replayer.system
     # Hooks are slow, and a little force moves the machine about as far without them.
     quick = [part for part in base if not build(system, [part]).effects.hooks]
-    before = bench.residuals([quick], bench.coarse)[0]
+    before = replayer.residuals([quick], replayer.coarse)[0]
 
     moving = _moving(system, records)
     pushes = {
@@ -131,21 +131,21 @@ def _forces(bench: Workbench, base: Hypothesis, records: Sequence[Record]) -> li
         ]
         for name in moving
     }
-    along = {wire: _by_length(records, wire, len(system.wires)) for wire in system.wires}
-    for wire, series in along.items():
-        pushes[f"length of {wire.tendon}"] = [
-            push("tendon", wire.tendon, records, one) for one in series
+    along = {tendon: _by_length(records, tendon, len(system.tendons)) for tendon in system.tendons}
+    for tendon, series in along.items():
+        pushes[f"length of {tendon.name}"] = [
+            push("tendon", tendon.name, records, one) for one in series
         ]
     trials = [[*quick, (one, {"size": 1.0})] for some in pushes.values() for one in some]
-    moved = iter(bench.residuals(trials, bench.coarse))
+    moved = iter(replayer.residuals(trials, replayer.coarse))
     columns = {name: [before - next(moved) for _ in some] for name, some in pushes.items()}
     found = [_bank(name, some) for name, some in columns.items() if some]
-    for wire, series in along.items():
-        felt = [_felt(bench, wire, records, one) for one in series]
-        own = columns[f"length of {wire.tendon}"]
+    for tendon, series in along.items():
+        felt = [_felt(replayer, tendon, records, one) for one in series]
+        own = columns[f"length of {tendon.name}"]
         both = [a + b for a, b in zip(own, felt, strict=True)]
         if both:
-            found.append(_bank(f"length of {wire.tendon}, felt by its sensor", both))
+            found.append(_bank(f"length of {tendon.name}, felt by its sensor", both))
     return found
 
 
@@ -153,26 +153,32 @@ def _bank(name: str, columns: Sequence[Array]) -> Bank:
     return Bank(name, _unit(np.nan_to_num(np.column_stack(columns))))
 
 
-def _by_length(records: Sequence[Record], wire: Wire, wires: int) -> list[list[Array]]:
+def _by_length(
+    records: Sequence[Record], tendon: ActuatedTendon, tendons: int
+) -> list[list[Array]]:
     """Series of force by episode [N]: waves over the length of a wire."""
-    at = records[0].model.tendon(wire.tendon).id
+    at = records[0].model.tendon(tendon.name).id
     length = [r.length[:, at] for r in records]
     travel = float(np.ptp(np.concatenate(length)))
-    count = min(int(travel / PITCH), MOST // (2 * wires))
+    count = min(int(travel / PITCH), MOST // (2 * tendons))
     if count < 2:
         return []
     phase = [2 * np.pi * x / travel for x in length]
     return [[wave(m * x) for x in phase] for m in range(1, count + 1) for wave in (np.cos, np.sin)]
 
 
-def _felt(bench: Workbench, wire: Wire, records: Sequence[Record], series: list[Array]) -> Array:
+def _felt(
+    replayer: Replayer, tendon: ActuatedTendon, records: Sequence[Record], series: list[Array]
+) -> Array:
     """What a force on a wire adds to the readings of its tension (n,), in units of noise."""
-    measured, study = bench.measured, bench.system.study
+    measured, study = replayer.measured, replayer.system.study
     force = FORCE["tendon"] * np.concatenate(series)
     clock = np.concatenate([r.time for r in records])
     start = np.array([r.time[0] for r in records])[measured.episode]
     felt = np.interp(measured.time + start, clock, force)
-    own = [c for c, channel in enumerate(study.channels) if channel.sensor in wire.tension_sensors]
+    own = [
+        c for c, channel in enumerate(study.channels) if channel.sensor in tendon.tension_sensors
+    ]
     return np.where(np.isin(measured.channel, own), felt, 0.0) / measured.noise
 
 
@@ -229,7 +235,7 @@ class Learned:
     explained: float
 
 
-def learn(bench: Workbench, rule: Ruler, residual: Array, bank: Bank) -> Learned:
+def learn(replayer: Replayer, rule: NoiseModel, residual: Array, bank: Bank) -> Learned:
     """Learn a residual (n,) by the few columns of a bank that explain it best.
 
     Columns come in one by one, each at the price of its freedom and of having been chosen.
@@ -251,7 +257,7 @@ def learn(bench: Workbench, rule: Ruler, residual: Array, bank: Bank) -> Learned
         best = evidence - price
         weight = _weights(gram, right, chosen)
     prediction = bank.columns[:, chosen] @ weight if chosen else np.zeros(len(residual))
-    report = split(bench.measured) == REPORT
+    report = split(replayer.measured) == REPORT
     power = float(np.sum(residual[report] ** 2))
     gone = power - float(np.sum((residual[report] - prediction[report]) ** 2))
     return Learned(bank.name, best, prediction, gone / power if power else 0.0)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from reality_gap.inference.deferral import Waiting
 from reality_gap.inference.gauss_newton import Fit, fit, fitting, together
-from reality_gap.inference.likelihood import Ruler, ruler
+from reality_gap.inference.likelihood import NoiseModel, noise_model
 from reality_gap.inference.ranking import rank
 from reality_gap.inference.refinement import again, try_next
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.hypothesis import same
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 
 Array = NDArray[np.float64]
 
@@ -78,13 +78,13 @@ class Search:
 
     steps: tuple[Step, ...]
     best: Fit | None
-    ruler: Ruler
+    noise_model: NoiseModel
     found: tuple[Sensitivity, ...]
     revised: tuple[Step, ...] = ()
 
 
 def search(
-    bench: Workbench,
+    replayer: Replayer,
     found: Sequence[Sensitivity],
     null: Array,
     tolerances: Array,
@@ -101,7 +101,7 @@ def search(
         settings: thresholds.
         waiting: who is looked at where the others promise something.
     """
-    rule = plain = ruler(bench.measured, null, tolerances)
+    rule = plain = noise_model(replayer.measured, null, tolerances)
     best: Fit | None = None
     steps: list[Step] = []
     while len(steps) < settings.most:
@@ -109,7 +109,7 @@ def search(
         if waiting:
             found = [*found, *waiting.call(rank(found, beside, best))]
         refits = settings.refits if best is None else settings.more_refits
-        tried = try_next(bench, found, beside, best, refits)
+        tried = try_next(replayer, found, beside, best, refits)
         if not tried:
             break
         rule = plain.where_wanders(tried[0].residual)
@@ -117,7 +117,7 @@ def search(
         base = None if best is None else again(rule, best)
         best = tried[0]
         if _accept(base, best, settings):
-            tried = polished(bench, tried, rule)
+            tried = polished(replayer, tried, rule)
             best = tried[0]
         accepted = _accept(base, best, settings)
         steps.append(Step(base, tried, accepted))
@@ -127,7 +127,7 @@ def search(
     return Search(tuple(steps), best, rule, tuple(found))
 
 
-def polished(bench: Workbench, tried: Sequence[Fit], rule: Ruler) -> tuple[Fit, ...]:
+def polished(replayer: Replayer, tried: Sequence[Fit], rule: NoiseModel) -> tuple[Fit, ...]:
     """Those that are close to the best, fitted with slopes where they stand; best first.
 
     Quick fits go by slopes at the null. Where a wire sticks and slips these see a minimum beside
@@ -145,10 +145,12 @@ def polished(bench: Workbench, tried: Sequence[Fit], rule: Ruler) -> tuple[Fit, 
         if not close:
             return tuple(sorted([*done, *rest], key=lambda f: -f.evidence))
         fits = [fitting(f.hypothesis, rule.learn, rule.null, f.jacobian) for f in close]
-        done, rest = done + together(bench, fits), rest[len(close) :]
+        done, rest = done + together(replayer, fits), rest[len(close) :]
 
 
-def _foreseen(plain: Ruler, found: Sequence[Sensitivity], rule: Ruler, base: Fit) -> Ruler:
+def _foreseen(
+    plain: NoiseModel, found: Sequence[Sensitivity], rule: NoiseModel, base: Fit
+) -> NoiseModel:
     """The ruler by what would remain beside ``base`` and whoever promises most.
 
     What a further cause does wanders in the remainder without it, and would hide itself there.
@@ -167,29 +169,29 @@ def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
     return more > max(settings.further, settings.root * base.evidence**0.5)
 
 
-def revise(bench: Workbench, result: Search, settings: Settings) -> Search:
+def revise(replayer: Replayer, result: Search, settings: Settings) -> Search:
     """Look at each cause anew beside those that came after it: drop it, or put a likelier one.
 
     The first cause of two was chosen when it had to explain a part of the other, too.
     """
-    best, rule = result.best, result.ruler
+    best, rule = result.best, result.noise_model
     if best is None or len(best.hypothesis) == 1:
         return result
     revised: list[Step] = []
-    for suspect in best.suspects:
-        rest: Hypothesis = [part for part in best.hypothesis if not same(part[0], suspect)]
+    for candidate in best.candidates:
+        rest: Hypothesis = [part for part in best.hypothesis if not same(part[0], candidate)]
         if tried_beside([*result.steps, *revised], rest) is not None:
             continue
-        without = fit(bench, rest, rule.learn, rule.null)
+        without = fit(replayer, rest, rule.learn, rule.null)
         if best.evidence - without.evidence < settings.further:
             best = without
             if len(best.hypothesis) == 1:
                 break
             continue
-        tried = try_next(bench, result.found, rule, without, settings.refits)
+        tried = try_next(replayer, result.found, rule, without, settings.refits)
         better = bool(tried) and tried[0].evidence > best.evidence + SWAP
         if better:
-            tried = polished(bench, tried, rule)
+            tried = polished(replayer, tried, rule)
             best = tried[0]
         revised.append(Step(without, tried, better))
     return replace(result, best=best, revised=tuple(revised))
@@ -199,7 +201,7 @@ def tried_beside(steps: Sequence[Step], others: Hypothesis) -> Step | None:
     """The step that tried whom to put beside exactly these others, if one did."""
     beside = [other for other, _ in others]
     for step in steps:
-        base = () if step.base is None else step.base.suspects
+        base = () if step.base is None else step.base.candidates
         if len(base) == len(beside) and all(any(same(s, b) for b in base) for s in beside):
             return step
     return None

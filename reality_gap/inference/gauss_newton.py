@@ -13,8 +13,8 @@ from scipy.optimize import lsq_linear
 from reality_gap.causes.base import Parameter
 from reality_gap.inference.evidence import PRIOR, complexity
 from reality_gap.inference.whitening import Whitening
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -52,14 +52,14 @@ class Fit:
     evidence: float
 
     @property
-    def suspects(self) -> tuple[Suspect, ...]:
+    def candidates(self) -> tuple[Candidate, ...]:
         """Who is in it."""
-        return tuple(suspect for suspect, _ in self.hypothesis)
+        return tuple(candidate for candidate, _ in self.hypothesis)
 
 
 def free_parameters(hypothesis: Hypothesis) -> list[tuple[int, Parameter]]:
     """All parameters, each with the index of its suspect."""
-    return [(i, p) for i, (suspect, _) in enumerate(hypothesis) for p in suspect.parameters]
+    return [(i, p) for i, (candidate, _) in enumerate(hypothesis) for p in candidate.parameters]
 
 
 def to_theta(hypothesis: Hypothesis) -> Array:
@@ -68,12 +68,12 @@ def to_theta(hypothesis: Hypothesis) -> Array:
     return np.array([(hypothesis[i][1][p.name] - p.null) / p.scale for i, p in found])
 
 
-def at(hypothesis: Hypothesis, theta: Array) -> list[tuple[Suspect, dict[str, float]]]:
+def at(hypothesis: Hypothesis, theta: Array) -> list[tuple[Candidate, dict[str, float]]]:
     """The hypothesis with the values of ``theta`` (p,), cut at the bounds."""
     values: list[dict[str, float]] = [{} for _ in hypothesis]
     for (i, p), x in zip(free_parameters(hypothesis), theta, strict=True):
         values[i][p.name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
-    return [(suspect, v) for (suspect, _), v in zip(hypothesis, values, strict=True)]
+    return [(candidate, v) for (candidate, _), v in zip(hypothesis, values, strict=True)]
 
 
 def penalty_scale(hypothesis: Hypothesis) -> Array:
@@ -81,12 +81,12 @@ def penalty_scale(hypothesis: Hypothesis) -> Array:
     return np.array([0.0 if p.starts else 1.0 / PRIOR for _, p in free_parameters(hypothesis)])
 
 
-def held_price(suspect: Suspect) -> float:
+def held_price(candidate: Candidate) -> float:
     """What it costs to have chosen among starts, as when an event happened [nats]."""
-    return float(sum(np.log(len(p.starts)) for p in suspect.parameters if p.starts))
+    return float(sum(np.log(len(p.starts)) for p in candidate.parameters if p.starts))
 
 
-def together(bench: Workbench, asking: Sequence[Asking[T]]) -> list[T]:
+def together(replayer: Replayer, asking: Sequence[Asking[T]]) -> list[T]:
     """Run computations side by side: what all of them ask for next is replayed at once."""
     found: dict[int, T] = {}
     asked: dict[int, list[Hypothesis]] = {}
@@ -101,21 +101,21 @@ def together(bench: Workbench, asking: Sequence[Asking[T]]) -> list[T]:
         go_on(i, None)
     while asked:
         now, asked = asked, {}
-        answers = iter(bench.residuals([one for some in now.values() for one in some]))
+        answers = iter(replayer.residuals([one for some in now.values() for one in some]))
         for i, some in now.items():
             go_on(i, [next(answers) for _ in some])
     return [found[i] for i in range(len(asking))]
 
 
 def fit(
-    bench: Workbench,
+    replayer: Replayer,
     start: Hypothesis,
     white: Whitening,
     null: Array,
     jacobian: Array | None = None,
 ) -> Fit:
     """Fit one hypothesis; see `fitting`."""
-    return together(bench, [fitting(start, white, null, jacobian)])[0]
+    return together(replayer, [fitting(start, white, null, jacobian)])[0]
 
 
 def fitting(
@@ -170,7 +170,7 @@ def resizing(old: Fit, white: Whitening, null: Array, first: int) -> Asking[Fit]
 
     What sticks and slips has several minima; differences see the nearest only.
     """
-    lone = [len(suspect.parameters) == 1 for suspect in old.suspects]
+    lone = [len(candidate.parameters) == 1 for candidate in old.candidates]
     own = np.array(
         [i >= first and (lone[i] or not p.starts) for i, p in free_parameters(old.hypothesis)]
     )
@@ -264,7 +264,7 @@ def log_evidence(
     cause = np.array([i for i, _ in free])
     flat = np.array([bool(p.starts) for _, p in free])
     price = complexity(columns.T @ columns, theta, cause, flat)
-    return quality - price - sum(held_price(suspect) for suspect, _ in hypothesis)
+    return quality - price - sum(held_price(candidate) for candidate, _ in hypothesis)
 
 
 def _bounds(hypothesis: Hypothesis) -> tuple[Array, Array]:

@@ -16,15 +16,22 @@ from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
-from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Rival, Verdict, sentence
+from reality_gap.diagnosis import (
+    Diagnosis,
+    Estimate,
+    FittedCandidate,
+    NamedCause,
+    Verdict,
+    sentence,
+)
 from reality_gap.inference.groups import Group, find_groups, noise_at_rest, positions_at
-from reality_gap.inference.held_out import score
+from reality_gap.inference.held_out import pays, score
 from reality_gap.inference.remainder import dependences
 from reality_gap.inference.static_fit import Noise, Settled, fit_at_rest
 from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import at_bound
-from reality_gap.simulation.hypothesis import Suspect, acts_beside
-from reality_gap.simulation.replayer import Hypothesis, Part, Workbench
+from reality_gap.simulation.hypothesis import Candidate, acts_beside
+from reality_gap.simulation.replayer import Hypothesis, Part, Replayer
 from reality_gap.simulation.statics import Statics
 from reality_gap.study.measurements import Measured, channel_noise
 from reality_gap.study.splits import REPORT, split
@@ -58,7 +65,7 @@ class Whole:
     """
 
     named: tuple[NamedCause, ...]
-    rivals: tuple[Rival, ...]
+    fitted_candidates: tuple[FittedCandidate, ...]
     hypothesis: list[Part]
     residual: Array
     power: float
@@ -72,7 +79,7 @@ def power(measured: Measured, residual: Array) -> float:
 
 
 def explain(
-    bench: Workbench,
+    replayer: Replayer,
     causes: Sequence[Cause],
     best: Array,
     large: float,
@@ -90,28 +97,28 @@ def explain(
         large: RMS of ``best`` from which on it is worth the time [noise].
         tell: called with what is being done.
     """
-    before = power(bench.measured, best)
+    before = power(replayer.measured, best)
     if not large**2 <= before < np.inf:
         return None
-    moments = find_moments(bench.system.study)
+    moments = find_moments(replayer.system.study)
     if len(moments) < FEWEST:
         return None
-    groups = find_groups(bench.system, causes)
+    groups = find_groups(replayer.system, causes)
     if not groups:
         return None
-    table = _Table(bench, groups, tell)
+    table = _Table(replayer, groups, tell)
     found = table.fit(f"fitting {table.count} parameters at {len(moments)} moments of rest")
-    residual = bench.residual(found.hypothesis)
-    after = power(bench.measured, residual)
+    residual = replayer.residual(found.hypothesis)
+    after = power(replayer.measured, residual)
     if not after < BETTER * before or at_bound(found.hypothesis):
         return None
-    if not score(bench.system.study, bench.measured, best, residual).pays:
+    if not pays(score(replayer.system.study, replayer.measured, best, residual).improvement):
         return None
     worse = [_worse(table, found, group, after, len(moments)) for group in groups]
     named = [_name(g, found, w) for g, w in zip(groups, worse, strict=True)]
     return Whole(
         named=tuple(sorted(named, key=lambda cause: -cause.confidence)),
-        rivals=_rivals(groups, found, worse),
+        fitted_candidates=_fitted_candidates(groups, found, worse),
         hypothesis=found.hypothesis,
         residual=residual,
         power=after,
@@ -122,27 +129,27 @@ def explain(
 class _Table:
     """Where groups are fitted, with some left out."""
 
-    def __init__(self, bench: Workbench, groups: Sequence[Group], tell: Tell) -> None:
-        self.bench, self._tell = bench, tell
-        study = bench.system.study
+    def __init__(self, replayer: Replayer, groups: Sequence[Group], tell: Tell) -> None:
+        self.replayer, self._tell = replayer, tell
+        study = replayer.system.study
         moments = find_moments(study)
-        self._statics = Statics(bench.system, moments)
-        self._qpos = positions_at(moments, bench.look([]))
+        self._statics = Statics(replayer.system, moments)
+        self._qpos = positions_at(moments, replayer.look([]))
         self._noise: Noise = noise_at_rest(
-            bench.system, self._statics, channel_noise(study), self._qpos
+            replayer.system, self._statics, channel_noise(study), self._qpos
         )
-        self._suspects = [suspect for group in groups for suspect in group.suspects]
-        self.count = sum(len(suspect.parameters) for suspect in self._suspects)
+        self._candidates = [candidate for group in groups for candidate in group.candidates]
+        self.count = sum(len(candidate.parameters) for candidate in self._candidates)
 
     def fit(self, what: str) -> Settled:
         """All groups, from null."""
-        start = [(suspect, suspect.nulls()) for suspect in self._suspects]
+        start = [(candidate, candidate.nulls()) for candidate in self._candidates]
         return self._fit(start, what, {})
 
     def without(self, found: Settled, group: Group) -> list[Part]:
         """The others without a group, from where they stand with it."""
-        start = [part for part in found.hypothesis if part[0] not in group.suspects]
-        what = f"fitting without {group.suspects[0].cause.title}"
+        start = [part for part in found.hypothesis if part[0] not in group.candidates]
+        what = f"fitting without {group.candidates[0].cause.title}"
         return self._fit(start, what, {"rounds": AGAIN}).hypothesis
 
     def _fit(self, start: Hypothesis, what: str, more: dict[str, int]) -> Settled:
@@ -150,7 +157,7 @@ class _Table:
             self._tell(f"{what}, step {number}")
 
         self._tell(what)
-        system = self.bench.system
+        system = self.replayer.system
         return fit_at_rest(system, self._statics, start, self._qpos, self._noise, tick=tick, **more)
 
 
@@ -160,8 +167,8 @@ def _worse(table: _Table, found: Settled, group: Group, after: float, moments: i
     The residual's size is what the best fit leaves, and a moment of rest counts once: what is left
     over is the same error over and over, in every reading of a moment.
     """
-    bench = table.bench
-    without = power(bench.measured, bench.residual(table.without(found, group)))
+    replayer = table.replayer
+    without = power(replayer.measured, replayer.residual(table.without(found, group)))
     return 0.5 * moments * float(np.log(min(without / after, 1e6)))
 
 
@@ -171,26 +178,28 @@ def _confidence(worse: float) -> float:
 
 def _name(group: Group, found: Settled, worse: float) -> NamedCause:
     parameters = {}
-    for (suspect, values), sizes in zip(found.hypothesis, found.deviation, strict=True):
-        if suspect in group.suspects:
-            for p in suspect.parameters:
+    for (candidate, values), sizes in zip(found.hypothesis, found.deviation, strict=True):
+        if candidate in group.candidates:
+            for p in candidate.parameters:
                 low, high = (values[p.name] + s * WIDE * sizes[p.name] for s in (-1.0, 1.0))
-                parameters[group.label(suspect, p.name)] = Estimate(
+                parameters[group.label(candidate, p.name)] = Estimate(
                     values[p.name], max(low, p.low), min(high, p.high), p.unit
                 )
     return NamedCause(group.named(), parameters, _confidence(worse), ())
 
 
-def _rivals(groups: Sequence[Group], found: Settled, worse: Sequence[float]) -> tuple[Rival, ...]:
-    values: dict[Suspect, dict[str, float]] = {s: dict(v) for s, v in found.hypothesis}
+def _fitted_candidates(
+    groups: Sequence[Group], found: Settled, worse: Sequence[float]
+) -> tuple[FittedCandidate, ...]:
+    values: dict[Candidate, dict[str, float]] = {s: dict(v) for s, v in found.hypothesis}
     return tuple(
-        Rival(suspect, values[suspect], nats, _confidence(nats), step, chosen=True)
+        FittedCandidate(candidate, values[candidate], nats, _confidence(nats), step, chosen=True)
         for step, (group, nats) in enumerate(zip(groups, worse, strict=True))
-        for suspect in group.suspects
+        for candidate in group.candidates
     )
 
 
-def of_groups(bench: Workbench, whole: Whole, null: Array, begin: float) -> Diagnosis:
+def of_groups(replayer: Replayer, whole: Whole, null: Array, begin: float) -> Diagnosis:
     """The diagnosis of a machine that groups of causes explain.
 
     Args:
@@ -199,27 +208,27 @@ def of_groups(bench: Workbench, whole: Whole, null: Array, begin: float) -> Diag
         null: (n,) residual of the study's model, in units of sensor noise.
         begin: when the diagnosis began, by `time.monotonic`.
     """
-    system, residual = bench.system, whole.residual
-    scored = score(system.study, bench.measured, null, residual)
-    named = {cause.suspect.cause.id for cause in whole.named}
+    system, residual = replayer.system, whole.residual
+    scored = score(system.study, replayer.measured, null, residual)
+    named = {cause.candidate.cause.id for cause in whole.named}
     diagnosis = Diagnosis(
         study=system.study.name,
         verdict=Verdict.NAMED,
         sentence="",
         causes=whole.named,
-        rivals=whole.rivals,
+        fitted_candidates=whole.fitted_candidates,
         rms_before=scored.before,
         rms_after=scored.after,
         noise_floor=scored.floor,
         gain=scored.gain,
         unexplained_fraction=scored.unexplained,
         explainable_fraction=1.0 - scored.unexplained,
-        depends_on=dependences(bench, residual, bench.look(whole.hypothesis).records),
+        depends_on=dependences(replayer, residual, replayer.look(whole.hypothesis).records),
         next_experiment=None,
         not_judged=tuple((name, UNASKED) for name in CATALOGUE if name not in named),
-        traces=traces(bench, null, residual),
+        traces=traces(replayer, null, residual),
         effects=tuple(part for part in whole.hypothesis if acts_beside(system, *part)),
-        extended_xml=bench.machine(whole.hypothesis).spec.to_xml(),
+        extended_xml=replayer.machine(whole.hypothesis).spec.to_xml(),
         seconds=time.monotonic() - begin,
         measures={"causes": float(len(whole.named)), "moments": float(whole.moments)},
     )

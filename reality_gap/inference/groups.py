@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Place
+from reality_gap.causes.base import Cause, Location
 from reality_gap.inference.static_fit import Noise
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import Replay
 from reality_gap.simulation.statics import Statics
 from reality_gap.study.static_poses import Moments
@@ -48,29 +48,29 @@ MISSING = 0.015
 class Group:
     """Suspects that are named together: one on many elements, or all single ones of a cause."""
 
-    suspects: tuple[Suspect, ...]
+    candidates: tuple[Candidate, ...]
 
     @property
     def id(self) -> str:
         """Of the cause."""
-        return self.suspects[0].cause.id
+        return self.candidates[0].cause.id
 
-    def named(self) -> Suspect:
+    def named(self) -> Candidate:
         """The group as one suspect, whose parameters bear the names of `label`."""
-        first = self.suspects[0]
-        if len(self.suspects) == 1:
+        first = self.candidates[0]
+        if len(self.candidates) == 1:
             return first
-        elements = tuple(name for s in self.suspects for name in s.place.elements)
+        elements = tuple(name for s in self.candidates for name in s.location.elements)
         parameters = tuple(
-            replace(p, name=self.label(s, p.name)) for s in self.suspects for p in s.parameters
+            replace(p, name=self.label(s, p.name)) for s in self.candidates for p in s.parameters
         )
-        return Suspect(first.cause, Place(first.place.kind, elements, OWN), parameters)
+        return Candidate(first.cause, Location(first.location.kind, elements, OWN), parameters)
 
-    def label(self, suspect: Suspect, parameter: str) -> str:
+    def label(self, candidate: Candidate, parameter: str) -> str:
         """Name of a suspect's parameter within the group."""
-        if len(self.suspects) == 1:
+        if len(self.candidates) == 1:
             return parameter
-        return f"{' '.join(suspect.place.elements)}.{parameter}"
+        return f"{' '.join(candidate.location.elements)}.{parameter}"
 
 
 def find_groups(system: System, causes: Sequence[Cause]) -> tuple[Group, ...]:
@@ -85,12 +85,12 @@ def find_groups(system: System, causes: Sequence[Cause]) -> tuple[Group, ...]:
         return ()
     large, shared, each = [], [], []
     for cause in causes:
-        found = [Suspect(cause, p, cause.parameters(system, p)) for p in cause.places(system)]
-        large += [Group((s,)) for s in found if s.place.note.startswith(EVERY)]
+        found = [Candidate(cause, p, cause.parameters(system, p)) for p in cause.locations(system)]
+        large += [Group((s,)) for s in found if s.location.note.startswith(EVERY)]
         if cause.id in SHARED:
-            shared += [Group((s,)) for s in found if len(s.place.elements) > 1]
+            shared += [Group((s,)) for s in found if len(s.location.elements) > 1]
         if cause.id in EACH:
-            single = tuple(s for s in found if len(s.place.elements) == 1)
+            single = tuple(s for s in found if len(s.location.elements) == 1)
             each += [Group(single)] if len(single) > 1 else []
     if len(large) < LEAST:
         return ()

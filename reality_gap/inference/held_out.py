@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.diagnosis import Gain
+from reality_gap.inference.likelihood import NoiseModel
+from reality_gap.inference.whitening import tolerated
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, rough_noise
 from reality_gap.study.splits import BLOCK, REPORT, split
@@ -25,7 +27,7 @@ class Score:
         before, after, floor: RMS without and with the extension, and of the readings' own noise.
         gain: None where ``before`` is not surely above the floor.
         unexplained: share of the power above the floor that is left, 0 to 1.
-        pays: whether the 95 % interval of ``before - after`` lies above zero.
+        improvement: ``before - after``.
     """
 
     before: float
@@ -33,27 +35,21 @@ class Score:
     floor: float
     gain: Gain | None
     unexplained: float
-    pays: bool
+    improvement: Gain
 
 
 def score(study: Study, measured: Measured, before: Array, after: Array) -> Score:
     """Compare two residuals (n,) in units of noise; intervals by a bootstrap over time blocks."""
     use = split(measured) == REPORT
     floor = np.minimum(1.0, rough_noise(study) / _noise(study, measured))[measured.channel[use]]
-    block = np.unique(
-        np.column_stack([measured.episode[use], np.floor(measured.time[use] / BLOCK)]),
-        axis=0,
-        return_inverse=True,
-    )[1].ravel()
+    block = _blocks(measured, use)
     sums: Array = np.column_stack(
         [
             np.bincount(block, weights)
             for weights in (before[use] ** 2, after[use] ** 2, floor**2, np.ones(int(use.sum())))
         ]
     )
-    rng = np.random.default_rng(0)
-    drawn = rng.integers(0, len(sums), (DRAWS, len(sums)))
-    draws = np.array([_rms(sums[rows]) for rows in drawn], dtype=np.float64)
+    draws = np.array([_rms(sums[rows]) for rows in _resamples(len(sums))], dtype=np.float64)
     first, last, low = _rms(sums)
     room = draws[:, 0] - draws[:, 2]
     gain = None
@@ -63,8 +59,55 @@ def score(study: Study, measured: Measured, before: Array, after: Array) -> Scor
         gain = Gain(float((first - last) / (first - low)), float(ends[0]), float(ends[1]))
     power = first**2 - low**2
     unexplained = float(np.clip((last**2 - low**2) / power, 0.0, 1.0)) if power > 0 else 0.0
-    pays = bool(np.quantile(draws[:, 0] - draws[:, 1], 0.025) > 0.0)
-    return Score(first, last, low, gain, unexplained, pays)
+    improvement = _with_interval(first - last, draws[:, 0] - draws[:, 1])
+    return Score(first, last, low, gain, unexplained, improvement)
+
+
+def likelihood_gain(noise_model: NoiseModel, after: Array) -> Gain:
+    """How much likelier an extension makes the report split, given the other splits [nats].
+
+    Both residuals are compared after subtracting what the tolerances of the nominal model explain,
+    as inferred from the other splits: the RMS of a faint fault is often below that of tolerances.
+
+    Args:
+        noise_model: tolerances, and how many readings count as one.
+        after: (n,) residual with the extension, in units of sensor noise.
+    """
+    measured, spread = noise_model.measured, noise_model.spread
+    use = split(measured) == REPORT
+
+    def remaining(residual: Array) -> Array:
+        return residual - tolerated(noise_model.tolerances, spread, ~use, residual)
+
+    gain = 0.5 * (remaining(noise_model.null) ** 2 - remaining(after) ** 2) / spread
+    sums = np.bincount(_blocks(measured, use), gain[use])
+    return _with_interval(float(sums.sum()), sums[_resamples(len(sums))].sum(axis=1))
+
+
+def pays(improvement: Gain, likelihood: Gain | None = None) -> bool:
+    """Whether an extension surely predicts held-out readings better than the study's model.
+
+    The interval of the RMS or of the likelihood must lie above zero, and the RMS must not surely be
+    worse.
+    """
+    better = improvement.low > 0.0 or (likelihood is not None and likelihood.low > 0.0)
+    return better and improvement.high > 0.0
+
+
+def _blocks(measured: Measured, use: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Number of the time block of each reading in use."""
+    block = np.column_stack([measured.episode[use], np.floor(measured.time[use] / BLOCK)])
+    return np.unique(block, axis=0, return_inverse=True)[1].ravel()
+
+
+def _resamples(count: int) -> NDArray[np.int64]:
+    """Bootstrap samples of ``count`` blocks, (`DRAWS`, count)."""
+    return np.random.default_rng(0).integers(0, count, (DRAWS, count))
+
+
+def _with_interval(value: float, draws: Array) -> Gain:
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return Gain(float(value), float(low), float(high))
 
 
 def _rms(sums: Array) -> tuple[float, float, float]:

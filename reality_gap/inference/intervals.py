@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from reality_gap.diagnosis import Estimate
 from reality_gap.inference.gauss_newton import Fit, at, free_parameters, penalty_scale
 from reality_gap.inference.whitening import Whitening
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.replayer import Replayer
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ DROP = 1.92
 WIDE = 1.96
 
 
-def intervals(bench: Workbench, best: Fit, white: Whitening) -> list[dict[str, Estimate]]:
+def intervals(replayer: Replayer, best: Fit, white: Whitening) -> list[dict[str, Estimate]]:
     """Each suspect's parameters with 95 % intervals.
 
     The likelihood's profile is a parabola where the fit is linear. It is checked by one replay on
@@ -35,7 +35,7 @@ def intervals(bench: Workbench, best: Fit, white: Whitening) -> list[dict[str, E
         along = covariance[:, j] / covariance[j, j]
         for side in (-1.0, 1.0):
             trials.append(best.theta + side * WIDE * deviation[j] * along)
-    residuals = bench.residuals([at(best.hypothesis, theta) for theta in trials])
+    residuals = replayer.residuals([at(best.hypothesis, theta) for theta in trials])
     base = _cost(white, best.residual, pull, best.theta)
     for i, (theta, residual) in enumerate(zip(trials, residuals, strict=True)):
         j, side = divmod(i, 2)

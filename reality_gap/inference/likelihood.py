@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Ruler:
+class NoiseModel:
     """What evidence is measured in.
 
     Attributes:
@@ -42,7 +42,7 @@ class Ruler:
         """Whitening of the fit split alone."""
         return whitening(self.tolerances, self.spread, split(self.measured) == FIT)
 
-    def where_wanders(self, remainder: Array) -> Ruler:
+    def where_wanders(self, remainder: Array) -> NoiseModel:
         """Another, by which readings count for less where ``remainder`` (n,) wanders.
 
         To be asked of one by which each reading counts as one.
@@ -55,12 +55,12 @@ class Ruler:
         return replace(self, spread=spread)
 
 
-def ruler(measured: Measured, null: Array, tolerances: Array) -> Ruler:
+def noise_model(measured: Measured, null: Array, tolerances: Array) -> NoiseModel:
     """A ruler by which each reading counts as one."""
-    return Ruler(measured, null, tolerances, np.ones(len(null)))
+    return NoiseModel(measured, null, tolerances, np.ones(len(null)))
 
 
-def predictive(rule: Ruler, null: Array, fitted: Fit) -> float:
+def predictive(rule: NoiseModel, null: Array, fitted: Fit) -> float:
     """How much likelier the choose split is than under the null, fitted on the fit split [nats].
 
     The parameters are moved from their fit on both splits to that on one by a linear step.

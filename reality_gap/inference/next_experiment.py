@@ -15,8 +15,8 @@ from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.gauss_newton import STEP, Fit, at
 from reality_gap.inference.motions import PERIOD, SECONDS, Motion, motions
 from reality_gap.inference.screening import Sensitivity, allowances
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.data import Episode, Reading, Study
 from reality_gap.study.measurements import channel_noise
 
@@ -32,11 +32,11 @@ SLACK = 20
 
 
 def next_experiment(
-    bench: Workbench,
-    rivals: Sequence[Alternatives],
+    replayer: Replayer,
+    fitted_candidates: Sequence[Alternatives],
     found: Sequence[Sensitivity],
     null: Array,
-    nameless: float = 0.0,
+    unmodelled: float = 0.0,
 ) -> Experiment | None:
     """The motion that best separates the likeliest rivals of the least certain cause.
 
@@ -50,14 +50,14 @@ def next_experiment(
         null: (n,) residual of the study's model.
         nameless: confidence that it is something without a name, which no motion promises to tell.
     """
-    known = bench.system.study
-    if not rivals or known.inverse:
+    known = replayer.system.study
+    if not fitted_candidates or known.inverse:
         return None
-    unsure = min(rivals, key=lambda a: float(a.confidence.max()))
+    unsure = min(fitted_candidates, key=lambda a: float(a.confidence.max()))
     order = np.argsort(-unsure.confidence)[:RIVALS]
     nobody = unsure.without or Fit([], null, np.zeros((len(null), 0)), np.zeros(0), 0.0)
     fits = [*(unsure.tried[i] for i in order), nobody]
-    nobodys = max(0.0, 1.0 - unsure.confidence.sum() - nameless)
+    nobodys = max(0.0, 1.0 - unsure.confidence.sum() - unmodelled)
     chances = np.append(unsure.confidence[order], nobodys)
     second = fits[1 + int(np.argmax(chances[1:]))]
     slack = _confusing(found, second.residual - fits[0].residual)
@@ -65,7 +65,7 @@ def next_experiment(
     before = distances(len(fits), here)
 
     def together(motion: Motion, seconds: float) -> Array:
-        there = _foreseen(bench, _as_study(known, motion, seconds), fits, slack)
+        there = _foreseen(replayer, _as_study(known, motion, seconds), fits, slack)
         return distances(len(fits), here, there)
 
     def mean(apart: Array) -> float:
@@ -78,9 +78,9 @@ def next_experiment(
     others = float(unsure.confidence.sum() - unsure.confidence[order].sum())
     if not halves(np.append(chances, others), np.append(promised, promised.min())):
         return None
-    one = fits[0].suspects[-1]
+    one = fits[0].candidates[-1]
     alone = f"shows whether {one} is there"
-    aim = alone if second is nobody else f"tells {one} from {second.suspects[-1]}"
+    aim = alone if second is nobody else f"tells {one} from {second.candidates[-1]}"
     return Experiment(
         title=motion.title,
         sentence=f"Command {motion.title} for {SECONDS:.0f} s: it best {aim}.",
@@ -110,7 +110,7 @@ def _entropy(weights: Array) -> float:
     return float(-np.sum(shares * np.log(shares)))
 
 
-_Slack = list[tuple[Suspect, Parameter, Array]]
+_Slack = list[tuple[Candidate, Parameter, Array]]
 
 
 @dataclass(frozen=True)
@@ -157,16 +157,17 @@ def _known(fits: Sequence[Fit], slack: Sequence[Array]) -> Apart:
     return Apart(gaps, slopes, _columns(len(gaps[0]), slack))
 
 
-def _foreseen(bench: Workbench, study: Study, fits: Sequence[Fit], slack: _Slack) -> Apart:
+def _foreseen(replayer: Replayer, study: Study, fits: Sequence[Fit], slack: _Slack) -> Apart:
     """Of one that nobody has made yet."""
     asked: list[Hypothesis] = [[], fits[0].hypothesis]
     asked += [
-        [(suspect, suspect.nulls() | {p.name: p.null + STEP * p.scale})] for suspect, p, _ in slack
+        [(candidate, candidate.nulls() | {p.name: p.null + STEP * p.scale})]
+        for candidate, p, _ in slack
     ]
     for fit in fits[1:]:
         asked.append(fit.hypothesis)
         asked += [at(fit.hypothesis, fit.theta + STEP * axis) for axis in np.eye(len(fit.theta))]
-    found = iter(bench.predictions(study, asked))
+    found = iter(replayer.predictions(study, asked))
     null, first = next(found), next(found)
     off = [(next(found) - null) * (p.tolerance / abs(STEP * p.scale)) for _, p, _ in slack]
     gaps, slopes = list[Array](), list[Array]()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from reality_gap.inference.evidence import fit_normal, occam
 from reality_gap.inference.gauss_newton import Fit, held_price
-from reality_gap.inference.likelihood import Ruler
+from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.hypothesis import same
 
@@ -18,17 +18,17 @@ Ranked = list[tuple[float, Sensitivity, Array]]
 Starts = list[tuple[Sensitivity, Array]]
 
 
-def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
+def rank(found: Sequence[Sensitivity], rule: NoiseModel, base: Fit | None) -> Ranked:
     """Linear evidence of every suspect beside ``base``, with its theta; best first."""
     residual = rule.learn(rule.null if base is None else base.residual)
     known = np.zeros((len(residual), 0)) if base is None else rule.learn(base.jacobian)
-    inside = () if base is None else base.suspects
+    inside = () if base is None else base.candidates
     k = known.shape[1]
     free, unpriced = np.full(k, np.inf), np.full(k, -1)
     known_gram, known_right = known.T @ known, known.T @ residual
     # What is in already was fitted: all evidence here is that of the newcomer.
     paid = occam(known_gram) if k else 0.0
-    others = [s for s in found if not any(same(s.suspect, one) for one in inside)]
+    others = [s for s in found if not any(same(s.candidate, one) for one in inside)]
     ranked = []
     for sensitivity, own in _whitened(rule, others):
         cross = known.T @ own
@@ -40,13 +40,13 @@ def rank(found: Sequence[Sensitivity], rule: Ruler, base: Fit | None) -> Ranked:
             np.concatenate([free, high]),
             np.concatenate([unpriced, np.zeros(len(low), dtype=int)]),
         )
-        evidence = linear.evidence + paid - held_price(sensitivity.suspect)
+        evidence = linear.evidence + paid - held_price(sensitivity.candidate)
         ranked.append((evidence, sensitivity, linear.theta[k:]))
     return sorted(ranked, key=lambda item: -item[0])
 
 
 def _whitened(
-    rule: Ruler, found: Sequence[Sensitivity], most: int = 128
+    rule: NoiseModel, found: Sequence[Sensitivity], most: int = 128
 ) -> Iterator[tuple[Sensitivity, Array]]:
     """Each sensitivity with its whitened columns; many columns at once are quicker."""
     for i in range(0, len(found), most):
@@ -61,11 +61,11 @@ def diverse(ranked: Ranked, count: int, most: int = 3) -> Starts:
     chosen: Starts = []
     used: dict[str, list[object]] = {}
     for _, sensitivity, theta in ranked:
-        suspect = sensitivity.suspect
-        places = used.setdefault(suspect.cause.id, [])
-        if suspect.place in places or len(places) >= most:
+        candidate = sensitivity.candidate
+        locations = used.setdefault(candidate.cause.id, [])
+        if candidate.location in locations or len(locations) >= most:
             continue
-        places.append(suspect.place)
+        locations.append(candidate.location)
         chosen.append((sensitivity, theta))
         if len(chosen) == count:
             break

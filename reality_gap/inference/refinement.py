@@ -17,11 +17,11 @@ from reality_gap.inference.gauss_newton import (
     resizing,
     together,
 )
-from reality_gap.inference.likelihood import Ruler
+from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.ranking import Ranked, diverse, rank
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import Suspect, same
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.hypothesis import Candidate, same
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ MORE_AFAR = 3
 """How many more that can be begun from afar are fitted where lines do not hold."""
 
 
-def again(rule: Ruler, old: Fit) -> Fit:
+def again(rule: NoiseModel, old: Fit) -> Fit:
     """The same fit, its evidence measured by another ruler."""
     found = log_evidence(
         rule.learn, rule.null, old.residual, old.jacobian, old.theta, old.hypothesis
@@ -56,26 +56,30 @@ def again(rule: Ruler, old: Fit) -> Fit:
 
 
 def try_next(
-    bench: Workbench, found: Sequence[Sensitivity], rule: Ruler, base: Fit | None, refits: int
+    replayer: Replayer,
+    found: Sequence[Sensitivity],
+    rule: NoiseModel,
+    base: Fit | None,
+    refits: int,
 ) -> tuple[Fit, ...]:
     """Fit the most promising suspects beside ``base``, best first."""
     ranked = rank(found, rule, base)
     worth = ranked if base is None else [item for item in ranked if item[0] > PROMISE]
     chosen = diverse(worth, refits)
-    quick = together(bench, [_attempt(*one, rule, base) for one in chosen])
+    quick = together(replayer, [_attempt(*one, rule, base) for one in chosen])
     floor = 0.0 if base is None else again(rule, base).evidence
     leaders = _leaders(quick, floor)
-    if any(one.suspect.cause.sticky for one in leaders):
-        rest = [item for item in ranked if item[1].suspect.cause.sticky]
-        quick += _try_more(bench, rest, MORE_STICKY, quick, rule, base)
+    if any(one.candidate.cause.sticky for one in leaders):
+        rest = [item for item in ranked if item[1].candidate.cause.sticky]
+        quick += _try_more(replayer, rest, MORE_STICKY, quick, rule, base)
     if any(one.bent > BENT for one in leaders):
-        rest = [item for item in ranked if any(p.afar for p in item[1].suspect.parameters)]
-        quick += _try_more(bench, rest, MORE_AFAR, quick, rule, base)
+        rest = [item for item in ranked if any(p.afar for p in item[1].candidate.parameters)]
+        quick += _try_more(replayer, rest, MORE_AFAR, quick, rule, base)
     seen = floor + FAINT * _more(quick, floor)
-    quick = together(bench, [_from_afar(one, rule, seen) for one in quick])
+    quick = together(replayer, [_from_afar(one, rule, seen) for one in quick])
     close = floor + WORTH * _more(quick, floor)
     first = 0 if base is None else len(base.hypothesis)
-    done = together(bench, [_finish(one, rule, close, first) for one in quick])
+    done = together(replayer, [_finish(one, rule, close, first) for one in quick])
     return tuple(sorted(done, key=lambda f: -f.evidence))
 
 
@@ -90,9 +94,9 @@ class _Quick(NamedTuple):
     bent: float
 
     @property
-    def suspect(self) -> Suspect:
+    def candidate(self) -> Candidate:
         """The newcomer."""
-        return self.fit.suspects[-1]
+        return self.fit.candidates[-1]
 
 
 def _more(quick: Sequence[_Quick], floor: float) -> float:
@@ -107,25 +111,25 @@ def _leaders(quick: Sequence[_Quick], floor: float) -> list[_Quick]:
 
 
 def _try_more(
-    bench: Workbench,
+    replayer: Replayer,
     ranked: Ranked,
     count: int,
     quick: Sequence[_Quick],
-    rule: Ruler,
+    rule: NoiseModel,
     base: Fit | None,
 ) -> list[_Quick]:
     """Quick fits of some more of the ranked, who are not in ``quick``."""
-    rest = [item for item in ranked if not any(same(item[1].suspect, q.suspect) for q in quick)]
+    rest = [item for item in ranked if not any(same(item[1].candidate, q.candidate) for q in quick)]
     more = diverse(rest, count, most=count)
-    return together(bench, [_attempt(*one, rule, base) for one in more])
+    return together(replayer, [_attempt(*one, rule, base) for one in more])
 
 
 def _attempt(
-    sensitivity: Sensitivity, theta: Array, rule: Ruler, base: Fit | None
+    sensitivity: Sensitivity, theta: Array, rule: NoiseModel, base: Fit | None
 ) -> Asking[_Quick]:
     """A quick fit."""
     start = yield from _start(sensitivity, theta, rule, base)
-    known, moved_from = _slopes(sensitivity), np.zeros(len(sensitivity.suspect.parameters))
+    known, moved_from = _slopes(sensitivity), np.zeros(len(sensitivity.candidate.parameters))
     begin = rule.null
     if base is not None:
         known, moved_from = np.hstack([base.jacobian, known]), np.r_[base.theta, moved_from]
@@ -133,19 +137,19 @@ def _attempt(
     fitted = yield from fitting(start, rule.learn, rule.null, known, polish=False)
     line = begin - known @ (fitted.theta - moved_from)
     bent = 0.5 * float(np.sum(rule.learn(fitted.residual - line) ** 2))
-    whole = len(sensitivity.names) == len(sensitivity.suspect.parameters)
+    whole = len(sensitivity.names) == len(sensitivity.candidate.parameters)
     return _Quick(fitted, whole, bent)
 
 
-def _from_afar(quick: _Quick, rule: Ruler, least: float) -> Asking[_Quick]:
+def _from_afar(quick: _Quick, rule: NoiseModel, least: float) -> Asking[_Quick]:
     """The same, or a better fit from one of the newcomer's other starts, where lines are bent."""
-    suspect = quick.suspect
-    values = [(p.name, value) for p in suspect.parameters for value in p.afar]
+    candidate = quick.candidate
+    values = [(p.name, value) for p in candidate.parameters for value in p.afar]
     if not values or quick.bent < BENT or quick.fit.evidence < least:
         return quick
     others = quick.fit.hypothesis[:-1]
     starts: list[Hypothesis] = [
-        [*others, (suspect, suspect.nulls() | {name: value})] for name, value in values
+        [*others, (candidate, candidate.nulls() | {name: value})] for name, value in values
     ]
     found = yield starts
     costs = [_cost(rule, residual) for residual in found]
@@ -156,7 +160,7 @@ def _from_afar(quick: _Quick, rule: Ruler, least: float) -> Asking[_Quick]:
     return quick._replace(fit=best)
 
 
-def _finish(quick: _Quick, rule: Ruler, close: float, first: int) -> Asking[Fit]:
+def _finish(quick: _Quick, rule: NoiseModel, close: float, first: int) -> Asking[Fit]:
     """The full fit of whoever is ``close`` to the best."""
     if quick.fit.evidence < close:
         return quick.fit
@@ -165,21 +169,21 @@ def _finish(quick: _Quick, rule: Ruler, close: float, first: int) -> Asking[Fit]
     return (yield from fitting(quick.fit.hypothesis, rule.learn, rule.null))
 
 
-def _cost(rule: Ruler, residual: Array) -> float:
+def _cost(rule: NoiseModel, residual: Array) -> float:
     """Half the whitened square [nats]; infinite where a replay diverged."""
     diverged = not np.all(np.isfinite(residual))
     return np.inf if diverged else 0.5 * float(np.sum(rule.learn(residual) ** 2))
 
 
 def _start(
-    sensitivity: Sensitivity, theta: Array, rule: Ruler, base: Fit | None
+    sensitivity: Sensitivity, theta: Array, rule: NoiseModel, base: Fit | None
 ) -> Asking[Hypothesis]:
     """A suspect beside ``base`` at ``theta``, or of another size where lines promise too much."""
     known = tuple(base.hypothesis) if base else ()
     residual = base.residual if base else rule.null
 
     def of_size(size: float) -> Hypothesis:
-        return [*known, (sensitivity.suspect, sensitivity.values(size * theta))]
+        return [*known, (sensitivity.candidate, sensitivity.values(size * theta))]
 
     before = _cost(rule, residual)
     promise = before - _cost(rule, residual - sensitivity.columns @ theta)
@@ -188,18 +192,18 @@ def _start(
     if costs[0] < min(least, costs[1]):
         return first[0]
     trials = [of_size(size) for size in OTHER_SIZES]
-    if len(sensitivity.suspect.parameters) == 1:
-        lone = sensitivity.suspect.parameters[0]
+    if len(sensitivity.candidate.parameters) == 1:
+        lone = sensitivity.candidate.parameters[0]
         others = (*lone.starts, *lone.secants)
-        trials += [[*known, (sensitivity.suspect, {lone.name: x})] for x in others]
+        trials += [[*known, (sensitivity.candidate, {lone.name: x})] for x in others]
     costs += [_cost(rule, r) for r in (yield trials)]
     return [*first, *trials][int(np.argmin(costs))]
 
 
 def _slopes(sensitivity: Sensitivity) -> Array:
     """The columns in the order of the suspect's parameters; 0 where none was looked at."""
-    slopes = np.zeros((len(sensitivity.columns), len(sensitivity.suspect.parameters)))
-    for i, p in enumerate(sensitivity.suspect.parameters):
+    slopes = np.zeros((len(sensitivity.columns), len(sensitivity.candidate.parameters)))
+    for i, p in enumerate(sensitivity.candidate.parameters):
         if p.name in sensitivity.names:
             slopes[:, i] = sensitivity.columns[:, sensitivity.names.index(p.name)]
     return slopes

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from reality_gap.causes.base import Record
 from reality_gap.diagnosis import Dependence
 from reality_gap.inference.flexible_residual import Bank, Learned, banks, learn
-from reality_gap.inference.likelihood import Ruler
+from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.whitening import tolerated
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import CHOOSE, FIT, REPORT, split
 from reality_gap.study.system import commanded
@@ -46,16 +46,16 @@ class Remainder:
 
 
 def examine(
-    bench: Workbench, rule: Ruler, hypothesis: Hypothesis, residual: Array, null: Array
+    replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Array, null: Array
 ) -> Remainder:
     """Learn what the residual (n,) of a hypothesis leaves, and the null's (n,) beside it."""
-    records = bench.look(hypothesis).records
-    found: tuple[Bank, ...] = banks(bench, hypothesis, records)
-    learned = max((learn(bench, rule, residual, b) for b in found), key=lambda x: x.evidence)
+    records = replayer.look(hypothesis).records
+    found: tuple[Bank, ...] = banks(replayer, hypothesis, records)
+    learned = max((learn(replayer, rule, residual, b) for b in found), key=lambda x: x.evidence)
     instead = learned
     if hypothesis:
-        instead = max((learn(bench, rule, null, b) for b in found), key=lambda x: x.evidence)
-    role, ones = split(bench.measured), np.ones(len(residual))
+        instead = max((learn(replayer, rule, null, b) for b in found), key=lambda x: x.evidence)
+    role, ones = split(replayer.measured), np.ones(len(residual))
 
     def left(found: Array) -> Array:
         return found - tolerated(rule.tolerances, ones, role <= CHOOSE, found)
@@ -64,15 +64,15 @@ def examine(
         return float(np.sqrt(np.mean(found[role == REPORT] ** 2)))
 
     before, after = left(null), left(residual)
-    depends_on = dependences(bench, after, records)
+    depends_on = dependences(replayer, after, records)
     return Remainder(learned, instead, depends_on, rms(before), rms(after))
 
 
 def dependences(
-    bench: Workbench, value: Array, records: Sequence[Record]
+    replayer: Replayer, value: Array, records: Sequence[Record]
 ) -> tuple[Dependence, ...]:
     """What each quantity explains of the remainder (n,) by itself, on the report split."""
-    measured, names = bench.measured, [c.name for c in bench.system.study.channels]
+    measured, names = replayer.measured, [c.name for c in replayer.system.study.channels]
     role = split(measured)
     report = role == REPORT
     power = float(np.sum(value[report] ** 2)) or 1.0

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Parameter
-from reality_gap.inference.checkpoint import Columns, Shelf
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.inference.checkpoint import Checkpoint, Columns
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
@@ -24,8 +24,8 @@ STEP = 0.25
 PART = 32
 """Suspects that are looked at between two notes of how far it is."""
 
-NO_SHELF = Shelf(None, "")
-_Trial = tuple[Suspect, dict[str, float], tuple[str, ...], tuple[float, ...]]
+NO_CHECKPOINT = Checkpoint(None, "")
+_Trial = tuple[Candidate, dict[str, float], tuple[str, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Sensitivity:
             in single precision, for there are thousands.
     """
 
-    suspect: Suspect
+    candidate: Candidate
     names: tuple[str, ...]
     fixed: dict[str, float]
     columns: NDArray[np.float32]
@@ -54,40 +54,40 @@ class Sensitivity:
         """Parameter values at ``theta`` (p,), in scales from the null, cut at the bounds."""
         found = dict(self.fixed)
         for name, x in zip(self.names, theta, strict=True):
-            p = parameter(self.suspect, name)
+            p = parameter(self.candidate, name)
             found[name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
         return found
 
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of theta (p,), (p,)."""
-        chosen = [parameter(self.suspect, name) for name in self.names]
+        chosen = [parameter(self.candidate, name) for name in self.names]
         ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in chosen]
         low, high = np.array(ends).T
         return low, high
 
 
-def parameter(suspect: Suspect, name: str) -> Parameter:
+def parameter(candidate: Candidate, name: str) -> Parameter:
     """A suspect's parameter by its name."""
-    return next(p for p in suspect.parameters if p.name == name)
+    return next(p for p in candidate.parameters if p.name == name)
 
 
-def suspects(system: System, causes: Sequence[Cause], most: int = 8) -> tuple[Suspect, ...]:
+def candidates(system: System, causes: Sequence[Cause], most: int = 8) -> tuple[Candidate, ...]:
     """Every cause at every place where it may act with at most so many parameters."""
     found = []
     for cause in causes:
-        for place in cause.places(system):
-            parameters = cause.parameters(system, place)
+        for location in cause.locations(system):
+            parameters = cause.parameters(system, location)
             if len(parameters) <= most:
-                found.append(Suspect(cause, place, parameters))
+                found.append(Candidate(cause, location, parameters))
     return tuple(found)
 
 
 def screen(
-    bench: Workbench,
-    chosen: Sequence[Suspect],
+    replayer: Replayer,
+    chosen: Sequence[Candidate],
     base: Hypothesis,
     before: Array,
-    shelf: Shelf = NO_SHELF,
+    checkpoint: Checkpoint = NO_CHECKPOINT,
     tell: Callable[[float], None] = lambda share: None,
 ) -> tuple[Sensitivity, ...]:
     """Sensitivities of all suspects, added to a hypothesis.
@@ -101,57 +101,57 @@ def screen(
         tell: called with the share that is done.
     """
     # Differences between replays forgive a coarse time step.
-    if bench.coarse:
-        before = bench.residuals([base], True)[0]
+    if replayer.coarse:
+        before = replayer.residuals([base], True)[0]
     found = []
     for i in range(0, len(chosen), PART):
-        trials = [trial for suspect in chosen[i : i + PART] for trial in _trials(suspect)]
-        columns = shelf.get(i // PART, partial(_columns, bench, trials, base, before))
-        for (suspect, fixed, names, _), own in zip(trials, columns, strict=True):
+        trials = [trial for candidate in chosen[i : i + PART] for trial in _trials(candidate)]
+        columns = checkpoint.get(i // PART, partial(_columns, replayer, trials, base, before))
+        for (candidate, fixed, names, _), own in zip(trials, columns, strict=True):
             if np.all(np.isfinite(own)):
-                found.append(Sensitivity(suspect, names, fixed, own))
+                found.append(Sensitivity(candidate, names, fixed, own))
         tell(min(1.0, (i + PART) / len(chosen)))
     return tuple(found)
 
 
 def _columns(
-    bench: Workbench, trials: Sequence[_Trial], base: Hypothesis, before: Array
+    replayer: Replayer, trials: Sequence[_Trial], base: Hypothesis, before: Array
 ) -> Columns:
     """Columns of each trial (n, p); what is idle costs no replay."""
     hypotheses = [
-        [*base, (suspect, fixed | {name: value})]
-        for suspect, fixed, names, values in trials
+        [*base, (candidate, fixed | {name: value})]
+        for candidate, fixed, names, values in trials
         for name, value in zip(names, values, strict=True)
-        if not parameter(suspect, name).idle
+        if not parameter(candidate, name).idle
     ]
-    residuals = iter(bench.residuals(hypotheses, bench.coarse))
+    residuals = iter(replayer.residuals(hypotheses, replayer.coarse))
     found = []
-    for suspect, _, names, values in trials:
+    for candidate, _, names, values in trials:
         columns = np.zeros((len(before), len(names)), dtype=np.float32)
         for i, (name, value) in enumerate(zip(names, values, strict=True)):
-            if not parameter(suspect, name).idle:
-                columns[:, i] = (before - next(residuals)) / _scales(suspect, name, value)
+            if not parameter(candidate, name).idle:
+                columns[:, i] = (before - next(residuals)) / _scales(candidate, name, value)
         found.append(columns)
     return found
 
 
-def _scales(suspect: Suspect, name: str, value: float) -> float:
+def _scales(candidate: Candidate, name: str, value: float) -> float:
     """How many scales a value is from the null."""
-    p = parameter(suspect, name)
+    p = parameter(candidate, name)
     return (value - p.null) / p.scale
 
 
-def _trials(suspect: Suspect) -> list[_Trial]:
+def _trials(candidate: Candidate) -> list[_Trial]:
     """Which parameters to change, with which others held at one of their starts.
 
     A lone parameter with starts is looked at in secants to each of them, one with secants in these,
     too.
     """
-    held = [p for p in suspect.parameters if p.starts]
-    free = [p for p in suspect.parameters if not p.starts]
-    if len(suspect.parameters) == len(held) == 1:
+    held = [p for p in candidate.parameters if p.starts]
+    free = [p for p in candidate.parameters if not p.starts]
+    if len(candidate.parameters) == len(held) == 1:
         lone = held[0]
-        return [(suspect, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.starts]
+        return [(candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.starts]
     if not free:
         free, held = held, []
     trials = []
@@ -159,10 +159,12 @@ def _trials(suspect: Suspect) -> list[_Trial]:
         fixed = dict(zip((p.name for p in held), starts, strict=True))
         rest = {p.name: p.null for p in free}
         names = tuple(p.name for p in free)
-        trials.append((suspect, rest | fixed, names, tuple(p.null + STEP * p.scale for p in free)))
-    if len(suspect.parameters) == 1:
-        lone = suspect.parameters[0]
-        trials += [(suspect, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.secants]
+        trials.append(
+            (candidate, rest | fixed, names, tuple(p.null + STEP * p.scale for p in free))
+        )
+    if len(candidate.parameters) == 1:
+        lone = candidate.parameters[0]
+        trials += [(candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.secants]
     return trials
 
 
@@ -174,7 +176,7 @@ MUCH = 10.0
 """What a tolerance must do to all readings to be replayed exactly [noise]."""
 
 
-def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> Array:
+def tolerances(replayer: Replayer, found: Sequence[Sensitivity], null: Array) -> Array:
     """What every honest drawing may be off by: (n, p), in units of noise.
 
     Parameters of single elements, for a group's are their sums; but friction, of which no wire is
@@ -188,33 +190,33 @@ def tolerances(bench: Workbench, found: Sequence[Sensitivity], null: Array) -> A
         found: sensitivities of all suspects.
         null: (n,) residual of the study's model.
     """
-    steps = DRIFT_TOLERANCE * bench.drift, bench.drift_error
-    drifts = [step / bench.measured.noise for step in steps]
+    steps = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
+    drifts = [step / replayer.measured.noise for step in steps]
     allowed = list(allowances(found))
     columns = [column for _, _, column in allowed]
     large = [i for i, column in enumerate(columns) if np.linalg.norm(column) > MUCH]
     trials: list[Hypothesis] = []
-    for suspect, p, _ in (allowed[i] for i in large):
+    for candidate, p, _ in (allowed[i] for i in large):
         off = p.null + np.copysign(p.tolerance, p.scale)
-        trials.append([(suspect, suspect.nulls() | {p.name: float(off)})])
-    for i, residual in zip(large, bench.residuals(trials), strict=True):
+        trials.append([(candidate, candidate.nulls() | {p.name: float(off)})])
+    for i, residual in zip(large, replayer.residuals(trials), strict=True):
         if np.all(np.isfinite(residual)):
             columns.append(null - residual - columns[i])
     return np.column_stack([*drifts, *columns])
 
 
-def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Suspect, Parameter, Array]]:
+def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Candidate, Parameter, Array]]:
     """Everything that has a tolerance, with what it may do to the readings (n,) [noise]."""
     seen = set()
     for sensitivity in found:
-        suspect = sensitivity.suspect
-        key = (suspect.cause.id, suspect.place)
+        candidate = sensitivity.candidate
+        key = (candidate.cause.id, candidate.location)
         if key in seen:
             continue
         seen.add(key)
-        alone = len(suspect.place.elements) == 1
+        alone = len(candidate.location.elements) == 1
         for i, name in enumerate(sensitivity.names):
-            p = parameter(suspect, name)
+            p = parameter(candidate, name)
             if p.tolerance > 0 and (alone or p.usual):
                 own = sensitivity.columns[:, i].astype(np.float64)
-                yield suspect, p, own * (p.tolerance / abs(p.scale))
+                yield candidate, p, own * (p.tolerance / abs(p.scale))

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.diagnosis import Trace
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.splits import split
 
 Array = NDArray[np.float64]
 
 
-def traces(bench: Workbench, null: Array, after: Array) -> tuple[Trace, ...]:
+def traces(replayer: Replayer, null: Array, after: Array) -> tuple[Trace, ...]:
     """Of residuals (n,) of the model and of the extended model, in units of noise."""
-    study, readings = bench.system.study, bench.measured
+    study, readings = replayer.system.study, replayer.measured
     role = split(readings)
     found = []
     for e, episode in enumerate(study.episodes):

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support.new_elements import add_actuator
-from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
@@ -20,31 +20,31 @@ FORCE = {"joint": 0.1, "tendon": 1.0}
 """Size of a force that nobody commanded [N m or N]: small beside what a machine does."""
 
 
-def push(kind: str, name: str, records: Sequence[Record], series: list[Array]) -> Suspect:
+def push(kind: str, name: str, records: Sequence[Record], series: list[Array]) -> Candidate:
     """A force on a joint or tendon that follows a series, as a cause without a name."""
     clock = np.concatenate([r.time for r in records])
     force = FORCE[kind] * np.concatenate(series)
     attach = partial(_attach_push, clock, force)
     cause = Cause("", "", "", _nowhere, _no_parameters, _edit_push, attach)
-    return Suspect(cause, Place(kind, (name,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
+    return Candidate(cause, Location(kind, (name,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
 
 
-def _nowhere(system: System) -> tuple[Place, ...]:
+def _nowhere(system: System) -> tuple[Location, ...]:
     return ()
 
 
-def _no_parameters(system: System, place: Place) -> tuple[Parameter, ...]:
+def _no_parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return ()
 
 
-def _edit_push(spec: mujoco.MjSpec, system: System, place: Place, values: Values) -> None:
+def _edit_push(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     kinds = {"joint": mujoco.mjtTrn.mjTRN_JOINT, "tendon": mujoco.mjtTrn.mjTRN_TENDON}
-    name = place.elements[0]
-    add_actuator(spec, name=f"unnamed/{name}", trntype=kinds[place.kind], target=name)
+    name = location.elements[0]
+    add_actuator(spec, name=f"unnamed/{name}", trntype=kinds[location.kind], target=name)
 
 
 def _attach_push(
-    clock: Array, force: Array, effects: Effects, system: System, place: Place, values: Values
+    clock: Array, force: Array, effects: Effects, system: System, location: Location, values: Values
 ) -> None:
     def add(model: mujoco.MjModel, time: Array, command: Array) -> Array:
         return np.column_stack([command, np.interp(time, clock, force)])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reality_gap.diagnosis import Verdict
 from reality_gap.inference.forward_selection import Search, Settings, revise
 from reality_gap.inference.remainder import Remainder, examine
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class Options:
 
 
 def weighed(
-    bench: Workbench, result: Search, null: Array, settings: Settings, options: Options
+    replayer: Replayer, result: Search, null: Array, settings: Settings, options: Options
 ) -> tuple[Search, Remainder]:
     """The causes, looked at anew beside each other, and what they leave.
 
@@ -72,8 +72,8 @@ def weighed(
     def leaves(found: Search) -> Remainder:
         best = found.best
         if best is None:
-            return examine(bench, found.ruler, [], null, null)
-        return examine(bench, found.ruler, best.hypothesis, best.residual, null)
+            return examine(replayer, found.noise_model, [], null, null)
+        return examine(replayer, found.noise_model, best.hypothesis, best.residual, null)
 
     left = leaves(result)
     if result.best is None:
@@ -82,7 +82,7 @@ def weighed(
     beaten = left.instead.evidence > max(BEATEN * named, named + options.better)
     if beaten or left.learned.evidence > LEFT * _may_leave(named, options):
         return result, left
-    revised = revise(bench, result, settings)
+    revised = revise(replayer, result, settings)
     return revised, left if revised.best is result.best else leaves(revised)
 
 
@@ -106,7 +106,7 @@ def decide(result: Search, left: Remainder, pays: bool, options: Options) -> Ver
     better = left.instead.evidence > named + options.better
     worse = left.after > max(left.before, options.worse)
     # A stop that the machine runs into in each episode looks like a push.
-    events = all(suspect.cause.event for suspect in result.best.suspects)
+    events = all(candidate.cause.event for candidate in result.best.candidates)
     no_event = events and left.instead.evidence > options.by_chance * named
     return Verdict.UNEXPLAINED if much or better or worse or no_event else Verdict.NAMED
 
@@ -115,8 +115,8 @@ def at_bound(hypothesis: Hypothesis) -> bool:
     """Whether a parameter went as far as it may: what it stands for is something else."""
     return any(
         abs(values[p.name] - bound) <= NEAR * abs(bound - p.null)
-        for suspect, values in hypothesis
-        for p in suspect.parameters
+        for candidate, values in hypothesis
+        for p in candidate.parameters
         for bound in (p.low, p.high)
         if bound != p.null and np.isfinite(bound)
     )

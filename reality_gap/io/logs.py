@@ -121,13 +121,13 @@ def _time(study: StudyFile, table: Table) -> Array:
     time = study.time.in_si(table.columns[study.time.columns[0]])
     empty = np.flatnonzero(np.isnan(time))
     if len(empty):
-        raise StudyError(f"{table.place(int(empty[0]))} has no time; every row needs one")
+        raise StudyError(f"{table.location(int(empty[0]))} has no time; every row needs one")
     wrong = np.flatnonzero(np.diff(time) <= 0.0)
     if len(wrong):
         row = int(wrong[0]) + 1
         how = "repeats" if time[row] == time[row - 1] else "falls below"
         raise StudyError(
-            f"the time {time[row]:.6g} s in {table.place(row)} {how} that of the row before; "
+            f"the time {time[row]:.6g} s in {table.location(row)} {how} that of the row before; "
             "times must rise from row to row"
         )
     return time
@@ -143,7 +143,7 @@ def _commands(logs: Logs, actuators: tuple[str, ...]) -> Array:
         empty = np.flatnonzero(np.isnan(command[:, i]))
         if len(empty):
             raise StudyError(
-                f"{table.place(int(empty[0]))} has no command in column {line.columns[0]!r}; "
+                f"{table.location(int(empty[0]))} has no command in column {line.columns[0]!r}; "
                 "every row needs all commands (readings at other times may have their own file)"
             )
     return command

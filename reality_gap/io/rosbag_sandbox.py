@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mjcf_sandbox import sandbox, worker
-from mjcf_sandbox.errors import FenceError, StrangeFileError
+from mjcf_sandbox.errors import SandboxError, UntrustedFileError
 from reality_gap.errors import StudyError
 from reality_gap.io.rosbag import check_new, unpack
 
@@ -18,7 +18,7 @@ MEMORY, UNFOLDED = 2 << 30, 60
 ARRIVAL, STAMP = "arrival", "stamp"
 
 
-def unpack_behind_fence(
+def unpack_in_sandbox(
     bag: Path,
     out: Path,
     topics: Sequence[str] = (),
@@ -41,9 +41,9 @@ def unpack_behind_fence(
         arguments = [str(bag.absolute()), str(new), clock, *topics]
         try:
             sandbox.run("reality_gap.io.rosbag_sandbox", arguments, limits, tell)
-        except FenceError as error:
+        except SandboxError as error:
             raise StudyError(f"{bag.name} {error}") from error
-        except StrangeFileError as error:
+        except UntrustedFileError as error:
             raise StudyError(str(error)) from error
         new.rename(out)
     return tuple(sorted(out.iterdir()))
@@ -54,7 +54,7 @@ def main(bag: str, out: str, clock: str, *topics: str) -> None:
     try:
         unpack(Path(bag), Path(out), topics, clock == ARRIVAL, worker.tell)
     except StudyError as error:
-        raise StrangeFileError(str(error)) from error
+        raise UntrustedFileError(str(error)) from error
 
 
 def _limits(bag: Path) -> sandbox.Limits:

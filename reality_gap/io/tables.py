@@ -48,9 +48,9 @@ class Table:
     columns: dict[str, Array]
     first: int
 
-    def place(self, row: int) -> str:
+    def location(self, row: int) -> str:
         """Where a person finds a row: "line 14 of episode_0.csv"."""
-        return _place(self.name, self.first, row)
+        return _location(self.name, self.first, row)
 
 
 def read_header(path: Path, name: str) -> tuple[str, ...]:
@@ -94,7 +94,7 @@ def read_table(path: Path, name: str, columns: tuple[str, ...]) -> Table:
     return Table(name, values, first)
 
 
-def _place(name: str, first: int, row: int) -> str:
+def _location(name: str, first: int, row: int) -> str:
     return f"{'line' if first == 2 else 'row'} {row + first} of {name}"
 
 
@@ -215,6 +215,6 @@ def _parse_cells(cells: list[bytes | str | None], name: str, column: str, first:
 def _no_number(name: str, column: str, first: int, row: int, text: str) -> StudyError:
     shown = text.strip() if len(text) < 40 else text.strip()[:40] + "..."
     return StudyError(
-        f"{_place(name, first, row)}, column {column!r}: {shown!r} is not a number; leave the "
+        f"{_location(name, first, row)}, column {column!r}: {shown!r} is not a number; leave the "
         "cell empty where nothing was measured"
     )

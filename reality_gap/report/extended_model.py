@@ -11,14 +11,14 @@ from typing import Any
 import mujoco
 
 from reality_gap.causes import cause
-from reality_gap.causes.base import Cause, Effects, Place
+from reality_gap.causes.base import Cause, Effects, Location
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.errors import StudyError, UnknownNameError
-from reality_gap.report.verdict_json import place_json
+from reality_gap.report.verdict_json import location_json
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.inverse_dynamics import inverse_replay, ready
 from reality_gap.simulation.replay import Replay, replay
-from reality_gap.study.data import Study, check_strange_model
+from reality_gap.study.data import Study, check_untrusted_model
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import look_at
 
@@ -30,7 +30,7 @@ class Effect:
     """A cause that acts beside the model, at a place with values in SI units."""
 
     cause: Cause
-    place: Place
+    location: Location
     values: dict[str, float]
 
 
@@ -54,9 +54,9 @@ class Extended:
         """
         system, effects = look_at(study), Effects()
         for effect in self.effects:
-            _check_place(effect.place, study)
+            _check_location(effect.location, study)
             if effect.cause.attach is not None:
-                effect.cause.attach(effects, system, effect.place, effect.values)
+                effect.cause.attach(effects, system, effect.location, effect.values)
         return Plant(self.spec.copy(), effects)
 
     def replay(self, study: Study) -> Replay:
@@ -84,7 +84,7 @@ def load_extended(folder: Path) -> Extended:
         raise StudyError(f"{path} is not what a diagnosis writes: {error!r}") from error
     if named != XML:
         raise StudyError(f"{path} names the model {named!r}; a diagnosis writes {XML}")
-    check_strange_model(folder / XML, folder)
+    check_untrusted_model(folder / XML, folder)
     return Extended(mujoco.MjSpec.from_file(str(folder / XML)), effects)
 
 
@@ -92,26 +92,25 @@ def extension_json(diagnosis: Diagnosis) -> dict[str, Any]:
     """What extended.json holds: the causes whose effects extended.xml does not express."""
     effects = [
         {
-            "cause": suspect.cause.id,
-            "where": place_json(suspect),
+            "cause": candidate.cause.id,
+            **location_json(candidate.location),
             "parameters": {name: float(value) for name, value in values.items()},
         }
-        for suspect, values in diagnosis.effects
+        for candidate, values in diagnosis.effects
     ]
     return {"model": XML, "effects": effects}
 
 
 def _effect(entry: dict[str, Any]) -> Effect:
-    where = entry["where"]
-    place = Place(where["kind"], tuple(where["elements"]), where["note"])
-    return Effect(cause(entry["cause"]), place, dict(entry["parameters"]))
+    location = Location(entry["kind"], tuple(entry["elements"]), entry["note"])
+    return Effect(cause(entry["cause"]), location, dict(entry["parameters"]))
 
 
-def _check_place(place: Place, study: Study) -> None:
-    known = list(_names(place.kind, study.spec()))
-    for name in place.elements:
-        if place.kind != "model" and name not in known:
-            raise UnknownNameError(f"{place.kind} of the study's model", name, known)
+def _check_location(location: Location, study: Study) -> None:
+    known = list(_names(location.kind, study.spec()))
+    for name in location.elements:
+        if location.kind != "model" and name not in known:
+            raise UnknownNameError(f"{location.kind} of the study's model", name, known)
 
 
 def _names(kind: str, spec: mujoco.MjSpec) -> Iterable[str]:

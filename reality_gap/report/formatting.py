@@ -36,11 +36,11 @@ def number(value: float, digits: int = 3) -> str:
     """A number with so many digits that matter, without an exponent if it can be read."""
     if value == 0.0 or not math.isfinite(value):
         return f"{value:g}"
-    places = digits - 1 - math.floor(math.log10(abs(value)))
-    if -2 <= places <= 5:
-        return f"{value:.{max(0, places)}f}"
-    if -5 <= places < -2:
-        return f"{round(value, places):.0f}"
+    locations = digits - 1 - math.floor(math.log10(abs(value)))
+    if -2 <= locations <= 5:
+        return f"{value:.{max(0, locations)}f}"
+    if -5 <= locations < -2:
+        return f"{round(value, locations):.0f}"
     return f"{value:.{digits - 1}e}"
 
 

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.report import words
 from reality_gap.report.formatting import capital, human, joined, number, percent, shown
-from reality_gap.report.plots.candidates import rival_scores
+from reality_gap.report.plots.candidates import candidate_scores
 from reality_gap.report.plots.canvas import SPLITS, png
 from reality_gap.report.plots.commands import commands, left_out
 from reality_gap.report.plots.comparison import against, constant_share
@@ -68,7 +68,7 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         parts=_parts(found),
         difference=xml_difference(study, diagnosis.extended_xml),
         usual=f"/{USUAL}/" in diagnosis.extended_xml,
-        effects=[suspect for suspect, _ in diagnosis.effects],
+        effects=[candidate for candidate, _ in diagnosis.effects],
         left_out=0 if diagnosis.next_experiment is None else left_out(diagnosis.next_experiment),
         not_judged=not_judged(diagnosis),
         model=study.model.name,
@@ -89,8 +89,8 @@ def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
             )
             rows.append(
                 (
-                    capital(cause.suspect.cause.title),
-                    str(cause.suspect.place),
+                    capital(cause.candidate.cause.title),
+                    str(cause.candidate.location),
                     human(name),
                     f"{value} {unit}".strip(),
                     f"{low} to {high} {unit}".strip(),
@@ -140,8 +140,8 @@ def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[s
         made["against"] = lambda: against(found[0], found)
         total = (diagnosis.rms_before, diagnosis.rms_after)
         made["gain"] = lambda: channel_gain(found, total, diagnosis.noise_floor)
-    if diagnosis.rivals:
-        made["rivals"] = lambda: rival_scores(diagnosis.rivals, diagnosis.causes)
+    if diagnosis.fitted_candidates:
+        made["candidates"] = lambda: candidate_scores(diagnosis.fitted_candidates, diagnosis.causes)
     if diagnosis.causes:
         made["parameters"] = lambda: intervals(diagnosis.causes)
     if diagnosis.verdict is not Verdict.NOTHING_WRONG:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from reality_gap.diagnosis import Diagnosis, Estimate, Experiment, NamedCause, Rival
-from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.causes.base import Location
+from reality_gap.diagnosis import Diagnosis, Estimate, Experiment, FittedCandidate, Gain, NamedCause
 
 Json = dict[str, Any]
 
@@ -17,16 +17,16 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
     Raises:
         ValueError: a number is not finite. Only a rival's score may be so, and is null then.
     """
-    gain = diagnosis.gain
     content = {
         "verdict": diagnosis.verdict.value,
         "sentence": diagnosis.sentence,
         "causes": [_cause(cause) for cause in diagnosis.causes],
-        "nameless": diagnosis.nameless,
+        "unmodelled": diagnosis.unmodelled,
         "rms_before": diagnosis.rms_before,
         "rms_after": diagnosis.rms_after,
         "noise_floor": diagnosis.noise_floor,
-        "gain": None if gain is None else {"value": gain.value, "low": gain.low, "high": gain.high},
+        "gain": _gain(diagnosis.gain),
+        "likelihood_gain": _gain(diagnosis.likelihood_gain),
         "unexplained_fraction": diagnosis.unexplained_fraction,
         "explainable_fraction": diagnosis.explainable_fraction,
         "depends_on": [
@@ -37,7 +37,9 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
         "not_judged": [
             {"cause": cause, "reason": reason} for cause, reason in diagnosis.not_judged
         ],
-        "rivals": [_rival(rival) for rival in diagnosis.rivals],
+        "candidates": [
+            _fitted_candidate(fitted_candidate) for fitted_candidate in diagnosis.fitted_candidates
+        ],
         "study": diagnosis.study,
         "seconds": diagnosis.seconds,
     }
@@ -45,24 +47,23 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
     return plain
 
 
-def place_json(suspect: Suspect) -> Json:
-    """Where a suspect acts, by names in the model."""
-    place = suspect.place
-    return {"kind": place.kind, "elements": list(place.elements), "note": place.note}
+def _gain(gain: Gain | None) -> Json | None:
+    return None if gain is None else {"value": gain.value, "low": gain.low, "high": gain.high}
 
 
-def _where(suspect: Suspect) -> Json:
-    place = suspect.place
-    return {"where": list(place.elements), "kind": place.kind, "note": place.note}
+def location_json(location: Location) -> Json:
+    """Where a cause acts, by names in the model."""
+    return {"kind": location.kind, "elements": list(location.elements), "note": location.note}
 
 
 def _cause(cause: NamedCause) -> Json:
     return {
-        "cause": cause.suspect.cause.id,
-        **_where(cause.suspect),
+        "cause": cause.candidate.cause.id,
+        **location_json(cause.candidate.location),
         "parameters": {name: _estimate(value) for name, value in cause.parameters.items()},
         "confidence": cause.confidence,
         "equivalent": list(cause.equivalent),
+        "elsewhere": [location_json(location) for location in cause.elsewhere],
     }
 
 
@@ -75,15 +76,15 @@ def _estimate(estimate: Estimate) -> Json:
     }
 
 
-def _rival(rival: Rival) -> Json:
+def _fitted_candidate(fitted_candidate: FittedCandidate) -> Json:
     return {
-        "cause": rival.suspect.cause.id,
-        **_where(rival.suspect),
-        "values": dict(rival.values),
-        "score": rival.score if math.isfinite(rival.score) else None,
-        "confidence": rival.confidence,
-        "step": rival.step,
-        "chosen": rival.chosen,
+        "cause": fitted_candidate.candidate.cause.id,
+        **location_json(fitted_candidate.candidate.location),
+        "values": dict(fitted_candidate.values),
+        "score": fitted_candidate.score if math.isfinite(fitted_candidate.score) else None,
+        "confidence": fitted_candidate.confidence,
+        "step": fitted_candidate.step,
+        "chosen": fitted_candidate.chosen,
     }
 
 

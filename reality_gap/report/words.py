@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reality_gap.diagnosis import Diagnosis, NamedCause, Rival, Verdict
+from reality_gap.diagnosis import Diagnosis, FittedCandidate, NamedCause, Verdict
 from reality_gap.report.formatting import capital, human, joined, number, percent
 from reality_gap.report.plots.candidates import by_step, equivalents
 
@@ -52,14 +52,14 @@ def figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 def why(diagnosis: Diagnosis) -> list[str]:
     """Why each winner won, or why nobody did: a sentence for each cause of the hypothesis."""
-    steps = by_step(diagnosis.rivals)
+    steps = by_step(diagnosis.fitted_candidates)
     if diagnosis.verdict is Verdict.NAMED:
         others = "" if len(steps) == 1 else ", beside the other causes of the verdict,"
-        return [_winner(step, diagnosis.causes, others) for step in steps] + _nameless(diagnosis)
+        return [_winner(step, diagnosis.causes, others) for step in steps] + _unmodelled(diagnosis)
     return [_nobody(diagnosis, steps[0])] if steps else []
 
 
-def _nobody(diagnosis: Diagnosis, step: list[Rival]) -> str:
+def _nobody(diagnosis: Diagnosis, step: list[FittedCandidate]) -> str:
     best = step[0]
     told = f"{_told(best)} does best, with {number(best.score)} nats"
     if diagnosis.verdict is Verdict.NOTHING_WRONG:
@@ -73,14 +73,16 @@ def _nobody(diagnosis: Diagnosis, step: list[Rival]) -> str:
     )
 
 
-def _winner(step: list[Rival], causes: tuple[NamedCause, ...], beside: str) -> str:
-    winner = next((rival for rival in step if rival.chosen), step[0])
+def _winner(step: list[FittedCandidate], causes: tuple[NamedCause, ...], beside: str) -> str:
+    winner = next(
+        (fitted_candidate for fitted_candidate in step if fitted_candidate.chosen), step[0]
+    )
     alike = equivalents(step, causes)
     sentence = (
         f"{capital(_told(winner))}{beside} predicts data that its fit had not seen better than "
         f"your model does, by {number(winner.score)} nats"
     )
-    others = [r for r in step if not r.chosen and r.suspect.cause.id not in alike]
+    others = [r for r in step if not r.chosen and r.candidate.cause.id not in alike]
     if others:
         margin = winner.score - others[0].score
         better = f"{number(margin)} nats better than" if margin > 0.0 else "no better than"
@@ -93,9 +95,9 @@ def _winner(step: list[Rival], causes: tuple[NamedCause, ...], beside: str) -> s
     return sentence + "."
 
 
-def _nameless(diagnosis: Diagnosis) -> list[str]:
+def _unmodelled(diagnosis: Diagnosis) -> list[str]:
     """A sentence where it may be something else altogether."""
-    chance = diagnosis.nameless or 0.0
+    chance = diagnosis.unmodelled or 0.0
     if chance < DOUBT:
         return []
     return [
@@ -104,5 +106,5 @@ def _nameless(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _told(rival: Rival) -> str:
-    return f"{rival.suspect.cause.title} at {rival.suspect.place}"
+def _told(fitted_candidate: FittedCandidate) -> str:
+    return f"{fitted_candidate.candidate.cause.title} at {fitted_candidate.candidate.location}"

@@ -67,7 +67,7 @@ def replay(plant: Plant, study: Study, measured: Measured, memory: Memory | None
     for e, (episode, start) in enumerate(zip(study.episodes, starts[:-1], strict=True)):
         rows = _rows(model, episode)
         record = _run(plant, model, study, episode, float(start), rows, memory)
-        for sense in plant.effects.senses:
+        for sense in plant.effects.readings:
             sense(record)
         at = measured.episode == e
         columns = np.array([record.column(c.sensor, c.component) for c in study.channels])

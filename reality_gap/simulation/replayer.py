@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from mjcf_sandbox.parent_watchdog import end_with_parent
 from reality_gap.causes import CATALOGUE, register
-from reality_gap.causes.base import Cause, Place, Values
+from reality_gap.causes.base import Cause, Location, Values
 from reality_gap.errors import StudyError
 from reality_gap.simulation.episode import silence
-from reality_gap.simulation.hypothesis import Plant, Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, Plant, build
 from reality_gap.simulation.inverse_dynamics import inverse_replay, ready
 from reality_gap.simulation.replay import Memory, Replay, replay
 from reality_gap.study.data import Study
@@ -25,7 +25,7 @@ from reality_gap.study.measurements import Measured, measured
 from reality_gap.study.system import System, look_at
 
 Array = NDArray[np.float64]
-Part = tuple[Suspect, Values]
+Part = tuple[Candidate, Values]
 Hypothesis = Sequence[Part]
 Tick = Callable[[], None]
 
@@ -33,7 +33,7 @@ USUAL = "usual"
 """Tells the place of what is usual from that of a suspect."""
 
 
-class Workbench:
+class Replayer:
     """Replays hypotheses of one study.
 
     Args:
@@ -60,7 +60,7 @@ class Workbench:
             else None
         )
 
-    def __enter__(self) -> Workbench:
+    def __enter__(self) -> Replayer:
         return self
 
     def __exit__(
@@ -83,7 +83,7 @@ class Workbench:
                 plant.spec.option.timestep *= 2
             return replay(plant, study, self.measured, self._memory)
         except ValueError as error:  # a model that no longer compiles
-            names = " and ".join(str(suspect) for suspect, _ in hypothesis)
+            names = " and ".join(str(candidate) for candidate, _ in hypothesis)
             raise StudyError(f"the model with {names} does not compile: {error}") from error
 
     @property
@@ -124,13 +124,15 @@ class Workbench:
         """What every machine has and its drawing lacks; it is in all replays."""
         found: list[Part] = []
         for cause in CATALOGUE.values():
-            alone = (place for place in cause.places(self.system) if len(place.elements) == 1)
-            for place in alone:
-                parameters = cause.parameters(self.system, place)
+            alone = (
+                location for location in cause.locations(self.system) if len(location.elements) == 1
+            )
+            for location in alone:
+                parameters = cause.parameters(self.system, location)
                 if any(p.usual for p in parameters):
-                    beside = Place(place.kind, place.elements, USUAL)
+                    beside = Location(location.kind, location.elements, USUAL)
                     values = {p.name: p.null + p.usual for p in parameters}
-                    found.append((Suspect(cause, beside, parameters), values))
+                    found.append((Candidate(cause, beside, parameters), values))
         return found
 
     def residual(self, hypothesis: Hypothesis) -> Array:
@@ -166,8 +168,8 @@ class Workbench:
         readings, count = measured(study), len(hypotheses)
         if self._pool is None:
             return [self.elsewhere(study, readings, one) for one in hypotheses]
-        studies, places = [study] * count, [readings] * count
-        return list(self._pool.map(_predict_elsewhere, studies, places, hypotheses))
+        studies, locations = [study] * count, [readings] * count
+        return list(self._pool.map(_predict_elsewhere, studies, locations, hypotheses))
 
     def elsewhere(self, study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
         """What one hypothesis would read in another study (n,), of which these are the readings."""
@@ -179,26 +181,26 @@ class Workbench:
         return self._pool.map(_predict, hypotheses, [coarse] * len(hypotheses), chunksize=1)
 
 
-_bench: Workbench | None = None
+_replayer: Replayer | None = None
 
 
 def _open(study: Study, causes: Sequence[Cause]) -> None:
     """In a worker: one workbench for all tasks, and the user's own causes in the catalogue."""
-    global _bench
+    global _replayer
     end_with_parent()
     silence()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the answers is interrupted
     for cause in causes:
         if cause.id not in CATALOGUE:
             register(cause)
-    _bench = Workbench(study)
+    _replayer = Replayer(study)
 
 
 def _predict(hypothesis: Hypothesis, coarse: bool) -> Array:
-    assert _bench is not None
-    return _bench.look(hypothesis, coarse).prediction
+    assert _replayer is not None
+    return _replayer.look(hypothesis, coarse).prediction
 
 
 def _predict_elsewhere(study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
-    assert _bench is not None
-    return _bench.elsewhere(study, readings, hypothesis)
+    assert _replayer is not None
+    return _replayer.elsewhere(study, readings, hypothesis)

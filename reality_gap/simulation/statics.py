@@ -76,14 +76,14 @@ class Statics:
 
     def look(self, plant: Plant, qpos: Array) -> Balance:
         """The machine with its joints at ``qpos`` (k, nq)."""
-        record, weight, held, arms = self._place(plant.spec.compile(), qpos)
+        record, weight, held, arms = self._location(plant.spec.compile(), qpos)
         for channel, actuator in self.forces:
             measured = self.moments.value[:, channel]
             known = np.isfinite(measured)
             record.force[known, actuator] = measured[known]
             record.sensors[known, self._columns[channel]] = measured[known]
         felt = record.sensors[:, self._columns].copy()
-        for sense in plant.effects.senses:
+        for sense in plant.effects.readings:
             sense(record)
         reading = record.sensors[:, self._columns].copy()
         for channel, actuator in self.forces:  # the force is what was read, less what reads wrong
@@ -93,7 +93,7 @@ class Statics:
         torque = weight + held + np.einsum("kuv,ku->kv", arms, force)
         return Balance(self._align(reading), torque, arms, force, weight)
 
-    def _place(self, model: mujoco.MjModel, qpos: Array) -> tuple[Record, Array, Array, Array]:
+    def _location(self, model: mujoco.MjModel, qpos: Array) -> tuple[Record, Array, Array, Array]:
         """Record, weight, what constraints hold, and arms, with joints at ``qpos`` (k, nq)."""
         data, k = mujoco.MjData(model), len(qpos)
         record = Record(
@@ -138,13 +138,13 @@ def _forces(
 ) -> tuple[tuple[int, int], ...]:
     """Channels that read the force of one actuator, with its index."""
     model, found = system.model, []
-    pulled = [wire.tendon for wire in system.wires]
-    wires = {s: w for w in system.wires for s in w.tension_sensors if pulled.count(w.tendon) == 1}
+    pulled = [tendon.name for tendon in system.tendons]
+    tendons = {s: w for w in system.tendons for s in w.tension_sensors if pulled.count(w.name) == 1}
     for c, channel in enumerate(channels):
         if kinds[c] == int(mujoco.mjtSensor.mjSENS_ACTUATORFRC):
             found.append((c, int(model.sensor(channel.sensor).objid[0])))
-        elif channel.sensor in wires:
-            found.append((c, int(model.actuator(wires[channel.sensor].actuator).id)))
+        elif channel.sensor in tendons:
+            found.append((c, int(model.actuator(tendons[channel.sensor].actuator).id)))
     return tuple(found)
 
 

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjcf_sandbox.errors import StrangeFileError
+from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model
 from reality_gap.errors import StudyError
 
@@ -139,15 +139,15 @@ def load_strange_spec(path: Path, folder: Path) -> mujoco.MjSpec:
     Raises:
         StudyError: it names files outside of ``folder``, or MuJoCo does not survive it.
     """
-    check_strange_model(path, folder)
+    check_untrusted_model(path, folder)
     return load_spec(path)
 
 
-def check_strange_model(path: Path, folder: Path) -> None:
+def check_untrusted_model(path: Path, folder: Path) -> None:
     """Refuse what `load_strange_spec` refuses."""
     if not path.is_file():
         raise StudyError(f"no model file at {path}")
     try:
         check_model(path, (folder,))
-    except StrangeFileError as error:
+    except UntrustedFileError as error:
         raise StudyError(f"the model {path} {error}") from error

@@ -11,11 +11,11 @@ from reality_gap.study.data import Study
 
 
 @dataclass(frozen=True)
-class Wire:
+class ActuatedTendon:
     """A tendon that an actuator pulls.
 
     Attributes:
-        tendon: its name.
+        name: of the tendon.
         actuator: name of the actuator on it.
         length_sensors: sensors that read its length (tendonpos).
         tension_sensors: sensors that read its force (actuatorfrc, tendonactuatorfrc).
@@ -26,7 +26,7 @@ class Wire:
         sites: names of the sites of its path, in order.
     """
 
-    tendon: str
+    name: str
     actuator: str
     length_sensors: tuple[str, ...]
     tension_sensors: tuple[str, ...]
@@ -43,7 +43,7 @@ class System:
     Attributes:
         study: with model and data.
         model: the study's model, compiled, unchanged; read-only by agreement.
-        wires: tendons with an actuator.
+        tendons: those with an actuator.
         joints: names of hinge and slide joints.
         bodies: names of bodies that move and have mass.
         sensed: names of the sensors that the study measured.
@@ -52,15 +52,15 @@ class System:
 
     study: Study
     model: mujoco.MjModel
-    wires: tuple[Wire, ...]
+    tendons: tuple[ActuatedTendon, ...]
     joints: tuple[str, ...]
     bodies: tuple[str, ...]
     sensed: tuple[str, ...]
     duration: float
 
-    def wire(self, tendon: str) -> Wire:
-        """The wire of a tendon."""
-        return next(wire for wire in self.wires if wire.tendon == tendon)
+    def tendon(self, name: str) -> ActuatedTendon:
+        """The actuated tendon of a name."""
+        return next(tendon for tendon in self.tendons if tendon.name == name)
 
 
 def look_at(study: Study) -> System:
@@ -76,7 +76,7 @@ def look_at(study: Study) -> System:
     return System(
         study=study,
         model=model,
-        wires=_wires(model, data, sensed),
+        tendons=_tendons(model, data, sensed),
         joints=tuple(
             model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in simple
         ),
@@ -86,8 +86,10 @@ def look_at(study: Study) -> System:
     )
 
 
-def _wires(model: mujoco.MjModel, data: mujoco.MjData, sensed: tuple[str, ...]) -> tuple[Wire, ...]:
-    wires = []
+def _tendons(
+    model: mujoco.MjModel, data: mujoco.MjData, sensed: tuple[str, ...]
+) -> tuple[ActuatedTendon, ...]:
+    tendons = []
     for i in commanded(model):
         if int(model.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_TENDON):
             continue
@@ -95,9 +97,9 @@ def _wires(model: mujoco.MjModel, data: mujoco.MjData, sensed: tuple[str, ...]) 
         feedback = float(model.actuator_biasprm[i, 1] * model.actuator_gear[i, 0])
         affine = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
         servo = affine and feedback != 0.0
-        wires.append(
-            Wire(
-                tendon=model.tendon(tendon).name,
+        tendons.append(
+            ActuatedTendon(
+                name=model.tendon(tendon).name,
                 actuator=model.actuator(i).name,
                 length_sensors=_sensors(model, sensed, mujoco.mjtSensor.mjSENS_TENDONPOS, tendon),
                 tension_sensors=_sensors(model, sensed, mujoco.mjtSensor.mjSENS_ACTUATORFRC, i)
@@ -108,7 +110,7 @@ def _wires(model: mujoco.MjModel, data: mujoco.MjData, sensed: tuple[str, ...]) 
                 sites=_path_sites(model, tendon),
             )
         )
-    return tuple(wires)
+    return tuple(tendons)
 
 
 def _sensors(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.growth import SCENE, Measured, PowerLaw, Wires, draw
+from benchmarks.growth import SCENE, Measured, Muscles, PowerLaw, draw
 from kengoro_env.assets import asset_path
 from kengoro_env.robot.robot import Robot
 
@@ -31,7 +31,7 @@ def test_the_interval_covers_the_exponent_as_often_as_it_says() -> None:
 @pytest.mark.parametrize("count", [9, 18, 36, 72])
 def test_a_robot_has_as_many_wires_as_asked(count: int) -> None:
     drawn = Robot(asset_path(SCENE))
-    robot = Robot(asset_path(SCENE), [Wires(count)])
+    robot = Robot(asset_path(SCENE), [Muscles(count)])
     assert len(robot.muscles) == len(set(robot.muscles)) == count
     assert robot.model.ntendon == drawn.model.ntendon - len(drawn.muscles) + count
     assert set(robot.muscles[:36]) <= set(drawn.muscles)
@@ -42,7 +42,7 @@ def test_a_robot_has_as_many_wires_as_asked(count: int) -> None:
 
 
 def test_four_panels_are_drawn(tmp_path: Path) -> None:
-    measured = Measured("wires", "1", "a step", (1, 2, 4), (0.1, 0.2, 0.5))
+    measured = Measured("muscles", "1", "a step", (1, 2, 4), (0.1, 0.2, 0.5))
     draw([measured] * 4, tmp_path / "new" / "growth.png")
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["growth.png"]
     with pytest.raises(ValueError, match="zip"):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hidden_plants import CATALOGUE, OUTSIDE, Secret, draw
+from hidden_plants.detection_limits import rows
 from hidden_plants.draw import HIGHEST, KINDS, LOWEST, ONLY_ON_ARM
-from hidden_plants.floors import rows
 from hidden_plants.mechanisms import MECHANISMS
 
 
@@ -33,17 +33,17 @@ def test_amplitudes_lie_between_multiples_of_the_floor(machine: str) -> None:
     table = rows(machine)
     for secret in [*drawn("single", 150, machine), *drawn("outside", 50, machine)]:
         (effect,) = secret.effects
-        floors = [
-            row.floors[secret.motion]
+        detection_limits = [
+            row.detection_limits[secret.motion]
             for row in table
             if row.structure.id == effect.id
             and row.structure.elements == effect.elements
             and row.structure.shape.items() <= effect.parameters.items()
         ]
-        assert len(floors) == 1
-        assert effect.amplitude >= LOWEST * floors[0]
+        assert len(detection_limits) == 1
+        assert effect.amplitude >= LOWEST * detection_limits[0]
         if "least" not in effect.parameters:
-            assert effect.amplitude <= HIGHEST * floors[0]
+            assert effect.amplitude <= HIGHEST * detection_limits[0]
         assert effect.amplitude <= MECHANISMS[effect.id].bound
 
 

@@ -87,7 +87,7 @@ def test_the_largest_effect_stays_finite(id: str, elbow: Machine) -> None:
         most = min(bound, structure.shape.get("most", bound))
         seen = signals(elbow, MECHANISMS[id].effect(structure, most))
         assert all(np.isfinite(values).all() for values in seen.values())
-        assert max(np.abs(seen[f"length_{wire}"]).max() for wire in elbow.wires) < 1.0
+        assert max(np.abs(seen[f"length_{tendon}"]).max() for tendon in elbow.tendons) < 1.0
 
 
 @pytest.mark.parametrize("id", IDS)

@@ -41,7 +41,7 @@ def test_no_joint_comes_near_its_stop(done: tuple[Machine, Truth]) -> None:
 def test_every_wire_stays_tense(done: tuple[Machine, Truth]) -> None:
     machine, truth = done
     for episode in truth.episodes:
-        tensions = np.array([episode.clean[f"tension_{wire}"] for wire in machine.wires])
+        tensions = np.array([episode.clean[f"tension_{tendon}"] for tendon in machine.tendons])
         assert tensions.min() > BIAS - 1.0
         assert np.median(tensions) > 60.0
         assert tensions.max() < CUT

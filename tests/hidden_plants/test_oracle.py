@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hidden_plants import Effect, detection_floor, oracle
-from hidden_plants.floors import make_table, rows
+from hidden_plants import Effect, detection_limit, oracle
+from hidden_plants.detection_limits import make_table, rows
 from hidden_plants.machine import Machine, load
 from hidden_plants.nuisance import size
 from hidden_plants.oracle import SPREAD, THRESHOLD
@@ -45,7 +45,7 @@ def test_the_floor_is_where_d_is_five(straight: np.ndarray) -> None:
     spread = SPREAD * straight[:, : size(machine)]
     covariance = np.eye(30) + spread @ spread.T
     per_newton = np.sqrt(straight[:, -1] @ np.linalg.solve(covariance, straight[:, -1]))
-    factor = detection_floor(OFFSET, 0, "elbow", ASSETS)
+    factor = detection_limit(OFFSET, 0, "elbow", ASSETS)
     assert factor * OFFSET.amplitude * per_newton == pytest.approx(THRESHOLD, rel=0.05)
 
 
@@ -53,7 +53,7 @@ def test_what_no_physical_amplitude_shows_has_no_floor(
     straight: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     straight[:, -1] *= 1e-6
-    assert detection_floor(OFFSET, 0, "elbow", ASSETS) == float("inf")
+    assert detection_limit(OFFSET, 0, "elbow", ASSETS) == float("inf")
 
 
 def test_a_table_that_was_cut_off_is_completed(straight: np.ndarray, tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_a_table_that_was_cut_off_is_completed(straight: np.ndarray, tmp_path: P
         make_table(machine, path, tell=stop_soon)
     make_table(machine, path, tell=told.append)
     whole = rows("elbow", path)
-    assert all(len(row.floors) == 4 for row in whole)
+    assert all(len(row.detection_limits) == 4 for row in whole)
     assert len(told) == 4 * len(whole) + 1
     told.clear()
     make_table(machine, path, ("slack",), tell=told.append)
@@ -82,5 +82,5 @@ def test_a_table_that_was_cut_off_is_completed(straight: np.ndarray, tmp_path: P
 def test_the_shipped_table_is_what_the_oracle_says() -> None:
     machine = load("elbow", ASSETS)
     for row in [row for row in rows("elbow") if row.structure.id == "tension_offset"][:2]:
-        floor = oracle.floor_of(machine, row.structure, 0)
-        assert floor == pytest.approx(row.floors[0], rel=0.1)
+        floor = oracle.detection_limit_of(machine, row.structure, 0)
+        assert floor == pytest.approx(row.detection_limits[0], rel=0.1)

@@ -20,7 +20,7 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
 from jmm_agent.mapping.minibatch import MinibatchRule
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
@@ -46,7 +46,7 @@ def arm() -> ArmKinematics:
     return ArmKinematics(asset_path("mjcf/kengoro_arm/arm.xml"), JOINTS)
 
 
-class Eyes:
+class Detector:
     """Sees the site as marker 0, exactly."""
 
     def __init__(self, arm: ArmKinematics, site: str) -> None:
@@ -71,23 +71,23 @@ class Life:
         **options: Any,
     ) -> None:
         choice = AgentOptions(**options)
-        self.eyes = Eyes(arm, choice.marker_site)
+        self.detector = Detector(arm, choice.marker_site)
         if detector == "eyes":
-            detector = self.eyes
+            detector = self.detector
         rng = np.random.default_rng(seed)
         self.agent = Agent(drawn, arm, detector, posture_set(), START, rng, choice, rule)
         self._drawn, self.steps, self.q, self.frame = drawn, 0, START, FRAME
         self.agent.begin_episode()
 
-    def senses(self, **more: Any) -> Senses:
+    def readings(self, **more: Any) -> SensorReadings:
         time = 0.02 * self.steps
         lengths = self._drawn.lengths(self.q) - self._drawn.lengths(MISTAKE)
         frame_time = 0.2 * np.floor(time / 0.2 + 1e-9)
-        return Senses(time, lengths, CALM, self.frame, frame_time)._replace(**more)
+        return SensorReadings(time, lengths, CALM, self.frame, frame_time)._replace(**more)
 
     def step(self, **more: Any) -> np.ndarray:
-        self.eyes.q = self.q
-        command = self.agent.step(self.senses(**more))
+        self.detector.q = self.q
+        command = self.agent.step(self.readings(**more))
         self.steps += 1
         return command
 
@@ -201,7 +201,7 @@ def test_without_a_way_it_stays_where_it_wakes(drawn: JointMuscleMap, arm: ArmKi
     life.steps = 0
     command = life.rest(SECOND, 3)
     np.testing.assert_array_equal(command, drawn.lengths(life.agent.target))
-    np.testing.assert_allclose(command, life.senses().lengths, atol=0.02)
+    np.testing.assert_allclose(command, life.readings().lengths, atol=0.02)
 
 
 BAD = {
@@ -222,7 +222,7 @@ def test_bad_senses_are_refused_and_change_nothing(
         life.visit(FIRST)
     learned = spoilt.agent.map
     with pytest.raises(AgentError, match=f"Agent: {name} must be"):
-        spoilt.agent.step(spoilt.senses(**{name: value}))
+        spoilt.agent.step(spoilt.readings(**{name: value}))
     assert spoilt.agent.map is learned
     for life in (clean, spoilt):
         life.visit(SECOND)
@@ -238,7 +238,7 @@ def test_bad_first_senses_do_not_wake_it(drawn: JointMuscleMap, arm: ArmKinemati
             if (name, np.ndim(value)) == ("time", 0) and value == -1.0:
                 continue  # a first time may be any
             with pytest.raises(AgentError):
-                life.agent.step(life.senses(**{name: value}))
+                life.agent.step(life.readings(**{name: value}))
     life.visit(FIRST)
     assert life.agent.vision.fired == 1
 
@@ -257,8 +257,8 @@ def frames() -> Iterator[tuple[np.ndarray, bool]]:
 def test_frames_without_a_marker_leave_the_map(
     frame: np.ndarray, whole: bool, drawn: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    eyes = MarkerDetector(CAMERA, {0: 0.05, 1: 0.036})
-    life = Life(drawn, arm, detector=eyes, learn_antagonism=False)
+    detector = MarkerDetector(CAMERA, {0: 0.05, 1: 0.036})
+    life = Life(drawn, arm, detector=detector, learn_antagonism=False)
     life.frame = frame
     if whole:
         life.visit(FIRST, SECOND)
@@ -345,7 +345,7 @@ def test_any_site_can_carry_the_marker(drawn: JointMuscleMap, arm: ArmKinematics
     life.visit(FIRST, SECOND, THIRD)
     assert life.agent.vision.fired == 3
     wrong = Life(drawn, arm, marker_site="marker_hand")
-    wrong.eyes._site = "grip"
+    wrong.detector._site = "grip"
     wrong.visit(FIRST, SECOND, THIRD)
     assert life.agent.seen is not None
     assert wrong.agent.seen is not None
@@ -394,7 +394,7 @@ def test_the_papers_options_work(drawn: JointMuscleMap, arm: ArmKinematics) -> N
     commands = [life.rest(FIRST), life.rest(SECOND)]
     assert life.agent.vision.fired == 2
     np.testing.assert_allclose(life.agent.vision.pairs.lengths, commands, atol=0.005)
-    assert np.abs(life.agent.vision.pairs.lengths[1] - life.senses().lengths).max() > 0.02
+    assert np.abs(life.agent.vision.pairs.lengths[1] - life.readings().lengths).max() > 0.02
     assert not life.same_map(drawn)
     moved = life.agent.map
     for before, after in zip(drawn.groups, moved.groups, strict=True):
@@ -414,12 +414,12 @@ def test_senses_that_change_afterwards_do_not_change_what_was_learned(
 ) -> None:
     life = Life(drawn, arm)
     life.q = FIRST
-    life.eyes.q = FIRST
+    life.detector.q = FIRST
     buffer = np.empty(36)
     for _ in range(60):
-        senses = life.senses()
-        buffer[:] = senses.lengths
-        life.agent.step(senses._replace(lengths=buffer))
+        readings = life.readings()
+        buffer[:] = readings.lengths
+        life.agent.step(readings._replace(lengths=buffer))
         life.steps += 1
     kept = life.agent.vision.pairs.lengths.copy()
     buffer[:] = 9.0

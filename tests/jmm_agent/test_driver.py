@@ -14,7 +14,7 @@ import pytest
 from jmm_agent.agent import Agent
 from jmm_agent.driver import drive
 from jmm_agent.errors import AgentError
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 
 
 class Robot:
@@ -23,9 +23,9 @@ class Robot:
     def __init__(self) -> None:
         self.time, self.commands, self.stopped = 1000.0, list[np.ndarray](), 0
 
-    def read(self) -> Senses:
+    def read(self) -> SensorReadings:
         self.time += 0.02
-        return Senses(self.time, np.full(2, self.time), np.zeros(2))
+        return SensorReadings(self.time, np.full(2, self.time), np.zeros(2))
 
     def write(self, target_lengths: np.ndarray) -> None:
         self.commands.append(target_lengths)
@@ -40,10 +40,10 @@ class Mind:
     def __init__(self, falls_at: float = np.inf) -> None:
         self.falls_at = falls_at
 
-    def step(self, senses: Senses) -> np.ndarray:
-        if senses.time > self.falls_at:
+    def step(self, readings: SensorReadings) -> np.ndarray:
+        if readings.time > self.falls_at:
             raise AgentError("Agent: lengths must be finite.")
-        return senses.lengths + 1.0
+        return readings.lengths + 1.0
 
 
 def driven(mind: Mind, robot: Robot, **more: Any) -> None:
@@ -53,7 +53,7 @@ def driven(mind: Mind, robot: Robot, **more: Any) -> None:
 def test_every_reading_is_answered_for_as_long_as_asked() -> None:
     robot, seen = Robot(), list[float]()
 
-    driven(Mind(), robot, watch=lambda senses, targets: seen.append(senses.time))
+    driven(Mind(), robot, watch=lambda readings, targets: seen.append(readings.time))
 
     assert seen == pytest.approx(1000.02 + 0.02 * np.arange(6))
     np.testing.assert_array_equal([c[0] - 1.0 for c in robot.commands], seen)
@@ -74,8 +74,8 @@ def test_the_robot_is_stopped_when_anything_goes_wrong(by: str) -> None:
     robot = Robot()
     mind = Mind(falls_at=1000.07 if by == "mind" else np.inf)
 
-    def watch(senses: Senses, targets: np.ndarray) -> None:
-        if by == "watcher" and senses.time > 1000.07:
+    def watch(readings: SensorReadings, targets: np.ndarray) -> None:
+        if by == "watcher" and readings.time > 1000.07:
             raise KeyboardInterrupt
 
     with pytest.raises((AgentError, KeyboardInterrupt)):
@@ -88,14 +88,14 @@ ENDLESS = """
 import sys, time
 import numpy as np
 from jmm_agent.driver import drive
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 
 class Robot:
     time = 0.0
     def read(self):
         time.sleep(0.01)
         self.time += 0.02
-        return Senses(self.time, np.zeros(2), np.zeros(2))
+        return SensorReadings(self.time, np.zeros(2), np.zeros(2))
     def write(self, target_lengths):
         print("commanded", flush=True)
     def stop(self):

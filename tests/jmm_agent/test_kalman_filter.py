@@ -27,7 +27,7 @@ DT = 0.02  # [s]
 
 
 @dataclass
-class Wires:
+class Muscles:
     """The drawing's wires by MuJoCo: what an error-free map would say."""
 
     model: mujoco.MjModel
@@ -65,20 +65,20 @@ class Wires:
 
 
 @pytest.fixture(scope="module")
-def arm() -> Wires:
+def arm() -> Muscles:
     model = mujoco.MjModel.from_xml_path(str(ARM))
     muscles = tuple(model.tendon(i).name for i in range(model.ntendon))
-    return Wires(model, ARM_JOINTS, muscles)
+    return Muscles(model, ARM_JOINTS, muscles)
 
 
 @pytest.fixture(scope="module")
-def elbow(arm: Wires) -> Wires:
-    return Wires(arm.model, ("elbow",), ("brachialis", "biceps", "triceps"))
+def elbow(arm: Muscles) -> Muscles:
+    return Muscles(arm.model, ("elbow",), ("brachialis", "biceps", "triceps"))
 
 
-def movement(wires: Wires, rng: np.random.Generator, steps: int) -> np.ndarray:
+def movement(muscles: Muscles, rng: np.random.Generator, steps: int) -> np.ndarray:
     """Postures (steps, n): half of each second smooth movement to a random posture, half rest."""
-    low, high = wires.limits.T
+    low, high = muscles.limits.T
     inside = np.array([rng.uniform(0.8 * low, 0.8 * high) for _ in range(steps // 100 + 2)])
     rows = []
     for start, end in pairwise(inside):
@@ -89,12 +89,12 @@ def movement(wires: Wires, rng: np.random.Generator, steps: int) -> np.ndarray:
 
 
 def follow(
-    estimator: JointEstimator, wires: Wires, postures: np.ndarray, rng: np.random.Generator
+    estimator: JointEstimator, muscles: Muscles, postures: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """NIS, normalised estimation error squared, and |error| over the movement, after 10 steps."""
     nis, nees, errors = [], [], []
     for q in postures:
-        measured = wires.lengths(q) + rng.normal(0, NOISE, len(wires.muscles))
+        measured = muscles.lengths(q) + rng.normal(0, NOISE, len(muscles.muscles))
         estimate = estimator.update(measured, DT)
         error = estimate.q - q
         nis.append(estimate.nis)
@@ -109,9 +109,9 @@ def in_band(values: np.ndarray, dof: int, confidence: float = 0.95) -> bool:
     return bool(low <= values.mean() <= high)
 
 
-def started(wires: Wires, q: np.ndarray, **options: float) -> JointEstimator:
+def started(muscles: Muscles, q: np.ndarray, **options: float) -> JointEstimator:
     chosen = EstimatorOptions(encoder_noise=NOISE, **options)  # type: ignore[arg-type]
-    return JointEstimator(wires, wires.limits, chosen, q)
+    return JointEstimator(muscles, muscles.limits, chosen, q)
 
 
 def seen(estimator: JointEstimator) -> Consistency:
@@ -124,14 +124,14 @@ def seen(estimator: JointEstimator) -> Consistency:
 def test_innovations_are_consistent_moving_and_still(
     which: str, request: pytest.FixtureRequest
 ) -> None:
-    wires: Wires = request.getfixturevalue(which)
-    dof = len(wires.muscles) - len(wires.joints)
+    muscles: Muscles = request.getfixturevalue(which)
+    dof = len(muscles.muscles) - len(muscles.joints)
     inside = steps_in_band = steps = 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        postures = movement(wires, rng, 600)
-        estimator = started(wires, postures[0])
-        nis, _, _ = follow(estimator, wires, postures, rng)
+        postures = movement(muscles, rng, 600)
+        estimator = started(muscles, postures[0])
+        nis, _, _ = follow(estimator, muscles, postures, rng)
         moving = np.arange(10, 600) % 100 < 50
         inside += in_band(nis[moving], dof) + in_band(nis[~moving], dof)
         low, high = chi2.ppf([0.025, 0.975], dof)
@@ -141,7 +141,7 @@ def test_innovations_are_consistent_moving_and_still(
     assert 0.935 < steps_in_band / steps < 0.965
 
 
-def test_covariance_is_as_large_as_the_errors(arm: Wires) -> None:
+def test_covariance_is_as_large_as_the_errors(arm: Muscles) -> None:
     ratio = []
     for seed in range(3):
         rng = np.random.default_rng(seed)
@@ -174,7 +174,7 @@ def test_on_a_linear_map_it_is_the_exact_posterior() -> None:
         assert np.abs(estimate.covariance - covariance).max() < 1e-9
 
 
-def test_counting_one_measurement_twice_is_seen_to_be_inconsistent(arm: Wires) -> None:
+def test_counting_one_measurement_twice_is_seen_to_be_inconsistent(arm: Muscles) -> None:
     """The paper's two equations with the noises taken for independent."""
     rng = np.random.default_rng(0)
     postures = movement(arm, rng, 400)
@@ -202,7 +202,7 @@ def test_counting_one_measurement_twice_is_seen_to_be_inconsistent(arm: Wires) -
     assert not in_band(np.array(nis[10:]), 36, 0.9999)
 
 
-def test_a_quadratic_jacobian_serves_as_well(arm: Wires) -> None:
+def test_a_quadratic_jacobian_serves_as_well(arm: Muscles) -> None:
     rng = np.random.default_rng(3)
     postures = movement(arm, rng, 300)
     options = EstimatorOptions(encoder_noise=NOISE)
@@ -212,26 +212,26 @@ def test_a_quadratic_jacobian_serves_as_well(arm: Wires) -> None:
     assert np.rad2deg(np.median(errors)) < 0.5
 
 
-def test_the_user_sees_a_map_that_is_wrong(elbow: Wires, arm: Wires) -> None:
-    for wires in (elbow, arm):
+def test_the_user_sees_a_map_that_is_wrong(elbow: Muscles, arm: Muscles) -> None:
+    for muscles in (elbow, arm):
         rng = np.random.default_rng(5)
-        postures = movement(wires, rng, 200)
-        wrong = rng.normal(0, 5e-3, len(wires.muscles))
-        estimator = started(wires, postures[0])
+        postures = movement(muscles, rng, 200)
+        wrong = rng.normal(0, 5e-3, len(muscles.muscles))
+        estimator = started(muscles, postures[0])
         assert estimator.consistency is None
-        follow(estimator, wires, postures[:100], rng)
+        follow(estimator, muscles, postures[:100], rng)
         right = seen(estimator)
         assert right.low < right.value < right.high
         assert right.consistent
         for q in postures[100:]:
-            estimator.update(wires.lengths(q) + wrong, DT)
+            estimator.update(muscles.lengths(q) + wrong, DT)
         off = seen(estimator)
         assert not off.consistent
         assert off.value > off.high
 
 
-def test_as_many_joints_as_muscles_leave_nothing_to_check(arm: Wires) -> None:
-    lone = Wires(arm.model, ("elbow",), ("brachialis",))
+def test_as_many_joints_as_muscles_leave_nothing_to_check(arm: Muscles) -> None:
+    lone = Muscles(arm.model, ("elbow",), ("brachialis",))
     estimator = started(lone, np.array([0.5]))
     estimate = estimator.update(lone.lengths(np.array([0.6])), DT)
     assert estimate.dof == 0
@@ -239,7 +239,7 @@ def test_as_many_joints_as_muscles_leave_nothing_to_check(arm: Wires) -> None:
     assert abs(estimate.q[0] - 0.6) < 0.02
 
 
-def test_it_finds_the_posture_from_20_degrees_away_in_every_joint(arm: Wires) -> None:
+def test_it_finds_the_posture_from_20_degrees_away_in_every_joint(arm: Muscles) -> None:
     low, high = arm.limits.T
     rng = np.random.default_rng(2)
     for _ in range(20):
@@ -252,7 +252,7 @@ def test_it_finds_the_posture_from_20_degrees_away_in_every_joint(arm: Wires) ->
         assert estimate.nis < 1e-2
 
 
-def test_a_posture_too_far_to_be_found_is_seen_as_inconsistent(arm: Wires) -> None:
+def test_a_posture_too_far_to_be_found_is_seen_as_inconsistent(arm: Muscles) -> None:
     low, high = arm.limits.T
     rng = np.random.default_rng(2)
     lost = 0
@@ -268,9 +268,9 @@ def test_a_posture_too_far_to_be_found_is_seen_as_inconsistent(arm: Wires) -> No
     assert 1 <= lost <= 10
 
 
-def test_muscles_that_do_not_see_a_joint_leave_it_where_it_was(arm: Wires) -> None:
+def test_muscles_that_do_not_see_a_joint_leave_it_where_it_was(arm: Muscles) -> None:
     """Without scapula and neck wires the neck stays, and its variance grows with time."""
-    seeing = Wires(arm.model, arm.joints, arm.muscles[18:])
+    seeing = Muscles(arm.model, arm.joints, arm.muscles[18:])
     start = np.zeros(14)
     estimator = started(seeing, start)
     before = estimator.covariance
@@ -281,7 +281,7 @@ def test_muscles_that_do_not_see_a_joint_leave_it_where_it_was(arm: Wires) -> No
     assert np.isfinite(estimate.covariance).all()
 
 
-def test_limits_are_kept_and_the_filter_comes_back(arm: Wires) -> None:
+def test_limits_are_kept_and_the_filter_comes_back(arm: Muscles) -> None:
     estimator = started(arm, np.zeros(14), limit_margin=0.05)
     beyond = np.zeros(14)
     beyond[10] = -0.6  # elbow overstretched
@@ -306,7 +306,7 @@ def test_limits_are_kept_and_the_filter_comes_back(arm: Wires) -> None:
 @pytest.mark.parametrize(
     "bad", [np.full(36, np.nan), np.r_[np.inf, np.zeros(35)], np.zeros(35), np.zeros((36, 1))]
 )
-def test_a_bad_measurement_is_refused_and_harms_nothing(arm: Wires, bad: np.ndarray) -> None:
+def test_a_bad_measurement_is_refused_and_harms_nothing(arm: Muscles, bad: np.ndarray) -> None:
     estimator, other = started(arm, np.zeros(14)), started(arm, np.zeros(14))
     good = arm.lengths(np.full(14, 0.05))
     with pytest.raises(EstimatorError, match="lengths must be 36 finite"):
@@ -315,7 +315,7 @@ def test_a_bad_measurement_is_refused_and_harms_nothing(arm: Wires, bad: np.ndar
         assert np.array_equal(estimator.update(good, DT).q, other.update(good, DT).q)
 
 
-def test_an_absurd_measurement_and_a_broken_map_put_no_nan_into_the_state(arm: Wires) -> None:
+def test_an_absurd_measurement_and_a_broken_map_put_no_nan_into_the_state(arm: Muscles) -> None:
     estimator = started(arm, np.zeros(14))
     estimator.update(np.full(36, 1e3), DT)
     assert np.isfinite(estimator.q).all()
@@ -336,7 +336,7 @@ def test_an_absurd_measurement_and_a_broken_map_put_no_nan_into_the_state(arm: W
         estimator.reset(np.zeros(3))
 
 
-def test_a_map_that_breaks_in_the_middle_of_a_step_leaves_the_state(arm: Wires) -> None:
+def test_a_map_that_breaks_in_the_middle_of_a_step_leaves_the_state(arm: Muscles) -> None:
     class Fragile:
         healthy = True
 
@@ -355,7 +355,7 @@ def test_a_map_that_breaks_in_the_middle_of_a_step_leaves_the_state(arm: Wires) 
     assert np.array_equal(estimator.covariance, covariance)
 
 
-def test_a_new_map_widens_the_covariance_and_is_followed(elbow: Wires) -> None:
+def test_a_new_map_widens_the_covariance_and_is_followed(elbow: Muscles) -> None:
     class Longer:
         def lengths_and_jacobian(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             lengths, jacobian = elbow.lengths_and_jacobian(q)

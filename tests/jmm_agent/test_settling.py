@@ -57,10 +57,10 @@ def test_a_reset_forgets_the_rest_and_the_past() -> None:
     assert fired(held([0.0], 40), detector) == [20]
 
 
-@given(speed=st.floats(0.0025, 0.5), wire=st.integers(0, 4), sign=st.sampled_from([-1.0, 1.0]))
-def test_one_wire_that_moves_keeps_all_unsettled(speed: float, wire: int, sign: float) -> None:
+@given(speed=st.floats(0.0025, 0.5), muscle=st.integers(0, 4), sign=st.sampled_from([-1.0, 1.0]))
+def test_one_wire_that_moves_keeps_all_unsettled(speed: float, muscle: int, sign: float) -> None:
     lengths = np.zeros((150, 5))
-    lengths[:, wire] = sign * speed * PERIOD * np.arange(150)
+    lengths[:, muscle] = sign * speed * PERIOD * np.arange(150)
     assert fired(lengths) == []
 
 

@@ -22,7 +22,7 @@ from jmm_agent.updaters import (
     VisionOptions,
     VisionUpdater,
 )
-from jmm_agent.vision.observation_fit import LooksOptions
+from jmm_agent.vision.observation_fit import ObservationFitOptions
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
 
 MIDDLE = LIMITS.mean(axis=1)
@@ -199,7 +199,7 @@ def test_looking_without_learning_leaves_everything_as_it_was() -> None:
 
 
 def test_only_the_newest_looks_are_remembered() -> None:
-    bench = Bench(looks=LooksOptions(memory=2))
+    bench = Bench(observations=ObservationFitOptions(memory=2))
     asked = [MIDDLE, MIDDLE + 0.2, MIDDLE - 0.2]
     for q in asked:
         assert bench.look(q).learned

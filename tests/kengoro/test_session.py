@@ -111,7 +111,7 @@ def test_falsified_info_changes_no_bit_of_what_the_agent_does(
     assert same_bits(env, true_env)
     for one, two in zip(agent.map.groups, true_agent.map.groups, strict=True):
         np.testing.assert_array_equal(one.W2, two.W2)
-    np.testing.assert_array_equal(session.log.look_error, true_session.log.look_error)
+    np.testing.assert_array_equal(session.log.observation_error, true_session.log.observation_error)
 
 
 def test_another_mind_acts_otherwise(
@@ -131,8 +131,8 @@ def test_the_log_holds_every_step_and_look(told: tuple[Recorded, Agent, Session]
     for name, size in (("tensions", 36), ("target", 14), ("true", 14), ("estimate", 14)):
         assert np.array(getattr(log, name)).shape == (steps, size)
     np.testing.assert_array_equal(log.true[-1], session.truth["joint_angles"])
-    assert agent.vision.fired <= len(log.look_time) == len(log.look_error)
-    assert np.all(np.diff(log.look_time) > 0)
+    assert agent.vision.fired <= len(log.observation_time) == len(log.observation_error)
+    assert np.all(np.diff(log.observation_time) > 0)
 
 
 def test_fingers_close_and_the_agent_knows_it(drawn: JointMuscleMap) -> None:
@@ -168,7 +168,7 @@ def test_a_new_session_does_not_log_the_last_ones_look(
     env = make_env("Posture", SEED, camera=False)
     session = Session(env, agent, SEED, None, {"posture": posture_set()[0]})
     session.wait(0.1)
-    assert session.log.look_time == []
+    assert session.log.observation_time == []
     env.close()
 
 

@@ -23,5 +23,5 @@ class EveryOtherStretches:
     """Every other wire stretches and rubs in proportion to its tension; the rest is as drawn."""
 
     def edit(self, draft: Draft) -> None:
-        for wire in list(draft.wires.values())[::2]:
-            wire.stiffness, wire.friction_ratio = (8e4, 4e6, 0.0), 0.1
+        for tendon in list(draft.tendons.values())[::2]:
+            tendon.stiffness, tendon.friction_ratio = (8e4, 4e6, 0.0), 0.1

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from kengoro_env.departures import Elongation, WireStretch, actual
+from kengoro_env.departures import Elongation, TendonStretch, actual
 from kengoro_env.env import KengoroEnv
 from kengoro_env.errors import KengoroError
 from kengoro_env.robot.motors import Gains
@@ -173,8 +173,8 @@ def test_a_bad_option_is_named(options: dict[str, Any], sentence: str) -> None:
         ({"robot_seed": "x"}, "robot_seed must be a whole number or None, got 'x'"),
         ({"robot_seed": -1}, "robot_seed must not be negative"),
         ({"departures": ("stretch",)}, "unknown departure 'stretch'; known: Attachment"),
-        ({"departures": WireStretch(1e-5)}, "tuple of departures"),
-        ({"departures": (WireStretch,)}, "unknown departure <class"),
+        ({"departures": TendonStretch(1e-5)}, "tuple of departures"),
+        ({"departures": (TendonStretch,)}, "unknown departure <class"),
         ({"departures": (Elongation("bisceps", 0.1),)}, "unknown muscle 'bisceps'; known: bic"),
         ({"camera": True}, "'elbow' has no camera"),
         ({"render_mode": "ascii"}, "unknown render_mode 'ascii'; known: human"),

@@ -9,7 +9,7 @@ from kengoro_env.departures.presets import actual
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import PostureChecker, least_tension, posture_set
 from kengoro_env.robot.draft import Draft
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import load_spec
 
 ARM = "mjcf/kengoro_arm/arm.xml"
@@ -25,7 +25,7 @@ def test_spans(joint: str, span: float) -> None:
 
 
 def test_moment_arms() -> None:
-    arm = ArmDrawing(asset_path(ARM))
+    arm = NominalArm(asset_path(ARM))
     arms = np.array([arm.moment_arms(posture) for posture in posture_set()])
     both = np.minimum(arms.max(axis=1), -arms.min(axis=1))
     assert np.all(np.mean(both >= 0.010, axis=0) >= 0.95)
@@ -56,7 +56,7 @@ def test_displaced_wires_hold_gravity(seed: int, tmp_path) -> None:
     draft.spec.texturedir = str(path.parent / "textures")
     draft.spec.compile()
     scene.write_text(draft.spec.to_xml())
-    arm = ArmDrawing(scene)
+    arm = NominalArm(scene)
     held = [
         least_tension(arm.moment_arms(posture), arm.gravity(posture)) <= 400.0
         for posture in posture_set()[seed::10]

@@ -14,7 +14,7 @@ from kengoro_env.assets import asset_path
 from kengoro_env.env import TASKS, KengoroEnv
 from kengoro_env.errors import KengoroError
 from kengoro_env.postures import posture_set
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.spaces import (
     MARGIN,
     SCENES,
@@ -50,7 +50,7 @@ def test_lengths_out_of_bounds_are_cut() -> None:
 @pytest.mark.parametrize("scene", SCENES)
 def test_shipped_bounds_are_those_of_the_model(scene: str) -> None:
     """Else `python -m kengoro_env.spaces` was forgotten after a change of the arm."""
-    shipped, computed = length_bounds(scene), computed_bounds(ArmDrawing(asset_path(scene)))
+    shipped, computed = length_bounds(scene), computed_bounds(NominalArm(asset_path(scene)))
     assert np.allclose(shipped.low, computed.low, rtol=0.0, atol=1e-9)
     assert np.allclose(shipped.high, computed.high, rtol=0.0, atol=1e-9)
 
@@ -63,7 +63,7 @@ def test_each_task_has_shipped_bounds_in_the_order_of_its_muscles(task: str) -> 
 
 
 def test_bounds_hold_the_drawings_lengths_with_room_to_spare() -> None:
-    drawing, bounds = ArmDrawing(ARM), length_bounds(SCENES[0])
+    drawing, bounds = NominalArm(ARM), length_bounds(SCENES[0])
     rng = np.random.default_rng(99)
     postures = rng.uniform(drawing.lower, drawing.upper, (1000, len(drawing.joints)))
     lengths = drawing.lengths(np.vstack([postures, posture_set()]))
@@ -72,7 +72,7 @@ def test_bounds_hold_the_drawings_lengths_with_room_to_spare() -> None:
 
 
 def test_bounds_are_not_wider_than_the_lengths_need() -> None:
-    drawing, bounds = ArmDrawing(ARM), length_bounds(SCENES[0])
+    drawing, bounds = NominalArm(ARM), length_bounds(SCENES[0])
     rng = np.random.default_rng(98)
     share = rng.random((2000, len(drawing.joints)))
     share[1000:] = np.round(share[1000:])
@@ -85,7 +85,7 @@ def test_an_environments_actions_command_what_they_say() -> None:
     env = gym.make("Kengoro/CanGrasp-v0", camera=False).unwrapped
     assert isinstance(env, KengoroEnv)
     env.reset(seed=0)
-    lengths = ArmDrawing(ARM).lengths(posture_set()[3])[0]
+    lengths = NominalArm(ARM).lengths(posture_set()[3])[0]
     action = env.lengths_to_action(lengths, fingers=0.25)
     assert env.action_space.contains(action)
     assert np.allclose(env.action_to_lengths(action), lengths, rtol=0.0, atol=1e-7)

@@ -12,7 +12,7 @@ import pytest
 from kengoro_env.errors import KengoroError
 from kengoro_env.robot.robot import load_spec
 from mjcf_sandbox import sandbox
-from mjcf_sandbox.errors import StrangeFileError
+from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model, named_files
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -103,7 +103,9 @@ OUTSIDE = {
 @pytest.mark.parametrize("kind", OUTSIDE)
 def test_a_model_may_not_name_what_lies_elsewhere(folder: Path, kind: str) -> None:
     model = write(folder, OUTSIDE[kind].format(secret=folder.parent / "secret.obj"))
-    with pytest.raises(StrangeFileError, match=r"^names .*, which lies outside .*; copy it there"):
+    with pytest.raises(
+        UntrustedFileError, match=r"^names .*, which lies outside .*; copy it there"
+    ):
         check_model(model, [folder])
 
 
@@ -124,7 +126,7 @@ def test_what_two_parsers_may_read_differently_is_refused(folder: Path, kind: st
     secret = folder.parent / "secret.obj"
     os.utime(secret, (1, 1))
     model = write(folder, HIDDEN[kind])
-    with pytest.raises(StrangeFileError, match=r"^cannot be read: model.xml"):
+    with pytest.raises(UntrustedFileError, match=r"^cannot be read: model.xml"):
         check_model(model, [folder])
     assert secret.stat().st_atime == 1
 
@@ -175,7 +177,7 @@ REFUSED = {
 @pytest.mark.parametrize("kind", REFUSED)
 def test_what_mujoco_does_not_survive_is_refused(folder: Path, kind: str) -> None:
     text, sentence = REFUSED[kind]
-    with pytest.raises(StrangeFileError, match=f"^{sentence}$") as caught:
+    with pytest.raises(UntrustedFileError, match=f"^{sentence}$") as caught:
         check_model(write(folder, text), [folder])
     assert "\n" not in str(caught.value)
 
@@ -186,7 +188,7 @@ def test_a_model_that_takes_for_ever_is_given_up(
     monkeypatch.setattr("mjcf_sandbox.mjcf.LIMITS", sandbox.Limits(1.0, 10, 2 << 30))
     many = "<replicate count='1000000000' offset='0 0 1'><geom size='.1'/></replicate>"
     model = write(folder, f"<mujoco><worldbody>{many}</worldbody></mujoco>")
-    with pytest.raises(StrangeFileError, match=r"^takes longer than 1 s to read$"):
+    with pytest.raises(UntrustedFileError, match=r"^takes longer than 1 s to read$"):
         check_model(model, [folder])
 
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from mjcf_sandbox import sandbox
-from mjcf_sandbox.errors import FenceError, StrangeFileError
+from mjcf_sandbox.errors import SandboxError, UntrustedFileError
 
 LIMITS = sandbox.Limits(seconds=2.0, cpu=1, memory=256 << 20)
 WORK = {
     "fine": "pass",
-    "refuses": "raise StrangeFileError('is not mine')",
+    "refuses": "raise UntrustedFileError('is not mine')",
     "fails": "raise TypeError('what')",
     "crashes": "os.kill(os.getpid(), signal.SIGSEGV)",
     "computes": "while True: pass",
@@ -28,7 +28,7 @@ WORK = {
 @pytest.fixture
 def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Modules that do something, where this process finds its modules."""
-    head = "import os, signal, time\nfrom mjcf_sandbox.errors import StrangeFileError\n"
+    head = "import os, signal, time\nfrom mjcf_sandbox.errors import UntrustedFileError\n"
     head += "from mjcf_sandbox.worker import tell\ndef main(*arguments):\n    "
     for name, line in WORK.items():
         (tmp_path / f"work_that_{name}.py").write_text(head + line + "\n")
@@ -49,11 +49,11 @@ def test_what_goes_well_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("name", "kind", "sentence"),
     [
-        ("refuses", StrangeFileError, "is not mine"),
-        ("fails", FenceError, "makes its reader fail, or needs more than 256 MiB"),
-        ("crashes", FenceError, r"crashes its reader \(SIGSEGV\)"),
-        ("computes", FenceError, "takes longer than . s to read"),
-        ("fills", FenceError, "makes its reader fail, or needs more than 256 MiB"),
+        ("refuses", UntrustedFileError, "is not mine"),
+        ("fails", SandboxError, "makes its reader fail, or needs more than 256 MiB"),
+        ("crashes", SandboxError, r"crashes its reader \(SIGSEGV\)"),
+        ("computes", SandboxError, "takes longer than . s to read"),
+        ("fills", SandboxError, "makes its reader fail, or needs more than 256 MiB"),
     ],
 )
 def test_what_goes_wrong_is_said(name: str, kind: type[Exception], sentence: str) -> None:

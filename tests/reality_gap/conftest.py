@@ -17,16 +17,16 @@ from reality_gap.diagnosis import (
     Diagnosis,
     Estimate,
     Experiment,
+    FittedCandidate,
     Gain,
     NamedCause,
-    Rival,
     Trace,
     Verdict,
 )
 from reality_gap.inference import evidence
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.io.loader import load_study
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured
@@ -110,11 +110,11 @@ def _log(seconds: float, phase: float) -> tuple[dict[str, list], dict[str, list]
             mujoco.mj_step(model, data, 500)
         mujoco.mj_forward(model, data)
         _add(robot, {"time": 0.02 * k})
-        for i, wire in enumerate(("flexor", "extensor")):
-            length = data.sensor(f"length_{wire}").data[0] + random.normal(0, 1e-4)
-            tension = random.normal(0, 0.5) - data.sensor(f"tension_{wire}").data[0]
-            _add(robot, {f"target_{wire}": data.ctrl[i]})
-            _add(robot, {f"length_{wire}": length, f"tension_{wire}": tension})
+        for i, tendon in enumerate(("flexor", "extensor")):
+            length = data.sensor(f"length_{tendon}").data[0] + random.normal(0, 1e-4)
+            tension = random.normal(0, 0.5) - data.sensor(f"tension_{tendon}").data[0]
+            _add(robot, {f"target_{tendon}": data.ctrl[i]})
+            _add(robot, {f"length_{tendon}": length, f"tension_{tendon}": tension})
         _add(robot, {"angle_elbow": data.qpos[0] + random.normal(0, 1e-4)})
         if k % 5 == 0:
             x, y, z = data.sensor("marker_position").data + random.normal(0, 1e-4, 3)
@@ -182,8 +182,8 @@ def diagnosed(lever_study: Study) -> Callable[[Verdict], Diagnosis]:
 
     def make(verdict: Verdict) -> Diagnosis:
         system, readings = look_at(lever_study), measured(lever_study)
-        rubs = _suspect(system, "coulomb_friction", "flexor")
-        reads = _suspect(system, "length_offset", "extensor")
+        rubs = _candidate(system, "coulomb_friction", "flexor")
+        reads = _candidate(system, "length_offset", "extensor")
         values = {"friction": 3.0}, {"offset": 0.0025}
         named = verdict is Verdict.NAMED
         parts = list(zip((rubs, reads), values, strict=True)) if named else []
@@ -202,11 +202,11 @@ def diagnosed(lever_study: Study) -> Callable[[Verdict], Diagnosis]:
                 NamedCause(rubs, estimates[0], 0.93, ()),
                 NamedCause(reads, estimates[1], 0.88, ("length_scale",)),
             )[: 2 * named],
-            rivals=(
-                Rival(rubs, values[0], 40.0, 0.9, 0, named),
-                Rival(reads, values[1], 12.0, 0.1, 0),
-                Rival(reads, values[1], 60.0, 0.9, 1, named),
-                Rival(rubs, values[0], -np.inf, 0.0, 1),
+            fitted_candidates=(
+                FittedCandidate(rubs, values[0], 40.0, 0.9, 0, named),
+                FittedCandidate(reads, values[1], 12.0, 0.1, 0),
+                FittedCandidate(reads, values[1], 60.0, 0.9, 1, named),
+                FittedCandidate(rubs, values[0], -np.inf, 0.0, 1),
             ),
             rms_before=12.0,
             rms_after=1.5 if named else 12.0,
@@ -233,10 +233,10 @@ def diagnosed(lever_study: Study) -> Callable[[Verdict], Diagnosis]:
     return make
 
 
-def _suspect(system: System, id: str, element: str) -> Suspect:
+def _candidate(system: System, id: str, element: str) -> Candidate:
     found = cause(id)
-    place = next(p for p in found.places(system) if p.elements == (element,))
-    return Suspect(found, place, found.parameters(system, place))
+    location = next(p for p in found.locations(system) if p.elements == (element,))
+    return Candidate(found, location, found.parameters(system, location))
 
 
 def _traces(

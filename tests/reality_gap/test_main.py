@@ -14,9 +14,9 @@ import pytest
 from reality_gap.__main__ import main
 from reality_gap.causes import cause
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
-from reality_gap.inference.checkpoint import Shelf
+from reality_gap.inference.checkpoint import Checkpoint
 from reality_gap.inference.verdict import Options
-from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.data import Study
 from reality_gap.study.system import look_at
 
@@ -27,15 +27,15 @@ def diagnosis_of(study: Study) -> Diagnosis:
     """A diagnosis that somebody else has made."""
     friction = cause("coulomb_friction")
     system = look_at(study)
-    place = friction.places(system)[0]
-    suspect = Suspect(friction, place, friction.parameters(system, place))
+    location = friction.locations(system)[0]
+    candidate = Candidate(friction, location, friction.parameters(system, location))
     parameters = {"friction": Estimate(4.2, 3.9, 4.6, "N")}
     return Diagnosis(
         study=study.name,
         verdict=Verdict.NAMED,
         sentence="The wire flexor sticks.",
-        causes=(NamedCause(suspect, parameters, 0.93, ("backlash",)),),
-        rivals=(),
+        causes=(NamedCause(candidate, parameters, 0.93, ("backlash",)),),
+        fitted_candidates=(),
         rms_before=3.0,
         rms_after=1.1,
         noise_floor=1.0,
@@ -65,7 +65,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         work: Path,
     ) -> Diagnosis:
         progress(0.5, "fitting")
-        Shelf(work, "k").get(0, lambda: [np.zeros((1, 1), dtype=np.float32)])
+        Checkpoint(work, "k").get(0, lambda: [np.zeros((1, 1), dtype=np.float32)])
         if asked.get("interrupt"):
             raise KeyboardInterrupt
         asked.update(study=study, jobs=jobs, options=options)

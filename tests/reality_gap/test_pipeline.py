@@ -12,19 +12,20 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
-from reality_gap.causes.base import Parameter, Place
-from reality_gap.diagnosis import Verdict
+from reality_gap.causes.base import Location, Parameter
+from reality_gap.diagnosis import Gain, Verdict
 from reality_gap.inference.confidence import TEMPER
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.gauss_newton import fit
-from reality_gap.inference.likelihood import Ruler
+from reality_gap.inference.held_out import pays
+from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.refinement import again
 from reality_gap.inference.remainder import Remainder, examine
 from reality_gap.inference.verdict import Options, at_bound, decide, weighed
 from reality_gap.io.loader import load_study
 from reality_gap.pipeline import diagnose
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import BLOCK, REPORT, TURN
 
@@ -42,8 +43,8 @@ def decided(
     hypothesis: Hypothesis = (),
 ) -> Verdict:
     """For causes of this evidence, or none; what could be learned beside and instead [nats]."""
-    suspects = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
-    best = SimpleNamespace(evidence=evidence, suspects=suspects, hypothesis=hypothesis)
+    candidates = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
+    best = SimpleNamespace(evidence=evidence, candidates=candidates, hypothesis=hypothesis)
     result: Any = SimpleNamespace(best=None if evidence is None else best)
     left: Any = SimpleNamespace(
         learned=SimpleNamespace(evidence=learned),
@@ -130,8 +131,8 @@ def test_causes_that_do_not_pay_on_held_out_readings_are_as_none(
 def one(value: float, low: float, high: float, null: float = 0.0) -> Hypothesis:
     """A cause with one parameter."""
     parameter = Parameter("size", "1", 1.0, 0.0, low, high, null)
-    suspect = Suspect(CATALOGUE["payload"], Place("body", ("hand",)), (parameter,))
-    return [(suspect, {"size": value})]
+    candidate = Candidate(CATALOGUE["payload"], Location("body", ("hand",)), (parameter,))
+    return [(candidate, {"size": value})]
 
 
 @pytest.mark.parametrize(
@@ -151,6 +152,23 @@ def test_no_name_has_a_parameter_at_its_bound(hypothesis: Hypothesis, expected: 
     assert at_bound(hypothesis) is expected
     named = decided(1000.0, hypothesis=hypothesis) is Verdict.NAMED
     assert named is not expected
+
+
+@pytest.mark.parametrize(
+    ("improvement", "likelihood", "expected"),
+    [
+        (Gain(0.1, 0.01, 0.2), Gain(0.0, -1.0, 1.0), True),
+        (Gain(0.1, -0.01, 0.2), Gain(9.0, 1.0, 17.0), True),  # faint beside the tolerances
+        (Gain(0.1, -0.01, 0.2), Gain(9.0, -1.0, 17.0), False),
+        (Gain(-0.1, -0.2, -0.01), Gain(9.0, 1.0, 17.0), False),  # the RMS is surely worse
+        (Gain(0.1, 0.01, 0.2), None, True),
+        (Gain(0.1, -0.01, 0.2), None, False),
+    ],
+)
+def test_a_model_pays_in_the_rms_or_in_the_likelihood(
+    improvement: Gain, likelihood: Gain | None, expected: bool
+) -> None:
+    assert pays(improvement, likelihood) is expected
 
 
 @pytest.mark.usefixtures("frictionless")
@@ -224,11 +242,11 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
     more: float, chance: float, study_folder: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def as_good(
-        bench: Workbench, rule: Ruler, hypothesis: Hypothesis, residual: Array, null: Array
+        replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Array, null: Array
     ) -> Remainder:
-        [(suspect, values)] = hypothesis
-        named = again(rule, fit(bench, [(suspect, values)], rule.learn, null)).evidence
-        found = examine(bench, rule, hypothesis, residual, null)
+        [(candidate, values)] = hypothesis
+        named = again(rule, fit(replayer, [(candidate, values)], rule.learn, null)).evidence
+        found = examine(replayer, rule, hypothesis, residual, null)
         return replace(found, instead=replace(found.instead, evidence=named + more))
 
     asked: list[float] = []
@@ -238,10 +256,10 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
     found = diagnose(study, causes=[CATALOGUE["tension_scale"]])
 
     [cause] = found.causes
-    assert found.nameless == pytest.approx(chance, abs=0.01)
-    assert asked == [found.nameless]
+    assert found.unmodelled == pytest.approx(chance, abs=0.01)
+    assert asked == [found.unmodelled]
     assert cause.confidence == pytest.approx(1.0 - chance, abs=0.01)
-    assert sum(r.confidence for r in found.rivals) <= 1.0 - found.nameless + 1e-9
+    assert sum(r.confidence for r in found.fitted_candidates) <= 1.0 - found.unmodelled + 1e-9
 
 
 @pytest.mark.parametrize(
@@ -260,7 +278,9 @@ def test_causes_that_a_learner_beats_by_far_are_not_looked_at_anew(
     named: float, instead: float, learned: float, anew: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, other = (
-        SimpleNamespace(best=SimpleNamespace(evidence=e, hypothesis=[], residual=None), ruler=None)
+        SimpleNamespace(
+            best=SimpleNamespace(evidence=e, hypothesis=[], residual=None), noise_model=None
+        )
         for e in (named, named + 1.0)
     )
     found = (SimpleNamespace(evidence=evidence) for evidence in (instead, learned))
@@ -277,7 +297,7 @@ def test_causes_that_a_learner_beats_by_far_are_not_looked_at_anew(
 def test_what_stays_as_it_was_is_not_examined_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     best = SimpleNamespace(evidence=100.0, hypothesis=[], residual=None)
     nothing: Any = SimpleNamespace(evidence=0.0)
-    result: Any = SimpleNamespace(best=best, ruler=None)
+    result: Any = SimpleNamespace(best=best, noise_model=None)
     left = SimpleNamespace(instead=nothing, learned=nothing)
     looks = iter([left])
     monkeypatch.setattr("reality_gap.inference.verdict.examine", lambda *arguments: next(looks))

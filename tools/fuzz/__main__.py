@@ -92,8 +92,8 @@ def fuzz(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
 
 def guided(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
     """The same with atheris, in a process that it may end."""
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as place:
-        arguments = [kind, str(seconds), str(seed), str(out), place]
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as location:
+        arguments = [kind, str(seconds), str(seed), str(out), location]
         command = [sys.executable, "-m", "tools.fuzz.guided", *arguments]
         done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     found = json.loads((out / f"{kind}_guided.json").read_text(encoding="utf-8"))

@@ -18,13 +18,13 @@ SECRETS = {
 class Folders:
     """Folders of one kind, made in a temporary place."""
 
-    def __init__(self, kind: str, place: Path) -> None:
-        self._kind, self._place, self._number = kind, place, 0
-        self._good = place / "good"
+    def __init__(self, kind: str, location: Path) -> None:
+        self._kind, self._location, self._number = kind, location, 0
+        self._good = location / "good"
         self._good.mkdir()
         MAKERS[kind](self._good)
         for name, text in SECRETS.items():
-            (place / name).write_text(text, encoding="utf-8")
+            (location / name).write_text(text, encoding="utf-8")
 
     def good(self, name: str) -> bytes:
         """A valid file."""
@@ -33,7 +33,7 @@ class Folders:
     def make(self, name: str, data: bytes) -> Path:
         """A new folder of valid files, in which one is replaced."""
         self._number += 1
-        folder = self._place / f"case_{self._number}"
+        folder = self._location / f"case_{self._number}"
         shutil.copytree(self._good, folder)
         (folder / name).write_bytes(data)
         return folder

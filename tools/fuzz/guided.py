@@ -28,8 +28,8 @@ def main(kind: str, seconds: str, seed: str, out: str, empty: str) -> None:
     """Fuzz one kind until the time is over, or the process is, in an empty folder."""
     with atheris.instrument_imports(include=OURS):
         warm_up(kind)
-    place = Path(empty)
-    folders, watch = Folders(kind, place), Watch()
+    location = Path(empty)
+    folders, watch = Folders(kind, location), Watch()
     counts: Counter[str] = Counter()
     faults: dict[str, str] = {}
 
@@ -59,7 +59,7 @@ def main(kind: str, seconds: str, seed: str, out: str, empty: str) -> None:
         new = mutate(name.decode(), content, np.random.default_rng(number))
         return (name + b"\0" + new)[:most]
 
-    corpus = place / "corpus"
+    corpus = location / "corpus"
     corpus.mkdir()
     for i, name in enumerate(sorted(set(CHANGED[kind]))):
         (corpus / str(i)).write_bytes(name.encode() + b"\0" + folders.good(name))

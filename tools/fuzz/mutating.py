@@ -132,8 +132,8 @@ def drop_line(data: bytes, random: np.random.Generator) -> bytes:
 
 def add_element(data: bytes, random: np.random.Generator) -> bytes:
     """A nasty element after one of the others."""
-    places = [found.end() for found in re.finditer(rb">", data)] or [0]
-    at = places[random.integers(len(places))]
+    locations = [found.end() for found in re.finditer(rb">", data)] or [0]
+    at = locations[random.integers(len(locations))]
     element = ELEMENTS[random.integers(len(ELEMENTS))].encode()
     return data[:at] + element + data[at:]
 

@@ -105,7 +105,7 @@ def checkpoints(folder: Path) -> None:
     """A map, a kept result of an experiment, and kept arrays of a diagnosis."""
     from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
     from kengoro.files import write_json
-    from reality_gap.inference.checkpoint import Shelf
+    from reality_gap.inference.checkpoint import Checkpoint
     from tools.fuzz.targets import KEY, RESULT
 
     random = np.random.default_rng(0)
@@ -122,7 +122,7 @@ def checkpoints(folder: Path) -> None:
     )
     JointMuscleMap(("elbow", "wrist"), ("a", "b", "c"), (group,)).save(folder / "map.npz")
     write_json(folder / "task.json", {"key": KEY, "seconds": 1.0, "result": RESULT})
-    Shelf(folder / "shelf", KEY).get(0, lambda: [np.arange(3, dtype=np.float32)])
+    Checkpoint(folder / "checkpoint", KEY).get(0, lambda: [np.arange(3, dtype=np.float32)])
 
 
 def bags(folder: Path) -> None:
@@ -191,7 +191,7 @@ CHANGED: dict[str, tuple[str, ...]] = {
     "yaml": ("STUDY.yaml",),
     "csv": ("log.csv",),
     "parquet": ("log.parquet",),
-    "checkpoint": ("map.npz", "map.npz", "task.json", "shelf/00000.npz"),
+    "checkpoint": ("map.npz", "map.npz", "task.json", "checkpoint/00000.npz"),
     "bag": ("one.bag", "sqlite/metadata.yaml", "sqlite/sqlite.db3", "mcap/mcap.mcap"),
 }
 """Which of them are made hostile, one a case; the more often, the more often listed."""

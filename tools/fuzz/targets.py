@@ -30,10 +30,10 @@ def reality_gap(*arguments: str | Path) -> tuple[int, str]:
 def kengoro_env(model: Path) -> tuple[int, str]:
     """A robot's drawing, as an exit code and a sentence."""
     from kengoro_env.errors import KengoroError
-    from kengoro_env.robot.nominal_model import ArmDrawing
+    from kengoro_env.robot.nominal_model import NominalArm
 
     try:
-        ArmDrawing(model)
+        NominalArm(model)
     except KengoroError as error:
         return 2, str(error)
     return 0, ""
@@ -60,7 +60,7 @@ def use_checkpoints(folder: Path) -> Said:
     """Load a map, go on with an experiment, and with a diagnosis."""
     from jmm_agent.errors import AgentError
     from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-    from reality_gap.inference.checkpoint import Shelf
+    from reality_gap.inference.checkpoint import Checkpoint
 
     try:
         jmm = JointMuscleMap.load(folder / "map.npz")
@@ -71,7 +71,7 @@ def use_checkpoints(folder: Path) -> Said:
     with contextlib.redirect_stdout(io.StringIO()):
         _go_on(folder)
     yield 0, ""
-    Shelf(folder / "shelf", KEY).get(0, lambda: [np.arange(3, dtype=np.float32)])
+    Checkpoint(folder / "checkpoint", KEY).get(0, lambda: [np.arange(3, dtype=np.float32)])
     yield 0, ""
 
 

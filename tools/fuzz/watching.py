@@ -85,7 +85,8 @@ class Watch:
         path = os.path.realpath(os.fsdecode(name))
         allowed = (self.folder or "", *self._own, *SYSTEM)
         if not path.startswith(self._fences) and not any(
-            path == place or path.startswith(place.rstrip(os.sep) + os.sep) for place in allowed
+            path == location or path.startswith(location.rstrip(os.sep) + os.sep)
+            for location in allowed
         ):
             self.outside.append(path)
 

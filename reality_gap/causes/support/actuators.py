@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.causes.base import Record
-from reality_gap.study.system import Wire
+from reality_gap.study.system import ActuatedTendon
 
 Array = NDArray[np.float64]
 
@@ -20,15 +20,15 @@ def linear(model: mujoco.MjModel, actuator: int) -> bool:
     return gain in gains and bias in biases
 
 
-def pull(record: Record, wire: Wire) -> Array:
+def pull(record: Record, tendon: ActuatedTendon) -> Array:
     """Tension that a wire's actuator gives (k,) [N]."""
-    i = record.model.actuator(wire.actuator).id
+    i = record.model.actuator(tendon.actuator).id
     return -record.model.actuator_gear[i, 0] * record.force[:, i]
 
 
-def at_limit(record: Record, wire: Wire) -> NDArray[np.bool_]:
+def at_limit(record: Record, tendon: ActuatedTendon) -> NDArray[np.bool_]:
     """When a wire's actuator gives all that it may, or as little (k,)."""
-    i = record.model.actuator(wire.actuator).id
+    i = record.model.actuator(tendon.actuator).id
     low, high = record.model.actuator_forcerange[i]
     force = record.force[:, i]
     return bool(record.model.actuator_forcelimited[i]) & ((force <= low) | (force >= high))

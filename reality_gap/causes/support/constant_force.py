@@ -23,12 +23,12 @@ def push(model: mujoco.MjModel, kind: str, name: str, force: float) -> Hook:
             data.qfrc_applied[dof] += force
 
         return on_joint
-    wire = model.tendon(name).id
-    start = int(model.ten_J_rowadr[wire])
-    row = slice(start, start + int(model.ten_J_rownnz[wire]))
+    tendon = model.tendon(name).id
+    start = int(model.ten_J_rowadr[tendon])
+    row = slice(start, start + int(model.ten_J_rownnz[tendon]))
     dofs = model.ten_J_colind[row]
 
-    def along_wire(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def along_tendon(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         data.qfrc_applied[dofs] += force * data.ten_J[row]
 
-    return along_wire
+    return along_tendon

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Place, Record
+from reality_gap.causes.base import Location, Record
 from reality_gap.causes.support.model_overrides import Extra
 from reality_gap.study.system import System, commanded
 
@@ -32,10 +32,10 @@ class Encoder:
     actuator: str
 
 
-def encoders(system: System, place: Place) -> tuple[Encoder, ...]:
+def encoders(system: System, location: Location) -> tuple[Encoder, ...]:
     """One for each element of a place of wires or joints."""
-    of_one = _of_wire if place.kind == "tendon" else _of_joint
-    return tuple(of_one(system, name) for name in place.elements)
+    of_one = _of_tendon if location.kind == "tendon" else _of_joint
+    return tuple(of_one(system, name) for name in location.elements)
 
 
 def matters(encoder: Encoder) -> bool:
@@ -43,9 +43,9 @@ def matters(encoder: Encoder) -> bool:
     return bool(encoder.sensors or encoder.actuator)
 
 
-def _of_wire(system: System, tendon: str) -> Encoder:
-    wire = system.wire(tendon)
-    return Encoder("tendon", tendon, wire.length_sensors, wire.actuator if wire.servo else "")
+def _of_tendon(system: System, name: str) -> Encoder:
+    tendon = system.tendon(name)
+    return Encoder("tendon", name, tendon.length_sensors, tendon.actuator if tendon.servo else "")
 
 
 def _of_joint(system: System, joint: str) -> Encoder:
@@ -97,7 +97,7 @@ class Feedback:
     """
 
     def __init__(self, model: mujoco.MjModel, chosen: tuple[Encoder, ...]) -> None:
-        self._of_wires = chosen[0].kind == "tendon"
+        self._of_tendons = chosen[0].kind == "tendon"
         self._fresh = False
         self._elements = np.array([_index(model, encoder) for encoder in chosen])
         self._fed = np.flatnonzero([bool(encoder.actuator) for encoder in chosen])
@@ -107,7 +107,7 @@ class Feedback:
 
     def position(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
         """True positions (n,) [m or rad] before a step; a wire's length is carried on to now."""
-        if not self._of_wires:
+        if not self._of_tendons:
             return data.qpos[self._elements]
         if not self._fresh:
             mujoco.mj_fwdPosition(model, data)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from reality_gap.causes.base import Parameter, Place, Values
+from reality_gap.causes.base import Location, Parameter, Values
 from reality_gap.study.system import System
 
 Array = NDArray[np.float64]
@@ -45,10 +45,10 @@ def seen_from(system: System, sensor: str) -> str:
     return system.model.camera(int(reads.refid[0])).name
 
 
-def cameras(system: System, sensors: tuple[str, ...]) -> tuple[Place, ...]:
+def cameras(system: System, sensors: tuple[str, ...]) -> tuple[Location, ...]:
     """Cameras in whose frames sensors read."""
     names = dict.fromkeys(seen_from(system, sensor) for sensor in sensors)
-    return tuple(Place("camera", (name,)) for name in names if name)
+    return tuple(Location("camera", (name,)) for name in names if name)
 
 
 def motion(shift: Parameter, turn: Parameter | None) -> tuple[Parameter, ...]:

@@ -27,14 +27,14 @@ def lengthening(system: System, joints: Mapping[str, float]) -> dict[str, float]
         joints: how far from ``qpos0`` joints stand [rad or m]; the others stand there.
     """
     change = _tendon_lengths(system.model, joints) - system.model.tendon_length0
-    return {w.tendon: float(change[system.model.tendon(w.tendon).id]) for w in system.wires}
+    return {w.name: float(change[system.model.tendon(w.name).id]) for w in system.tendons}
 
 
-def wired_joints(system: System) -> tuple[str, ...]:
+def actuated_joints(system: System) -> tuple[str, ...]:
     """Joints that change the length of a wire, in the order of the system's."""
     moved = _moved_tendons(system.model, system.joints)
-    wires = [system.model.tendon(w.tendon).id for w in system.wires]
-    return tuple(name for name, row in zip(system.joints, moved, strict=True) if row[wires].any())
+    tendons = [system.model.tendon(w.name).id for w in system.tendons]
+    return tuple(name for name, row in zip(system.joints, moved, strict=True) if row[tendons].any())
 
 
 @lru_cache(maxsize=4)
@@ -60,7 +60,7 @@ def lever_arms(system: System, tendon: str) -> dict[str, float]:
     model, index = system.model, system.model.tendon(tendon).id
     middle = {name: _middle(model, name) for name in system.joints}
     arms = {}
-    for name in wired_joints(system):
+    for name in actuated_joints(system):
         far, near = (
             _tendon_lengths(model, middle | {name: middle[name] + side * PROBE})[index]
             for side in (0.5, -0.5)

@@ -74,7 +74,7 @@ def ends(system: System) -> tuple[int, ...]:
 def _driven(system: System) -> set[int]:
     """First bodies of links with a joint that is pulled, driven or read."""
     model = system.model
-    joints = {model.joint(name).id for name in lever_arms.wired_joints(system)}
+    joints = {model.joint(name).id for name in lever_arms.actuated_joints(system)}
     joints |= {
         int(model.actuator_trnid[i, 0])
         for i in commanded(model)

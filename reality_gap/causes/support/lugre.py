@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Parameter, Place, Values
+from reality_gap.causes.base import Location, Parameter, Values
 from reality_gap.causes.support import typical_scales
 from reality_gap.causes.support.model_overrides import Extra
 from reality_gap.causes.support.new_elements import add_actuator
@@ -40,18 +40,18 @@ STIFFNESS, DAMPING = 5, 6
 """Where its ``dynprm`` holds those of the bristles."""
 
 
-def bend(system: System, place: Place) -> Parameter:
+def bend(system: System, location: Location) -> Parameter:
     """The parameter of how far an element moves before it slips."""
-    if place.kind == "tendon":
+    if location.kind == "tendon":
         return Parameter("presliding", "m", 3e-5, 0.0, 3e-6, 1e-3, null=3e-5, idle=True)
-    unit, travel = typical_scales.joint_travel(system, place)
+    unit, travel = typical_scales.joint_travel(system, location)
     size = 3e-4 * travel
     return Parameter("presliding", unit, size, 0.0, 0.1 * size, 30 * size, null=size, idle=True)
 
 
-def bend_in(values: Values, system: System, place: Place) -> float:
+def bend_in(values: Values, system: System, location: Location) -> float:
     """How far an element moves before it slips [m or rad]: as ``values`` say, or as usual."""
-    return float(values.get("presliding", bend(system, place).null))
+    return float(values.get("presliding", bend(system, location).null))
 
 
 def possible(system: System) -> bool:
@@ -60,23 +60,23 @@ def possible(system: System) -> bool:
     return not system.study.inverse and kinds.isdisjoint(SUMS)
 
 
-def drawn(system: System, place: Place) -> bool:
+def drawn(system: System, location: Location) -> bool:
     """Whether the study's model has dry friction in any of a place's tendons."""
     model = system.model
-    wires = [model.tendon(name).id for name in place.elements]
+    tendons = [model.tendon(name).id for name in location.elements]
     motors = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR) & (
         model.actuator_biasprm[:, SLIDING] > 0.0
     )
     tied = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
     braked = model.actuator_trnid[motors & tied, 0]
-    return bool(model.tendon_frictionloss[wires].any() or np.isin(wires, braked).any())
+    return bool(model.tendon_frictionloss[tendons].any() or np.isin(tendons, braked).any())
 
 
 def brake(
     spec: mujoco.MjSpec,
     system: System,
     cause: str,
-    place: Place,
+    location: Location,
     force: float,
     bend: float,
     lean: float = 0.0,
@@ -92,19 +92,19 @@ def brake(
         bend: over which it builds up [m or rad].
         lean: constant force besides [N or N m]; only where friction may be an actuator's force.
     """
-    tendon = place.kind == "tendon"
+    tendon = location.kind == "tendon"
     if not possible(system):
-        for name in place.elements:
+        for name in location.elements:
             element = spec.tendon(name) if tendon else spec.joint(name)
             element.frictionloss = element.frictionloss + force
             element.solref_friction, element.solimp_friction = SOLREF, SOLIMP
         return
     kind = mujoco.mjtTrn.mjTRN_TENDON if tendon else mujoco.mjtTrn.mjTRN_JOINT
     step = float(system.model.opt.timestep)
-    for name in place.elements:
-        stiffness = min(force / bend, STABLE / (_lightness(system, place, name) * step**2))
+    for name in location.elements:
+        stiffness = min(force / bend, STABLE / (_lightness(system, location, name) * step**2))
         actuator = add_actuator(
-            spec, name=_name(system, cause, place, name), trntype=kind, target=name
+            spec, name=_name(system, cause, location, name), trntype=kind, target=name
         )
         actuator.set_to_dcmotor(
             motorconst=[0.0, 0.0],
@@ -115,18 +115,18 @@ def brake(
         )
 
 
-def _lightness(system: System, place: Place, name: str) -> float:
+def _lightness(system: System, location: Location, name: str) -> float:
     """One over the mass or inertia that moves with an element."""
     model = system.model
-    if place.kind == "tendon":
+    if location.kind == "tendon":
         return float(model.tendon_invweight0[model.tendon(name).id])
     return float(model.dof_invweight0[model.joint(name).dofadr[0]])
 
 
-def _name(system: System, cause: str, place: Place, element: str) -> str:
+def _name(system: System, cause: str, location: Location, element: str) -> str:
     """A name that no actuator of the study's model has; it may be one that was extended before."""
-    group = "all" if len(place.elements) > 1 else ""
-    name = "/".join(filter(None, (cause, place.note, group, element)))
+    group = "all" if len(location.elements) > 1 else ""
+    name = "/".join(filter(None, (cause, location.note, group, element)))
     while mujoco.mj_name2id(system.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) >= 0:
         name += "'"
     return name
@@ -135,22 +135,24 @@ def _name(system: System, cause: str, place: Place, element: str) -> str:
 class Brakes:
     """The frictions that `brake` put on a place, for a hook that changes them at every step."""
 
-    def __init__(self, model: mujoco.MjModel, system: System, cause: str, place: Place) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, system: System, cause: str, location: Location
+    ) -> None:
         self._bristles: list[tuple[Extra, Array]] = []
         self._bend: NDArray[np.int64] | None = None
         if possible(system):
-            names = [_name(system, cause, place, element) for element in place.elements]
+            names = [_name(system, cause, location, element) for element in location.elements]
             at = np.array([model.actuator(name).id for name in names])
             self._bend = model.actuator_actadr[at]
             self._levels = [Extra(model.actuator_biasprm[:, k], at) for k in (SLIDING, RESTING)]
             for k in (STIFFNESS, DAMPING):
                 cells = Extra(model.actuator_dynprm[:, k], at)
                 self._bristles.append((cells, model.actuator_dynprm[at, k]))
-        elif place.kind == "tendon":
-            at = np.array([model.tendon(name).id for name in place.elements])
+        elif location.kind == "tendon":
+            at = np.array([model.tendon(name).id for name in location.elements])
             self._levels = [Extra(model.tendon_frictionloss, at)]
         else:
-            at = np.array([model.joint(name).dofadr[0] for name in place.elements])
+            at = np.array([model.joint(name).dofadr[0] for name in location.elements])
             self._levels = [Extra(model.dof_frictionloss, at)]
 
     def ways(self, data: mujoco.MjData, velocity: Array, creep: float) -> Array:

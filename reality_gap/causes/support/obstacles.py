@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats.qmc import Halton
 
-from reality_gap.study.system import System, Wire
+from reality_gap.study.system import ActuatedTendon, System
 
 Array = NDArray[np.float64]
 
@@ -93,23 +93,23 @@ class Obstacle:
 
 def obstacles(system: System) -> tuple[Obstacle, ...]:
     """All that could be in the way of a system's wires."""
-    return _all(system.model, system.wires)
+    return _all(system.model, system.tendons)
 
 
 @lru_cache(maxsize=4)
-def _all(model: mujoco.MjModel, wires: tuple[Wire, ...]) -> tuple[Obstacle, ...]:
+def _all(model: mujoco.MjModel, tendons: tuple[ActuatedTendon, ...]) -> tuple[Obstacle, ...]:
     postures = _Postures(model)
     joints, bones = list(_joints(model)), list(_bones(model))
     found: list[Obstacle] = []
-    for wire in wires:
-        for between in _gaps(model, wire.tendon):
+    for tendon in tendons:
+        for between in _gaps(model, tendon.name):
             crossed = _crossed(model, *between)
             if not crossed:
                 continue
             near = [axis for axis in joints if axis.name in crossed] + bones
             here: list[Obstacle] = []
             for over in near:
-                new = _look(model, postures, wire.tendon, between, over)
+                new = _look(model, postures, tendon.name, between, over)
                 if new is not None and not any(_twins(old, new) for old in here):
                     here.append(new)
             found += here

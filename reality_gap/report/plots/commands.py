@@ -43,8 +43,8 @@ def left_out(experiment: Experiment) -> int:
 def _separation(ax: Axes, experiment: Experiment) -> None:
     values = (experiment.separation_before, experiment.separation)
     ax.bar((0, 1), values, color=(QUIET, AFTER), width=0.6)
-    for place, value in enumerate(values):
-        ax.annotate(number(value, 2), (place, value), ha="center", va="bottom", fontsize=9)
+    for location, value in enumerate(values):
+        ax.annotate(number(value, 2), (location, value), ha="center", va="bottom", fontsize=9)
     ax.set_xticks((0, 1), ("these data", "with this\nexperiment"), fontsize=8)
     ax.set_ylim(0.0, 1.15 * max(values) + 1e-9)
     ax.set_ylabel("distance of the rivals\n[standard deviations]", fontsize=8)

@@ -99,21 +99,21 @@ def _bins(value: Array) -> NDArray[np.int64]:
 
 
 def _means(value: Array, residual: Array) -> tuple[Array, Array]:
-    place = _bins(value)
-    count = np.bincount(place, minlength=BINS)
+    location = _bins(value)
+    count = np.bincount(location, minlength=BINS)
     full = count > 0
-    x = np.bincount(place, value, minlength=BINS)[full] / count[full]
-    return x, np.bincount(place, residual, minlength=BINS)[full] / count[full]
+    x = np.bincount(location, value, minlength=BINS)[full] / count[full]
+    return x, np.bincount(location, residual, minlength=BINS)[full] / count[full]
 
 
 def _share(value: Array, residual: Array) -> float:
     """Of the varying part's power, what the means carry; less what those of noise would."""
-    place = _bins(value)
+    location = _bins(value)
     varying = residual - residual.mean()
-    count = np.maximum(np.bincount(place, minlength=BINS), 1)
-    carried = float(np.sum(np.bincount(place, varying, minlength=BINS) ** 2 / count))
+    count = np.maximum(np.bincount(location, minlength=BINS), 1)
+    carried = float(np.sum(np.bincount(location, varying, minlength=BINS) ** 2 / count))
     power = float(varying @ varying)
-    used = len(np.unique(place))
+    used = len(np.unique(location))
     return max(0.0, carried / power - used / len(residual)) if power > 0.0 else 0.0
 
 

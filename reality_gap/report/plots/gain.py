@@ -31,13 +31,13 @@ def channel_gain(found: list[Signal], total: tuple[float, float], floor: float) 
     rows = [("all channels", *total), *(row for row in values if np.isfinite(row[1]))][:MOST]
     made, axes = figure(9, 1.2 + 0.26 * len(rows))
     ax = axes[0, 0]
-    places = range(len(rows))
+    locations = range(len(rows))
     before, after = [row[1] for row in rows], [row[2] for row in rows]
     ax.axvline(floor, color=FLOOR, lw=2, label="floor: the noise of the sensors")
-    ax.hlines(places, after, before, color=QUIET, lw=3)
-    ax.plot(before, places, "o", color=BEFORE, label="your model")
+    ax.hlines(locations, after, before, color=QUIET, lw=3)
+    ax.plot(before, locations, "o", color=BEFORE, label="your model")
     if changed(found):
-        ax.plot(after, places, "o", color=AFTER, label="extended model")
+        ax.plot(after, locations, "o", color=AFTER, label="extended model")
     ax.set_xscale("log")
     ax.set_xlim(0.7 * min([floor, *before, *after]), 1.3 * max([3.0, *before, *after]))
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -16,13 +16,13 @@ def intervals(causes: tuple[NamedCause, ...]) -> Figure:
     rows = [
         (cause, parameter, cause.parameters[parameter.name])
         for cause in causes
-        for parameter in cause.suspect.parameters
+        for parameter in cause.candidate.parameters
         if parameter.name in cause.foremost()
     ]
     made, axes = figure(9, 0.55 + 0.72 * len(rows), len(rows), 1)
     for ax, (cause, parameter, estimate) in zip(axes[:, 0], rows, strict=True):
         _row(ax, parameter, estimate)
-        name = human(cause.suspect.cause.id)
+        name = human(cause.candidate.cause.id)
         ax.set_yticks([0.0], [f"{name}\n{human(parameter.name)}"], fontsize=8)
         ax.tick_params(axis="y", length=0)
     made.legend(

@@ -123,9 +123,9 @@ def residual_map(found: list[Signal]) -> Figure:
 
 def _binned(signal: Signal, which: str, end: float) -> Array:
     """RMS in each of the bins, at least 1; bins between two readings take that of the nearer."""
-    place = np.minimum((signal.time / end * BINS).astype(int), BINS - 1)
-    count = np.bincount(place, minlength=BINS)
-    power = np.bincount(place, signal.residual(which) ** 2, minlength=BINS)
+    location = np.minimum((signal.time / end * BINS).astype(int), BINS - 1)
+    count = np.bincount(location, minlength=BINS)
+    power = np.bincount(location, signal.residual(which) ** 2, minlength=BINS)
     rms: Array = np.full(BINS, np.nan)
     np.divide(power, count, out=rms, where=count > 0)
     centre = (np.arange(BINS) + 0.5) * end / BINS
@@ -133,7 +133,7 @@ def _binned(signal: Signal, which: str, end: float) -> Array:
     nearest = np.searchsorted(middle, centre)
     period = float(np.median(np.diff(signal.time))) if len(middle) else 0.0
     close = (count == 0) & (np.abs(signal.time[nearest] - centre) <= period)
-    rms[close] = rms[place[nearest[close]]]
+    rms[close] = rms[location[nearest[close]]]
     return np.clip(np.sqrt(rms), 1.0, None)
 
 

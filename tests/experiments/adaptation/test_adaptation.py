@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.adaptation.critical_muscles import effect_deg, rest, worst_wires
+from experiments.adaptation.critical_muscles import critical_muscles, effect_deg, rest
 from experiments.adaptation.run import GIVING, LENGTH, QUICK, conclude, run
 from experiments.adaptation.sizes import BEFORE, EVENT, OFF
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.trained_maps import ARM
 from kengoro.visits import errors
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.motors import DEFAULT_GAINS
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 SIZES = replace(QUICK, learned=8, more=4, every=4, tested=2)
 
@@ -31,7 +31,7 @@ def cache(request: pytest.FixtureRequest) -> Path:
 
 @pytest.fixture(scope="module")
 def result(cache: Path) -> dict[str, Any]:
-    return run(DRAWING, 0, SIZES, cache)
+    return run(NOMINAL, 0, SIZES, cache)
 
 
 def test_the_event_raises_the_error_and_learning_lowers_it(result: dict[str, Any]) -> None:
@@ -42,11 +42,11 @@ def test_the_event_raises_the_error_and_learning_lowers_it(result: dict[str, Any
 
 
 def test_the_wires_that_gave_are_told(result: dict[str, Any]) -> None:
-    assert set(result["believed"]) == set(worst_wires(GIVING, LENGTH))
+    assert set(result["believed"]) == set(critical_muscles(GIVING, LENGTH))
 
 
 def test_findings_tell_of_all_robots(result: dict[str, Any]) -> None:
-    results = {seed: {ACTUAL: result, DRAWING: result} for seed in (0, 1)}
+    results = {seed: {ACTUAL: result, NOMINAL: result} for seed in (0, 1)}
     found = conclude(results, SIZES)
     assert {"event_ratio", "adapted_ratio", "off_ratio"} <= found.metrics.keys()
     assert found.metrics["event_ratio"]["must"] == 1.5
@@ -54,14 +54,14 @@ def test_findings_tell_of_all_robots(result: dict[str, Any]) -> None:
     tests = result["tests"]
     before, after = (errors(tests[name])["target_true_mm"] for name in (BEFORE, str(SIZES.more)))
     assert found.metrics["hand_adapted_ratio"]["median"] == pytest.approx(after / before, rel=1e-3)
-    assert found.metrics["wires_found"]["median"] == GIVING
-    assert found.metrics["wires_wronged"]["worst"] == 0
+    assert found.metrics["muscles_found"]["median"] == GIVING
+    assert found.metrics["muscles_wronged"]["worst"] == 0
     assert list(found.per_seed) == [0, 1]
     assert all(picture.png.startswith(b"\x89PNG") for picture in found.pictures)
 
 
 def test_the_drawn_arm_rests_where_pull_and_gravity_balance() -> None:
-    arm, gains = ArmDrawing(asset_path(ARM)), DEFAULT_GAINS
+    arm, gains = NominalArm(asset_path(ARM)), DEFAULT_GAINS
     posture = posture_set()[0]
     target = arm.lengths(posture)[0]
     here = rest(arm, target, posture)
@@ -73,10 +73,10 @@ def test_the_drawn_arm_rests_where_pull_and_gravity_balance() -> None:
 
 
 def test_the_chosen_wires_move_the_drawn_arm_most() -> None:
-    wires = worst_wires(2, LENGTH)
-    assert wires == worst_wires(GIVING, LENGTH)[:2]
-    one = effect_deg(wires[:1], LENGTH)
-    assert effect_deg(wires, LENGTH) > one
-    for other in ArmDrawing(asset_path(ARM)).muscles:
+    muscles = critical_muscles(2, LENGTH)
+    assert muscles == critical_muscles(GIVING, LENGTH)[:2]
+    one = effect_deg(muscles[:1], LENGTH)
+    assert effect_deg(muscles, LENGTH) > one
+    for other in NominalArm(asset_path(ARM)).muscles:
         assert effect_deg((other,), LENGTH) <= one
-    assert effect_deg(wires, 0.0) == pytest.approx(0.0, abs=0.02)
+    assert effect_deg(muscles, 0.0) == pytest.approx(0.0, abs=0.02)

@@ -17,7 +17,7 @@ from experiments.antagonism_elbow.run import (
     run,
 )
 from experiments.robots.elbow import Elbow
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 
 SEED = 20
 SIZES = Sizes(trials=3, move=0.8, hold=0.8, tightening=1e-3)
@@ -77,14 +77,14 @@ def test_numbers_of_a_made_up_trial() -> None:
 
 
 def test_tightening_shortens_all_wires_alike(maps: Path) -> None:
-    loose, tight = (Elbow(DRAWING, SEED, length, maps, learning=False) for length in (0.0, 0.004))
+    loose, tight = (Elbow(NOMINAL, SEED, length, maps, learning=False) for length in (0.0, 0.004))
     there = [elbow.go(np.radians(60.0), 0.6, 0.6)[-1] for elbow in (loose, tight)]
     assert (there[1] > there[0] + 40.0).all()
 
 
 def test_conclusions_pair_robots_and_judge(result: dict, maps: Path) -> None:
-    drawn = run(DRAWING, SEED, SIZES, maps)
-    found = conclude({SEED: {ACTUAL: result, DRAWING: drawn}}, SIZES)
+    drawn = run(NOMINAL, SEED, SIZES, maps)
+    found = conclude({SEED: {ACTUAL: result, NOMINAL: drawn}}, SIZES)
     ratio = found.metrics["tension_ratio"]
     expected = result[OURS][-1]["largest"] / result[OURS][0]["largest"]
     assert ratio["median"] == pytest.approx(expected, rel=1e-2)

@@ -22,7 +22,7 @@ from experiments.baselines.tables import (
 )
 from experiments.learnability.run import known_world
 from experiments.robots.world import World
-from kengoro.arm import ACTUAL, DRAWING, make_agent, shuffled_postures
+from kengoro.arm import ACTUAL, NOMINAL, make_agent, shuffled_postures
 
 SEED = 1
 SIZES = Sizes(
@@ -51,15 +51,15 @@ def test_pairs_are_gathered_by_number_of_postures(world: World) -> None:
     stages = gather(agent, ACTUAL, SEED, shuffled_postures(SEED), SIZES, world)
     assert list(stages) == [1, 3]
     for count, stage in stages.items():
-        assert 0 < len(stage.pairs.noise) == len(stage.one_look.noise) <= count
-        np.testing.assert_array_equal(stage.pairs.lengths, stage.one_look.lengths)
-        apart = np.abs(stage.pairs.postures - stage.one_look.postures)
+        assert 0 < len(stage.pairs.noise) == len(stage.one_observation.noise) <= count
+        np.testing.assert_array_equal(stage.pairs.lengths, stage.one_observation.lengths)
+        apart = np.abs(stage.pairs.postures - stage.one_observation.postures)
         assert 0.001 < apart.max() < 1.0
     assert stages[3].map is agent.map
     assert stages[1].map is not agent.map
-    assert stages[1].eyes.fired == 1
-    assert stages[3].eyes.fired == agent.vision.fired > 1
-    assert stages[3].eyes is not agent.vision
+    assert stages[1].detector.fired == 1
+    assert stages[3].detector.fired == agent.vision.fired > 1
+    assert stages[3].detector is not agent.vision
 
 
 def test_every_method_learns_from_the_pairs(world: World) -> None:
@@ -75,12 +75,12 @@ def test_every_method_learns_from_the_pairs(world: World) -> None:
 
 def test_a_run_gives_the_same_again_and_its_findings_can_be_written(world: World) -> None:
     result = run(ACTUAL, SEED, SIZES, world.cache)
-    drawing = run(DRAWING, SEED, SIZES, world.cache)
-    again = run(DRAWING, SEED, SIZES, world.cache)
+    drawing = run(NOMINAL, SEED, SIZES, world.cache)
+    again = run(NOMINAL, SEED, SIZES, world.cache)
     assert without_times(drawing) == without_times(again)
     for part in result["counts"].values():
         assert set(part["maps"]) == METHODS
-    found = conclude({SEED: {ACTUAL: result, DRAWING: drawing}}, SIZES)
+    found = conclude({SEED: {ACTUAL: result, NOMINAL: drawing}}, SIZES)
     json.dumps([found.per_seed, found.metrics], allow_nan=False)
     learned = found.per_seed[SEED]["3"]  # type: ignore[index]
     assert learned[OURS]["target_true_deg"] < 0.7 * learned[NO_LEARNING]["target_true_deg"]
@@ -92,9 +92,9 @@ def made_up(**errors: float) -> Numbers:
     spread = np.linspace(0.0, 0.1, 6)
     keys = ("target_true_deg", "estimate_seen_deg", "target_true_mm", "max_tension_N")
     return {
-        name: {key: list(spread + errors[f"{place}_{key[:1]}"]) for key in keys[:2]}
+        name: {key: list(spread + errors[f"{location}_{key[:1]}"]) for key in keys[:2]}
         | {key: list(spread) for key in keys[2:]}
-        for place, name in (("ours", OURS), ("table", TABLE))
+        for location, name in (("ours", OURS), ("table", TABLE))
     }
 
 

@@ -13,7 +13,7 @@ from experiments.can_grasping import run as runner
 from experiments.can_grasping.robot import SWEEP_DEG, CanRobot, swept_lengths
 from experiments.can_grasping.run import Args, main
 from experiments.can_grasping.tables import fall, metrics, outcome_table, share
-from kengoro.arm import ACTUAL, DRAWING
+from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.grasp_trial import GraspTrial, Trial
 from kengoro.hand_search import TrialOptions
 from kengoro.trained_maps import trained_map
@@ -44,7 +44,7 @@ def test_the_map_is_tested_where_it_was_not_learned(
 
     monkeypatch.setattr(GraspTrial, "run", run)
     monkeypatch.setattr("experiments.can_grasping.robot.visit", visit)
-    robot = CanRobot(DRAWING, 3, TrialOptions(), 5, maps)
+    robot = CanRobot(NOMINAL, 3, TrialOptions(), 5, maps)
     robot.run_trial()
     robot.test(robot.before)
     assert len(tested) == 5
@@ -53,7 +53,7 @@ def test_the_map_is_tested_where_it_was_not_learned(
 
 
 def test_without_departures_the_estimate_is_true(maps: Path) -> None:
-    robot = CanRobot(DRAWING, 3, TrialOptions(), 1, maps)
+    robot = CanRobot(NOMINAL, 3, TrialOptions(), 1, maps)
     found = robot.test(robot.before)
     assert found["estimate_true_deg"] < 0.2
     assert found["target_true_deg"] < 4.0
@@ -98,7 +98,7 @@ def robot(distances: list[float], grasped: bool, after: float = 2.0) -> dict[str
         "before": errors,
         "after": {**errors, "target_true_deg": after, "estimate_seen_deg": 1.0},
         "jmm_change_mm": 12.0,
-        DRAWING: trial([30.0], True),
+        NOMINAL: trial([30.0], True),
     }
 
 
@@ -108,7 +108,7 @@ def test_metrics_count_robots_and_leave_out_what_is_not_there() -> None:
     assert found["grasped_after"]["median"] == pytest.approx(1 / 3, abs=1e-3)
     assert found["grasped_after"]["reached"] is False
     assert found["hand_last_approach"]["median"] == 50.0
-    assert found["hand_first_approach_drawing"]["median"] == 30.0
+    assert found["hand_first_approach_nominal"]["median"] == 30.0
     assert found["rmse_true_after"]["median"] == 2.0
     assert "rmse_seen_before" not in found
     assert found["jmm_change_mm"]["paper"] == 15.0
@@ -139,7 +139,7 @@ def test_a_video_is_of_the_first_robot_and_made_when_it_is_missing(
 
     def run(condition: str, seed: int, *_: Any, films: dict[int, Path], live: bool) -> Any:
         calls.append((condition, seed, live))
-        if condition == DRAWING:
+        if condition == NOMINAL:
             return {"summary": trial([30.0], True)}
         if seed in films:
             films[seed].parent.mkdir(parents=True, exist_ok=True)
@@ -150,12 +150,12 @@ def test_a_video_is_of_the_first_robot_and_made_when_it_is_missing(
     monkeypatch.setattr(figures, "figures", lambda results: [])
     first = Args(seeds="3", out=tmp_path, cache=maps, jobs=1)
     summary = main(first)
-    assert calls == [(ACTUAL, 3, True), (DRAWING, 3, True)]
+    assert calls == [(ACTUAL, 3, True), (NOMINAL, 3, True)]
     assert (tmp_path / "episode.mp4").read_bytes() == b"3"
     assert summary["per_seed"]["3"]["grasped_after"]
     calls.clear()
     main(Args(seeds="2-3", out=tmp_path, cache=maps, jobs=1))
-    assert calls == [(ACTUAL, 2, False), (DRAWING, 2, False)]
+    assert calls == [(ACTUAL, 2, False), (NOMINAL, 2, False)]
     assert (tmp_path / "episode.mp4").read_bytes() == b"2"
     calls.clear()
     main(first)
@@ -170,7 +170,7 @@ def test_there_are_figures_even_of_a_robot_without_approaches() -> None:
     results = {
         seed: {
             ACTUAL: {"summary": robot(distances, False), "curves": curves()},
-            DRAWING: {"summary": trial([30.0], True)},
+            NOMINAL: {"summary": trial([30.0], True)},
         }
         for seed, distances in ((3, []), (4, [200.0, 20.0]))
     }
@@ -185,8 +185,8 @@ def curves() -> dict[str, Any]:
         "time": [0.0, 1.0],
         "tensions": [[1.0], [2.0]],
         "true_error": [1.0, 2.0],
-        "look_time": [0.5],
-        "look_error": {"all": [3.0]},
+        "observation_time": [0.5],
+        "observation_error": {"all": [3.0]},
         "approach_start": [0.1],
         "pitch": [-120.0, -118.0],
         "muscles": [f"muscle {k}" for k in range(MUSCLES)],

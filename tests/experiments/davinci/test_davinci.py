@@ -19,7 +19,7 @@ from experiments.davinci.study import RADIUS, make_study
 from experiments.davinci.tables import WHOLE_NAME, Scores, evidence_table, wins
 from experiments.harness.errors import ExperimentError
 from reality_gap.causes import CATALOGUE
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import look_at
@@ -143,9 +143,9 @@ def test_friction_mends_the_tension_of_the_model_and_stretch_its_angle(log: Path
 
     def misfits(name: str, **values: float) -> list[float]:
         cause = CATALOGUE[name]
-        place = next(p for p in cause.places(system) if p.elements == ("cable",))
-        suspect = Suspect(cause, place, cause.parameters(system, place))
-        prediction = replay(build(system, [(suspect, values)]), study, readings).prediction
+        location = next(p for p in cause.locations(system) if p.elements == ("cable",))
+        candidate = Candidate(cause, location, cause.parameters(system, location))
+        prediction = replay(build(system, [(candidate, values)]), study, readings).prediction
         left = (readings.value - prediction) / readings.noise
         return [float(np.sqrt(np.mean(left[readings.channel == c] ** 2))) for c in range(2)]
 

@@ -16,7 +16,7 @@ from experiments.robots.checkpoint import load_memory, save_memory
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
-from jmm_agent.vision.observation_fit import Look
+from jmm_agent.vision.observation_fit import MarkerObservation
 from kengoro.arm import new_agent
 
 
@@ -38,11 +38,12 @@ def made_up(rng: np.random.Generator) -> tuple[AntagonismMemory, VisionMemory]:
     def pairs() -> Pairs:
         return Pairs(rng.normal(size=(3, 14)), rng.normal(size=(3, 36)), rng.uniform(size=3))
 
-    looks = [
-        Look(rng.normal(size=(4, 4)), rng.normal(size=36), rng.normal(size=14)) for _ in range(3)
+    observations = [
+        MarkerObservation(rng.normal(size=(4, 4)), rng.normal(size=36), rng.normal(size=14))
+        for _ in range(3)
     ]
     vision = VisionMemory(
-        looks,
+        observations,
         [rng.normal(size=36) for _ in range(3)],
         [True, False, True],
         rng.normal(size=(3, 14)),
@@ -87,7 +88,7 @@ def test_an_agent_that_has_learned_nothing_can_be_kept(
     save_memory(tmp_path / "memory.npz", agent)
     load_memory(tmp_path / "memory.npz", other)
     assert other.antagonism.memory.last is None
-    assert other.vision.memory.looks == []
+    assert other.vision.memory.observations == []
 
 
 @pytest.mark.parametrize("content", [b"", b"nonsense", b"PK\x03\x04 no archive", None])
@@ -142,8 +143,12 @@ def test_a_run_goes_on_where_it_was_stopped(
     args = Args(out=tmp_path, cache=cache, quick=True)
     first = main(args)
     parts = first["per_seed"]["0"]["parts"]
-    assert [part["looks"] for part in parts] == sorted(part["looks"] for part in parts)
-    assert parts[1]["looks"] > parts[1]["updates"] > 0  # it remembers looks of the first part
+    assert [part["observations"] for part in parts] == sorted(
+        part["observations"] for part in parts
+    )
+    assert (
+        parts[1]["observations"] > parts[1]["updates"] > 0
+    )  # it remembers looks of the first part
     (tmp_path / "robot-000" / "001.json").unlink()
     lived = []
     live = run.live

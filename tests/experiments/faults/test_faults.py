@@ -25,7 +25,7 @@ from jmm_agent.vision.marker_detector import MarkerDetector, Skip
 from kengoro.arm import ACTUAL, CAMERA, SIDES, make_env
 from kengoro_env.postures import posture_set
 
-MUSCLE, WIRE = "delt_mid", 19
+MUSCLE, MUSCLE = "delt_mid", 19
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def env() -> Iterator[FaultyEnv]:
     """A robot without departures, whose senses have no noise and that has no camera."""
     faulty = FaultyEnv(make_env("Posture", None, camera=False), MarkerDetector(CAMERA, SIDES))
     faulty.reset(seed=0, options={"posture": posture_set()[0]})
-    assert faulty.world.muscles.index(MUSCLE) == WIRE
+    assert faulty.world.muscles.index(MUSCLE) == MUSCLE
     yield faulty
     faulty.close()
 
@@ -55,10 +55,10 @@ def test_a_motor_pulls_by_what_its_encoder_reads(env: FaultyEnv) -> None:
     target = env.world.robot.target
     env.inject(Injection(faults.ENCODER_JUMP, MUSCLE))
     before, _ = step(env, target)
-    assert before["lengths"][WIRE] == pytest.approx(env.world.robot.lengths[WIRE] + JUMP)
+    assert before["lengths"][MUSCLE] == pytest.approx(env.world.robot.lengths[MUSCLE] + JUMP)
     step(env, target)
-    assert env.world.robot.target[WIRE] == pytest.approx(target[WIRE] - JUMP, abs=1e-6)
-    others = np.arange(36) != WIRE
+    assert env.world.robot.target[MUSCLE] == pytest.approx(target[MUSCLE] - JUMP, abs=1e-6)
+    others = np.arange(36) != MUSCLE
     np.testing.assert_allclose(env.world.robot.target[others], target[others], atol=1e-6)
     env.inject(None)
     observation, _ = step(env, target)
@@ -72,14 +72,14 @@ def test_a_stuck_encoder_and_a_dead_sensor_read_the_same_for_ever(env: FaultyEnv
     for _ in range(3):
         target = target - 0.002
         observation, _ = step(env, target)
-        assert observation["lengths"][WIRE] == felt["lengths"][WIRE]
-        assert observation["lengths"][WIRE + 1] != felt["lengths"][WIRE + 1]
+        assert observation["lengths"][MUSCLE] == felt["lengths"][MUSCLE]
+        assert observation["lengths"][MUSCLE + 1] != felt["lengths"][MUSCLE + 1]
     env.inject(Injection(faults.TENSION_SENSOR_DEAD, MUSCLE))
     observation, _ = step(env, target)
-    assert np.flatnonzero(observation["tensions"] == 0.0).tolist() == [WIRE]
+    assert np.flatnonzero(observation["tensions"] == 0.0).tolist() == [MUSCLE]
     env.inject(Injection(faults.ENCODER_DEAD, MUSCLE))
     observation, _ = step(env, target)
-    assert np.flatnonzero(np.isnan(observation["lengths"])).tolist() == [WIRE]
+    assert np.flatnonzero(np.isnan(observation["lengths"])).tolist() == [MUSCLE]
 
 
 def test_late_commands_are_obeyed_later(env: FaultyEnv) -> None:
@@ -106,17 +106,17 @@ def test_a_push_moves_the_hand_and_ends(env: FaultyEnv) -> None:
 
 
 def test_a_snapped_wire_never_pulls_again(env: FaultyEnv) -> None:
-    env.inject(Injection(faults.WIRE_SNAPPED, MUSCLE))
+    env.inject(Injection(faults.MUSCLE_SNAPPED, MUSCLE))
     env.inject(None)
     target = env.world.robot.target
     for _ in range(3):
         step(env, target)
-    assert env.world.robot.motors.elongation[WIRE] > 1.0
+    assert env.world.robot.motors.elongation[MUSCLE] > 1.0
 
 
 def test_commands_are_judged_by_what_they_demand(env: FaultyEnv) -> None:
     target = env.world.robot.target
-    target[WIRE] -= 0.005
+    target[MUSCLE] -= 0.005
     step(env, target)
     assert env.largest_demand == pytest.approx(30.0 + 30_000.0 * 0.005, rel=1e-3)
 
@@ -133,8 +133,8 @@ def frame() -> np.ndarray:
 def test_a_marker_is_hidden_for_a_share_of_the_time_doubled_and_mirrored(
     env: FaultyEnv, frame: np.ndarray
 ) -> None:
-    eyes, times = env.eyes, 0.2 * np.arange(20)
-    marker = eyes.detect(frame).poses[0]
+    detector, times = env.detector, 0.2 * np.arange(20)
+    marker = detector.detect(frame).poses[0]
 
     def look(kind: str, time: float) -> np.ndarray:
         picture = frame.copy()
@@ -142,17 +142,17 @@ def test_a_marker_is_hidden_for_a_share_of_the_time_doubled_and_mirrored(
         env._felt({"lengths": np.zeros(36), "frame": picture, "frame_time": np.array([time])})
         return picture
 
-    hidden = [0 not in eyes.detect(look(faults.MARKER_HIDDEN, t)).poses for t in times]
+    hidden = [0 not in detector.detect(look(faults.MARKER_HIDDEN, t)).poses for t in times]
     assert np.mean(hidden) == pytest.approx(HIDDEN_SHARE, abs=0.05)
-    assert eyes.detect(look(faults.SECOND_MARKER, 0.0)).skips[0] is Skip.TWICE
+    assert detector.detect(look(faults.SECOND_MARKER, 0.0)).skips[0] is Skip.TWICE
     env.inject(Injection(faults.MIRRORED_MARKER))
-    pose = eyes.detect(frame).poses[0].pose_marker_in_camera
+    pose = detector.detect(frame).poses[0].pose_marker_in_camera
     np.testing.assert_array_equal(pose, marker.pose_marker_in_camera, "a frame from before")
-    mirrored = eyes.detect(look(faults.MIRRORED_MARKER, 0.0)).poses[0]
+    mirrored = detector.detect(look(faults.MIRRORED_MARKER, 0.0)).poses[0]
     np.testing.assert_array_equal(mirrored.pose_marker_in_camera, marker.flipped_in_camera)
     env.inject(None)
     np.testing.assert_array_equal(
-        eyes.detect(frame).poses[0].pose_marker_in_camera, marker.pose_marker_in_camera
+        detector.detect(frame).poses[0].pose_marker_in_camera, marker.pose_marker_in_camera
     )
 
 
@@ -234,7 +234,7 @@ def test_a_marker_that_is_not_in_view_is_not_hidden_yet(env: FaultyEnv, frame: n
 def test_the_agent_watches_and_undoes_what_harms(request: pytest.FixtureRequest) -> None:
     agent = guarded_agent(0, request.config.cache.mkdir("maps"), MarkerDetector(CAMERA, SIDES))
     assert agent.guard is not None
-    assert agent.vision.held_back is not None
+    assert agent.vision.hold_out is not None
 
 
 @pytest.mark.slow

@@ -84,9 +84,20 @@ def test_musts_count_their_own_kind_only() -> None:
 def test_a_doubt_that_an_experiment_ends_is_counted() -> None:
     torn = [[0, "delay", ["biceps"], 1.0, 0.5], [0, "actuator_lag", ["biceps"], 1.0, 0.5]]
     sure = [[0, "coulomb_friction", ["biceps"], 1.0, 1.0]]
-    ended = made(named=(FRICTION,), rivals=torn, followup=made(named=(FRICTION,), rivals=sure))
-    lasting = made(named=(FRICTION,), rivals=torn, followup=made(named=(FRICTION,), rivals=torn))
-    hopeless, clear = made(named=(FRICTION,), rivals=torn), made(named=(FRICTION,), rivals=sure)
+    ended = made(
+        named=(FRICTION,),
+        candidates=torn,
+        followup=made(named=(FRICTION,), candidates=sure),
+    )
+    lasting = made(
+        named=(FRICTION,),
+        candidates=torn,
+        followup=made(named=(FRICTION,), candidates=torn),
+    )
+    hopeless, clear = (
+        made(named=(FRICTION,), candidates=torn),
+        made(named=(FRICTION,), candidates=sure),
+    )
     rows = {row.name: row for row in musts([ended, lasting, hopeless, clear])}
     advised = rows["an experiment is advised where entropy > 0.1 nats"]
     assert (advised.cases, advised.value) == (3, pytest.approx(200 / 3))
@@ -97,7 +108,7 @@ def test_a_baseline_is_cut_on_fault_free_logs() -> None:
     trials = [*some_trials(), made("null", ())]
     scores = (0.5, 0.05, 0.1, 0.2, 0.05, 0.05, 0.0)
     for trial, score in zip(trials, scores, strict=True):
-        named = {"cause": "coulomb_friction", "where": ["biceps"], "score": score}
+        named = {"cause": "coulomb_friction", "elements": ["biceps"], "score": score}
         trial["baselines"]["correlation"] = named
     table = baselines_table(trials)
     ours, theirs = table.rows
@@ -113,13 +124,18 @@ def test_trials_are_drawn_by_their_own_seeds() -> None:
     for kind, expected in SHARES.items():
         got = np.mean([case.kind == kind for case in many])
         assert abs(got - expected) < 0.06
-    assert {case.kind for case in cases(Args(trials=5, kind="null", family="wire"))} == {"null"}
+    assert {case.kind for case in cases(Args(trials=5, kind="null", family="tendon"))} == {"null"}
 
 
 def test_kept_trials_count_only_for_the_same_options() -> None:
     usual = run.digest(Args())
     assert usual == run.digest(Args(trials=7, seed=5, jobs=1))
-    for other in (Args(kind="null"), Args(family="wire"), Args(seconds=10.0), Args(followup=True)):
+    for other in (
+        Args(kind="null"),
+        Args(family="tendon"),
+        Args(seconds=10.0),
+        Args(followup=True),
+    ):
         assert run.digest(other) != usual
 
 

@@ -13,8 +13,8 @@ from experiments.gap_bench.scores import (
     link_mass,
     parameter_error,
     right_first,
+    right_location,
     right_or_equivalent,
-    right_place,
     said,
 )
 from tests.experiments.gap_bench.trials import FRICTION, Named, made
@@ -53,14 +53,14 @@ def test_a_place_is_right_if_it_is_the_same_muscle_joint_link_or_sensor(
     cause: str, hidden: list[str], named: list[str], right: bool | None
 ) -> None:
     trial = made(hidden=((cause, hidden, {}),), named=((cause, named, {}),))
-    assert right_place(trial) is right
+    assert right_location(trial) is right
 
 
 def test_a_place_elsewhere_counts_only_where_it_is_asked_for() -> None:
     wrong = ("coulomb_friction", ["triceps"], {"friction": 5.0})
     trial = made(named=(wrong,), elsewhere=[["biceps"]])
-    assert right_place(trial) is False
-    assert right_place(trial, elsewhere=True) is True
+    assert right_location(trial) is False
+    assert right_location(trial, elsewhere=True) is True
 
 
 def test_of_two_causes_both_must_be_named_and_no_third() -> None:
@@ -115,8 +115,8 @@ def test_numbers_of_wrong_names_and_places_are_not_compared() -> None:
 def test_entropy_is_that_of_the_least_certain_place() -> None:
     sure = [[0, "delay", ["biceps"], 1.0, 1.0]]
     torn = [[1, "delay", ["biceps"], 1.0, 0.5], [1, "actuator_lag", ["biceps"], 1.0, 0.5]]
-    assert entropy(made(rivals=sure)) == pytest.approx(0.0)
-    assert entropy(made(rivals=sure + torn)) == pytest.approx(np.log(2))
+    assert entropy(made(candidates=sure)) == pytest.approx(0.0)
+    assert entropy(made(candidates=sure + torn)) == pytest.approx(np.log(2))
     assert entropy(made()) is None
 
 

@@ -20,10 +20,10 @@ from hidden_plants.machine import Machine, load
 from hidden_plants.nuisance import Mismatch, mismatch, size
 from reality_gap import load_study
 from reality_gap.causes import CATALOGUE
-from reality_gap.causes.base import Place
+from reality_gap.causes.base import Location
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
 
 
@@ -37,9 +37,12 @@ def test_the_largest_correlation_is_found_whatever_its_size() -> None:
     columns = rng.standard_normal((n, 2))
     found = [
         Sensitivity(
-            Suspect(CATALOGUE[id], Place("tendon", (wire,)), ()), ("x",), {}, size * c[:, None]
+            Candidate(CATALOGUE[id], Location("tendon", (tendon,)), ()),
+            ("x",),
+            {},
+            size * c[:, None],
         )
-        for id, wire, size, c in (
+        for id, tendon, size, c in (
             ("delay", "one", 9.0, columns[:, 0]),
             ("slack", "two", 0.1, columns[:, 1]),
         )
@@ -60,8 +63,8 @@ def shifted(site: str, *shift: float, prefix: str = "") -> SimpleNamespace:
     numbers = {
         f"{prefix}{axis}": SimpleNamespace(value=v) for axis, v in zip("xyz", shift, strict=True)
     }
-    suspect = Suspect(CATALOGUE["attachment_shift"], Place("site", (site,)), ())
-    return SimpleNamespace(causes=(SimpleNamespace(suspect=suspect, parameters=numbers),))
+    candidate = Candidate(CATALOGUE["attachment_shift"], Location("site", (site,)), ())
+    return SimpleNamespace(causes=(SimpleNamespace(candidate=candidate, parameters=numbers),))
 
 
 def test_a_moved_site_is_judged_by_the_lengths_that_it_makes(tmp_path: Path) -> None:
@@ -83,10 +86,10 @@ def test_a_moved_site_is_judged_by_the_lengths_that_it_makes(tmp_path: Path) -> 
 @pytest.mark.parametrize("note", ["capstan", ""])
 def test_the_bend_of_a_wire_is_that_of_the_postures(tmp_path: Path, note: str) -> None:
     truth = write_study(tmp_path, Secret(()), 1, assets=ASSETS, seconds=4.0, baseline=False)
-    place = Place("tendon", ("biceps",), note)
-    suspect = Suspect(CATALOGUE["load_dependent_friction"], place, ())
+    location = Location("tendon", ("biceps",), note)
+    candidate = Candidate(CATALOGUE["load_dependent_friction"], location, ())
 
-    found = bend(truth, SimpleNamespace(causes=(SimpleNamespace(suspect=suspect),)), ASSETS)
+    found = bend(truth, SimpleNamespace(causes=(SimpleNamespace(candidate=candidate),)), ASSETS)
 
     if not note:
         assert found is None
@@ -96,8 +99,8 @@ def test_the_bend_of_a_wire_is_that_of_the_postures(tmp_path: Path, note: str) -
     for posture in truth.episodes[0].qpos[::10]:
         data.qpos[:] = posture
         mujoco.mj_forward(model, data)
-        wire = model.tendon("biceps").id
-        start, count = data.ten_wrapadr[wire], data.ten_wrapnum[wire]
+        tendon = model.tendon("biceps").id
+        start, count = data.ten_wrapadr[tendon], data.ten_wrapnum[tendon]
         path = np.diff(data.wrap_xpos.reshape(-1, 3)[start : start + count], axis=0)
         path /= np.linalg.norm(path, axis=1, keepdims=True)
         bends.append(np.sum(np.arccos(np.sum(path[1:] * path[:-1], axis=1))))
@@ -113,9 +116,9 @@ def test_the_true_model_leaves_little_and_gains_much(tmp_path: Path) -> None:
     case = Case("single", 2, seconds=4.0, family="viscous_friction")
     truth = write_case(tmp_path, case)
     assert truth.secret.effects[0].id == "viscous_friction"
-    with Workbench(load_study(tmp_path / "STUDY.yaml")) as bench:
-        null = bench.residual([])
-    found = true_model(case, Seen(bench, null))
+    with Replayer(load_study(tmp_path / "STUDY.yaml")) as replayer:
+        null = replayer.residual([])
+    found = true_model(case, Seen(replayer, null))
     assert found["rms"] < np.sqrt(np.mean(null**2))
     assert 0.2 < found["gain"] <= 1.0
 
@@ -133,8 +136,8 @@ def test_of_the_usual_friction_the_true_model_leaves_nothing(
     write_case(tmp_path, case)
 
     def left() -> float:
-        with Workbench(load_study(tmp_path / "STUDY.yaml")) as bench:
-            return true_model(case, Seen(bench, bench.residual([])))["rms"]
+        with Replayer(load_study(tmp_path / "STUDY.yaml")) as replayer:
+            return true_model(case, Seen(replayer, replayer.residual([])))["rms"]
 
     found = left()
     monkeypatch.setattr("reality_gap.causes.coulomb_friction.USUAL", 0.0)

@@ -19,7 +19,7 @@ def made(
     told = [
         {
             "cause": cause,
-            "where": where,
+            "elements": where,
             "elsewhere": more.pop("elsewhere", []),
             "note": "",
             "parameters": {k: [v, v, v] for k, v in numbers.items()},
@@ -31,20 +31,20 @@ def made(
     trial = {
         "case": {"kind": kind, "seed": more.pop("seed", 1), "machine": "elbow"},
         "truth": [
-            {"cause": cause, "where": where, "parameters": numbers, "amplitude": 1.0}
+            {"cause": cause, "elements": where, "parameters": numbers, "amplitude": 1.0}
             for cause, where, numbers in hidden
         ],
         "verdict": verdict or ("named" if named else "nothing_wrong"),
         "causes": told,
-        "rivals": [],
+        "candidates": [],
         "gain": None,
         "true_model": None,
         "length_error": None,
         "bend": None,
         "followup": None,
         "baselines": {
-            "correlation": {"cause": "delay", "where": ["biceps"], "score": 0.1},
-            "freed": None,
+            "correlation": {"cause": "delay", "elements": ["biceps"], "score": 0.1},
+            "free_parameters": None,
         },
         "seconds": 20.0,
     }

@@ -9,9 +9,9 @@ import pytest
 
 from experiments.gap_calibrate.run import LARGEST, SMALLEST, calibrated, evidence_and_right, hide
 from reality_gap.causes import cause
-from reality_gap.causes.base import Parameter, Place
+from reality_gap.causes.base import Location, Parameter
 from reality_gap.inference.confidence import tempered
-from reality_gap.simulation.hypothesis import Suspect
+from reality_gap.simulation.hypothesis import Candidate
 
 NAMES = ("delay", "payload", "slack")
 
@@ -23,7 +23,7 @@ def _trial(rng: np.random.Generator, temper: float) -> dict[str, Any]:
     right = rng.choice(len(NAMES), p=chances / chances.sum())
     return {
         "truth": {"cause": NAMES[right]},
-        "rivals": [[0, name, ["somewhere"], 0.0, 0.0] for name in NAMES],
+        "candidates": [[0, name, ["somewhere"], 0.0, 0.0] for name in NAMES],
         "evidence": list(evidence),
     }
 
@@ -39,7 +39,11 @@ def test_it_finds_the_temper_that_keeps_its_word(temper: float) -> None:
 def test_rivals_of_later_steps_do_not_count() -> None:
     trial = {
         "truth": {"cause": "delay"},
-        "rivals": [[0, "delay", [], 0.0, 0.9], [0, "slack", [], 0.0, 0.1], [1, "delay", [], 0, 0]],
+        "candidates": [
+            [0, "delay", [], 0.0, 0.9],
+            [0, "slack", [], 0.0, 0.1],
+            [1, "delay", [], 0, 0],
+        ],
         "evidence": [9.0, 2.0, 5.0],
     }
 
@@ -56,10 +60,10 @@ def test_without_evidence_nobody_is_likelier_than_none() -> None:
 def test_what_is_hidden_is_of_a_drawn_size_and_not_the_same_in_all_its_numbers() -> None:
     """As large in both directions, friction by direction would be plain friction."""
     ways = tuple(Parameter(way, "N", 3.0, 0.05, 0.0, 200.0) for way in ("forward", "backward"))
-    wire = Suspect(cause("direction_dependent_friction"), Place("tendon", ("flexor",)), ways)
+    tendon = Candidate(cause("direction_dependent_friction"), Location("tendon", ("flexor",)), ways)
 
     for seed in range(20):
-        _, values = hide(np.random.default_rng(seed), [wire])
+        _, values = hide(np.random.default_rng(seed), [tendon])
         small, large = sorted(values.values())
 
         assert 3.0 * SMALLEST <= large <= 3.0 * LARGEST

@@ -23,21 +23,21 @@ from experiments.gap_to_skill.tables import (
 from experiments.harness.errors import ExperimentError
 from experiments.posture_accuracy.run import AWAY, away
 from jmm_agent.mapping.network_fit import Recipe
-from kengoro.nominal_model import drawing_model, zero_lengths
+from kengoro.nominal_model import study_model, zero_lengths
 from kengoro.recording import whole_arm
-from kengoro.trained_maps import drawing_for_agent, trained_map
+from kengoro.trained_maps import nominal_model, trained_map
 from kengoro.visits import ANGLES, Visits, no_visits
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot
 from reality_gap import Verdict
 
-MUSCLES = drawing_for_agent().muscles
+MUSCLES = nominal_model().muscles
 TINY = Sizes(2, go=0.5, stay=0.5, learned=1, targets=1, starts=1, move=0.6, patience=0.8)
 
 
 def drawn() -> mujoco.MjSpec:
-    return drawing_model(whole_arm().scene)
+    return study_model(whole_arm().scene)
 
 
 def extended(spec: mujoco.MjSpec) -> ExtendedArm:

@@ -16,7 +16,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Picture, Table, png, write_report
 from experiments.harness.runner import run_tasks
 from kengoro.files import write_json
-from kengoro.trained_maps import drawing_for_agent
+from kengoro.trained_maps import nominal_model
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -135,9 +135,7 @@ def test_two_jobs_give_what_one_gives(tmp_path: Path) -> None:
 
 
 def test_the_drawing_knows_the_four_groups() -> None:
-    sizes = {
-        t.name: (len(t.joint_index), len(t.muscle_index)) for t in drawing_for_agent().topology()
-    }
+    sizes = {t.name: (len(t.joint_index), len(t.muscle_index)) for t in nominal_model().topology()}
     assert sizes["shoulder"] == (8, 10)
     assert {name: muscles for name, (_, muscles) in sizes.items()} == {
         "neck": 8,

@@ -18,16 +18,16 @@ from experiments.initial_training.paper_recipe import (
 )
 from experiments.initial_training.run import QUICK, conclude, examine, run, told
 from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
-from jmm_agent.nominal_model import Drawing
-from kengoro.trained_maps import drawing_for_agent
+from jmm_agent.nominal_model import NominalModel
+from kengoro.trained_maps import nominal_model
 from kengoro_env.names import GROUP_JOINTS
 
 TINY = replace(QUICK, steps=2, samples=300, least_steps=100)
 
 
 @pytest.fixture(scope="module")
-def drawing() -> Drawing:
-    return drawing_for_agent()
+def drawing() -> NominalModel:
+    return nominal_model()
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def results() -> dict[int, dict[str, Any]]:
     }
 
 
-def test_the_shoulders_grid_is_the_papers(drawing: Drawing) -> None:
+def test_the_shoulders_grid_is_the_papers(drawing: NominalModel) -> None:
     assert set(PARTS) == set(drawing.joints)
     assert all(5 <= parts <= 9 for parts in PARTS.values())
     [joints] = [of.joint_index for of in drawing.topology() if of.name == "shoulder"]
@@ -45,7 +45,7 @@ def test_the_shoulders_grid_is_the_papers(drawing: Drawing) -> None:
     assert prod(PARTS[drawing.joints[joint]] for joint in joints) == 2_646_000
 
 
-def test_a_grid_is_whole_even_and_without_repeats(drawing: Drawing) -> None:
+def test_a_grid_is_whole_even_and_without_repeats(drawing: NominalModel) -> None:
     [joints] = [of.joint_index for of in drawing.topology() if of.name == "neck"]
     rng = np.random.default_rng(0)
     whole = grid_postures(drawing, joints, 10_000, rng)
@@ -64,7 +64,7 @@ def test_a_grid_is_whole_even_and_without_repeats(drawing: Drawing) -> None:
     assert {tuple(row) for row in share} <= {tuple(row) for row in whole}
 
 
-def test_the_papers_training_learns_and_repeats_its_bits(drawing: Drawing) -> None:
+def test_the_papers_training_learns_and_repeats_its_bits(drawing: NominalModel) -> None:
     share = Share(samples=300, least_steps=2_500)
     jmm, reports = train_as_paper(drawing, 0, share)
     again, _ = train_as_paper(drawing, 0, share)
@@ -87,7 +87,7 @@ def test_the_papers_training_learns_and_repeats_its_bits(drawing: Drawing) -> No
     assert shoulder.full_seconds == pytest.approx(shoulder.seconds * 8_467_200 / steps, rel=1e-9)
 
 
-def test_a_map_that_is_off_by_two_millimetres_is_found_out(drawing: Drawing) -> None:
+def test_a_map_that_is_off_by_two_millimetres_is_found_out(drawing: NominalModel) -> None:
     topology = drawing.topology()
     names = [of.name for of in topology]
 
@@ -108,7 +108,7 @@ def test_a_map_that_is_off_by_two_millimetres_is_found_out(drawing: Drawing) -> 
     assert all(found[name] == pytest.approx(0.0) for name in names if name != "neck")
 
 
-def test_flexion_moves_the_pitch_alone(drawing: Drawing) -> None:
+def test_flexion_moves_the_pitch_alone(drawing: NominalModel) -> None:
     flexion = Flexion(drawing)
     moved = np.flatnonzero(flexion.postures.any(axis=0))
     assert [drawing.joints[joint] for joint in moved] == ["sh_pitch"]

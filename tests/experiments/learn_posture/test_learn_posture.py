@@ -56,8 +56,8 @@ def test_actions_are_changes_about_a_centre() -> None:
 def test_what_there_is_to_learn_and_what_chance_brings() -> None:
     env = one_arm(None)
     rewards = {name: np.mean(judge(OTHERS[name](env), None, 2, 30).reward) for name in OTHERS}
-    assert rewards["random"] < rewards["rest"] < rewards["drawing"]
-    assert rewards["random"] < rewards["still"] < rewards["drawing"]
+    assert rewards["random"] < rewards["rest"] < rewards["nominal"]
+    assert rewards["random"] < rewards["still"] < rewards["nominal"]
 
 
 def test_a_policy_is_judged_in_the_same_episodes_each_time() -> None:

@@ -78,7 +78,7 @@ def test_the_unseen_subspace_is_not_seen(world: World) -> None:
     assert sum(told["one_look_share"].values()) == pytest.approx(
         (low + high) / 2, abs=high - low + 0.01
     )
-    sizes = [direction["mm_per_deg"] for direction in told["many_looks"]]
+    sizes = [direction["mm_per_deg"] for direction in told["many_observations"]]
     assert 0 < sizes[0] < 2.0
 
 

@@ -27,23 +27,23 @@ from experiments.muscle_jacobian.tables import OURS, PAPER, RULE, STAGES, metric
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.training import train
-from jmm_agent.nominal_model import Drawing, Floats
+from jmm_agent.nominal_model import Floats, NominalModel
 from kengoro.arm import shuffled_postures
-from kengoro.trained_maps import ARM, drawing_for_agent
+from kengoro.trained_maps import ARM, nominal_model
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.names import GROUP_JOINTS
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 
 @pytest.fixture(scope="module")
-def drawing() -> Drawing:
-    return drawing_for_agent()
+def drawing() -> NominalModel:
+    return nominal_model()
 
 
 @pytest.fixture(scope="module")
-def rough(drawing: Drawing) -> JointMuscleMap:
+def rough(drawing: NominalModel) -> JointMuscleMap:
     """A map that was hardly trained, so that its Jacobians differ from each other."""
     return train(drawing, 0, Recipe(hidden=100, samples=2_000, steps=10))[0]
 
@@ -72,11 +72,11 @@ def test_a_robot_without_departures_has_the_moment_arms_of_the_drawing() -> None
     scene = asset_path(ARM)
     posture = np.random.default_rng(1).uniform(-0.2, 0.2, 14)
     np.testing.assert_allclose(
-        RobotArms(Robot(scene))(posture), ArmDrawing(scene).moment_arms(posture), atol=1e-12
+        RobotArms(Robot(scene))(posture), NominalArm(scene).moment_arms(posture), atol=1e-12
     )
 
 
-def test_sweeps_go_through_the_whole_range_of_one_joint(drawing: Drawing) -> None:
+def test_sweeps_go_through_the_whole_range_of_one_joint(drawing: NominalModel) -> None:
     swept = sweeps(drawing, 3, np.random.default_rng(0))
     assert [sweep.joint for sweep in swept] == list(range(len(drawing.joints)))
     for joint, postures in swept:
@@ -91,7 +91,7 @@ def test_sweeps_go_through_the_whole_range_of_one_joint(drawing: Drawing) -> Non
 
 
 def test_both_ways_to_differentiate_are_those_of_the_map(
-    drawing: Drawing, rough: JointMuscleMap
+    drawing: NominalModel, rough: JointMuscleMap
 ) -> None:
     q = np.random.default_rng(0).uniform(drawing.lower, drawing.upper, (6, 14))
     for joint in range(14):
@@ -145,10 +145,10 @@ def test_errors_and_bends_are_those_of_the_curves() -> None:
 
 
 def test_the_inner_part_leaves_the_reach_of_the_five_points(
-    drawing: Drawing, rough: JointMuscleMap
+    drawing: NominalModel, rough: JointMuscleMap
 ) -> None:
     swept = sweeps(drawing, 2, np.random.default_rng(0))
-    found = list(curves(rough, ArmDrawing(asset_path(ARM)).moment_arms, swept))
+    found = list(curves(rough, NominalArm(asset_path(ARM)).moment_arms, swept))
     assert len(found) == sum(len(group.joint_index) for group in rough.groups)
     kept = {(of.group, of.joint): of for of in inner(found)}
     for of in found:
@@ -175,14 +175,14 @@ def test_learning_moves_the_map_and_feeling_does_not(rough: JointMuscleMap) -> N
     session.env.close()
 
 
-def test_an_exact_map_lets_the_estimator_find_the_joints(drawing: Drawing) -> None:
-    from experiments.muscle_jacobian.robot import Felt
+def test_an_exact_map_lets_the_estimator_find_the_joints(drawing: NominalModel) -> None:
+    from experiments.muscle_jacobian.robot import FilteredReadings
 
     jmm, _ = train(drawing, 0, Recipe(hidden=300, samples=3_000, steps=40))
     share = np.linspace(0.3, 0.6, 60)[:, None]
     true = drawing.lower + share * (drawing.upper - drawing.lower)
     limits = np.column_stack([drawing.lower, drawing.upper])
-    found = estimator_errors(Felt(list(drawing.lengths(true)), list(true)), jmm, limits)
+    found = estimator_errors(FilteredReadings(list(drawing.lengths(true)), list(true)), jmm, limits)
     assert found["analytic"] < 1.0
     assert found["quadratic"] < 2.0
     assert found["quadratic"] != found["analytic"]
@@ -206,7 +206,7 @@ def fake(analytic: float, quadratic: float, errors: tuple[float, float]) -> dict
     }
     estimator = {ANALYTIC: 1.0, QUADRATIC: 1.5, "between": 0.6}
     return {
-        **dict.fromkeys(("drawing", "before", "after"), examined),
+        **dict.fromkeys(("nominal", "before", "after"), examined),
         "estimator": estimator,
     }
 

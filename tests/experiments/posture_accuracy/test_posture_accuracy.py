@@ -20,7 +20,7 @@ from experiments.posture_accuracy.tables import (
     seed_entry,
     tables,
 )
-from kengoro.arm import ACTUAL, DRAWING, shuffled_postures
+from kengoro.arm import ACTUAL, NOMINAL, shuffled_postures
 from kengoro.trained_maps import trained_map
 from kengoro.visits import ANGLES, Visits, no_visits
 from kengoro_env.names import JOINTS
@@ -90,7 +90,7 @@ def result(before: float, after: float, seen_share: float = 1.0, starts: int = 2
 
 def entries(*robots: dict[str, Any]) -> dict[int, dict[str, Any]]:
     drawn = seed_entry(result(2.0, 0.5))
-    return {k: {ACTUAL: seed_entry(robot), DRAWING: drawn} for k, robot in enumerate(robots)}
+    return {k: {ACTUAL: seed_entry(robot), NOMINAL: drawn} for k, robot in enumerate(robots)}
 
 
 def test_metrics_are_judged_by_the_median_robot() -> None:
@@ -101,7 +101,7 @@ def test_metrics_are_judged_by_the_median_robot() -> None:
     assert not found["rmse_true_after_aim"]["reached"]
     assert found["rmse_seen_ratio"]["median"] == pytest.approx(0.4, abs=1e-3)
     assert found["away_largest_joint"]["median"] == 25.0
-    assert found["rmse_true_before_drawing"]["median"] == pytest.approx(2.0, abs=1e-3)
+    assert found["rmse_true_before_nominal"]["median"] == pytest.approx(2.0, abs=1e-3)
 
 
 def test_a_robot_whose_hand_was_never_seen_stays_in_what_is_true() -> None:
@@ -133,7 +133,7 @@ def test_a_drawn_robot_is_tested_where_it_was_sent_and_learns_in_between(
     sizes = Sizes(learned=2, targets=1, starts=2, starts_drawing=2, move=1.0, patience=1.5)
     maps = request.config.cache.mkdir("maps")
     trained_map(maps)
-    found = run(DRAWING, 3, sizes, maps)
+    found = run(NOMINAL, 3, sizes, maps)
     for when in ("before", "after"):
         assert len(found[when]["time"]) == 2
         # where it was sent, not where it started, but for gravity

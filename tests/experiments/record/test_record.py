@@ -15,9 +15,9 @@ from kengoro.commands.record import read_targets
 from kengoro.errors import UsageError
 from kengoro.recording import Tour, elbow, whole_arm
 from kengoro.study_writer import speed
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from reality_gap import load_study
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.replayer import Replayer
 
 SHORT: dict[str, Any] = {"duration": 1.6, "move": 0.6, "hold": 0.5}
 
@@ -79,14 +79,14 @@ def test_model_replays_what_the_drawing_felt(drawn: Path) -> None:
 
 
 def test_model_replays_what_the_drawing_saw(drawn: Path) -> None:
-    looks = table(drawn / "camera_0.csv")
-    assert len(looks) >= 5
-    assert np.all(np.diff(looks["time"]) > 0.19)
+    observations = table(drawn / "camera_0.csv")
+    assert len(observations) >= 5
+    assert np.all(np.diff(observations["time"]) > 0.19)
     study, model, read = replayed(drawn, len(table(drawn / "log_0.csv")))
-    rows = np.round(looks["time"] / 0.02).astype(int)
+    rows = np.round(observations["time"] / 0.02).astype(int)
     for sensor, noise in (("marker_position", 3e-4), ("marker_orientation", 3e-3)):
         names = study["sensors"][sensor]["columns"]
-        measured = np.array([looks[name] for name in names]).T
+        measured = np.array([observations[name] for name in names]).T
         first = column(model, sensor)
         expected = read[rows, first : first + len(names)]
         if len(names) == 4:
@@ -97,7 +97,7 @@ def test_model_replays_what_the_drawing_saw(drawn: Path) -> None:
 @pytest.mark.usefixtures("frictionless")
 def test_reality_gap_finds_no_gap(drawn: Path) -> None:
     study = load_study(drawn / "STUDY.yaml")
-    with Workbench(study) as bench:
+    with Replayer(study) as bench:
         residual = bench.residual([])
         sensors = np.array([study.channels[c].sensor for c in bench.measured.channel])
     kinds = np.array([sensor.split("_")[0] for sensor in sensors])
@@ -117,7 +117,7 @@ def test_moving_wires_have_no_tension(drawn: Path) -> None:
 def test_only_what_the_agent_knows_is_written(tmp_path: Path) -> None:
     main(Args(tmp_path, robot=7, **SHORT))
     names = table(tmp_path / "log_0.csv").dtype.names
-    muscles = ArmDrawing(whole_arm().scene).muscles
+    muscles = NominalArm(whole_arm().scene).muscles
     kinds = ("target", "length", "tension")
     assert names == ("time", *(f"{kind}_{muscle}" for kind in kinds for muscle in muscles))
     written = {path.name for path in tmp_path.iterdir()}
@@ -149,7 +149,7 @@ def test_targets_are_visited_in_their_order(tmp_path: Path) -> None:
     targets.write_text("elbow\n20\n60\n")
     main(Args(tmp_path / "out", arm="elbow", targets=targets, move=0.5, hold=1.0))
     log = table(tmp_path / "out/log_0.csv")
-    drawing = ArmDrawing(elbow().scene)
+    drawing = NominalArm(elbow().scene)
     for time, angle in ((0.5, 20.0), (2.4, 60.0)):
         row = int(np.searchsorted(log["time"], time))
         expected = drawing.lengths(np.radians([[angle]]))[0]
@@ -169,7 +169,7 @@ def test_wrong_targets_are_told(tmp_path: Path, text: str, told: str) -> None:
     path = tmp_path / "targets.csv"
     path.write_text(text)
     with pytest.raises(UsageError, match=told):
-        read_targets(path, ArmDrawing(elbow().scene))
+        read_targets(path, NominalArm(elbow().scene))
 
 
 @pytest.mark.parametrize("wrong", [{"move": 0.0}, {"episodes": 0}, {"robot": -1}])

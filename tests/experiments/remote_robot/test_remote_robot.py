@@ -7,7 +7,7 @@ import pytest
 
 from experiments.harness.errors import ExperimentError
 from experiments.remote_robot.run import Args, main
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 from kengoro.arm import NO_END, make_env
 from kengoro.errors import UsageError
 from kengoro.remote_robot import robot_process
@@ -16,9 +16,11 @@ from kengoro_env.env import KengoroEnv
 STEPS = 4
 
 
-def wish(senses: Senses) -> np.ndarray:
+def wish(readings: SensorReadings) -> np.ndarray:
     """Some command that depends on what was felt."""
-    return np.asarray(senses.lengths - 0.001 * np.sin(senses.time + np.arange(len(senses.lengths))))
+    return np.asarray(
+        readings.lengths - 0.001 * np.sin(readings.time + np.arange(len(readings.lengths)))
+    )
 
 
 def test_it_feels_and_sees_the_same_bits_as_one_in_this_process() -> None:
@@ -29,14 +31,14 @@ def test_it_feels_and_sees_the_same_bits_as_one_in_this_process() -> None:
 
     with robot_process("Posture", 1) as robot:
         for step in range(STEPS):
-            senses = robot.read()
-            assert senses.time == step * world.robot.control_period
-            np.testing.assert_array_equal(senses.lengths, observation["lengths"])
-            np.testing.assert_array_equal(senses.tensions, observation["tensions"])
-            np.testing.assert_array_equal(senses.frame, observation["frame"])
-            assert senses.frame_time == observation["frame_time"][0]
-            robot.write(wish(senses))
-            observation, *_ = env.step(world.lengths_to_action(wish(senses)))
+            readings = robot.read()
+            assert readings.time == step * world.robot.control_period
+            np.testing.assert_array_equal(readings.lengths, observation["lengths"])
+            np.testing.assert_array_equal(readings.tensions, observation["tensions"])
+            np.testing.assert_array_equal(readings.frame, observation["frame"])
+            assert readings.frame_time == observation["frame_time"][0]
+            robot.write(wish(readings))
+            observation, *_ = env.step(world.lengths_to_action(wish(readings)))
         robot.read()
 
 

@@ -9,7 +9,7 @@ from experiments.learnability.run import known_world
 from experiments.robots.evaluation import Examiner, map_error_mm
 from experiments.robots.world import World
 from jmm_agent.updaters import VisionUpdater
-from kengoro.arm import ACTUAL, DRAWING, make_agent, shuffled_postures
+from kengoro.arm import ACTUAL, NOMINAL, make_agent, shuffled_postures
 from kengoro.visits import errors, rmse_deg
 
 SEED = 1
@@ -24,7 +24,7 @@ def world(request: pytest.FixtureRequest) -> World:
 
 
 @pytest.fixture(scope="module")
-def eyes(world: World) -> VisionUpdater:
+def detector(world: World) -> VisionUpdater:
     """Of an agent that has learned nothing."""
     return make_agent(world.map, SEED).vision
 
@@ -34,10 +34,10 @@ def examiner(world: World, condition: str) -> Examiner:
 
 
 def test_the_drawings_map_errs_on_an_actual_robot_and_sags_on_the_drawing(
-    world: World, eyes: VisionUpdater
+    world: World, detector: VisionUpdater
 ) -> None:
-    actual = errors(examiner(world, ACTUAL).examine(world.map, POSTURES, eyes))
-    drawn = errors(examiner(world, DRAWING).examine(world.map, POSTURES, eyes))
+    actual = errors(examiner(world, ACTUAL).examine(world.map, POSTURES, detector))
+    drawn = errors(examiner(world, NOMINAL).examine(world.map, POSTURES, detector))
     assert actual["target_true_deg"] > 7.0
     assert 0.1 < drawn["target_true_deg"] < 4.0
     assert actual["estimate_seen_deg"] > 2.0 * drawn["estimate_seen_deg"]
@@ -45,9 +45,9 @@ def test_the_drawings_map_errs_on_an_actual_robot_and_sags_on_the_drawing(
 
 
 def test_what_is_seen_on_the_drawing_is_true_and_so_is_the_estimate(
-    world: World, eyes: VisionUpdater
+    world: World, detector: VisionUpdater
 ) -> None:
-    visits = examiner(world, DRAWING).examine(world.map, POSTURES, eyes)
+    visits = examiner(world, NOMINAL).examine(world.map, POSTURES, detector)
     assert np.max(rmse_deg(visits, "estimate_true")) < 1.0
     assert np.max(rmse_deg(visits, "estimate_seen")) < 1.0
     np.testing.assert_allclose(visits["target"], POSTURES[1:], atol=1e-6)
@@ -64,7 +64,7 @@ def test_every_examination_starts_alike_and_teaches_nothing(world: World) -> Non
 
 
 def test_own_lengths_are_the_drawings_where_nothing_departs_from_it(world: World) -> None:
-    drawn = examiner(world, DRAWING).own_lengths(OTHERS)
+    drawn = examiner(world, NOMINAL).own_lengths(OTHERS)
     assert map_error_mm(world.map, OTHERS, drawn) < 0.5
     assert map_error_mm(world.map, OTHERS, drawn + 0.010) == pytest.approx(10.0, abs=0.5)
     own = examiner(world, ACTUAL).own_lengths(OTHERS)

@@ -13,7 +13,7 @@ import pytest
 from experiments.vision_update.figures import corners, shown_robot
 from experiments.vision_update.run import Sizes, conclude, run
 from jmm_agent.vision.marker_detector import MarkerDetector
-from kengoro.arm import ACTUAL, CAMERA, DRAWING, HAND, SIDES
+from kengoro.arm import ACTUAL, CAMERA, HAND, NOMINAL, SIDES
 from kengoro.visits import group_joints
 from kengoro_env.names import JOINTS
 
@@ -49,7 +49,7 @@ def made_up(seen: list[float], true: list[float]) -> dict[str, Any]:
 
 def test_first_and_last_visits_are_compared_by_both_definitions() -> None:
     seen, true = [20.0, 16.0, 12.0] + 6 * [9.0] + 9 * [2.0], [18.0] * 9 + [4.0] * 9
-    robot = {ACTUAL: made_up(seen, true), DRAWING: made_up([0.5] * 18, [0.5] * 18)}
+    robot = {ACTUAL: made_up(seen, true), NOMINAL: made_up([0.5] * 18, [0.5] * 18)}
     metrics = conclude({7: robot, 8: robot}, Sizes(postures=18)).metrics
     assert metrics["shoulder_seen_first"]["median"] == pytest.approx(16.0)
     assert metrics["shoulder_seen_last"]["median"] == pytest.approx(2.0)

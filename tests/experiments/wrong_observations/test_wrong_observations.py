@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from experiments.wrong_observations.run import CONDITIONS, KINDS, Sizes, conclude, displaced, run
 
-SIZES = Sizes(looks=8, first=3, every=2, tested=5)
+SIZES = Sizes(observations=8, first=3, every=2, tested=5)
 SOME, FAR, LITTLE = KINDS
 
 
@@ -32,14 +32,14 @@ def test_a_pose_is_displaced_by_as_much_as_it_should_be() -> None:
 def made_up(condition: str) -> dict[str, Any]:
     """Looks of one robot: without looks held back wrong ones double the error."""
     plain = condition == "plain"
-    looks, error = [], 10.0
-    for number in range(SIZES.looks):
+    observations, error = [], 10.0
+    for number in range(SIZES.observations):
         kind = SIZES.kind(number) if condition in ("plain", "tested") else ""
         after = error * (2.0 if kind and plain else 1.0 if kind else 0.9)
         outcome = "learned" if plain or not kind else "undone"
-        looks.append({"wrong": kind, "outcome": outcome, "before": error, "after": after})
+        observations.append({"wrong": kind, "outcome": outcome, "before": error, "after": after})
         error = after
-    return {"looks": looks}
+    return {"observations": observations}
 
 
 def test_harm_and_its_undoing_are_counted() -> None:
@@ -51,7 +51,7 @@ def test_harm_and_its_undoing_are_counted() -> None:
         "unit": "", "paper": None, "median": 1.0, "worst": 1.0, "low": 1.0, "high": 1.0,
         "must": 1.2, "reached": True,
     }  # fmt: skip
-    assert found.metrics["right_looks_undone"]["worst"] == 0.0
+    assert found.metrics["right_observations_undone"]["worst"] == 0.0
     rows = {(row[0], row[1]): row[2:] for row in found.tables[0].rows}
     assert rows["wrong looks, none held back", FAR] == [2, 0, 0, 0, 2, 2, "2.00"]
     assert rows["wrong looks, some held back", FAR] == [2, 0, 2, 0, 0, 0, "1.00"]
@@ -60,8 +60,8 @@ def test_harm_and_its_undoing_are_counted() -> None:
 
 
 def test_a_robot_is_looked_at(request: pytest.FixtureRequest) -> None:
-    sizes = Sizes(looks=3, first=2, every=1, tested=4)
-    looks = run("plain", 0, sizes, request.config.cache.mkdir("maps"))["looks"]
-    assert [look["wrong"] for look in looks] == ["", "", SOME]
-    assert looks[1]["after"] < looks[0]["before"]
-    assert looks[1]["before"] == looks[0]["after"]
+    sizes = Sizes(observations=3, first=2, every=1, tested=4)
+    observations = run("plain", 0, sizes, request.config.cache.mkdir("maps"))["observations"]
+    assert [look["wrong"] for look in observations] == ["", "", SOME]
+    assert observations[1]["after"] < observations[0]["before"]
+    assert observations[1]["before"] == observations[0]["after"]

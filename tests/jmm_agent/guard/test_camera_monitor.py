@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jmm_agent.guard import faults
-from jmm_agent.guard.camera_monitor import CameraWatch, MarkerWatch, SightWatchOptions
+from jmm_agent.guard.camera_monitor import CameraMonitorOptions, FrozenCameraMonitor, MarkerMonitor
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerPose, Skip
 
 
 def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_picture() -> None:
-    watch = CameraWatch(SightWatchOptions())
+    watch = FrozenCameraMonitor(CameraMonitorOptions())
     frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
     assert not watch.is_new(0.0, -np.inf)
     assert not watch.frozen  # an agent without a camera misses nothing
@@ -36,7 +36,7 @@ def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_pict
 
 
 def test_a_camera_that_turns_without_another_picture_is_frozen() -> None:
-    watch = CameraWatch(SightWatchOptions())
+    watch = FrozenCameraMonitor(CameraMonitorOptions())
     frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
 
     def look(degrees: float) -> bool:
@@ -65,14 +65,14 @@ def seen(angle: float, x: float = 0.0) -> MarkerPose:
 
 
 @pytest.fixture
-def marker() -> MarkerWatch:
-    watch = MarkerWatch(Camera(640, 480, 580.0), SightWatchOptions())
+def marker() -> MarkerMonitor:
+    watch = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
     watch.update(0.0, seen(0.4), facing(1.0))  # the wires are wrong by 0.6 rad
     assert list(watch.found()) == []
     return watch
 
 
-def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerWatch) -> None:
+def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerMonitor) -> None:
     marker.update(0.2, Skip.NOT_SEEN, facing(1.0))
     assert list(marker.found()) == []
     marker.update(0.4, Skip.UNCLEAR, facing(1.0))
@@ -92,7 +92,7 @@ def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerWatch) -> None:
     ],
 )
 def test_a_map_that_is_not_trusted_only_misses_a_marker_that_did_not_move(
-    marker: MarkerWatch, believed: np.ndarray, named: list[str]
+    marker: MarkerMonitor, believed: np.ndarray, named: list[str]
 ) -> None:
     for k in (1, 2):
         marker.update(0.2 * k, Skip.NOT_SEEN, believed, trusted=False)
@@ -102,7 +102,9 @@ def test_a_map_that_is_not_trusted_only_misses_a_marker_that_did_not_move(
     assert list(marker.found()) == [faults.MARKER_HIDDEN]
 
 
-def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(marker: MarkerWatch) -> None:
+def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(
+    marker: MarkerMonitor,
+) -> None:
     marker.forget_estimate()
     for k in (1, 2):
         marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.7))  # what the new map has it look like
@@ -110,7 +112,7 @@ def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(marker: M
 
 
 def test_a_marker_that_left_the_view_before_the_map_changed_is_not_missed(
-    marker: MarkerWatch,
+    marker: MarkerMonitor,
 ) -> None:
     marker.update(0.2, Skip.NOT_SEEN, facing(1.0, x=0.45))
     marker.forget_estimate()
@@ -121,7 +123,7 @@ def test_a_marker_that_left_the_view_before_the_map_changed_is_not_missed(
 
 @pytest.mark.parametrize("believed", [facing(1.0, x=0.45), facing(1.7)])
 def test_a_marker_that_leaves_the_view_is_not_missed(
-    marker: MarkerWatch, believed: np.ndarray
+    marker: MarkerMonitor, believed: np.ndarray
 ) -> None:
     for k in range(1, 5):
         marker.update(0.2 * k, Skip.NOT_SEEN, believed)
@@ -129,14 +131,14 @@ def test_a_marker_that_leaves_the_view_is_not_missed(
 
 
 def test_a_second_marker_is_named_even_before_the_wires_are_believed() -> None:
-    watch = MarkerWatch(Camera(640, 480, 580.0), SightWatchOptions())
+    watch = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
     watch.update(0.0, Skip.TWICE, None)
     assert list(watch.found()) == [faults.SECOND_MARKER]
     watch.update(0.2, seen(0.4), None)
     assert list(watch.found()) == []
 
 
-def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerWatch) -> None:
+def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerMonitor) -> None:
     for k in range(1, 10):
         marker.update(0.2 * k, seen(-0.4), facing(1.0))
         assert list(marker.found()) == [faults.MIRRORED_MARKER]
@@ -146,16 +148,16 @@ def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerWatch) ->
     assert list(marker.found()) == []
 
 
-def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerWatch) -> None:
+def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerMonitor) -> None:
     found = []
     for k in range(1, 100):
         marker.update(0.2 * k, seen(-0.4), facing(1.0))
         found.append(list(marker.found()))
-    frames = SightWatchOptions().longest / 0.2
+    frames = CameraMonitorOptions().longest / 0.2
     assert found.count([faults.MIRRORED_MARKER]) == pytest.approx(frames, abs=1)
     assert found[-1] == []
 
 
-def test_a_marker_that_turns_with_the_wires_is_not_mirrored(marker: MarkerWatch) -> None:
+def test_a_marker_that_turns_with_the_wires_is_not_mirrored(marker: MarkerMonitor) -> None:
     marker.update(0.2, seen(-0.4), facing(0.2))
     assert list(marker.found()) == []

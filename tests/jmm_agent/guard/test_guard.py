@@ -16,10 +16,10 @@ from jmm_agent.errors import AgentError
 from jmm_agent.guard import faults
 from jmm_agent.guard.faults import Fault, MotorControl, faults_for_info
 from jmm_agent.guard.guard import Guard, GuardOptions
-from jmm_agent.guard.motion_monitor import PushWatchOptions
+from jmm_agent.guard.motion_monitor import DisturbanceMonitorOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.observation import Senses
+from jmm_agent.observation import SensorReadings
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerPose, Skip
 from kengoro.trained_maps import trained_map
@@ -30,7 +30,7 @@ from kengoro_env.postures import posture_set
 START, FIRST, SECOND, THIRD = posture_set()[:4]
 MISTAKE = np.radians([1, -1, 1, 4, -4, 3, 4, -8, 7, 8, -7, 3, -3, 2])
 MOTORS = MotorControl()
-WIRE = 14
+MUSCLE = 14
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ class Life:
         frame = self.rng.integers(0, 255, (4, 4, 3)).astype(np.uint8)
         if self.frozen:
             frame[:] = 0
-        senses = Senses(
+        readings = SensorReadings(
             time,
             lengths + lengths_off,
             pull if tensions is None else tensions,
@@ -86,8 +86,8 @@ class Life:
             0.2 * np.floor(time / 0.2 + 1e-9),
         )
         self.steps += 1
-        self.felt = senses.lengths
-        self.command = self.agent.step(senses)
+        self.felt = readings.lengths
+        self.command = self.agent.step(readings)
         return self.command
 
     def rest(self, q: np.ndarray, steps: int = 60, **more: Any) -> None:
@@ -103,9 +103,9 @@ class Life:
         return [fault.kind for fault in self.agent.faults]
 
 
-def one_wire(value: float) -> np.ndarray:
+def one_muscle(value: float) -> np.ndarray:
     off = np.zeros(36)
-    off[WIRE] = value
+    off[MUSCLE] = value
     return off
 
 
@@ -135,8 +135,8 @@ def test_a_guard_that_finds_nothing_changes_no_bit(
 @pytest.mark.parametrize(
     ("spoilt", "kind"),
     [
-        ({"lengths_off": one_wire(np.nan)}, faults.ENCODER_DEAD),
-        ({"lengths_off": one_wire(0.03)}, faults.ENCODER_JUMP),
+        ({"lengths_off": one_muscle(np.nan)}, faults.ENCODER_DEAD),
+        ({"lengths_off": one_muscle(0.03)}, faults.ENCODER_JUMP),
         ({"tensions": np.full(36, np.nan)}, faults.TENSION_SENSOR_DEAD),
     ],
 )
@@ -161,7 +161,7 @@ def test_a_marker_that_is_hidden_as_it_moves_is_named_where_enough_was_learned(
     life = Life(drawn, arm, options=GuardOptions(learned=learned))
     life.rest(START)
     life.rest(FIRST)
-    assert len(life.agent.vision.memory.looks) == 2
+    assert len(life.agent.vision.memory.observations) == 2
     life.hidden = True
     life.rest(START, 60)
     assert life.kinds == named
@@ -204,7 +204,7 @@ def test_a_picture_that_stays_while_the_map_changes_its_mind_about_the_head_is_n
 
 def test_a_doubted_wire_does_not_move_the_estimate(life: Life) -> None:
     before = life.agent.joint_angles
-    life.rest(FIRST, 100, lengths_off=one_wire(0.05))
+    life.rest(FIRST, 100, lengths_off=one_muscle(0.05))
     assert np.abs(life.agent.joint_angles - before).max() < np.radians(1.0)
     life.agent.estimator.doubt(np.zeros(36, dtype=bool))
     for _ in range(100):
@@ -213,21 +213,21 @@ def test_a_doubted_wire_does_not_move_the_estimate(life: Life) -> None:
 
 
 def test_what_was_learned_just_before_a_fault_was_noticed_is_taken_back(life: Life) -> None:
-    learned, looks = life.agent.map, life.agent.vision.pairs
+    learned, observations = life.agent.map, life.agent.vision.pairs
     life.rest(SECOND, 0)
     while life.agent.vision.fired < 3:
         life.step()
     assert life.agent.map is not learned
-    life.step(lengths_off=one_wire(0.03))
+    life.step(lengths_off=one_muscle(0.03))
     assert life.agent.taken_back == 1
     assert life.agent.map is learned
-    assert life.agent.vision.pairs is looks
+    assert life.agent.vision.pairs is observations
 
 
 def test_what_was_learned_long_before_is_kept(life: Life) -> None:
     learned = life.agent.map
     life.rest(FIRST, 60)
-    life.step(lengths_off=one_wire(0.03))
+    life.step(lengths_off=one_muscle(0.03))
     assert life.agent.taken_back == 0
     assert life.agent.map is learned
 
@@ -247,10 +247,10 @@ def test_no_command_demands_more_than_the_limit(life: Life) -> None:
     for _ in range(50):
         life.step()
         assert MOTORS.demanded(life.felt, life.command).max() < MOTORS.limit + 1e-6
-    life.step(lengths_off=one_wire(0.03))
+    life.step(lengths_off=one_muscle(0.03))
     demanded = MOTORS.demanded(life.felt, life.command)
     assert demanded.max() < MOTORS.limit + 1e-6
-    assert demanded[WIRE] == pytest.approx(MOTORS.bias)
+    assert demanded[MUSCLE] == pytest.approx(MOTORS.bias)
 
 
 def test_a_hand_that_holds_something_is_not_pushed(
@@ -272,12 +272,14 @@ def test_a_force_is_not_compared_with_one_of_long_ago(
     drawn: JointMuscleMap, arm: ArmKinematics, interrupted: bool
 ) -> None:
     """A wire that was doubted for a second and is believed again moves the arm."""
-    life = Life(drawn, arm, options=GuardOptions(learned=0, push=PushWatchOptions(factor=0.0)))
+    life = Life(
+        drawn, arm, options=GuardOptions(learned=0, push=DisturbanceMonitorOptions(factor=0.0))
+    )
     guard = life.agent.guard
     assert guard is not None
     guard._gravity = lambda q: np.zeros(14)
     life.rest(START)
-    life.rest(START, 60, lengths_off=one_wire(0.03 if interrupted else 0.0))
+    life.rest(START, 60, lengths_off=one_muscle(0.03 if interrupted else 0.0))
     assert life.kinds == [faults.ENCODER_JUMP] * interrupted
     guard._gravity = lambda q: arm.frame_jacobian("grip", q)[:3].T @ [0.0, 0.0, 60.0]
     found = set()
@@ -288,7 +290,7 @@ def test_a_force_is_not_compared_with_one_of_long_ago(
 
 
 def test_a_new_episode_begins_without_faults(life: Life) -> None:
-    life.step(lengths_off=one_wire(0.03))
+    life.step(lengths_off=one_muscle(0.03))
     assert life.agent.faults
     life.agent.begin_episode()
     assert life.agent.faults == []
@@ -298,9 +300,9 @@ def test_a_new_episode_begins_without_faults(life: Life) -> None:
 
 
 def test_faults_are_said_in_plain_words_for_info(life: Life) -> None:
-    life.step(lengths_off=one_wire(0.03))
+    life.step(lengths_off=one_muscle(0.03))
     (fault,) = life.agent.faults
-    assert fault == Fault(faults.ENCODER_JUMP, life.agent.map.muscles[WIRE], fault.since)
+    assert fault == Fault(faults.ENCODER_JUMP, life.agent.map.muscles[MUSCLE], fault.since)
     assert faults_for_info([fault]) == [
         {"kind": "encoder_jump", "where": fault.where, "since": fault.since}
     ]

@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from jmm_agent.guard.faults import MotorControl
-from jmm_agent.guard.motion_monitor import LateWatch, LateWatchOptions, PushWatch, PushWatchOptions
+from jmm_agent.guard.motion_monitor import (
+    DelayMonitor,
+    DelayMonitorOptions,
+    DisturbanceMonitor,
+    DisturbanceMonitorOptions,
+)
 
 DT = 0.02
 MOTORS = MotorControl()
 
 
-def late_watch(delay: int, steps: int, watch: LateWatch) -> bool:
+def late_watch(delay: int, steps: int, watch: DelayMonitor) -> bool:
     """Feed a watch with wires that obey commands some steps late."""
     time = DT * np.arange(steps + 20)
     commands = 0.03 * np.sin(2.0 * time[:, None] + np.arange(3))
@@ -23,7 +28,7 @@ def late_watch(delay: int, steps: int, watch: LateWatch) -> bool:
 
 
 def test_late_commands_are_noticed_until_they_come_in_time_again() -> None:
-    watch = LateWatch(MOTORS, LateWatchOptions())
+    watch = DelayMonitor(MOTORS, DelayMonitorOptions())
     assert not late_watch(0, 200, watch)
     assert late_watch(5, 80, watch)
     assert not late_watch(0, 80, watch)
@@ -31,7 +36,7 @@ def test_late_commands_are_noticed_until_they_come_in_time_again() -> None:
 
 
 def test_a_push_is_noticed_until_it_ends_and_a_steady_force_is_not() -> None:
-    watch = PushWatch(PushWatchOptions())
+    watch = DisturbanceMonitor(DisturbanceMonitorOptions())
     rng = np.random.default_rng(0)
 
     def feel(force: np.ndarray, times: int) -> bool:
@@ -50,7 +55,7 @@ def test_a_push_is_noticed_until_it_ends_and_a_steady_force_is_not() -> None:
 
 
 def test_while_the_map_is_not_trusted_a_change_is_its_error_and_usual() -> None:
-    watch = PushWatch(PushWatchOptions(usual_change=1.0))
+    watch = DisturbanceMonitor(DisturbanceMonitorOptions(usual_change=1.0))
     here = (np.eye(3), np.eye(3))
 
     def feel(force: float, trusted: bool) -> bool:
@@ -64,13 +69,13 @@ def test_while_the_map_is_not_trusted_a_change_is_its_error_and_usual() -> None:
 
 
 def test_a_force_that_changes_slowly_is_no_push() -> None:
-    watch = PushWatch(PushWatchOptions())
+    watch = DisturbanceMonitor(DisturbanceMonitorOptions())
     for force in [0.0] * 400 + np.linspace(0.0, 120.0, 100).tolist():
         assert not watch.update(0.1, -np.array([force, 0.0, 0.0]), np.eye(3), np.eye(3))
 
 
 def test_a_push_is_told_from_a_wrong_map_s_force_that_sways_with_the_arm() -> None:
-    watch = PushWatch(PushWatchOptions())
+    watch = DisturbanceMonitor(DisturbanceMonitorOptions())
 
     def feel(times: np.ndarray, push: float) -> list[bool]:
         forces = 30.0 * np.sin(2.0 * np.pi * times / 4.0)[:, None] * [1.0, 0.0, 0.0]

@@ -10,18 +10,18 @@ import pytest
 from jmm_agent.errors import AgentError
 from jmm_agent.guard import faults
 from jmm_agent.guard.faults import MotorControl
-from jmm_agent.guard.muscle_monitor import Felt, WireWatch, WireWatchOptions
+from jmm_agent.guard.muscle_monitor import FilteredReadings, MuscleMonitor, MuscleMonitorOptions
 
 DT = 0.02
 MOTORS = MotorControl()
 MUSCLES = ("one", "two", "three")
 
 
-class Wires:
+class Muscles:
     """Three wires that move slowly and pull as their motors say, with noisy encoders."""
 
     def __init__(self) -> None:
-        self.watch = WireWatch(MUSCLES, MOTORS, WireWatchOptions())
+        self.watch = MuscleMonitor(MUSCLES, MOTORS, MuscleMonitorOptions())
         self.rng, self.steps = np.random.default_rng(0), 0
         self.command = np.zeros(3)
 
@@ -30,7 +30,7 @@ class Wires:
         steps: int,
         spoil: Callable[[np.ndarray, np.ndarray], None] = lambda lengths, tensions: None,
         expected: np.ndarray | None = None,
-    ) -> Felt:
+    ) -> FilteredReadings:
         """Some steps; ``spoil`` changes lengths [m] and tensions [N] of each in place."""
         for _ in range(steps):
             self.steps += 1
@@ -80,20 +80,20 @@ def read_nothing(lengths: np.ndarray, tensions: np.ndarray) -> None:
 def test_a_fault_of_a_wire_is_named_and_forgotten_when_it_has_gone(
     spoil: Callable[[np.ndarray, np.ndarray], None], kind: str, steps: int
 ) -> None:
-    wires = Wires()
-    wires.live(100)
-    assert wires.found == []
-    wires.live(steps, spoil)
-    assert wires.found == [(kind, "two")]
-    wires.live(200, spoil)
-    assert wires.found == [(kind, "two")]
-    wires.live(1)
-    assert wires.found == []
+    muscles = Muscles()
+    muscles.live(100)
+    assert muscles.found == []
+    muscles.live(steps, spoil)
+    assert muscles.found == [(kind, "two")]
+    muscles.live(200, spoil)
+    assert muscles.found == [(kind, "two")]
+    muscles.live(1)
+    assert muscles.found == []
 
 
 def test_a_wire_without_tension_that_is_wound_up_has_snapped() -> None:
-    wires = Wires()
-    wires.live(100)
+    muscles = Muscles()
+    muscles.live(100)
     wound = 0.0
 
     def snap(lengths: np.ndarray, tensions: np.ndarray) -> None:
@@ -102,66 +102,66 @@ def test_a_wire_without_tension_that_is_wound_up_has_snapped() -> None:
         lengths[1] -= wound
         tensions[1] = 0.5
 
-    felt = wires.live(15, snap)
-    assert wires.found == [(faults.WIRE_SNAPPED, "two")]
+    felt = muscles.live(15, snap)
+    assert muscles.found == [(faults.MUSCLE_SNAPPED, "two")]
     assert felt.unsafe.tolist() == felt.doubted.tolist() == [False, True, False]
-    wires.live(100, snap)
-    assert wires.found == [(faults.WIRE_SNAPPED, "two")]
+    muscles.live(100, snap)
+    assert muscles.found == [(faults.MUSCLE_SNAPPED, "two")]
 
 
 def test_what_is_not_believed_is_marked_and_replaced() -> None:
-    wires = Wires()
-    wires.live(100)
-    felt = wires.live(1, die)
+    muscles = Muscles()
+    muscles.live(100)
+    felt = muscles.live(1, die)
     assert felt.doubted.tolist() == felt.unsafe.tolist() == [False, True, False]
     assert np.isfinite(felt.lengths).all()
-    felt = wires.live(2, read_nothing)
+    felt = muscles.live(2, read_nothing)
     assert felt.numb.tolist() == [False, True, False]
     assert not felt.doubted.any()
-    assert felt.tensions == pytest.approx(MOTORS.demanded(felt.lengths, wires.command))
+    assert felt.tensions == pytest.approx(MOTORS.demanded(felt.lengths, muscles.command))
 
 
 def test_an_encoder_without_noise_does_not_stick_at_rest() -> None:
-    wires = Wires()
+    muscles = Muscles()
 
     def quiet(lengths: np.ndarray, tensions: np.ndarray) -> None:
         lengths[:] = 0.001
 
-    wires.live(500, quiet)
-    assert wires.found == []
+    muscles.live(500, quiet)
+    assert muscles.found == []
 
 
 def test_a_fast_wire_has_not_jumped() -> None:
-    wires = Wires()
-    wires.live(10)
+    muscles = Muscles()
+    muscles.live(10)
     for _ in range(20):
-        wires.command = wires.command + 0.5 * DT
-        wires.live(1)
-        assert wires.found == []
+        muscles.command = muscles.command + 0.5 * DT
+        muscles.live(1)
+        assert muscles.found == []
 
 
 @pytest.mark.parametrize("lengths", [(0.03,), (0.03, 0.002, 0.025)])
 def test_a_wire_that_was_yanked_is_believed_again_as_the_others_tell_the_same(
     lengths: tuple[float, ...],
 ) -> None:
-    wires = Wires()
-    wires.live(100)
+    muscles = Muscles()
+    muscles.live(100)
     for length in lengths:
-        lagging = wires.command + 0.001
-        wires.command = np.array([0.0, length, 0.0])
-        wires.live(1, expected=lagging)  # what the other wires tell comes a step later
-    assert wires.found == [(faults.ENCODER_JUMP, "two")]
-    wires.live(60)
-    assert wires.found == []
+        lagging = muscles.command + 0.001
+        muscles.command = np.array([0.0, length, 0.0])
+        muscles.live(1, expected=lagging)  # what the other wires tell comes a step later
+    assert muscles.found == [(faults.ENCODER_JUMP, "two")]
+    muscles.live(60)
+    assert muscles.found == []
 
 
 def test_an_encoder_that_jumped_is_not_believed_while_its_wire_moves() -> None:
-    wires = Wires()
-    wires.live(100)
+    muscles = Muscles()
+    muscles.live(100)
     for _ in range(300):
-        wires.command = wires.command + 0.2 * DT
-        wires.live(1, jump)
-        assert wires.found == [(faults.ENCODER_JUMP, "two")]
+        muscles.command = muscles.command + 0.2 * DT
+        muscles.live(1, jump)
+        assert muscles.found == [(faults.ENCODER_JUMP, "two")]
 
 
 @pytest.mark.parametrize(

@@ -212,7 +212,7 @@ def test_a_weak_prior_makes_the_least_movement_that_explains_the_pose(arm: ArmKi
         assert np.linalg.norm(move) <= np.linalg.norm(truth - estimate) + 1e-6
         inner = (result.q > arm.limits[:, 0]) & (result.q < arm.limits[:, 1])
         if inner.all():  # then the least movement has no part that the look cannot see
-            assert np.abs(arm.unseen_subspace(MARKER, result.q, EYE) @ move).max() < 1e-4
+            assert np.abs(arm.unobservable_subspace(MARKER, result.q, EYE) @ move).max() < 1e-4
 
 
 def test_a_stiff_prior_moves_where_the_estimate_is_unsure(arm: ArmKinematics) -> None:
@@ -249,14 +249,14 @@ def test_the_head_turns_to_a_point_within_its_limits(arm: ArmKinematics) -> None
 
 def test_what_a_look_cannot_see_is_what_leaves_the_pose_alone(arm: ArmKinematics) -> None:
     q = postures(arm, 1, seed=9, inside=0.5)[0]
-    unseen = arm.unseen_subspace(MARKER, q, EYE)
+    unseen = arm.unobservable_subspace(MARKER, q, EYE)
     assert unseen.shape == (8, 14)
     assert np.allclose(unseen @ unseen.T, np.eye(8))
     assert np.abs(arm.frame_jacobian(MARKER, q, EYE) @ unseen.T).max() < 1e-9
     before = arm.pose(MARKER, q, EYE)
     for direction in unseen:
         assert np.abs(twist(before, arm.pose(MARKER, q + 1e-4 * direction, EYE))).max() < 1e-6
-    assert arm.unseen_subspace(MARKER, q, EYE, weights=(1, 1, 1, 0, 0, 0)).shape == (11, 14)
+    assert arm.unobservable_subspace(MARKER, q, EYE, weights=(1, 1, 1, 0, 0, 0)).shape == (11, 14)
 
 
 def test_bad_input_gets_one_sentence(arm: ArmKinematics) -> None:

@@ -13,11 +13,11 @@ import pytest
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap, sigmoid
 from jmm_agent.mapping.network_fit import Layers, Network, Recipe, TrainingError, settle
 from jmm_agent.mapping.training import content_hash, load_or_train, train
-from jmm_agent.nominal_model import DrawingError
-from kengoro.trained_maps import drawing_for_agent
+from jmm_agent.nominal_model import NominalModelError
+from kengoro.trained_maps import nominal_model
 from kengoro_env.assets import asset_path
-from kengoro_env.robot.nominal_model import ArmDrawing
-from tests.jmm_agent.straight_wires import GROUPS, JOINTS, crosses, drawing, relative_lengths
+from kengoro_env.robot.nominal_model import NominalArm
+from tests.jmm_agent.straight_muscles import GROUPS, JOINTS, crosses, drawing, relative_lengths
 
 QUICK = Recipe(hidden=60, samples=2000, steps=20)
 
@@ -46,9 +46,7 @@ def test_a_group_has_all_joints_that_its_muscles_cross():
 
 
 def test_the_arms_groups_are_the_papers():
-    sizes = {
-        g.name: (g.joint_index.size, g.muscle_index.size) for g in drawing_for_agent().topology()
-    }
+    sizes = {g.name: (g.joint_index.size, g.muscle_index.size) for g in nominal_model().topology()}
     assert sizes == {"neck": (3, 8), "scapula": (4, 10), "shoulder": (8, 10), "forearm": (3, 8)}
 
 
@@ -90,12 +88,12 @@ ALONE = {"base": JOINTS[:2], "mid": JOINTS[2:4], "tip": JOINTS[4:], "none": ()}
     ],
 )
 def test_a_drawing_that_contradicts_itself_is_refused(changes, sentence):
-    with pytest.raises(DrawingError, match=sentence):
+    with pytest.raises(NominalModelError, match=sentence):
         drawing(**changes)
 
 
 def test_a_joint_without_muscle_is_refused():
-    with pytest.raises(DrawingError, match="joint 'tip_yaw' is crossed by no muscle"):
+    with pytest.raises(NominalModelError, match="joint 'tip_yaw' is crossed by no muscle"):
         drawing(crosses=crosses() & (np.arange(6) != 5))
 
 
@@ -179,7 +177,7 @@ def test_the_chain_is_learnt_to_a_tenth_of_a_millimetre():
 def test_the_same_seed_gives_the_same_bits_in_another_process(tmp_path):
     train(drawing(), 3, QUICK)[0].save(tmp_path / "here.npz")
     program = (
-        "import sys; from tests.jmm_agent.straight_wires import drawing;"
+        "import sys; from tests.jmm_agent.straight_muscles import drawing;"
         "from jmm_agent.mapping.network_fit import Recipe;"
         "from jmm_agent.mapping.training import train;"
         "train(drawing(), 3, Recipe(hidden=60, samples=2000, steps=20))[0].save(sys.argv[1])"
@@ -287,13 +285,13 @@ def test_the_hash_tells_seeds_and_recipes_apart():
 
 @pytest.fixture(scope="module")
 def trained_arm(tmp_path_factory):
-    return load_or_train(drawing_for_agent(), 0, tmp_path_factory.mktemp("cache"))
+    return load_or_train(nominal_model(), 0, tmp_path_factory.mktemp("cache"))
 
 
 def test_every_group_of_the_arm_is_learnt_to_a_tenth_of_a_millimetre(trained_arm):
-    source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
+    source = NominalArm(asset_path("mjcf/kengoro_arm/arm.xml"))
     jmm, _ = trained_arm
-    q = postures_inside(drawing_for_agent(), 2000)
+    q = postures_inside(nominal_model(), 2000)
     error = jmm.lengths(q) - source.lengths(q)
     for group in jmm.groups:
         assert rms(error[:, group.muscle_index]) < 1e-4, group.name
@@ -301,9 +299,9 @@ def test_every_group_of_the_arm_is_learnt_to_a_tenth_of_a_millimetre(trained_arm
 
 @pytest.mark.parametrize(("method", "bound"), [("jacobian", 1e-3), ("jacobian_quadratic", 1.5e-3)])
 def test_the_arms_jacobians_are_mujocos(trained_arm, method, bound):
-    source = ArmDrawing(asset_path("mjcf/kengoro_arm/arm.xml"))
+    source = NominalArm(asset_path("mjcf/kengoro_arm/arm.xml"))
     jmm, _ = trained_arm
-    q = postures_inside(drawing_for_agent(), 200)
+    q = postures_inside(nominal_model(), 200)
     true = np.array([source.moment_arms(posture) for posture in q])
     assert rms(true) > 0.01
     assert rms(getattr(jmm, method)(q) - true) < bound

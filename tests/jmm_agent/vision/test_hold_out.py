@@ -10,11 +10,11 @@ import pytest
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
-from jmm_agent.vision.hold_out import HeldBack, HeldBackOptions
+from jmm_agent.vision.hold_out import HoldOut, HoldOutOptions
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
 from tests.jmm_agent.test_updaters import MIDDLE, Bench
 
-OPTIONS = HeldBackOptions(every=2, memory=3, least=2, factor=1.5, noise=0.003, patience=2)
+OPTIONS = HoldOutOptions(every=2, memory=3, least=2, factor=1.5, noise=0.003, patience=2)
 SPOTS = MIDDLE + np.random.default_rng(3).uniform(-0.4, 0.4, (12, 4)) * (LIMITS[:, 1] - MIDDLE)
 
 
@@ -37,20 +37,20 @@ def pairs_of(jmm: JointMuscleMap, offset: float, count: int) -> list[Pairs]:
     return [Pairs(q[None], jmm.lengths(q)[None] + offset, noise) for q in spots]
 
 
-def holding(jmm: JointMuscleMap, offset: float = 0.005) -> HeldBack:
+def holding(jmm: JointMuscleMap, offset: float = 0.005) -> HoldOut:
     """Three pairs held back of such a robot."""
-    held_back = HeldBack(OPTIONS, 4, 5)
-    assert [held_back.keeps(pair) for pair in pairs_of(jmm, offset, 6)] == 3 * [False, True]
-    return held_back
+    hold_out = HoldOut(OPTIONS, 4, 5)
+    assert [hold_out.keeps(pair) for pair in pairs_of(jmm, offset, 6)] == 3 * [False, True]
+    return hold_out
 
 
 def test_only_the_newest_are_remembered(jmm: JointMuscleMap) -> None:
-    held_back = HeldBack(OPTIONS, 4, 5)
+    hold_out = HoldOut(OPTIONS, 4, 5)
     pairs = pairs_of(jmm, 0.005, 10)
     for pair in pairs:
-        held_back.keeps(pair)
+        hold_out.keeps(pair)
     np.testing.assert_array_equal(
-        held_back.pairs.postures, np.concatenate([pairs[k].postures for k in (5, 7, 9)])
+        hold_out.pairs.postures, np.concatenate([pairs[k].postures for k in (5, 7, 9)])
     )
 
 
@@ -65,37 +65,37 @@ def test_only_a_much_larger_error_is_harm(
 
 
 def test_one_pair_tells_nothing(jmm: JointMuscleMap) -> None:
-    held_back = HeldBack(OPTIONS, 4, 5)
+    hold_out = HoldOut(OPTIONS, 4, 5)
     for pair in pairs_of(jmm, 0.0, 3):
-        held_back.keeps(pair)
-    assert len(held_back.pairs.noise) == 1
-    assert not held_back.harmed(jmm, shifted(jmm, 1.0))
+        hold_out.keeps(pair)
+    assert len(hold_out.pairs.noise) == 1
+    assert not hold_out.harmed(jmm, shifted(jmm, 1.0))
 
 
 def test_a_pair_that_is_wrong_itself_hides_no_harm(jmm: JointMuscleMap) -> None:
-    held_back = holding(jmm, 0.0)
-    held_back.pairs.lengths[0] += 0.5
-    assert held_back.harmed(jmm, shifted(jmm, 0.01))
+    hold_out = holding(jmm, 0.0)
+    hold_out.pairs.lengths[0] += 0.5
+    assert hold_out.harmed(jmm, shifted(jmm, 0.01))
 
 
 def test_where_all_updates_seem_harmful_the_robot_has_changed(jmm: JointMuscleMap) -> None:
-    held_back = holding(jmm)
+    hold_out = holding(jmm)
     harmful = shifted(jmm, -0.02)
-    assert [held_back.harmed(jmm, harmful) for _ in range(4)] == [True, True, False, False]
-    assert not len(held_back.pairs.noise)
+    assert [hold_out.harmed(jmm, harmful) for _ in range(4)] == [True, True, False, False]
+    assert not len(hold_out.pairs.noise)
 
 
 def test_a_harmless_update_between_shows_that_it_has_not(jmm: JointMuscleMap) -> None:
-    held_back = holding(jmm)
+    hold_out = holding(jmm)
     harmful = shifted(jmm, -0.02)
     maps = (harmful, harmful, jmm, harmful, harmful)
-    assert [held_back.harmed(jmm, after) for after in maps] == [True, True, False, True, True]
+    assert [hold_out.harmed(jmm, after) for after in maps] == [True, True, False, True, True]
 
 
 @pytest.mark.parametrize("wrong", ["every", "memory", "least", "patience"])
 def test_options_that_hold_nothing_back_are_refused(wrong: str) -> None:
     with pytest.raises(AgentError, match=wrong):
-        HeldBackOptions(**{wrong: 1 if wrong == "every" else 0})
+        HoldOutOptions(**{wrong: 1 if wrong == "every" else 0})
 
 
 def learned(**options: Any) -> Bench:
@@ -107,25 +107,25 @@ def learned(**options: Any) -> Bench:
 
 
 def test_looks_held_back_are_not_learned() -> None:
-    bench = learned(held_back=OPTIONS)
+    bench = learned(hold_out=OPTIONS)
     assert bench.vision.fired == len(bench.vision.pairs.noise) == 4
-    assert bench.vision.held_back is not None
-    np.testing.assert_allclose(bench.vision.held_back.pairs.postures, SPOTS[[3, 5, 7]], atol=0.05)
+    assert bench.vision.hold_out is not None
+    np.testing.assert_allclose(bench.vision.hold_out.pairs.postures, SPOTS[[3, 5, 7]], atol=0.05)
     assert bench.look(SPOTS[8]).learned
     assert bench.look(SPOTS[9]).reason == "held back, to test updates on it"
 
 
 def test_a_look_with_a_saturated_wire_tests_no_update() -> None:
-    bench = Bench(distance=0.0, held_back=OPTIONS)
+    bench = Bench(distance=0.0, hold_out=OPTIONS)
     for spot in SPOTS[:4]:
         bench.look(spot, tensions=np.full(5, 480.0))
-    assert bench.vision.held_back is not None
-    assert not len(bench.vision.held_back.pairs.noise)
+    assert bench.vision.hold_out is not None
+    assert not len(bench.vision.hold_out.pairs.noise)
 
 
 def test_what_a_wrong_look_taught_is_undone() -> None:
     """Lengths of one look are 40 mm off, as if the marker had been seen in another place."""
-    bench, believing = learned(held_back=OPTIONS), learned()
+    bench, believing = learned(hold_out=OPTIONS), learned()
     before, memory = bench.learner.map, bench.vision.memory
     wrong = bench.lengths(SPOTS[8]) + 0.04
     given = {"lengths": wrong, "target": wrong, "estimate": SPOTS[8]}
@@ -141,7 +141,7 @@ def test_what_a_wrong_look_taught_is_undone() -> None:
 
 
 def test_a_robot_that_changed_is_learned_all_the_same() -> None:
-    bench = learned(held_back=OPTIONS)
+    bench = learned(hold_out=OPTIONS)
     bench.start = shifted(bench.start, 0.04)
     for spot in np.tile(SPOTS, (3, 1)):
         bench.look(spot)

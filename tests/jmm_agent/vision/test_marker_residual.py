@@ -10,7 +10,7 @@ import pytest
 
 from jmm_agent.errors import AgentError
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.vision.marker_residual import MarkerSight
+from jmm_agent.vision.marker_residual import MarkerResidual
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
@@ -26,7 +26,7 @@ def arm() -> ArmKinematics:
 
 @pytest.mark.parametrize("site", SITES)
 def test_the_jacobian_is_the_derivative_of_the_error(arm: ArmKinematics, site: str) -> None:
-    sight = MarkerSight(arm, "eye", site)
+    sight = MarkerResidual(arm, "eye", site)
     rng = np.random.default_rng(0)
     for q in posture_set()[:4]:
         seen = arm.pose(site, q + rng.normal(0.0, 0.2, 14), relative_to="eye")
@@ -40,7 +40,7 @@ def test_the_jacobian_is_the_derivative_of_the_error(arm: ArmKinematics, site: s
 
 
 def test_the_error_is_offset_and_turn_in_the_seen_markers_axes(arm: ArmKinematics) -> None:
-    sight = MarkerSight(arm, "eye", "marker_hand")
+    sight = MarkerResidual(arm, "eye", "marker_hand")
     q = posture_set()[0]
     here = arm.pose("marker_hand", q, relative_to="eye")
     np.testing.assert_allclose(sight(q, here)[0], np.zeros(6), atol=1e-12)
@@ -55,4 +55,4 @@ def test_the_error_is_offset_and_turn_in_the_seen_markers_axes(arm: ArmKinematic
 def test_unknown_frames_are_named(arm: ArmKinematics) -> None:
     for camera, site in (("eye", "marker_foot"), ("third_eye", "marker_hand")):
         with pytest.raises(AgentError, match=r"marker_foot|third_eye"):
-            MarkerSight(arm, camera, site)
+            MarkerResidual(arm, camera, site)

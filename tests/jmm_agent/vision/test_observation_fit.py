@@ -9,13 +9,19 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.kinematics.bounded_least_squares import minimise
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
-from jmm_agent.vision.marker_residual import MarkerSight
-from jmm_agent.vision.observation_fit import Look, LooksFit, LooksOptions, fit_alone, fit_looks
+from jmm_agent.vision.marker_residual import MarkerResidual
+from jmm_agent.vision.observation_fit import (
+    MarkerObservation,
+    ObservationFit,
+    ObservationFitOptions,
+    fit_alone,
+    fit_observations,
+)
 from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
 COUNT = 10
@@ -34,8 +40,8 @@ def arm() -> ArmKinematics:
 
 
 @pytest.fixture(scope="module")
-def sight(arm: ArmKinematics) -> MarkerSight:
-    return MarkerSight(arm, "eye", "marker_hand")
+def sight(arm: ArmKinematics) -> MarkerResidual:
+    return MarkerResidual(arm, "eye", "marker_hand")
 
 
 @pytest.fixture(scope="module")
@@ -61,19 +67,28 @@ def true() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def looks(true: np.ndarray, drawn: JointMuscleMap, arm: ArmKinematics) -> list[Look]:
+def observations(
+    true: np.ndarray, drawn: JointMuscleMap, arm: ArmKinematics
+) -> list[MarkerObservation]:
     """Exact looks at a robot that is the drawing but for its zero."""
-    wires = ArmDrawing(ARM)
-    lengths = wires.lengths(true) - wires.lengths(MISTAKE)
+    muscles = NominalArm(ARM)
+    lengths = muscles.lengths(true) - muscles.lengths(MISTAKE)
     return [
-        Look(arm.pose("marker_hand", q, relative_to="eye"), row, estimate(drawn, row, arm.limits))
+        MarkerObservation(
+            arm.pose("marker_hand", q, relative_to="eye"), row, estimate(drawn, row, arm.limits)
+        )
         for q, row in zip(true, lengths, strict=True)
     ]
 
 
 @pytest.fixture(scope="module")
-def fit(looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics) -> LooksFit:
-    return fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=40))
+def fit(
+    observations: list[MarkerObservation],
+    prior: MapPrior,
+    sight: MarkerResidual,
+    arm: ArmKinematics,
+) -> ObservationFit:
+    return fit_observations(observations, prior, sight, arm.limits, ObservationFitOptions(steps=40))
 
 
 def rms_deg(error: np.ndarray) -> float:
@@ -81,9 +96,9 @@ def rms_deg(error: np.ndarray) -> float:
 
 
 def test_planted_offsets_are_seen_through(
-    looks: list[Look], fit: LooksFit, true: np.ndarray, arm: ArmKinematics
+    observations: list[MarkerObservation], fit: ObservationFit, true: np.ndarray, arm: ArmKinematics
 ) -> None:
-    before = rms_deg(np.array([look.guess for look in looks]) - true)
+    before = rms_deg(np.array([look.guess for look in observations]) - true)
     assert before > 5.0
     assert fit.converged
     assert rms_deg(fit.angles - true) < before / 3
@@ -91,23 +106,29 @@ def test_planted_offsets_are_seen_through(
     assert fit.sight_error[:, 1].max() < 0.02
     alone = [
         arm.solve("marker_hand", look.pose, look.guess, "eye", prior_precision=np.full(14, 1e-8)).q
-        for look in looks
+        for look in observations
     ]
     assert rms_deg(np.array(alone) - true) > before / 3
 
 
 def test_the_gradient_vanishes_where_the_fit_ends(
-    looks: list[Look], fit: LooksFit, prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+    observations: list[MarkerObservation],
+    fit: ObservationFit,
+    prior: MapPrior,
+    sight: MarkerResidual,
+    arm: ArmKinematics,
 ) -> None:
     """The cost is written anew from the module's docstring; a step from the end must not lower it.
 
     Only in joints that are inside their box: at a limit the cost may go on falling outside.
     """
-    options = LooksOptions()
-    lengths = np.array([look.lengths for look in looks])
+    options = ObservationFitOptions()
+    lengths = np.array([look.lengths for look in observations])
 
     def cost(angles: np.ndarray) -> float:
-        errors = np.array([sight(q, look.pose)[0] for q, look in zip(angles, looks, strict=True)])
+        errors = np.array(
+            [sight(q, look.pose)[0] for q, look in zip(angles, observations, strict=True)]
+        )
         total = np.sum((errors[:, :3] / options.position_noise) ** 2)
         total += np.sum((errors[:, 3:] / options.rotation_noise) ** 2)
         residual = lengths - prior.map.lengths(angles)
@@ -123,15 +144,20 @@ def test_the_gradient_vanishes_where_the_fit_ends(
     for _ in range(20):
         step = rng.normal(0.0, 0.02, fit.angles.shape)
         assert cost(np.clip(fit.angles + step, low, high)) > least
-    assert cost(np.array([look.guess for look in looks])) > least
+    assert cost(np.array([look.guess for look in observations])) > least
 
 
 def test_angles_stay_inside_the_limits(
-    looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+    observations: list[MarkerObservation],
+    prior: MapPrior,
+    sight: MarkerResidual,
+    arm: ArmKinematics,
 ) -> None:
     middle = posture_set().mean(axis=0)
     narrow = np.clip(np.column_stack([middle - 0.1, middle + 0.1]), *arm.limits.T[:, :, None])
-    fit = fit_looks(looks, prior, sight, narrow, LooksOptions(limit_margin=0.0))
+    fit = fit_observations(
+        observations, prior, sight, narrow, ObservationFitOptions(limit_margin=0.0)
+    )
     assert np.all(fit.angles >= narrow[:, 0])
     assert np.all(fit.angles <= narrow[:, 1])
     assert np.any((fit.angles == narrow[:, 0]) | (fit.angles == narrow[:, 1]))
@@ -143,46 +169,60 @@ def test_a_first_look_at_a_robot_far_from_its_drawing_is_explained(
     drawn: JointMuscleMap,
     arm: ArmKinematics,
     prior: MapPrior,
-    sight: MarkerSight,
+    sight: MarkerResidual,
 ) -> None:
     """Its guesses have joints at their limits: the fit must hold them there and move the others."""
     low, high = arm.limits.T
-    lengths = ArmDrawing(ARM).lengths(true) - ArmDrawing(ARM).lengths(1.5 * MISTAKE)
+    lengths = NominalArm(ARM).lengths(true) - NominalArm(ARM).lengths(1.5 * MISTAKE)
     guesses = np.array([estimate(drawn, row, arm.limits) for row in lengths])
     assert np.count_nonzero(np.any((guesses <= low) | (guesses >= high), axis=1)) >= COUNT / 2
     for q, row, guess in zip(true, lengths, guesses, strict=True):
-        look = Look(arm.pose("marker_hand", q, relative_to="eye"), row, guess)
-        fit = fit_looks([look], prior, sight, arm.limits, LooksOptions())
+        look = MarkerObservation(arm.pose("marker_hand", q, relative_to="eye"), row, guess)
+        fit = fit_observations([look], prior, sight, arm.limits, ObservationFitOptions())
         assert fit.converged
         assert fit.sight_error[0, 0] < 0.003
         assert fit.sight_error[0, 1] < 0.01
 
 
 def test_a_fit_that_is_cut_short_says_so(
-    looks: list[Look], prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+    observations: list[MarkerObservation],
+    prior: MapPrior,
+    sight: MarkerResidual,
+    arm: ArmKinematics,
 ) -> None:
-    assert not fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=1)).converged
+    assert not fit_observations(
+        observations, prior, sight, arm.limits, ObservationFitOptions(steps=1)
+    ).converged
 
 
 def test_where_it_starts_does_not_matter_and_the_end_is_kept(
-    looks: list[Look], fit: LooksFit, prior: MapPrior, sight: MarkerSight, arm: ArmKinematics
+    observations: list[MarkerObservation],
+    fit: ObservationFit,
+    prior: MapPrior,
+    sight: MarkerResidual,
+    arm: ArmKinematics,
 ) -> None:
-    options = LooksOptions(steps=40)
+    options = ObservationFitOptions(steps=40)
     near = fit.angles + np.random.default_rng(0).normal(0.0, 0.02, fit.angles.shape)
-    again = fit_looks(looks, prior, sight, arm.limits, options, near)
+    again = fit_observations(observations, prior, sight, arm.limits, options, near)
     np.testing.assert_allclose(again.angles, fit.angles, atol=0.02)
-    warm = fit_looks(looks, prior, sight, arm.limits, LooksOptions(steps=2), fit.angles)
+    warm = fit_observations(
+        observations, prior, sight, arm.limits, ObservationFitOptions(steps=2), fit.angles
+    )
     assert warm.converged
     np.testing.assert_allclose(warm.angles, fit.angles, atol=2e-3)
 
 
 def test_a_look_alone_is_explained_but_leaves_the_joints_wrong(
-    looks: list[Look], true: np.ndarray, sight: MarkerSight, arm: ArmKinematics
+    observations: list[MarkerObservation],
+    true: np.ndarray,
+    sight: MarkerResidual,
+    arm: ArmKinematics,
 ) -> None:
     """As the paper's inverse kinematics: it explains the marker by the least movement."""
-    alone = [fit_alone(look, sight, arm.limits, LooksOptions()) for look in looks]
+    alone = [fit_alone(look, sight, arm.limits, ObservationFitOptions()) for look in observations]
     angles = np.concatenate([fit.angles for fit in alone])
-    guesses = np.array([look.guess for look in looks])
+    guesses = np.array([look.guess for look in observations])
     assert all(fit.converged for fit in alone)
     assert np.max([fit.sight_error for fit in alone]) < 1e-3
     assert np.all(np.linalg.norm(angles - guesses, axis=1) < np.linalg.norm(true - guesses, axis=1))

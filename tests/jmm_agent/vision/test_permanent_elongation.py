@@ -8,8 +8,17 @@ import pytest
 from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.updaters import VisionOptions, VisionUpdater
-from jmm_agent.vision.observation_fit import Look, LooksFit, LooksOptions, fit_looks
-from jmm_agent.vision.permanent_elongation import elongations, fit_with_gives, log_bayes_factors
+from jmm_agent.vision.observation_fit import (
+    MarkerObservation,
+    ObservationFit,
+    ObservationFitOptions,
+    fit_observations,
+)
+from jmm_agent.vision.permanent_elongation import (
+    elongations,
+    fit_with_elongation,
+    log_bayes_factors,
+)
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
 
 BEFORE, AFTER = 12, 3
@@ -25,16 +34,16 @@ def sight(q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return error, np.eye(6)[:, :4]
 
 
-def look(q: np.ndarray, given: np.ndarray) -> Look:
+def look(q: np.ndarray, given: np.ndarray) -> MarkerObservation:
     """A look at a robot whose wires are all 15 mm off, and where some gave since by ``given``."""
     pose = np.eye(4)
     pose[:3, 3], pose[3, 0] = q[:3], q[3]
     rng = np.random.default_rng(int(1e6 * q[0]) % 1000)
     noise = 0.0003 * rng.standard_normal(5)
-    return Look(pose, make_map(0).lengths(q) + 0.015 - given + noise, q + 0.03)
+    return MarkerObservation(pose, make_map(0).lengths(q) + 0.015 - given + noise, q + 0.03)
 
 
-def looks_at(given: np.ndarray) -> list[Look]:
+def looks_at(given: np.ndarray) -> list[MarkerObservation]:
     return [look(q, given * (k >= BEFORE)) for k, q in enumerate(TRUE)]
 
 
@@ -43,44 +52,48 @@ def prior() -> MapPrior:
     return MapPrior(make_map(0), postures(100, 8), PriorOptions())
 
 
-def grown(prior: MapPrior, looks: list[Look], options: LooksOptions) -> tuple[LooksFit, np.ndarray]:
+def grown(
+    prior: MapPrior, observations: list[MarkerObservation], options: ObservationFitOptions
+) -> tuple[ObservationFit, np.ndarray]:
     """The fit after the last look, each added to those before as the Vision Updater does."""
     angles, gave = np.empty((0, 4)), np.empty((0, 5))
-    for count in range(1, len(looks) + 1):
-        start = np.vstack([angles, looks[count - 1].guess])
+    for count in range(1, len(observations) + 1):
+        start = np.vstack([angles, observations[count - 1].guess])
         history = np.vstack([gave, np.zeros(5)])
-        fit, gave = fit_with_gives(looks[:count], prior, sight, LIMITS, options, start, history)
+        fit, gave = fit_with_elongation(
+            observations[:count], prior, sight, LIMITS, options, start, history
+        )
         angles = fit.angles
     return fit, gave
 
 
-@pytest.mark.parametrize("wires", [[2], [0, 3], [1, 4]])
+@pytest.mark.parametrize("muscles", [[2], [0, 3], [1, 4]])
 def test_the_wires_that_gave_are_found_and_when_and_how_far(
-    prior: MapPrior, wires: list[int]
+    prior: MapPrior, muscles: list[int]
 ) -> None:
-    given = GIVEN * np.isin(np.arange(5), wires)
-    looks = looks_at(given)
-    fit, gave = grown(prior, looks, LooksOptions())
-    expected = np.outer(np.arange(len(looks)) < BEFORE, given > 0)
+    given = GIVEN * np.isin(np.arange(5), muscles)
+    observations = looks_at(given)
+    fit, gave = grown(prior, observations, ObservationFitOptions())
+    expected = np.outer(np.arange(len(observations)) < BEFORE, given > 0)
     np.testing.assert_array_equal(gave, expected)
-    found = elongations(looks, prior, fit.angles, gave)
+    found = elongations(observations, prior, fit.angles, gave)
     np.testing.assert_allclose(found, expected * GIVEN, atol=0.001)
 
 
 def test_where_nothing_gave_nothing_is_found(prior: MapPrior) -> None:
-    looks = looks_at(np.zeros(5))
-    fit, gave = grown(prior, looks, LooksOptions())
+    observations = looks_at(np.zeros(5))
+    fit, gave = grown(prior, observations, ObservationFitOptions())
     assert not gave.any()
-    assert not elongations(looks, prior, fit.angles, gave).any()
-    start = np.array([look.guess for look in looks])
-    plain = fit_looks(looks, prior, sight, LIMITS, LooksOptions(), start)
+    assert not elongations(observations, prior, fit.angles, gave).any()
+    start = np.array([look.guess for look in observations])
+    plain = fit_observations(observations, prior, sight, LIMITS, ObservationFitOptions(), start)
     np.testing.assert_allclose(fit.angles, plain.angles, atol=2e-3)
 
 
 def test_it_is_believed_only_on_evidence(prior: MapPrior) -> None:
-    looks = looks_at(np.array([0.0, 0.0, GIVEN, 0.0, 0.0]))
-    assert not grown(prior, looks, LooksOptions(give_evidence=np.inf))[1].any()
-    assert not grown(prior, looks, LooksOptions(give_evidence=1e6))[1].any()
+    observations = looks_at(np.array([0.0, 0.0, GIVEN, 0.0, 0.0]))
+    assert not grown(prior, observations, ObservationFitOptions(give_evidence=np.inf))[1].any()
+    assert not grown(prior, observations, ObservationFitOptions(give_evidence=1e6))[1].any()
 
 
 def test_old_looks_tell_nothing_of_the_offset_of_a_wire_that_gave_far(prior: MapPrior) -> None:
@@ -106,13 +119,13 @@ def test_the_evidence_is_that_of_two_normal_distributions(prior: MapPrior) -> No
 
     Vision is coarse here, so that lengths tell of the joints too, and the angles are off the fit's.
     """
-    options = LooksOptions(position_noise=0.05, rotation_noise=0.03)
-    looks = looks_at(np.array([0.0, 0.0, 0.003, 0.0, 0.0]))[-6:]
-    count, gave = len(looks), np.zeros((6, 5))
+    options = ObservationFitOptions(position_noise=0.05, rotation_noise=0.03)
+    observations = looks_at(np.array([0.0, 0.0, 0.003, 0.0, 0.0]))[-6:]
+    count, gave = len(observations), np.zeros((6, 5))
     gave[:2, 1] = 1.0
-    seen = np.array([[*one.pose[:3, 3], one.pose[3, 0]] for one in looks])
+    seen = np.array([[*one.pose[:3, 3], one.pose[3, 0]] for one in observations])
     angles = seen + np.random.default_rng(2).normal(0.0, 0.01, seen.shape)
-    found = log_bayes_factors(looks, prior, sight, options, angles, gave, count - 1)
+    found = log_bayes_factors(observations, prior, sight, options, angles, gave, count - 1)
     assert found.shape == (count - 1, 5)
 
     expected, jacobian = prior.map.lengths_and_jacobian(angles)
@@ -126,7 +139,7 @@ def test_the_evidence_is_that_of_two_normal_distributions(prior: MapPrior) -> No
         for muscle in kernel.muscles:
             own = slice(muscle * count, (muscle + 1) * count)
             covariance[own, own] += np.linalg.inv(kernel.whiten(np.eye(count)))
-    missed = np.array([one.lengths for one in looks]) - expected
+    missed = np.array([one.lengths for one in observations]) - expected
     missed = missed.T.ravel() - arms @ (seen - angles).ravel()
 
     def log_density(total: np.ndarray) -> float:
@@ -141,13 +154,13 @@ def test_the_evidence_is_that_of_two_normal_distributions(prior: MapPrior) -> No
             assert found[look - 1, muscle] == pytest.approx(exact, rel=1e-3, abs=1e-3)
 
 
-def learned(options: LooksOptions, given: np.ndarray) -> tuple[VisionUpdater, Learner]:
+def learned(options: ObservationFitOptions, given: np.ndarray) -> tuple[VisionUpdater, Learner]:
     """What the Vision Updater makes of all looks, one by one."""
     start = make_map(0)
     prior = MapPrior(start, postures(100, 8), PriorOptions())
     learner = Learner(start, LIMITS, RidgeRule(prior), BatchOptions(), np.random.default_rng(0))
     updater = VisionUpdater(
-        learner, prior, sight, LIMITS, VisionOptions(distance=0.0, looks=options)
+        learner, prior, sight, LIMITS, VisionOptions(distance=0.0, observations=options)
     )
     for one in looks_at(given):
         updater.seen(one.pose, one.guess, one.lengths, one.lengths, np.full(5, 50.0))
@@ -159,22 +172,24 @@ def test_the_map_follows_a_wire_that_gave() -> None:
     asked = postures(50, 6)
     robot = make_map(0).lengths(asked) + 0.015 - given
 
-    def missed(options: LooksOptions) -> float:
+    def missed(options: ObservationFitOptions) -> float:
         _, learner = learned(options, given)
         return float(np.sqrt(np.mean((learner.map.lengths(asked) - robot)[:, 2] ** 2)))
 
-    assert missed(LooksOptions()) < 0.002
-    assert missed(LooksOptions(give_evidence=np.inf)) > 0.005
+    assert missed(ObservationFitOptions()) < 0.002
+    assert missed(ObservationFitOptions(give_evidence=np.inf)) > 0.005
 
 
 def test_what_gave_is_forgotten_with_the_looks_before() -> None:
-    updater, _ = learned(LooksOptions(memory=AFTER + 2), np.array([0.0, 0.0, GIVEN, 0.0, 0.0]))
+    updater, _ = learned(
+        ObservationFitOptions(memory=AFTER + 2), np.array([0.0, 0.0, GIVEN, 0.0, 0.0])
+    )
     assert updater.gave.shape == (AFTER + 2, 5)
     np.testing.assert_array_equal(updater.gave[:, 2], [1, 1, 0, 0, 0])
 
 
 def test_looking_without_learning_believes_nothing_for_good() -> None:
-    updater, _ = learned(LooksOptions(), np.zeros(5))
+    updater, _ = learned(ObservationFitOptions(), np.zeros(5))
     before = updater.gave.copy()
     one = look(TRUE[0], np.array([0.0, 0.0, GIVEN, 0.0, 0.0]))
     updater.seen(one.pose, one.guess, one.lengths, one.lengths, np.full(5, 50.0), learn=False)

@@ -22,12 +22,12 @@ from kengoro.viewer.scene import (
     Scene,
     Story,
     add_marks,
-    look_from_outside,
-    wire_colours,
+    muscle_colours,
+    place_outside_camera,
 )
 from kengoro.visits import grip
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import WireStretch
+from kengoro_env.departures import TendonStretch
 from kengoro_env.env import OUTSIDE
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
@@ -39,13 +39,13 @@ POSTURE = posture_set()[0]
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    robot = Robot(asset_path("mjcf/kengoro_arm/posture.xml"), [WireStretch(1e-5)])
+    robot = Robot(asset_path("mjcf/kengoro_arm/posture.xml"), [TendonStretch(1e-5)])
     robot.reset(POSTURE, np.random.default_rng(0))
     return robot
 
 
 def test_wires_go_from_yellow_to_red_and_stay_red() -> None:
-    colours = wire_colours(np.array([0.0, FULL_TENSION / 2, FULL_TENSION, 3 * FULL_TENSION]))
+    colours = muscle_colours(np.array([0.0, FULL_TENSION / 2, FULL_TENSION, 3 * FULL_TENSION]))
     assert colours.shape == (4, 4)
     np.testing.assert_allclose(colours[0], [1, 1, 0, 1], atol=0.01)
     assert 0.4 < colours[1, 1] < 0.6
@@ -104,7 +104,7 @@ def test_curves_are_errors_of_the_estimate_against_the_truth_and_what_was_seen()
     np.testing.assert_allclose(curves.time, [0.02, 0.12])  # one in 0.1 s
     np.testing.assert_allclose(curves.true_deg, 2.0)
     np.testing.assert_allclose(curves.true_mm, 1e3 * np.linalg.norm(grip(off) - grip(POSTURE)))
-    np.testing.assert_allclose(curves.look_time, [0.08])  # each look once
+    np.testing.assert_allclose(curves.observation_time, [0.08])  # each look once
     np.testing.assert_allclose(curves.seen_deg, [3.0])
     at_look = grip(POSTURE + look.error)
     np.testing.assert_allclose(curves.seen_mm, [1e3 * np.linalg.norm(at_look - grip(POSTURE))])
@@ -145,7 +145,7 @@ def test_a_moment_tells_what_the_robot_does() -> None:
     session.stage = "approach 2"
     assert story.moment(session).doing == "approach 2"
     assert story.moment(session).marks.seen is None
-    assert story.moment(session).look_time is None
+    assert story.moment(session).observation_time is None
 
 
 def test_the_scene_is_a_copy_with_coloured_wires(robot: Robot) -> None:
@@ -172,22 +172,22 @@ def test_the_scene_is_a_copy_with_coloured_wires(robot: Robot) -> None:
 def test_what_is_wound_up_of_a_wire_has_no_length(robot: Robot) -> None:
     scene = Scene(robot.model, robot.muscles)
     scene.follow(robot.data, Story().moment(session_at(0.0, POSTURE, POSTURE)))
-    wire = robot.model.tendon(robot.muscles[0]).id
+    muscle = robot.model.tendon(robot.muscles[0]).id
     for data, wound_up in ((robot.data, True), (scene.data, False)):
-        end, guide = data.wrap_xpos.reshape(-1, 3)[data.ten_wrapadr[wire] :][:2]
+        end, guide = data.wrap_xpos.reshape(-1, 3)[data.ten_wrapadr[muscle] :][:2]
         assert (np.linalg.norm(end - guide) > 0.01) == wound_up
 
 
 def test_a_moved_view_begins_where_the_camera_outside_is(robot: Robot) -> None:
     camera, outside = mujoco.MjvCamera(), robot.data.camera(OUTSIDE)
-    look_from_outside(camera, robot.data)
+    place_outside_camera(camera, robot.data)
     scene = mujoco.MjvScene(robot.model, 1000)
     options, nothing = mujoco.MjvOption(), mujoco.MjvPerturb()
     mujoco.mjv_updateScene(
         robot.model, robot.data, options, nothing, camera, mujoco.mjtCatBit.mjCAT_ALL, scene
     )
-    eyes = scene.camera[0].pos + scene.camera[1].pos
-    np.testing.assert_allclose(eyes / 2, outside.xpos, atol=1e-3)
+    detector = scene.camera[0].pos + scene.camera[1].pos
+    np.testing.assert_allclose(detector / 2, outside.xpos, atol=1e-3)
     np.testing.assert_allclose(
         scene.camera[0].forward, -outside.xmat.reshape(3, 3)[:, 2], atol=0.01
     )

@@ -21,7 +21,7 @@ from experiments.harness.common import Args
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Study, run_watched
 from kengoro.arm import ACTUAL, make_session, new_agent, shuffled_postures
-from kengoro.session import Session, looked_on
+from kengoro.session import Session, observed_by
 from kengoro.viewer import window as window_module
 from kengoro.viewer.scene import Scene
 from kengoro.viewer.window import Viewer, Window
@@ -151,7 +151,7 @@ def test_where_the_viewer_does_not_open_the_page_has_the_scene(
     assert "run it with mjpython" in capsys.readouterr().out
 
 
-class Onlooker:
+class Spectator:
     """A window that notes its titles."""
 
     def __init__(self) -> None:
@@ -177,10 +177,10 @@ STUDY = Study("sham", "Sham", "", "", (ACTUAL,), None, None, stepped, lambda *_:
 def test_a_watched_study_runs_again_and_names_the_robot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    onlooker = Onlooker()
+    onlooker = Spectator()
 
     @contextmanager
-    def open_window(title: str) -> Iterator[Onlooker]:
+    def open_window(title: str) -> Iterator[Spectator]:
         yield onlooker
 
     monkeypatch.setattr(window_module, "open_window", open_window)
@@ -232,10 +232,18 @@ def test_watching_changes_no_bit(maps: Path) -> None:
     with ThreadPoolExecutor() as pool, closing(Window("title")) as window:
         read = pool.submit(everything, f"{window.address}events")
         wait_for(lambda: window._broadcast.watchers)
-        with looked_on(window.look):
+        with observed_by(window.look):
             watched = moved(maps, 1.0)
     assert read.result().count("data:image/jpeg") > 0
-    for name in ("time", "tensions", "target", "true", "estimate", "look_time", "look_error"):
+    for name in (
+        "time",
+        "tensions",
+        "target",
+        "true",
+        "estimate",
+        "observation_time",
+        "observation_error",
+    ):
         np.testing.assert_array_equal(getattr(watched.log, name), getattr(alone.log, name))
     for name, value in alone.observation.items():
         np.testing.assert_array_equal(watched.observation[name], value)
@@ -248,7 +256,7 @@ def test_a_browser_shows_a_robot_that_moves(maps: Path, tmp_path: Path) -> None:
     with closing(Window(title)) as window, closing(Browser(tmp_path)) as browser:
         browser.open(window.address)
         wait_for(lambda: window._broadcast.watchers)
-        with looked_on(window.look):
+        with observed_by(window.look):
             session, postures = new_session(maps)
         others = cycle(postures)
         session.move(next(others), 2.0)

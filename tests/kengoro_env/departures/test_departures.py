@@ -20,8 +20,8 @@ from kengoro_env.departures import (
     EncoderError,
     FrameDelay,
     MotorInertia,
+    TendonStretch,
     TensionSensorError,
-    WireStretch,
     ZeroPosture,
     actual,
     drawing,
@@ -30,11 +30,11 @@ from kengoro_env.errors import KengoroError
 from kengoro_env.postures import posture_set
 from kengoro_env.robot import robot
 from kengoro_env.robot.draft import Departure, UnknownNameError
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 ARM = asset_path("mjcf/kengoro_arm/posture.xml")
-DRAWING = ArmDrawing(ARM)
+DRAWING = NominalArm(ARM)
 START, GOAL = posture_set()[[0, 5]]
 RAMP, STEPS = 25, 60
 
@@ -60,8 +60,8 @@ CASES = {
     "FrameDelay": Case(lambda p: FrameDelay(delay=p), 0.1, 1e-6),
     "MotorInertia": Case(lambda p: MotorInertia(inertia=p), 3.0, 1e-3),
     "TensionSensorError": Case(lambda p: TensionSensorError(noise=p, offset=p, seed=1), 3.0, 1e-3),
-    "WireStretch": Case(
-        lambda p: WireStretch(compliance=p, hardening=4e6),
+    "TendonStretch": Case(
+        lambda p: TendonStretch(compliance=p, hardening=4e6),
         1e-5,
         1e-7,
         mujoco.mjtIntegrator.mjINT_DISCRETE,
@@ -100,7 +100,7 @@ def movement(*chosen: Departure) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     rows = []
     for step in range(1, STEPS + 1):
         arm.step(start + min(1.0, step / RAMP) * (goal - start))
-        rows.append((arm.joint_angles, arm.sense_lengths(), arm.sense_tensions()))
+        rows.append((arm.joint_angles, arm.measured_lengths(), arm.measured_tensions()))
     joints, lengths, tensions = (np.array(column) for column in zip(*rows, strict=True))
     eye = arm.model.camera("eye")
     camera = np.concatenate([eye.pos, eye.quat, eye.fovy, [arm.frame_delay]])
@@ -161,8 +161,8 @@ def test_the_preset_is_far_from_where_stiff_wires_become_unstable() -> None:
 
     Stiffer ones do, from 2e-6 m/N on: their convergence is shown with another integrator.
     """
-    (stretch,) = (d for d in actual(0) if isinstance(d, WireStretch))
-    stiffer = WireStretch(stretch.compliance / 2.0, stretch.hardening)
+    (stretch,) = (d for d in actual(0) if isinstance(d, TendonStretch))
+    stiffer = TendonStretch(stretch.compliance / 2.0, stretch.hardening)
     chosen = tuple(stiffer if d is stretch else d for d in actual(0))
     assert trembling(Robot(ARM, chosen), seed=0) < 0.1
 
@@ -174,7 +174,7 @@ def test_tension_is_never_negative_in_random_motion(seed: int) -> None:
     for _ in range(60):
         arm.step(DRAWING.lengths(posture_set()[rng.integers(1000)])[0] + rng.normal(0, 0.01, 36))
         assert np.all(arm.tensions >= 0.0)
-        assert np.all(arm.sense_tensions() >= 0.0)
+        assert np.all(arm.measured_tensions() >= 0.0)
         assert np.all(arm.motors.paths() > 0.0)
 
 
@@ -183,7 +183,7 @@ def test_actual_robots_are_stable_over_the_posture_set(seed: int) -> None:
     assert trembling(Robot(ARM, actual(seed)), seed) < 0.1
 
 
-@pytest.mark.parametrize("chosen", [(), (WireStretch(1e-5),)], ids=["ideal", "stretch"])
+@pytest.mark.parametrize("chosen", [(), (TendonStretch(1e-5),)], ids=["ideal", "stretch"])
 def test_a_wire_that_gives_in_the_middle_shifts_its_own_reading(
     chosen: tuple[Departure, ...],
 ) -> None:
@@ -204,7 +204,7 @@ def test_a_wire_that_gives_in_the_middle_shifts_its_own_reading(
     # Nothing differs before, the two ways of giving are one, and only the biceps has given.
     assert np.array_equal(before[given], before[whole])
     assert np.array_equal(given.lengths, called.lengths)
-    path = ArmDrawing(scene)
+    path = NominalArm(scene)
     shift = [arm.lengths - path.lengths(arm.joint_angles)[0] for arm in (given, whole)]
     assert np.allclose(shift[0] - shift[1], [-0.004, 0.0, 0.0], atol=5e-4)
     # A flexor that gave holds the forearm lower.
@@ -225,7 +225,7 @@ def test_friction_follows_the_tension() -> None:
 
 
 def test_inertia_over_a_bone_needs_a_wire_that_stretches() -> None:
-    with pytest.raises(KengoroError, match=r"wire of .* wraps over a bone.*add WireStretch"):
+    with pytest.raises(KengoroError, match=r"wire of .* wraps over a bone.*add TendonStretch"):
         Robot(ARM, (BoneWrapping(1.0), MotorInertia(1.0)))
 
 

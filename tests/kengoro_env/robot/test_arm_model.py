@@ -14,7 +14,7 @@ from kengoro_env.assets import asset_path
 from kengoro_env.departures import AttachmentDisplacement, BoneWrapping
 from kengoro_env.names import FINGER_JOINTS, GROUP_JOINTS, JOINTS
 from kengoro_env.postures import least_tension
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -50,8 +50,8 @@ IJ_HEIGHT = 1.297
 
 
 @pytest.fixture(scope="module")
-def drawing() -> ArmDrawing:
-    return ArmDrawing(asset_path(str(ARM)))
+def drawing() -> NominalArm:
+    return NominalArm(asset_path(str(ARM)))
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_every_joint_has_a_body_of_its_own(model: mujoco.MjModel) -> None:
     assert len(set(model.jnt_bodyid)) == model.njnt
 
 
-def test_wires_by_group(drawing: ArmDrawing) -> None:
+def test_wires_by_group(drawing: NominalArm) -> None:
     """36 wires: 8 neck, 10 scapula, 10 shoulder, 8 forearm; the shoulder's map has 8 inputs."""
     groups = list(GROUP_JOINTS)
     group_of_joint = [g for g, joints in enumerate(GROUP_JOINTS.values()) for _ in joints]
@@ -131,13 +131,13 @@ def test_wires_by_group(drawing: ArmDrawing) -> None:
     assert inputs == [*GROUP_JOINTS["scapula"], *GROUP_JOINTS["shoulder"]]
 
 
-def test_wires_of_the_elbow(drawing: ArmDrawing) -> None:
+def test_wires_of_the_elbow(drawing: NominalArm) -> None:
     crossing = drawing.crosses[:, drawing.joints.index("elbow")]
     names = {muscle for muscle, c in zip(drawing.muscles, crossing, strict=True) if c}
     assert names == {"brachialis", "biceps", "triceps"}
 
 
-def test_the_arm_holds_itself_with_tensions_of_5_to_400_newtons(drawing: ArmDrawing) -> None:
+def test_the_arm_holds_itself_with_tensions_of_5_to_400_newtons(drawing: NominalArm) -> None:
     """At 99 % or more of 1000 random postures within the joint ranges."""
     rng = np.random.default_rng(0)
     postures = rng.uniform(drawing.lower, drawing.upper, (1000, len(drawing.joints)))
@@ -179,7 +179,7 @@ def steps(arms: Callable[[Array], Array], line: Array) -> Array:
 @pytest.mark.parametrize("joint", range(len(JOINTS)), ids=JOINTS)
 @pytest.mark.parametrize("robot", ["drawing", "wrapped"])
 def test_moment_arms_are_continuous(
-    drawing: ArmDrawing, robot: str, joint: int, wrapped: Callable[[Array], Array]
+    drawing: NominalArm, robot: str, joint: int, wrapped: Callable[[Array], Array]
 ) -> None:
     """On a grid 16 times as fine dl/dq changes at least 4 times less from point to point.
 

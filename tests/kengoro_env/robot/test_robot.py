@@ -12,8 +12,8 @@ from kengoro_env.assets import asset_path
 from kengoro_env.departures import (
     Elongation,
     EncoderError,
+    TendonStretch,
     TensionSensorError,
-    WireStretch,
     ZeroPosture,
     actual,
 )
@@ -22,9 +22,9 @@ from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.draft import Departure, UnknownNameError
 from kengoro_env.robot.motors import Gains
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
-from kengoro_env.robot.tendons import wired_joints
+from kengoro_env.robot.tendons import actuated_joints
 from tests.kengoro_env.environments import EveryOtherStretches
 
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
@@ -44,7 +44,7 @@ def test_joints_are_those_that_wires_cross(
     """Neither the can, nor fingers, nor spools."""
     path = asset_path(f"mjcf/kengoro_arm/{scene}.xml")
     assert Robot(path, () if seed is None else actual(seed)).joints == joints
-    assert ArmDrawing(path).joints == joints
+    assert NominalArm(path).joints == joints
 
 
 def test_a_wire_within_one_body_crosses_nothing() -> None:
@@ -60,16 +60,16 @@ def test_a_wire_within_one_body_crosses_nothing() -> None:
         <spatial name="moved"><site site="a"/><site site="c"/></spatial>
       </tendon>
     </mujoco>""")
-    assert wired_joints(model) == ("slide",)
+    assert actuated_joints(model) == ("slide",)
 
 
 @pytest.mark.parametrize(
     "departures",
     [
         (),
-        (WireStretch(1e-5, 4e6),),
+        (TendonStretch(1e-5, 4e6),),
         (Elongation("biceps", 0.01),),
-        (WireStretch(1e-5, 4e6), Elongation("biceps", 0.01)),
+        (TendonStretch(1e-5, 4e6), Elongation("biceps", 0.01)),
     ],
     ids=["ideal", "stretch", "given", "stretch and given"],
 )
@@ -87,9 +87,9 @@ def test_muscle_stiffness_control(departures: tuple[Departure, ...]) -> None:
 
 def test_a_stretched_wire_is_path_minus_stretch() -> None:
     compliance, hardening = 1e-5, 4e6
-    robot = Robot(ELBOW, (WireStretch(compliance, hardening),))
+    robot = Robot(ELBOW, (TendonStretch(compliance, hardening),))
     robot.reset(np.array([0.7]), np.random.default_rng(0))
-    path = ArmDrawing(ELBOW)
+    path = NominalArm(ELBOW)
     settle(robot, robot.lengths - 0.004, 300)
     tension = robot.tensions
     # Root of T = x / compliance + hardening x^2; the wires were zeroed while they pulled T_bias.
@@ -107,7 +107,7 @@ def test_every_other_wire_may_stretch() -> None:
     gains = Gains(stiffness=20_000.0, bias=20.0, limit=150.0)
     robot = Robot(ELBOW, (EveryOtherStretches(),), gains)
     robot.reset(np.array([1.0]), np.random.default_rng(0))
-    drawing = ArmDrawing(ELBOW)
+    drawing = NominalArm(ELBOW)
     target = robot.lengths - 0.002
     settle(robot, target, 300)
     tensions, lengths = robot.tensions, robot.lengths
@@ -133,7 +133,7 @@ def test_lengths_are_zero_at_the_posture_called_zero() -> None:
     robot = Robot(
         ARM, (ZeroPosture(shoulder=sigma, scapula=sigma, forearm=sigma, neck=sigma, seed=4),)
     )
-    drawn = ArmDrawing(ARM)
+    drawn = NominalArm(ARM)
     robot.reset(posture_set()[0], np.random.default_rng(0))
     offset = drawn.lengths(posture_set()[0])[0] - robot.lengths
     draws = np.array([robot._senses.zero_posture[joint] for joint in robot.joints])
@@ -148,12 +148,12 @@ def test_noise_offset_and_quantum() -> None:
     )
     robot = Robot(ARM, departures)
     robot.reset(posture_set()[0], np.random.default_rng(0))
-    lengths = np.array([robot.sense_lengths() for _ in range(2000)])
+    lengths = np.array([robot.measured_lengths() for _ in range(2000)])
     error = lengths - robot.lengths
     assert np.allclose(lengths / 0.0001, np.round(lengths / 0.0001), atol=1e-6)
     assert error.std(axis=0).mean() == pytest.approx(np.hypot(0.0003, 0.0001 / np.sqrt(12)), 0.03)
     assert error.mean(axis=0).std() == pytest.approx(0.002, rel=0.4)
-    tensions = np.array([robot.sense_tensions() for _ in range(2000)])
+    tensions = np.array([robot.measured_tensions() for _ in range(2000)])
     error = tensions - robot.tensions
     assert error.std(axis=0).mean() == pytest.approx(2.0, rel=0.05)
     assert error.mean(axis=0).std() == pytest.approx(3.0, rel=0.4)
@@ -171,26 +171,26 @@ def test_both_sensors_read_as_one_after_the_other(departures: tuple[Departure, .
         robot.reset(np.array([0.7]), np.random.default_rng(3))
     for _ in range(3):
         lengths, tensions = at_once.sense(at_once.measure())
-        assert np.array_equal(lengths, in_turn.sense_lengths())
-        assert np.array_equal(tensions, in_turn.sense_tensions())
+        assert np.array_equal(lengths, in_turn.measured_lengths())
+        assert np.array_equal(tensions, in_turn.measured_tensions())
 
 
 def test_offsets_of_encoders_move_the_arm() -> None:
     """The controller sees what the encoders read: it holds the reading, not the truth."""
     robot = Robot(ELBOW, (EncoderError(offset=0.003, seed=2),))
-    drawing = ArmDrawing(ELBOW)
+    drawing = NominalArm(ELBOW)
     robot.reset(np.array([1.0]), np.random.default_rng(0))
     robot.motors.set_stiffness(100_000.0, 20.0)
     target = drawing.lengths(np.array([1.0]))[0]
     settle(robot, target)
     pulls = robot.tensions > 21.0
     assert pulls.any()
-    assert np.allclose(robot.sense_lengths()[pulls], target[pulls], atol=5e-3)
+    assert np.allclose(robot.measured_lengths()[pulls], target[pulls], atol=5e-3)
     assert abs(robot.joint_angles[0] - 1.0) > np.radians(1.0)
 
 
 def test_slack_metrics() -> None:
-    robot = Robot(ELBOW, (WireStretch(1e-5),))
+    robot = Robot(ELBOW, (TendonStretch(1e-5),))
     robot.reset(np.array([1.0]), np.random.default_rng(0))
     target = robot.target
     assert np.all(robot.slack(target)[0] == 0.0)

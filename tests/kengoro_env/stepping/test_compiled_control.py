@@ -11,8 +11,8 @@ import pytest
 from kengoro_env.departures import (
     Elongation,
     EncoderError,
+    TendonStretch,
     TensionSensorError,
-    WireStretch,
     actual,
 )
 from kengoro_env.departures.tendons import DryFriction
@@ -93,7 +93,7 @@ def go(envs: tuple[KengoroEnv, KengoroEnv], steps: int, seed: int, reach: float 
         (ELBOW, {"robot_seed": 3}),
         (ELBOW, {"departures": (EveryOtherStretches(), GIVES)}),
         (ELBOW, {"departures": (GIVES, DryFriction(5.0, 0.1)), "gains": Gains(2e4, 20.0, 150.0)}),
-        (ELBOW, {"departures": (WireStretch(1e-5, 4e6), Elongation("triceps", 0.01))}),
+        (ELBOW, {"departures": (TendonStretch(1e-5, 4e6), Elongation("triceps", 0.01))}),
         (ELBOW, {"departures": (EncoderError(offset=0.002, seed=1),)}),
         (ELBOW, {"departures": (EncoderError(noise=0.001),)}),
         (ELBOW, {"departures": (EncoderError(quantum=0.0005),)}),

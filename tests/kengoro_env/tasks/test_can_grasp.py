@@ -16,9 +16,9 @@ from kengoro_env.names import FINGER_JOINTS, JOINTS
 from kengoro_env.postures import RANGES_DEG
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.motors import Gains
-from kengoro_env.robot.nominal_model import ArmDrawing
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot, load_spec
-from kengoro_env.stepping.lift_monitor import LIFT_TIME, LiftMonitor, Thing
+from kengoro_env.stepping.lift_monitor import LIFT_TIME, LiftMonitor, TrackedObject
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def grasp(
     springs[first + 3 : first + 6] = turn
     data.qpos[first : first + 6] = [*(goal + away), *turn]
     mujoco.mj_forward(rig, data)
-    can = Thing(rig, "can")
+    can = TrackedObject(rig, "can")
     monitor = LiftMonitor(can.look(data), data.time)
     for step in range(round(4.4 / STEP)):
         time = step * STEP
@@ -218,7 +218,7 @@ def carried(body: str, tilt: float = 0.0, seconds: float = 1.5) -> LiftMonitor:
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
     data.time = 10.0
-    can = Thing(model, "can")
+    can = TrackedObject(model, "can")
     monitor = LiftMonitor(can.look(data), data.time)
     data.joint("can").qpos[2] += 0.05
     data.joint("can").qpos[3:] = pose
@@ -303,9 +303,9 @@ def test_the_drawn_arm_lifts_the_can(reach: Reach, place: tuple[float, float]) -
     robot.reset(before, np.random.default_rng(0))
     robot.data.joint("can").qpos[:2] = place
     mujoco.mj_forward(robot.model, robot.data)
-    thing = Thing(robot.model, "can")
+    thing = TrackedObject(robot.model, "can")
     monitor = LiftMonitor(thing.look(robot.data), robot.time)
-    drawing = ArmDrawing(SCENE)
+    drawing = NominalArm(SCENE)
     path = np.array([before, before, half, at, at, at, up, up])
     for time in np.arange(0.0, 7.5, robot.control_period):
         keys = [0.0, 1.0, 2.0, 3.0, 3.4, 4.2, 5.8, 7.5]

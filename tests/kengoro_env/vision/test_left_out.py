@@ -137,10 +137,10 @@ def test_what_is_drawn(
 def test_a_wire_beside_the_picture_is_not_drawn(drawn: list[tuple[int, bool]]) -> None:
     hidden = 'group="4"'
     sites = "".join(f'<site name="{i}" pos="{2 * i - 2} 0 0.5" {hidden}/>' for i in range(6))
-    wire = "".join(f'<site site="{i}"/>' for i in range(6))
+    tendon = "".join(f'<site site="{i}"/>' for i in range(6))
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{sites}<camera name='eye' {DOWN}/></worldbody>"
-        f"<tendon><spatial name='wire'>{wire}</spatial></tendon></mujoco>"
+        f"<tendon><spatial name='wire'>{tendon}</spatial></tendon></mujoco>"
     )
     painted(model, "eye")
     assert drawn[-2] == (2, False)  # of five parts, those that begin or end in the middle

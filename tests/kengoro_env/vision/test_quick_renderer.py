@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import WireStretch
+from kengoro_env.departures import TendonStretch
 from kengoro_env.robot.robot import Robot
 from kengoro_env.stepping.c_compiler import library
 from kengoro_env.vision import quick_renderer
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(library() is None, reason="there is no compiled 
 @pytest.mark.parametrize("stretches", [False, True])
 @pytest.mark.parametrize("scene", ["posture", "can_grasp", "elbow"])
 def test_a_robot_looks_the_same(scene: str, stretches: bool) -> None:
-    departures = (WireStretch(1e-5),) if stretches else ()
+    departures = (TendonStretch(1e-5),) if stretches else ()
     model = Robot(asset_path(f"mjcf/kengoro_arm/{scene}.xml"), departures).model
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     limited = model.jnt_limited.astype(bool)

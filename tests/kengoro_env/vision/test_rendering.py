@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import WireStretch
+from kengoro_env.departures import TendonStretch
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot
 from kengoro_env.vision import gl_backend, rendering
@@ -107,7 +107,7 @@ def test_what_a_user_chose_stays() -> None:
 
 def test_wound_up_wire_is_not_drawn() -> None:
     pictures = []
-    for departures in ((), (WireStretch(1e-5),)):
+    for departures in ((), (TendonStretch(1e-5),)):
         robot = Robot(SCENE, departures)
         robot.reset(posture_set()[0], np.random.default_rng(0))
         painter = Painter(robot.model)
@@ -132,10 +132,10 @@ def test_shadows_are_left_out() -> None:
     painter.close()
 
 
-def drawn_in_full(robot: Robot, camera: str, wires: bool = True) -> np.ndarray:
+def drawn_in_full(robot: Robot, camera: str, tendons: bool = True) -> np.ndarray:
     """What MuJoCo draws at our quality, without shadows and reflections."""
     renderer, shown = rendering.open_renderer(robot.model), mujoco.MjvOption()
-    shown.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = wires
+    shown.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = tendons
     renderer.update_scene(robot.data, camera, shown)
     for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
         renderer.scene.flags[flag] = False
@@ -153,14 +153,14 @@ def test_floor_and_wires_look_as_mujoco_draws_them(scene: str, camera: str) -> N
     picture = painter.draw(robot.data, camera)
     painter.close()
     full = drawn_in_full(robot, camera).astype(int)
-    boxes, without_wires = (
+    boxes, without_tendons = (
         np.abs(other - full).max(axis=2)
-        for other in (picture, drawn_in_full(robot, camera, wires=False))
+        for other in (picture, drawn_in_full(robot, camera, tendons=False))
     )
     # Wires alone differ, by their shading; without the floor half of the pixels would.
     assert np.mean(boxes > 10) < 0.01
     # They are where MuJoCo draws them.
-    assert np.mean(boxes > 60) < 0.5 * np.mean(without_wires > 60)
+    assert np.mean(boxes > 60) < 0.5 * np.mean(without_tendons > 60)
 
 
 SKY = """

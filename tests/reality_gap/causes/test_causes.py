@@ -15,7 +15,7 @@ from reality_gap.causes.backlash import played
 from reality_gap.causes.base import Cause, Effects, Record
 from reality_gap.causes.load_dependent_friction import total_bend
 from reality_gap.errors import StudyError, UnknownNameError
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import measured
@@ -52,7 +52,7 @@ IDS = (
     "camera_focal",
 )
 
-WIRES = ("biceps", "brachialis", "triceps")
+TENDONS = ("biceps", "brachialis", "triceps")
 
 SERVO = (
     '<general name="{0}" tendon="{0}" gainprm="20000" biastype="affine" biasprm="-20 -20000 0" '
@@ -90,10 +90,10 @@ ELBOW = f"""
     <spatial name="triceps" damping="150"><site site="triceps_0"/><geom geom="trochlea"
       sidesite="triceps_side"/><site site="triceps_1"/></spatial>
   </tendon>
-  <actuator>{"".join(SERVO.format(name) for name in WIRES)}</actuator>
+  <actuator>{"".join(SERVO.format(name) for name in TENDONS)}</actuator>
   <sensor>
-    {"".join(f'<tendonpos name="length_{name}" tendon="{name}"/>' for name in WIRES)}
-    {"".join(f'<actuatorfrc name="tension_{name}" actuator="{name}"/>' for name in WIRES)}
+    {"".join(f'<tendonpos name="length_{name}" tendon="{name}"/>' for name in TENDONS)}
+    {"".join(f'<actuatorfrc name="tension_{name}" actuator="{name}"/>' for name in TENDONS)}
     <framepos name="marker_position" objtype="site" objname="marker" reftype="camera"
               refname="eye"/>
     <camprojection name="pixel" camera="eye" site="marker"/>
@@ -196,31 +196,33 @@ def systems(tmp_path_factory: pytest.TempPathFactory) -> dict[str, System]:
     }
 
 
-def first_of_each_kind(system: System, mechanism: Cause) -> list[Suspect]:
+def first_of_each_kind(system: System, mechanism: Cause) -> list[Candidate]:
     """One suspect for each kind of place, note, and whether it is a group."""
-    found: dict[tuple[str, str, bool], Suspect] = {}
-    for place in mechanism.places(system):
-        key = (place.kind, place.note, len(place.elements) > 1)
-        found.setdefault(key, Suspect(mechanism, place, mechanism.parameters(system, place)))
+    found: dict[tuple[str, str, bool], Candidate] = {}
+    for location in mechanism.locations(system):
+        key = (location.kind, location.note, len(location.elements) > 1)
+        found.setdefault(
+            key, Candidate(mechanism, location, mechanism.parameters(system, location))
+        )
     return list(found.values())
 
 
-def towards_null(suspect: Suspect, share: float) -> dict[str, float]:
+def towards_null(candidate: Candidate, share: float) -> dict[str, float]:
     """A share of each parameter's scale; what has starts, as an event's time, stays at one."""
-    held = [p for p in suspect.parameters if p.starts]
-    values = {p.name: p.null + share * p.scale for p in suspect.parameters}
-    if len(held) < len(suspect.parameters):
+    held = [p for p in candidate.parameters if p.starts]
+    values = {p.name: p.null + share * p.scale for p in candidate.parameters}
+    if len(held) < len(candidate.parameters):
         values |= {p.name: p.starts[len(p.starts) // 2] for p in held}
     return values
 
 
-def predict(system: System, *parts: tuple[Suspect, dict[str, float]]) -> Array:
+def predict(system: System, *parts: tuple[Candidate, dict[str, float]]) -> Array:
     """The replay in units of the noise."""
     readings = measured(system.study)
     return replay(build(system, list(parts)), system.study, readings).prediction / readings.noise
 
 
-def records(system: System, *parts: tuple[Suspect, dict[str, float]]) -> tuple[Record, ...]:
+def records(system: System, *parts: tuple[Candidate, dict[str, float]]) -> tuple[Record, ...]:
     """What every physics step of the replay saw."""
     study = system.study
     return replay(build(system, list(parts)), study, measured(study)).records
@@ -237,7 +239,7 @@ def same(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
     return arrays and np.array_equal(one.opt.gravity, other.opt.gravity)
 
 
-def suspects_of(system: System, id: str) -> list[Suspect]:
+def candidates_of(system: System, id: str) -> list[Candidate]:
     return first_of_each_kind(system, CATALOGUE[id])
 
 
@@ -250,15 +252,15 @@ def test_the_catalogue_has_every_cause() -> None:
 def test_a_null_leaves_the_model_identical(systems: dict[str, System], id: str) -> None:
     for system in systems.values():
         null = system.study.spec().compile()
-        for suspect in suspects_of(system, id):
-            held = towards_null(suspect, 0.0)
+        for candidate in candidates_of(system, id):
+            held = towards_null(candidate, 0.0)
             spec, effects = system.study.spec(), Effects()
-            if suspect.cause.edit is not None:
-                suspect.cause.edit(spec, system, suspect.place, held)
-            assert same(spec.compile(), null), str(suspect)
-            plant = build(system, [(suspect, suspect.nulls())])
-            assert plant.effects == effects, str(suspect)
-            assert same(plant.spec.compile(), null), str(suspect)
+            if candidate.cause.edit is not None:
+                candidate.cause.edit(spec, system, candidate.location, held)
+            assert same(spec.compile(), null), str(candidate)
+            plant = build(system, [(candidate, candidate.nulls())])
+            assert plant.effects == effects, str(candidate)
+            assert same(plant.spec.compile(), null), str(candidate)
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -266,37 +268,37 @@ def test_towards_null_the_replay_converges(systems: dict[str, System], id: str) 
     system = systems["elbow"]
     null = predict(system)
     shown = 0.0
-    for suspect in suspects_of(system, id):
+    for candidate in candidates_of(system, id):
         far, near, nearer, none = (
-            float(np.sqrt(np.mean((predict(system, (suspect, values)) - null) ** 2)))
-            for values in (towards_null(suspect, share) for share in (1.0, 0.1, 0.01, 0.0))
+            float(np.sqrt(np.mean((predict(system, (candidate, values)) - null) ** 2)))
+            for values in (towards_null(candidate, share) for share in (1.0, 0.1, 0.01, 0.0))
         )
         shown = max(shown, far)
-        assert near < 0.55 * far + 1e-6, str(suspect)
-        assert nearer < 0.55 * near + 1e-6, str(suspect)
-        assert none < 1e-6, str(suspect)
+        assert near < 0.55 * far + 1e-6, str(candidate)
+        assert nearer < 0.55 * near + 1e-6, str(candidate)
+        assert none < 1e-6, str(candidate)
     assert shown > 0.05, f"{id} shows in nothing"
 
 
 @pytest.mark.parametrize("id", IDS)
 def test_parameters_are_sound(systems: dict[str, System], id: str) -> None:
     for system in systems.values():
-        for place in CATALOGUE[id].places(system):
-            parameters = CATALOGUE[id].parameters(system, place)
+        for location in CATALOGUE[id].locations(system):
+            parameters = CATALOGUE[id].parameters(system, location)
             assert len({p.name for p in parameters}) == len(parameters) > 0
             for p in parameters:
                 assert p.scale != 0
                 assert p.tolerance >= 0
-                assert p.low <= p.null <= p.high, f"{id} at {place}: {p}"
-                assert p.low <= p.null + p.scale <= p.high, f"{id} at {place}: {p}"
+                assert p.low <= p.null <= p.high, f"{id} at {location}: {p}"
+                assert p.low <= p.null + p.scale <= p.high, f"{id} at {location}: {p}"
                 assert all(p.low <= start <= p.high for start in p.starts)
 
 
 @pytest.mark.parametrize("id", ["backlash", "direction_dependent_friction", "force_scale"])
 def test_joints_with_a_servo_have_the_cause_too(systems: dict[str, System], id: str) -> None:
     system = systems["screw"]
-    suspect = suspects_of(system, id)[0]
-    change = predict(system, (suspect, towards_null(suspect, 1.0))) - predict(system)
+    candidate = candidates_of(system, id)[0]
+    change = predict(system, (candidate, towards_null(candidate, 1.0))) - predict(system)
     assert np.sqrt(np.mean(change**2)) > 0.05
 
 
@@ -313,14 +315,14 @@ def test_a_servo_obeys_its_law_on_what_its_encoder_reads(
     held = dataclasses.replace(first, command=np.tile(first.command[30], (len(first.time), 1)))
     system = look_at(dataclasses.replace(study, episodes=(held,)))
     names = [channel.name for channel in study.channels]
-    for suspect in suspects_of(system, id):
-        plant = build(system, [(suspect, towards_null(suspect, 1.0))])
+    for candidate in candidates_of(system, id):
+        plant = build(system, [(candidate, towards_null(candidate, 1.0))])
         found = replay(plant, system.study, measured(system.study)).prediction
         last = dict(zip(names, found.reshape(len(names), -1)[:, -1], strict=True))
-        for i, wire in enumerate(WIRES):
-            stretch = last[f"length_{wire}_0"] - held.command[0, i]
+        for i, tendon in enumerate(TENDONS):
+            stretch = last[f"length_{tendon}_0"] - held.command[0, i]
             law = np.clip(20 + 20000 * stretch, 20, 400)
-            assert -last[f"tension_{wire}_0"] == pytest.approx(law, abs=0.3), str(suspect)
+            assert -last[f"tension_{tendon}_0"] == pytest.approx(law, abs=0.3), str(candidate)
 
 
 @pytest.mark.parametrize(
@@ -329,19 +331,19 @@ def test_a_servo_obeys_its_law_on_what_its_encoder_reads(
 def test_no_episode_sees_what_a_hook_wrote_in_another(systems: dict[str, System], id: str) -> None:
     system = systems["elbow"]
     alone = look_at(dataclasses.replace(system.study, episodes=system.study.episodes[1:]))
-    for suspect in suspects_of(system, id):
-        values = towards_null(suspect, 1.0)
-        second = predict(alone, (suspect, values))
-        both = predict(system, (suspect, values))
-        assert both[-len(second) :] == pytest.approx(second, abs=1e-6), str(suspect)
+    for candidate in candidates_of(system, id):
+        values = towards_null(candidate, 1.0)
+        second = predict(alone, (candidate, values))
+        both = predict(system, (candidate, values))
+        assert both[-len(second) :] == pytest.approx(second, abs=1e-6), str(candidate)
 
 
 def test_a_delay_of_three_steps_is_the_commands_three_steps_later(
     systems: dict[str, System],
 ) -> None:
     system = systems["elbow"]
-    suspect = suspects_of(system, "delay")[1]
-    assert suspect.place.elements == WIRES
+    candidate = candidates_of(system, "delay")[1]
+    assert candidate.location.elements == TENDONS
     late = [
         dataclasses.replace(
             episode,
@@ -351,7 +353,7 @@ def test_a_delay_of_three_steps_is_the_commands_three_steps_later(
         for episode in system.study.episodes
     ]
     by_hand = look_at(dataclasses.replace(system.study, episodes=tuple(late)))
-    delayed = records(system, (suspect, {"delay": 0.006}))
+    delayed = records(system, (candidate, {"delay": 0.006}))
     for one, other in zip(delayed, records(by_hand), strict=True):
         rows = min(len(one.time), len(other.time)) - 5
         np.testing.assert_allclose(one.sensors[:rows], other.sensors[:rows], rtol=0, atol=1e-5)
@@ -359,25 +361,25 @@ def test_a_delay_of_three_steps_is_the_commands_three_steps_later(
 
 def test_a_delay_is_continuous_where_mujoco_takes_over(systems: dict[str, System]) -> None:
     system = systems["elbow"]
-    suspect = suspects_of(system, "delay")[0]
-    below, above = (predict(system, (suspect, {"delay": d})) for d in (0.00199999, 0.00200001))
+    candidate = candidates_of(system, "delay")[0]
+    below, above = (predict(system, (candidate, {"delay": d})) for d in (0.00199999, 0.00200001))
     assert below == pytest.approx(above, abs=0.01)
 
 
 def test_a_wire_that_gave_stays_longer_in_later_episodes(systems: dict[str, System]) -> None:
     system = systems["elbow"]
-    suspect = suspects_of(system, "wire_elongation")[0]
+    candidate = candidates_of(system, "wire_elongation")[0]
     values = {"elongation": 0.002, "time": 0.7}
-    change = np.abs(predict(system, (suspect, values)) - predict(system))
+    change = np.abs(predict(system, (candidate, values)) - predict(system))
     readings = measured(system.study)
     assert change[(readings.episode == 0) & (readings.time < 0.6)].max() < 0.01
     assert change[(readings.episode == 1) & (readings.time < 0.1)].max() > 1.0
 
 
 def test_the_effort_of_a_joint_may_have_a_constant_force(systems: dict[str, System]) -> None:
-    kinds = {place.kind for place in CATALOGUE["force_offset"].places(systems["effort"])}
+    kinds = {location.kind for location in CATALOGUE["force_offset"].locations(systems["effort"])}
     assert kinds == {"joint"}
-    kinds = {place.kind for place in CATALOGUE["force_offset"].places(systems["elbow"])}
+    kinds = {location.kind for location in CATALOGUE["force_offset"].locations(systems["elbow"])}
     assert kinds == {"actuator"}
 
 

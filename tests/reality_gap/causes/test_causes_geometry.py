@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from reality_gap.causes import cause
-from reality_gap.causes.base import Place, Record
-from reality_gap.simulation.hypothesis import Plant, Suspect, build
+from reality_gap.causes.base import Location, Record
+from reality_gap.simulation.hypothesis import Candidate, Plant, build
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, look_at
 
@@ -91,13 +91,15 @@ def robot(folder: Path, name: str) -> System:
     """A drawing of the arm with a length servo on every wire."""
     spec = mujoco.MjSpec.from_file(str(ASSETS / f"{name}.xml"))
     spec.compiler.texturedir = str(ASSETS / "textures")
-    for wire in spec.tendons:
-        servo = spec.add_actuator(name=wire.name, target=wire.name)
+    for tendon in spec.tendons:
+        servo = spec.add_actuator(name=tendon.name, target=tendon.name)
         servo.trntype = mujoco.mjtTrn.mjTRN_TENDON
         servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         servo.gainprm[0], servo.biasprm[:2] = 2e4, [-20.0, -2e4]
-        sensor = spec.add_sensor(name=f"length_{wire.name}", type=mujoco.mjtSensor.mjSENS_TENDONPOS)
-        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, wire.name
+        sensor = spec.add_sensor(
+            name=f"length_{tendon.name}", type=mujoco.mjtSensor.mjSENS_TENDONPOS
+        )
+        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, tendon.name
     spec.compile()
     path = folder / f"{name}.xml"
     path.write_text(spec.to_xml())
@@ -114,17 +116,17 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> System:
     return robot(tmp_path_factory.mktemp("arm"), "arm")
 
 
-def plant_with(system: System, id: str, place: Place, **values: float) -> Plant:
+def plant_with(system: System, id: str, location: Location, **values: float) -> Plant:
     """The machine with one cause, its other parameters null."""
-    suspect = Suspect(cause(id), place, cause(id).parameters(system, place))
-    unknown = set(values) - set(suspect.nulls())
+    candidate = Candidate(cause(id), location, cause(id).parameters(system, location))
+    unknown = set(values) - set(candidate.nulls())
     assert not unknown, unknown
-    return build(system, [(suspect, suspect.nulls() | values)])
+    return build(system, [(candidate, candidate.nulls() | values)])
 
 
-def only(system: System, id: str, note: str | None = None) -> Place:
+def only(system: System, id: str, note: str | None = None) -> Location:
     """The one place of a cause, with a note if given."""
-    (found,) = (p for p in cause(id).places(system) if note is None or p.note == note)
+    (found,) = (p for p in cause(id).locations(system) if note is None or p.note == note)
     return found
 
 
@@ -151,14 +153,14 @@ def read(plant: Plant, sensor: str, **joints: float) -> Array:
         qvel=data.qvel[None],
         model=model,
     )
-    for sense in plant.effects.senses:
+    for sense in plant.effects.readings:
         sense(record)
     start = record.column(sensor)
     return record.sensors[0, start : start + int(model.sensor(sensor).dim[0])]
 
 
 def test_a_shift_adds_to_the_numbers_of_the_file(crane: System) -> None:
-    plant = plant_with(crane, "attachment_shift", Place("site", ("hook_0",)), y=0.02)
+    plant = plant_with(crane, "attachment_shift", Location("site", ("hook_0",)), y=0.02)
     model = plant.spec.compile()
     assert plant.spec.site("hook_0").pos == pytest.approx([0.0, 0.12, 0.06])
     assert model.site("hook_0").pos - crane.model.site("hook_0").pos == pytest.approx([-0.02, 0, 0])
@@ -170,11 +172,11 @@ def test_a_shift_adds_to_the_numbers_of_the_file(crane: System) -> None:
 @pytest.mark.parametrize("angle", [-0.3, 0.0, 0.5])
 def test_a_servo_sees_what_its_encoder_reads(crane: System, angle: float) -> None:
     wrong = [
-        ("length_scale", Place("tendon", ("rope",)), {"scale": 0.1}),
-        ("joint_offset", Place("joint", ("luff",), "zero of its wires"), {"offset": 0.1}),
+        ("length_scale", Location("tendon", ("rope",)), {"scale": 0.1}),
+        ("joint_offset", Location("joint", ("luff",), "zero of its wires"), {"offset": 0.1}),
     ]
-    for id, place, values in wrong:
-        plant = plant_with(crane, id, place, **values)
+    for id, location, values in wrong:
+        plant = plant_with(crane, id, location, **values)
         excess = float(
             read(plant, "length", luff=angle)[0] - at(crane.model, luff=angle).ten_length[0]
         )
@@ -182,18 +184,20 @@ def test_a_servo_sees_what_its_encoder_reads(crane: System, angle: float) -> Non
         drawn = at(crane.model, luff=angle).actuator_force[0]
         assert seen - drawn == pytest.approx(-500 * -2 * excess, abs=1e-9)
         if id == "length_scale":
-            wire = crane.wire("rope")
-            travel = at(crane.model, luff=angle).ten_length[0] - wire.length0
+            tendon = crane.tendon("rope")
+            travel = at(crane.model, luff=angle).ten_length[0] - tendon.length0
             assert excess == pytest.approx(0.1 * travel)
 
 
 def test_wires_zeroed_at_a_wrong_angle_read_as_at_another(crane: System) -> None:
-    place = Place("joint", ("luff",), "zero of its wires")
-    plant = plant_with(crane, "joint_offset", place, offset=0.1)
+    location = Location("joint", ("luff",), "zero of its wires")
+    plant = plant_with(crane, "joint_offset", location, offset=0.1)
     short_of_zero = at(crane.model, luff=-0.1).ten_length[0]
-    assert read(plant, "length", luff=-0.1)[0] == pytest.approx(crane.wire("rope").length0)
-    assert read(plant, "length")[0] == pytest.approx(2 * crane.wire("rope").length0 - short_of_zero)
-    own = plant_with(crane, "joint_offset", Place("joint", ("luff",)), offset=0.1)
+    assert read(plant, "length", luff=-0.1)[0] == pytest.approx(crane.tendon("rope").length0)
+    assert read(plant, "length")[0] == pytest.approx(
+        2 * crane.tendon("rope").length0 - short_of_zero
+    )
+    own = plant_with(crane, "joint_offset", Location("joint", ("luff",)), offset=0.1)
     assert read(own, "angle", luff=0.2)[0] == pytest.approx(0.3)
 
 
@@ -201,17 +205,17 @@ def test_every_joint_is_each_joint_at_once(arm: System) -> None:
     every = only(arm, "joint_offset", "every joint")
     assert len(every.elements) == 14
     group = plant_with(arm, "joint_offset", every, elbow=0.1).spec.compile()
-    place = Place("joint", ("elbow",), "zero of its wires")
-    alone = plant_with(arm, "joint_offset", place, offset=0.1).spec.compile()
+    location = Location("joint", ("elbow",), "zero of its wires")
+    alone = plant_with(arm, "joint_offset", location, offset=0.1).spec.compile()
     assert np.array_equal(group.actuator_biasprm, alone.actuator_biasprm)
 
 
 def test_more_pull_is_positive_whatever_the_sensor(crane: System) -> None:
-    place = only(crane, "tension_offset")
-    drawn, offset = build(crane, []), plant_with(crane, "tension_offset", place, offset=5.0)
+    location = only(crane, "tension_offset")
+    drawn, offset = build(crane, []), plant_with(crane, "tension_offset", location, offset=5.0)
     assert read(offset, "own_force") - read(drawn, "own_force") == pytest.approx(5.0)
     assert read(offset, "rope_force") - read(drawn, "rope_force") == pytest.approx(-5.0)
-    scaled = plant_with(crane, "tension_scale", place, scale=0.5)
+    scaled = plant_with(crane, "tension_scale", location, scale=0.5)
     assert read(scaled, "rope_force") == pytest.approx(1.5 * read(drawn, "rope_force"))
 
 
@@ -222,7 +226,7 @@ def test_a_heavier_link_turns_about_the_same_centre(tmp_path: Path, compiler: st
     system = system_of(path)
     drawn = at(system.model)
     rigid = float(system.model.body("jib").mass[0] + system.model.body("tip").mass[0])
-    link = Place("body", ("jib",))
+    link = Location("body", ("jib",))
     model = plant_with(system, "link_mass", link, mass=0.3 * rigid).spec.compile()
     found = at(model)
     assert model.body("tassel").mass == pytest.approx(system.model.body("tassel").mass)
@@ -230,14 +234,14 @@ def test_a_heavier_link_turns_about_the_same_centre(tmp_path: Path, compiler: st
         assert model.body(name).mass == pytest.approx(1.3 * system.model.body(name).mass)
         assert model.body(name).inertia == pytest.approx(1.3 * system.model.body(name).inertia)
         assert found.body(name).xipos == pytest.approx(drawn.body(name).xipos)
-    moved = plant_with(system, "centre_of_mass", Place("body", ("jib",)), x=0.01).spec.compile()
+    moved = plant_with(system, "centre_of_mass", Location("body", ("jib",)), x=0.01).spec.compile()
     assert centre(at(moved), moved) - centre(drawn, system.model) == pytest.approx([0.01, 0, 0])
     assert moved.body_mass == pytest.approx(system.model.body_mass)
 
 
 def test_a_part_of_a_link_is_heavier_alone(elbow: System) -> None:
     model = plant_with(
-        elbow, "link_mass", Place("body", ("hand",), "alone"), mass=0.2
+        elbow, "link_mass", Location("body", ("hand",), "alone"), mass=0.2
     ).spec.compile()
     change = model.body_mass - elbow.model.body_mass
     assert change[model.body("hand").id] == pytest.approx(0.2)
@@ -252,27 +256,27 @@ def centre(data: mujoco.MjData, model: mujoco.MjModel) -> Array:
 
 
 def test_links_are_what_moves_as_one(crane: System, elbow: System, arm: System) -> None:
-    def places(id: str, system: System) -> list[str]:
-        return [str(p) for p in cause(id).places(system)]
+    def locations(id: str, system: System) -> list[str]:
+        return [str(p) for p in cause(id).locations(system)]
 
-    assert places("link_mass", crane) == ["jib", "jib (alone)", "tip (alone)", "tassel"]
-    assert places("link_mass", elbow) == [
+    assert locations("link_mass", crane) == ["jib", "jib (alone)", "tip (alone)", "tassel"]
+    assert locations("link_mass", elbow) == [
         "ulna",
         "ulna (alone)",
         "radius (alone)",
         "hand (alone)",
     ]
     whole = ["head", "clavicle", "scapula", "humerus", "ulna", "radius", "hand"]
-    assert places("centre_of_mass", arm) == whole
+    assert locations("centre_of_mass", arm) == whole
 
 
 def test_a_payload_hangs_in_the_hand(tmp_path: Path, crane: System, arm: System) -> None:
-    assert [str(p) for p in cause("payload").places(arm)] == [
+    assert [str(p) for p in cause("payload").locations(arm)] == [
         "head (at eye_site)",
         "hand (at grip)",
     ]
-    assert [str(p) for p in cause("payload").places(crane)] == ["tip (at lamp)"]
-    spec = plant_with(arm, "payload", Place("body", ("hand",), "at grip"), mass=0.5).spec
+    assert [str(p) for p in cause("payload").locations(crane)] == ["tip (at lamp)"]
+    spec = plant_with(arm, "payload", Location("body", ("hand",), "at grip"), mass=0.5).spec
     spec.compile()
     again = mujoco.MjModel.from_xml_string(spec.to_xml())
     data = at(again, elbow=0.5)
@@ -281,30 +285,30 @@ def test_a_payload_hangs_in_the_hand(tmp_path: Path, crane: System, arm: System)
 
 
 def test_a_tilt_turns_gravity_and_keeps_its_size(crane: System) -> None:
-    place = only(crane, "gravity_direction")
-    model = plant_with(crane, "gravity_direction", place, about_x=0.1).spec.compile()
+    location = only(crane, "gravity_direction")
+    model = plant_with(crane, "gravity_direction", location, about_x=0.1).spec.compile()
     assert model.opt.gravity == pytest.approx(9.81 * np.array([0, np.sin(0.1), -np.cos(0.1)]))
 
 
 def test_a_camera_that_moves_sees_the_opposite(crane: System) -> None:
     turn = np.array([0.0, 0.1, 0.05])
     values = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (0.01, 0.02, -0.03, *turn), strict=True))
-    plant = plant_with(crane, "camera_mounting", Place("camera", ("eye",)), **values)
+    plant = plant_with(crane, "camera_mounting", Location("camera", ("eye",)), **values)
     seen = read(build(crane, []), "lamp_seen", luff=0.2)
     expected = Rotation.from_rotvec(turn).inv().apply(seen - [0.01, 0.02, -0.03])
     assert read(plant, "lamp_seen", luff=0.2) == pytest.approx(expected)
-    focal = plant_with(crane, "camera_focal", Place("camera", ("eye",)), scale=0.1)
+    focal = plant_with(crane, "camera_focal", Location("camera", ("eye",)), scale=0.1)
     assert read(focal, "lamp_seen", luff=0.2) == pytest.approx(seen * [1, 1, 1.1])
 
 
 def test_a_marker_moves_in_its_own_axes(crane: System) -> None:
     drawn = at(crane.model, luff=0.2)
-    plant = plant_with(crane, "marker_offset", Place("site", ("lamp",)), z=0.01, rx=0.2)
+    plant = plant_with(crane, "marker_offset", Location("site", ("lamp",)), z=0.01, rx=0.2)
     moved = at(plant.spec.compile(), luff=0.2).site("lamp")
     axes = drawn.site("lamp").xmat.reshape(3, 3)
     assert moved.xpos == pytest.approx(drawn.site("lamp").xpos + 0.01 * axes[:, 2])
     turned = axes @ Rotation.from_rotvec([0.2, 0, 0]).as_matrix()
     assert moved.xmat.reshape(3, 3) == pytest.approx(turned)
-    tip = plant_with(crane, "marker_offset", Place("body", ("tip",)), x=0.01)
+    tip = plant_with(crane, "marker_offset", Location("body", ("tip",)), x=0.01)
     along = drawn.body("tip").xmat.reshape(3, 3)[:, 0]
     assert read(tip, "tip_seen", luff=0.2) == pytest.approx(drawn.body("tip").xpos + 0.01 * along)

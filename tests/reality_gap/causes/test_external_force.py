@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes.external_force import CAUSE, EACH
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import look_at
@@ -23,13 +23,13 @@ START, DURATION = 1.0, 0.5
 
 def moved(study: Study, note: str, start: float) -> list[Array]:
     """Times since their episode's begin [s] of the readings that a push changes, by episode."""
-    with Workbench(study, 1) as bench:
-        place = next(p for p in CAUSE.places(bench.system) if p.note == note)
-        push = Suspect(CAUSE, place, CAUSE.parameters(bench.system, place))
+    with Replayer(study, 1) as replayer:
+        location = next(p for p in CAUSE.locations(replayer.system) if p.note == note)
+        push = Candidate(CAUSE, location, CAUSE.parameters(replayer.system, location))
         values = {"x": 3.0, "y": 3.0, "z": 3.0, "start": start, "duration": DURATION}
-        null, pushed = bench.residuals([[], [(push, values)]])
+        null, pushed = replayer.residuals([[], [(push, values)]])
         changed = np.abs(pushed - null) > 1e-3
-        measured = bench.measured
+        measured = replayer.measured
         return [
             measured.time[changed & (measured.episode == e)] for e in range(len(study.episodes))
         ]
@@ -61,17 +61,17 @@ def test_a_push_at_the_end_of_an_episode_is_none_at_the_begin_of_the_next(
 def test_a_log_of_one_episode_knows_one_kind_only(lever_study: Study) -> None:
     short = replace(lever_study, episodes=lever_study.episodes[:1])
 
-    assert [p.note for p in CAUSE.places(look_at(short))] == [""]
+    assert [p.note for p in CAUSE.locations(look_at(short))] == [""]
 
 
 @pytest.mark.parametrize("note", ["", EACH])
 def test_a_push_by_the_clock_does_in_c_what_its_hook_does(lever_study: Study, note: str) -> None:
     system = look_at(lever_study)
-    place = next(p for p in CAUSE.places(system) if p.note == note)
+    location = next(p for p in CAUSE.locations(system) if p.note == note)
     values = {"x": 3.0, "y": -2.0, "z": 1.0, "start": START, "duration": DURATION}
-    push = Suspect(CAUSE, place, CAUSE.parameters(system, place))
+    push = Candidate(CAUSE, location, CAUSE.parameters(system, location))
 
-    def replayed(push: list[tuple[Suspect, dict[str, float]]], in_c: bool) -> Array:
+    def replayed(push: list[tuple[Candidate, dict[str, float]]], in_c: bool) -> Array:
         plant = build(system, push)
         hooks = plant.effects.hooks
         assert all(h.wrenches is not None for h in hooks)

@@ -9,24 +9,24 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
-from reality_gap.causes.base import Place
+from reality_gap.causes.base import Location
 from reality_gap.causes.support import lugre
 from reality_gap.simulation.episode import Task, compile_with_probes, simulate
-from reality_gap.simulation.hypothesis import Plant, Suspect, acts_beside, build
+from reality_gap.simulation.hypothesis import Candidate, Plant, acts_beside, build
 from reality_gap.study.system import System
-from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_WIRE, car, ramp
+from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_TENDON, car, ramp
 
 Array = NDArray[np.float64]
 
 
-def by_direction(system: System, place: Place) -> Plant:
+def by_direction(system: System, location: Location) -> Plant:
     """The car with friction of 6 N forward and 2 N backward, and none of its own."""
     cause = CATALOGUE["direction_dependent_friction"]
-    suspect = Suspect(cause, place, cause.parameters(system, place))
-    values = suspect.nulls() | {"forward": 6.0, "backward": 2.0}
+    candidate = Candidate(cause, location, cause.parameters(system, location))
+    values = candidate.nulls() | {"forward": 6.0, "backward": 2.0}
     if lugre.possible(system):
         values["presliding"] = BEND
-    plant = build(system, [(suspect, values)])
+    plant = build(system, [(candidate, values)])
     plant.spec.joint("rail").frictionloss -= 0.5
     return plant
 
@@ -37,13 +37,13 @@ def driven(plant: Plant, load: Array) -> Array:
     return simulate(model, Task(0.0, load[:, None], {}, 0.0), plant.effects.hooks).qpos[:, 0]
 
 
-@pytest.mark.parametrize("sensors", [(), ("sum_on_wire", "sum_on_rail")])
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+@pytest.mark.parametrize("sensors", [(), ("sum_on_tendon", "sum_on_rail")])
+@pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
 @pytest.mark.parametrize(("load", "left"), [(9.0, 3.0), (-5.0, -3.0)])
 def test_each_direction_has_its_friction(
-    tmp_path: Path, place: Place, sensors: tuple[str, ...], load: float, left: float
+    tmp_path: Path, location: Location, sensors: tuple[str, ...], load: float, left: float
 ) -> None:
-    plant = by_direction(car(tmp_path, *sensors), place)
+    plant = by_direction(car(tmp_path, *sensors), location)
     assert bool(plant.effects.hooks) is bool(sensors)  # else MuJoCo alone runs it
 
     found = driven(plant, np.full(1500, load))
@@ -51,13 +51,15 @@ def test_each_direction_has_its_friction(
     assert float(found[-1] - found[-2]) / 0.002 == pytest.approx(left / DAMPING, rel=0.02)
 
 
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
-def test_at_rest_it_holds_as_in_the_direction_that_it_came(tmp_path: Path, place: Place) -> None:
+@pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
+def test_at_rest_it_holds_as_in_the_direction_that_it_came(
+    tmp_path: Path, location: Location
+) -> None:
     """The car slides, and comes to rest under a load."""
     system = car(tmp_path)
 
     def position(*corners: float) -> Array:
-        return driven(by_direction(system, place), ramp(*corners))
+        return driven(by_direction(system, location), ramp(*corners))
 
     forward, backward = position(0.0, 9.0, 5.4, 5.4), position(0.0, -3.0, -1.8, -1.8)
     for found, slid in ((forward, 0.05), (backward, -0.02)):
@@ -66,13 +68,13 @@ def test_at_rest_it_holds_as_in_the_direction_that_it_came(tmp_path: Path, place
     assert np.ptp(position(0.0, -3.0, -2.4, -2.4)[-4000:]) > 0.02  # less than that, backward
 
 
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+@pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
 @pytest.mark.parametrize("load", [0.0, 2.0])
 def test_at_rest_half_the_difference_pushes_on_the_bristles(
-    tmp_path: Path, place: Place, load: float
+    tmp_path: Path, location: Location, load: float
 ) -> None:
     """6 N forward and 2 N backward are 4 N of bristles, and 2 N that push backward."""
-    found = driven(by_direction(car(tmp_path), place), ramp(2.0, load, load))
+    found = driven(by_direction(car(tmp_path), location), ramp(2.0, load, load))
 
     bent = BEND * np.log(1.0 - (2.0 - load) / 4.0)
     assert found[-1] == pytest.approx(bent, rel=0.05, abs=0.02 * BEND)
@@ -82,10 +84,10 @@ def test_on_a_wire_mujoco_alone_expresses_it(tmp_path: Path) -> None:
     cause = CATALOGUE["direction_dependent_friction"]
     system = car(tmp_path)
 
-    def beside(place: Place) -> bool:
-        suspect = Suspect(cause, place, cause.parameters(system, place))
-        values = {p.name: p.null + p.scale for p in suspect.parameters}
-        return acts_beside(system, suspect, values | {"backward": 0.0, "backward_viscous": 0.0})
+    def beside(location: Location) -> bool:
+        candidate = Candidate(cause, location, cause.parameters(system, location))
+        values = {p.name: p.null + p.scale for p in candidate.parameters}
+        return acts_beside(system, candidate, values | {"backward": 0.0, "backward_viscous": 0.0})
 
-    assert not beside(ON_WIRE)
+    assert not beside(ON_TENDON)
     assert beside(ON_RAIL)  # viscous friction by direction needs a hook

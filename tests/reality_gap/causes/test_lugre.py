@@ -9,22 +9,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Place
+from reality_gap.causes.base import Location
 from reality_gap.causes.support import lugre
 from reality_gap.study.system import System
-from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_WIRE, Kind, car, ramp
+from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_TENDON, Kind, car, ramp
 
 Array = NDArray[np.float64]
 
 LEVEL = 4.0
-ON_BOTH = Place("tendon", ("wire", "rope"))
+ON_BOTH = Location("tendon", ("tendon", "rope"))
 
 
-def braked(system: System, place: Place, level: float = LEVEL, bend: float = BEND) -> mujoco.MjSpec:
+def braked(
+    system: System, location: Location, level: float = LEVEL, bend: float = BEND
+) -> mujoco.MjSpec:
     """The car without friction of its own, with that of bristles."""
     spec = system.study.spec()
     spec.joint("rail").frictionloss = 0.0
-    lugre.brake(spec, system, "rub", place, level, bend)
+    lugre.brake(spec, system, "rub", location, level, bend)
     return spec
 
 
@@ -43,9 +45,9 @@ def law(load: Array | float) -> Array:
     return -BEND * np.log(1.0 - np.asarray(load) / LEVEL)
 
 
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
-def test_force_builds_up_over_the_presliding(tmp_path: Path, place: Place) -> None:
-    model = braked(car(tmp_path), place).compile()
+@pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
+def test_force_builds_up_over_the_presliding(tmp_path: Path, location: Location) -> None:
+    model = braked(car(tmp_path), location).compile()
     load = ramp(0.0, 0.9 * LEVEL)
 
     found = pull(model, load)
@@ -57,7 +59,7 @@ def test_force_builds_up_over_the_presliding(tmp_path: Path, place: Place) -> No
 def test_it_holds_below_its_level(tmp_path: Path) -> None:
     load = np.concatenate([ramp(0.0, 0.8 * LEVEL), np.full(4000, 0.8 * LEVEL)])
 
-    found = pull(braked(car(tmp_path), ON_WIRE).compile(), load)
+    found = pull(braked(car(tmp_path), ON_TENDON).compile(), load)
 
     assert found[-1] == pytest.approx(float(law(load[-1])), rel=0.1)
     assert abs(found[-1] - found[-2000]) < 0.02 * BEND  # no creep
@@ -65,7 +67,7 @@ def test_it_holds_below_its_level(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("bend", [3e-4, 3e-5, 3e-6])
 def test_what_nothing_else_damps_comes_to_rest(tmp_path: Path, bend: float) -> None:
-    model = braked(car(tmp_path, damping=0.0), ON_WIRE, bend=bend).compile()
+    model = braked(car(tmp_path, damping=0.0), ON_TENDON, bend=bend).compile()
 
     found = pull(model, ramp(0.0, 0.5 * LEVEL, 0.5 * LEVEL))
 
@@ -73,7 +75,7 @@ def test_what_nothing_else_damps_comes_to_rest(tmp_path: Path, bend: float) -> N
 
 
 def test_above_its_level_it_lets_go_and_takes_its_level(tmp_path: Path) -> None:
-    found = pull(braked(car(tmp_path), ON_WIRE).compile(), np.full(1500, 2.5 * LEVEL))
+    found = pull(braked(car(tmp_path), ON_TENDON).compile(), np.full(1500, 2.5 * LEVEL))
 
     speed = (found[-1] - found[-2]) / 0.002
     assert speed == pytest.approx(1.5 * LEVEL / DAMPING, rel=0.01)
@@ -83,7 +85,7 @@ def test_unloaded_the_bristles_spring_back_in_part(tmp_path: Path) -> None:
     """On the way back F starts from that on the way out, and falls as level (2 exp(x/bend) - 1)."""
     there, back = law(0.9 * LEVEL), np.log((1.0 + 0.9) / (1.0 + 0.0)) * BEND
 
-    found = pull(braked(car(tmp_path), ON_WIRE).compile(), ramp(0.0, 0.9 * LEVEL, 0.0))
+    found = pull(braked(car(tmp_path), ON_TENDON).compile(), ramp(0.0, 0.9 * LEVEL, 0.0))
 
     assert found[-1] == pytest.approx(float(there) - back, rel=0.05)
 
@@ -97,23 +99,23 @@ def test_every_element_of_a_place_has_its_own(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[-1], law(load[-1] / 2), rtol=0.05)
 
 
-@pytest.mark.parametrize("place", [ON_WIRE, ON_BOTH, ON_RAIL])
-def test_no_control_is_added(tmp_path: Path, place: Place) -> None:
+@pytest.mark.parametrize("location", [ON_TENDON, ON_BOTH, ON_RAIL])
+def test_no_control_is_added(tmp_path: Path, location: Location) -> None:
     system = car(tmp_path)
-    model = braked(system, place).compile()
+    model = braked(system, location).compile()
 
     assert model.nu == system.model.nu
-    assert model.nactuator == system.model.nactuator + len(place.elements)
+    assert model.nactuator == system.model.nactuator + len(location.elements)
 
 
 @pytest.mark.parametrize("mass", [0.02, 0.2, 2.0])
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
+@pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
 def test_on_what_is_light_the_bristles_are_no_stiffer_than_steps_allow(
-    tmp_path: Path, mass: float, place: Place
+    tmp_path: Path, mass: float, location: Location
 ) -> None:
     """An oscillation of angular frequency w is followed by steps h while (w h)^2 is far below 4."""
     system = car(tmp_path, mass=mass, damping=100.0 * mass)
-    model = braked(system, place, bend=1e-7).compile()
+    model = braked(system, location, bend=1e-7).compile()
 
     found = pull(model, ramp(0.0, 0.8 * LEVEL))
 
@@ -123,14 +125,14 @@ def test_on_what_is_light_the_bristles_are_no_stiffer_than_steps_allow(
 
 
 def test_on_what_is_heavy_the_bristles_are_as_stiff_as_asked(tmp_path: Path) -> None:
-    model = braked(car(tmp_path), ON_WIRE).compile()
+    model = braked(car(tmp_path), ON_TENDON).compile()
 
     assert model.actuator_dynprm[-1, lugre.STIFFNESS] == pytest.approx(LEVEL / BEND)
 
 
 @pytest.mark.parametrize(
     ("measured", "kind"),
-    [("sum_on_wire", "sensor"), ("sum_on_rail", "sensor"), ("rail", "effort")],
+    [("sum_on_tendon", "sensor"), ("sum_on_rail", "sensor"), ("rail", "effort")],
 )
 def test_where_forces_are_summed_up_it_is_frictionloss(
     tmp_path: Path, measured: str, kind: Kind
@@ -151,11 +153,11 @@ def test_a_sensor_that_is_not_measured_does_not_matter(tmp_path: Path) -> None:
     assert lugre.possible(car(tmp_path))
 
 
-@pytest.mark.parametrize("sensors", [(), ("sum_on_wire",)])
+@pytest.mark.parametrize("sensors", [(), ("sum_on_tendon",)])
 def test_frictionloss_holds_and_lets_go_at_the_same_level(
     tmp_path: Path, sensors: tuple[str, ...]
 ) -> None:
-    model = braked(car(tmp_path, *sensors), ON_WIRE).compile()
+    model = braked(car(tmp_path, *sensors), ON_TENDON).compile()
 
     below, above = (pull(model, np.full(1500, share * LEVEL)) for share in (0.6, 1.6))
 
@@ -164,18 +166,18 @@ def test_frictionloss_holds_and_lets_go_at_the_same_level(
     assert speed == pytest.approx(0.6 * LEVEL / DAMPING, rel=0.02)
 
 
-@pytest.mark.parametrize("place", [ON_WIRE, ON_BOTH, ON_RAIL])
-@pytest.mark.parametrize("sensors", [(), ("sum_on_wire",)])
+@pytest.mark.parametrize("location", [ON_TENDON, ON_BOTH, ON_RAIL])
+@pytest.mark.parametrize("sensors", [(), ("sum_on_tendon",)])
 def test_pressed_harder_it_holds_more(
-    tmp_path: Path, sensors: tuple[str, ...], place: Place
+    tmp_path: Path, sensors: tuple[str, ...], location: Location
 ) -> None:
     system = car(tmp_path, *sensors)
-    count = len(place.elements)
+    count = len(location.elements)
 
     def speed(factor: float, share: float) -> float:
         """After 3 s under a share of the level that all elements have unpressed [m/s]."""
-        model = braked(system, place).compile()
-        brakes = lugre.Brakes(model, system, "rub", place)
+        model = braked(system, location).compile()
+        brakes = lugre.Brakes(model, system, "rub", location)
         brakes.press(LEVEL, 7.0)  # what counts is the latest
         brakes.press(LEVEL, factor)
         found = pull(model, np.full(1500, share * count * LEVEL))
@@ -198,9 +200,9 @@ def test_elements_are_pressed_each_by_itself(tmp_path: Path) -> None:
     np.testing.assert_allclose(pull(model, load)[-1], law(load[-1] / 2.5), rtol=0.05)
 
 
-@pytest.mark.parametrize("place", [ON_WIRE, ON_RAIL])
-def test_the_usual_presliding_is_its_null(tmp_path: Path, place: Place) -> None:
-    found = lugre.bend(car(tmp_path), place)
+@pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
+def test_the_usual_presliding_is_its_null(tmp_path: Path, location: Location) -> None:
+    found = lugre.bend(car(tmp_path), location)
 
     assert found.low < found.null < found.high
     assert found.unit == "m"  # the rail is straight

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from reality_gap.causes import cause
-from reality_gap.causes.base import Place
+from reality_gap.causes.base import Location
 from reality_gap.causes.support import obstacles, tendon_paths
-from reality_gap.simulation.hypothesis import Plant, Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, Plant, build
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, look_at
 
@@ -72,13 +72,15 @@ def robot(folder: Path, name: str) -> System:
     """A drawing of the arm with a length servo on every wire."""
     spec = mujoco.MjSpec.from_file(str(ASSETS / f"{name}.xml"))
     spec.compiler.texturedir = str(ASSETS / "textures")
-    for wire in spec.tendons:
-        servo = spec.add_actuator(name=wire.name, target=wire.name)
+    for tendon in spec.tendons:
+        servo = spec.add_actuator(name=tendon.name, target=tendon.name)
         servo.trntype = mujoco.mjtTrn.mjTRN_TENDON
         servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         servo.gainprm[0], servo.biasprm[:2] = 2e4, [-20.0, -2e4]
-        sensor = spec.add_sensor(name=f"length_{wire.name}", type=mujoco.mjtSensor.mjSENS_TENDONPOS)
-        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, wire.name
+        sensor = spec.add_sensor(
+            name=f"length_{tendon.name}", type=mujoco.mjtSensor.mjSENS_TENDONPOS
+        )
+        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, tendon.name
     spec.compile()
     path = folder / f"{name}.xml"
     path.write_text(spec.to_xml())
@@ -95,12 +97,12 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> System:
     return robot(tmp_path_factory.mktemp("arm"), "arm")
 
 
-def plant_with(system: System, id: str, place: Place, **values: float) -> Plant:
+def plant_with(system: System, id: str, location: Location, **values: float) -> Plant:
     """The machine with one cause, its other parameters null."""
-    suspect = Suspect(cause(id), place, cause(id).parameters(system, place))
-    unknown = set(values) - set(suspect.nulls())
+    candidate = Candidate(cause(id), location, cause(id).parameters(system, location))
+    unknown = set(values) - set(candidate.nulls())
     assert not unknown, unknown
-    return build(system, [(suspect, suspect.nulls() | values)])
+    return build(system, [(candidate, candidate.nulls() | values)])
 
 
 def at(model: mujoco.MjModel, **joints: float) -> mujoco.MjData:
@@ -114,14 +116,14 @@ def at(model: mujoco.MjModel, **joints: float) -> mujoco.MjData:
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_a_wrap_lifts_the_wire_and_never_snaps(elbow: System, share: float) -> None:
-    places = cause("missing_wrapping").places(elbow)
-    assert {place.elements[0] for place in places} == {"biceps", "brachialis", "triceps"}
-    for place, it in zip(places, obstacles.obstacles(elbow), strict=True):
+    locations = cause("missing_wrapping").locations(elbow)
+    assert {location.elements[0] for location in locations} == {"biceps", "brachialis", "triceps"}
+    for location, it in zip(locations, obstacles.obstacles(elbow), strict=True):
         radius = it.touching + share * (it.largest - it.touching) + 1e-6
-        model = plant_with(elbow, "missing_wrapping", place, radius=radius).spec.compile()
+        model = plant_with(elbow, "missing_wrapping", location, radius=radius).spec.compile()
         angles = np.linspace(0.0, np.deg2rad(120), 150)
         straight, laid = (
-            np.array([at(m, elbow=q).tendon(place.elements[0]).length[0] for q in angles])
+            np.array([at(m, elbow=q).tendon(location.elements[0]).length[0] for q in angles])
             for m in (elbow.model, model)
         )
         assert np.all(laid > straight - 1e-12)
@@ -132,10 +134,10 @@ def test_a_wrap_lifts_the_wire_and_never_snaps(elbow: System, share: float) -> N
 def test_wraps_of_the_whole_arm_compile_together_and_keep_its_names(arm: System) -> None:
     wrapping = cause("missing_wrapping")
     parts = []
-    for place in wrapping.places(arm):
-        suspect = Suspect(wrapping, place, wrapping.parameters(arm, place))
-        parts.append((suspect, {p.name: p.null + p.scale for p in suspect.parameters}))
-    assert {part[0].place.elements[0] for part in parts} >= {"pec_major", "biceps", "ecr"}
+    for location in wrapping.locations(arm):
+        candidate = Candidate(wrapping, location, wrapping.parameters(arm, location))
+        parts.append((candidate, {p.name: p.null + p.scale for p in candidate.parameters}))
+    assert {part[0].location.elements[0] for part in parts} >= {"pec_major", "biceps", "ecr"}
     model = build(arm, parts).spec.compile()
     for i in range(model.nu):
         assert model.tendon(int(model.actuator_trnid[i, 0])).name == model.actuator(i).name
@@ -174,10 +176,10 @@ def test_what_a_wire_passes_on_either_side_is_no_obstacle(arm: System) -> None:
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_a_wrapped_wire_is_two_tangents_and_an_arc(crane: System, share: float) -> None:
-    place = Place("tendon", ("rope",), "from hook_0 to hook_1 over joint luff")
-    (parameter,) = cause("missing_wrapping").parameters(crane, place)
+    location = Location("tendon", ("rope",), "from hook_0 to hook_1 over joint luff")
+    (parameter,) = cause("missing_wrapping").parameters(crane, location)
     radius = parameter.low + share * (parameter.high - parameter.low)
-    model = plant_with(crane, "missing_wrapping", place, radius=radius).spec.compile()
+    model = plant_with(crane, "missing_wrapping", location, radius=radius).spec.compile()
     start, end = np.array([-0.1, 0.06]), np.array([0.2, 0.03])
     far = np.linalg.norm([start, end], axis=1)
     opening = np.arctan2(start[1], start[0]) - np.arctan2(end[1], end[0])

@@ -10,16 +10,16 @@ import pytest
 
 from reality_gap import Options, Verdict, diagnose, load_study
 from reality_gap.causes import CATALOGUE, coulomb_friction
-from reality_gap.causes.base import Place
+from reality_gap.causes.base import Location
 from reality_gap.report.html import page
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import look_at
 
-WIRES = ("flexor", "extensor")
+TENDONS = ("flexor", "extensor")
 USUAL = 100.0 * coulomb_friction.USUAL
 """Of motors that pull with 400 N [N]."""
 
@@ -28,18 +28,18 @@ def rubbing(study: Study, **friction: float) -> Hypothesis:
     """Dry friction of wires [N]."""
     cause, system = CATALOGUE["coulomb_friction"], look_at(study)
     parts = []
-    for wire, size in friction.items():
-        place = Place("tendon", (wire,))
-        suspect = Suspect(cause, place, cause.parameters(system, place))
-        parts.append((suspect, suspect.nulls() | {"friction": size}))
+    for tendon, size in friction.items():
+        location = Location("tendon", (tendon,))
+        candidate = Candidate(cause, location, cause.parameters(system, location))
+        parts.append((candidate, candidate.nulls() | {"friction": size}))
     return parts
 
 
 def drawn(study: Study, **friction: float) -> Study:
     """The study with friction in its drawing [N]."""
     spec = study.spec()
-    for wire, size in friction.items():
-        spec.tendon(wire).frictionloss = size
+    for tendon, size in friction.items():
+        spec.tendon(tendon).frictionloss = size
     path = study.model.with_name("drawn.xml")
     path.write_text(spec.to_xml(), encoding="utf-8")
     return replace(study, model=path)
@@ -47,8 +47,8 @@ def drawn(study: Study, **friction: float) -> Study:
 
 def residual(study: Study, parts: Hypothesis = ()) -> np.ndarray:
     """Of the workbench (n,), in units of noise, without the time step's error taken out."""
-    with Workbench(study) as bench:
-        return bench.residual(parts) + bench.drift / bench.measured.noise
+    with Replayer(study) as replayer:
+        return replayer.residual(parts) + replayer.drift / replayer.measured.noise
 
 
 def by_hand(study: Study, parts: Hypothesis) -> np.ndarray:
@@ -66,8 +66,8 @@ def test_what_is_usual_goes_with_what_a_motor_can_pull(lever_study: Study) -> No
     path.write_text(spec.to_xml(), encoding="utf-8")
     weak = replace(lever_study, model=path)
 
-    with Workbench(weak) as bench:
-        found = {s.place.elements[0]: values["friction"] for s, values in bench.usual}
+    with Replayer(weak) as replayer:
+        found = {s.location.elements[0]: values["friction"] for s, values in replayer.usual}
 
     assert found == pytest.approx({"flexor": USUAL / 40.0, "extensor": USUAL})
 
@@ -80,7 +80,8 @@ def test_every_replay_has_the_usual_friction(lever_study: Study) -> None:
 
 
 @pytest.mark.parametrize(
-    ("friction", "left"), [({"flexor": 0.4}, {"extensor": USUAL}), (dict.fromkeys(WIRES, 0.4), {})]
+    ("friction", "left"),
+    [({"flexor": 0.4}, {"extensor": USUAL}), (dict.fromkeys(TENDONS, 0.4), {})],
 )
 def test_where_friction_is_drawn_none_is_usual(
     lever_study: Study, friction: dict[str, float], left: dict[str, float]
@@ -117,9 +118,9 @@ def test_a_value_is_on_top_of_what_is_usual(lever_study: Study) -> None:
 
 
 def test_other_studies_are_foreseen_with_it(lever_study: Study) -> None:
-    with Workbench(lever_study) as bench:
-        [found] = bench.predictions(lever_study, [[]])
-        expected = bench.look([]).prediction / bench.measured.noise
+    with Replayer(lever_study) as replayer:
+        [found] = replayer.predictions(lever_study, [[]])
+        expected = replayer.look([]).prediction / replayer.measured.noise
 
     np.testing.assert_allclose(found, expected)
 
@@ -140,6 +141,6 @@ def test_an_extended_model_has_it_beside_what_was_built_in(cause: str, study_fol
 
     built = cause == "tension_scale"
     assert found.verdict is (Verdict.NAMED if built else Verdict.NOTHING_WRONG)
-    for wire in WIRES:
-        assert (f"coulomb_friction/usual/{wire}" in found.extended_xml) is built
+    for tendon in TENDONS:
+        assert (f"coulomb_friction/usual/{tendon}" in found.extended_xml) is built
     assert ("it is in all replays" in page(found, study)) is built

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Parameter, Place, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.forward_selection import Search, Settings, revise, search
 from reality_gap.inference.gauss_newton import Fit, fit
-from reality_gap.inference.likelihood import ruler
+from reality_gap.inference.likelihood import noise_model
 from reality_gap.inference.refinement import try_next
 from reality_gap.inference.screening import screen
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import CHOOSE, split
 from reality_gap.study.system import System
@@ -43,7 +43,7 @@ def proportional(size: float) -> float:
     return size
 
 
-def suspect(
+def candidate(
     id: str,
     shape: Array,
     where: str = "rail",
@@ -51,35 +51,35 @@ def suspect(
     low: float = -100.0,
     sticky: bool = False,
     afar: tuple[float, ...] = (),
-) -> Suspect:
+) -> Candidate:
     """A cause that adds ``answer(size)`` times a shape (n,) to what the sensor reads."""
 
-    def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    def attach(effects: Effects, system: System, location: Location, values: Values) -> None:
         def sense(record: Record) -> None:
             column = record.column("position")
             record.sensors[:, column] += answer(values["size"]) * np.interp(
                 record.time, TIME, shape
             )
 
-        effects.senses.append(sense)
+        effects.readings.append(sense)
 
     cause = Cause(id, "", "", lambda s: (), lambda s, p: (), None, attach, sticky=sticky)
     size = Parameter("size", "1", 1.0, 0, low, 100.0, afar=afar)
-    return Suspect(cause, Place("joint", (where,)), (size,))
+    return Candidate(cause, Location("joint", (where,)), (size,))
 
 
-def formed(usual: float) -> Suspect:
+def formed(usual: float) -> Candidate:
     """A cause of the first of `SHAPES` and ``form``, as a rule ``usual``, times the second."""
 
-    def attach(effects: Effects, system: System, place: Place, values: Values) -> None:
+    def attach(effects: Effects, system: System, location: Location, values: Values) -> None:
         def sense(record: Record) -> None:
             shape = SHAPES[:, 0] + values["form"] * SHAPES[:, 1]
             error = values["size"] * np.interp(record.time, TIME, shape)
             record.sensors[:, record.column("position")] += error
 
-        effects.senses.append(sense)
+        effects.readings.append(sense)
 
-    plain = suspect("formed", SHAPES[:, 0])
+    plain = candidate("formed", SHAPES[:, 0])
     form = Parameter("form", "1", 1.0, 0, -100.0, 100.0, null=usual, idle=True)
     cause = replace(plain.cause, attach=attach)
     return replace(plain, cause=cause, parameters=(*plain.parameters, form))
@@ -94,35 +94,35 @@ class Case:
         chosen: whom to suspect.
     """
 
-    def __init__(self, folder: Path, error: Array, chosen: Sequence[Suspect]) -> None:
+    def __init__(self, folder: Path, error: Array, chosen: Sequence[Candidate]) -> None:
         path = folder / "still.xml"
         path.write_text(STILL)
         value = error + np.random.default_rng(1).standard_normal(len(TIME))
         channel = Channel("position", "position", unit="m", noise=1.0)
         episode = Episode("only", np.zeros(1), np.zeros((1, 0)), (Reading(TIME, value),))
-        self.bench = Workbench(Study("still", path, (channel,), (episode,)))
-        self.null = self.bench.residual([])
+        self.replayer = Replayer(Study("still", path, (channel,), (episode,)))
+        self.null = self.replayer.residual([])
         self.tolerances = np.zeros((len(TIME), 0))
-        self.found = screen(self.bench, chosen, [], self.null)
-        self.rule = ruler(self.bench.measured, self.null, self.tolerances)
+        self.found = screen(self.replayer, chosen, [], self.null)
+        self.rule = noise_model(self.replayer.measured, self.null, self.tolerances)
 
     def next(self, base: Fit | None = None, refits: int = 8) -> tuple[Fit, ...]:
-        return try_next(self.bench, self.found, self.rule, base, refits)
+        return try_next(self.replayer, self.found, self.rule, base, refits)
 
     def search(self, settings: Settings | None = None) -> Search:
         chosen = Settings() if settings is None else settings
-        found = search(self.bench, self.found, self.null, self.tolerances, chosen)
-        return revise(self.bench, found, chosen)
+        found = search(self.replayer, self.found, self.null, self.tolerances, chosen)
+        return revise(self.replayer, found, chosen)
 
-    def fit(self, *chosen: Suspect) -> Fit:
+    def fit(self, *chosen: Candidate) -> Fit:
         """From the null, with differences."""
         start = [(one, one.nulls()) for one in chosen]
-        return fit(self.bench, start, self.rule.learn, self.null)
+        return fit(self.replayer, start, self.rule.learn, self.null)
 
     @property
     def learned(self) -> NDArray[np.bool_]:
         """(n,) which readings are not kept for the report."""
-        return split(self.bench.measured) <= CHOOSE
+        return split(self.replayer.measured) <= CHOOSE
 
 
 def log_ratio(residual: Array, columns: Array) -> float:
@@ -133,13 +133,13 @@ def log_ratio(residual: Array, columns: Array) -> float:
 
 
 def ids(fitted: Fit | None) -> list[str]:
-    return sorted(one.cause.id for one in fitted.suspects) if fitted else []
+    return sorted(one.cause.id for one in fitted.candidates) if fitted else []
 
 
 def size_of(fitted: Fit, id: str) -> float:
     return next(values["size"] for one, values in fitted.hypothesis if one.cause.id == id)
 
 
-def crowd(count: int = 4) -> list[Suspect]:
+def crowd(count: int = 4) -> list[Candidate]:
     """Suspects a, b, c, ... each with a shape of its own."""
-    return [suspect("abcdef"[i], SHAPES[:, i]) for i in range(count)]
+    return [candidate("abcdef"[i], SHAPES[:, i]) for i in range(count)]

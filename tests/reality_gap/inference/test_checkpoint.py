@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import cause
-from reality_gap.inference.checkpoint import KEY, Columns, Shelf, digest, forget
-from reality_gap.inference.screening import PART, Sensitivity, screen, suspects
-from reality_gap.simulation.hypothesis import Suspect
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.inference.checkpoint import KEY, Checkpoint, Columns, digest, forget
+from reality_gap.inference.screening import PART, Sensitivity, candidates, screen
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.system import look_at
 
@@ -25,13 +25,15 @@ class InterruptionError(Exception):
     """In place of whoever presses Ctrl-C."""
 
 
-def chosen(study: Study) -> tuple[Suspect, ...]:
+def chosen(study: Study) -> tuple[Candidate, ...]:
     """Some suspects, several times: more than are looked at before a note is made."""
-    found = suspects(look_at(study), [cause(id) for id in IDS])
+    found = candidates(look_at(study), [cause(id) for id in IDS])
     return found * (2 * PART // len(found) + 1)
 
 
-def look(study: Study, shelf: Shelf, most: int = 10**6) -> tuple[tuple[Sensitivity, ...], int]:
+def look(
+    study: Study, checkpoint: Checkpoint, most: int = 10**6
+) -> tuple[tuple[Sensitivity, ...], int]:
     """All sensitivities, and how many replays that took; interrupted after ``most``."""
     count = 0
 
@@ -41,9 +43,9 @@ def look(study: Study, shelf: Shelf, most: int = 10**6) -> tuple[tuple[Sensitivi
         if count > most:
             raise InterruptionError
 
-    bench = Workbench(study, tick=tick)
-    null = bench.residual([])
-    found = screen(bench, chosen(study), [], null, shelf)
+    replayer = Replayer(study, tick=tick)
+    null = replayer.residual([])
+    found = screen(replayer, chosen(study), [], null, checkpoint)
     return found, count
 
 
@@ -58,23 +60,23 @@ def never() -> Columns:
 def test_after_an_interruption_it_goes_on_with_the_same_bits(
     lever_study: Study, tmp_path: Path
 ) -> None:
-    undisturbed, all_replays = look(lever_study, Shelf(None, ""))
+    undisturbed, all_replays = look(lever_study, Checkpoint(None, ""))
     key = digest(lever_study, chosen(lever_study))
     with pytest.raises(InterruptionError):
-        look(lever_study, Shelf(tmp_path / "work", key), most=all_replays * 2 // 3)
+        look(lever_study, Checkpoint(tmp_path / "work", key), most=all_replays * 2 // 3)
 
-    found, replays = look(lever_study, Shelf(tmp_path / "work", key))
+    found, replays = look(lever_study, Checkpoint(tmp_path / "work", key))
 
     assert replays < all_replays * 2 // 3
     for one, other in zip(undisturbed, found, strict=True):
-        assert one.suspect == other.suspect
+        assert one.candidate == other.candidate
         np.testing.assert_array_equal(one.columns, other.columns)
 
 
 def test_what_was_kept_is_found_again(tmp_path: Path) -> None:
-    Shelf(tmp_path / "work", "k").get(3, made(5.0))
+    Checkpoint(tmp_path / "work", "k").get(3, made(5.0))
 
-    found = Shelf(tmp_path / "work", "k").get(3, never)
+    found = Checkpoint(tmp_path / "work", "k").get(3, never)
 
     np.testing.assert_array_equal(found[0], np.full((2, 1), 5.0))
     assert [columns.shape for columns in found] == [(2, 1), (2, 3)]
@@ -82,9 +84,9 @@ def test_what_was_kept_is_found_again(tmp_path: Path) -> None:
 
 
 def test_of_another_study_nothing_is_taken(tmp_path: Path) -> None:
-    Shelf(tmp_path / "work", "one").get(0, made(1.0))
+    Checkpoint(tmp_path / "work", "one").get(0, made(1.0))
 
-    found = Shelf(tmp_path / "work", "other").get(0, made(2.0))
+    found = Checkpoint(tmp_path / "work", "other").get(0, made(2.0))
 
     assert found[0][0, 0] == 2.0
 
@@ -92,25 +94,25 @@ def test_of_another_study_nothing_is_taken(tmp_path: Path) -> None:
 @pytest.mark.parametrize("spoil", [b"", b"PK\x03\x04 not really", b"\x80\x04pickled"])
 def test_what_cannot_be_read_is_made_anew(tmp_path: Path, spoil: bytes) -> None:
     folder = tmp_path / "work"
-    Shelf(folder, "k").get(0, made(1.0))
+    Checkpoint(folder, "k").get(0, made(1.0))
     next(folder.glob("*.npz")).write_bytes(spoil)
 
-    assert Shelf(folder, "k").get(0, made(2.0))[0][0, 0] == 2.0
-    assert Shelf(folder, "k").get(0, never)[0][0, 0] == 2.0
+    assert Checkpoint(folder, "k").get(0, made(2.0))[0][0, 0] == 2.0
+    assert Checkpoint(folder, "k").get(0, never)[0][0, 0] == 2.0
 
 
 def test_half_written_files_are_not_taken(tmp_path: Path) -> None:
     folder = tmp_path / "work"
-    Shelf(folder, "k").get(0, made(1.0))
+    Checkpoint(folder, "k").get(0, made(1.0))
     whole = next(folder.glob("*.npz")).read_bytes()
     next(folder.glob("*.npz")).write_bytes(whole[: len(whole) // 2])
 
-    assert Shelf(folder, "k").get(0, made(2.0))[0][0, 0] == 2.0
+    assert Checkpoint(folder, "k").get(0, made(2.0))[0][0, 0] == 2.0
 
 
 def test_forgetting_leaves_what_is_somebody_else_s(tmp_path: Path) -> None:
     for name in ("own", "shared"):
-        Shelf(tmp_path / name, "k").get(0, made(1.0))
+        Checkpoint(tmp_path / name, "k").get(0, made(1.0))
     (tmp_path / "shared" / "thesis.txt").write_text("mine")
 
     for name in ("own", "shared", "missing"):
@@ -123,7 +125,7 @@ def test_forgetting_leaves_what_is_somebody_else_s(tmp_path: Path) -> None:
 def test_without_a_folder_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
-    assert Shelf(None, "k").get(0, made(1.0))[0][0, 0] == 1.0
+    assert Checkpoint(None, "k").get(0, made(1.0))[0][0, 0] == 1.0
     assert list(tmp_path.iterdir()) == []
 
 
@@ -153,15 +155,15 @@ def _lighter(study: Study) -> Path:
 
 
 def test_the_key_file_says_whose_it_is(tmp_path: Path) -> None:
-    Shelf(tmp_path / "work", "k").get(0, made(1.0))
+    Checkpoint(tmp_path / "work", "k").get(0, made(1.0))
 
     assert (tmp_path / "work" / KEY).read_text() == "k"
 
 
 def test_whatever_is_broken_is_made_anew(tmp_path: Path) -> None:
-    shelf, path = Shelf(tmp_path / "work", "k"), tmp_path / "work" / "00000.npz"
-    shelf.get(0, made(1.0))
+    checkpoint, path = Checkpoint(tmp_path / "work", "k"), tmp_path / "work" / "00000.npz"
+    checkpoint.get(0, made(1.0))
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("arr_0.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': (      \n")
 
-    assert shelf.get(0, made(2.0))[0][0] == 2.0
+    assert checkpoint.get(0, made(2.0))[0][0] == 2.0

@@ -21,12 +21,12 @@ from tests.reality_gap.inference.imperfect_models import (
     SHAPES,
     TIME,
     Case,
+    candidate,
     crowd,
     formed,
     ids,
     log_ratio,
     size_of,
-    suspect,
 )
 
 
@@ -68,13 +68,13 @@ def test_a_cause_that_the_full_fit_prices_below_the_threshold_is_not_accepted(
 
 
 def test_who_is_close_to_the_best_is_fitted_as_fully(tmp_path: Path) -> None:
-    simple = suspect("simple", SHAPES[:, 0] + 0.05 * SHAPES[:, 1])
+    simple = candidate("simple", SHAPES[:, 0] + 0.05 * SHAPES[:, 1])
     case = Case(tmp_path, 2.0 * (SHAPES[:, 0] + 0.15 * SHAPES[:, 1]), [simple, formed(0.0)])
     assert [ids(quick) for quick in case.next()] == [["simple"], ["formed"]]
 
     first = case.search().steps[0]
 
-    assert [ids(rival) for rival in first.tried] == [["formed"], ["simple"]]
+    assert [ids(fitted_candidate) for fitted_candidate in first.tried] == [["formed"], ["simple"]]
     assert first.tried[0].hypothesis[0][1]["form"] == pytest.approx(0.15, abs=0.05)
 
 
@@ -116,7 +116,7 @@ def test_what_adds_little_to_much_is_not_accepted(
 def test_a_second_cause_does_not_hide_itself_by_wandering(tmp_path: Path) -> None:
     """Without it the remainder wanders, and its readings count for next to nothing."""
     slow = np.sqrt(0.2) * np.sin(0.5 * np.pi * TIME)
-    chosen = [*crowd(2), suspect("slow", slow)]
+    chosen = [*crowd(2), candidate("slow", slow)]
     case = Case(tmp_path, 1.5 * SHAPES[:, 0] + slow, chosen)
     alone = case.fit(chosen[0])
     without = case.rule.where_wanders(alone.residual)
@@ -130,7 +130,7 @@ def test_a_second_cause_does_not_hide_itself_by_wandering(tmp_path: Path) -> Non
 def test_what_the_others_made_needless_is_dropped(tmp_path: Path) -> None:
     """Alone, a mixture explains most; beside both that it imitates it explains nothing."""
     b, c, mixed = SHAPES[:, 1], SHAPES[:, 2], SHAPES[:, 1] + SHAPES[:, 2] + 0.9 * SHAPES[:, 3]
-    chosen = [suspect("b", b), suspect("c", c), suspect("mixture", mixed)]
+    chosen = [candidate("b", b), candidate("c", c), candidate("mixture", mixed)]
     case = Case(tmp_path, 2.0 * (b + c), chosen)
 
     found = case.search()
@@ -143,7 +143,7 @@ def test_what_the_others_made_needless_is_dropped(tmp_path: Path) -> None:
 def test_a_likelier_one_takes_the_place_of_an_earlier_cause(tmp_path: Path) -> None:
     """The mixture explains most alone; beside one of both that it imitates, the other does."""
     b, c, mixed = SHAPES[:, 1], SHAPES[:, 2], SHAPES[:, 1] + SHAPES[:, 2] + 0.9 * SHAPES[:, 3]
-    chosen = [suspect("b", b), suspect("c", c), suspect("mixture", mixed)]
+    chosen = [candidate("b", b), candidate("c", c), candidate("mixture", mixed)]
     case = Case(tmp_path, 2.0 * (b + c), chosen)
 
     found = case.search(Settings(most=2))
@@ -161,26 +161,26 @@ def test_who_does_nearly_the_same_is_declared(
 ) -> None:
     """A twin of which 0.1 % differs costs 0.2 nats of the 200 that the truth explains."""
     other = likeness * SHAPES[:, 0] + np.sqrt(1 - likeness**2) * SHAPES[:, 1]
-    chosen = [suspect("truth", 0.99 * SHAPES[:, 0]), suspect("twin", other)]
+    chosen = [candidate("truth", 0.99 * SHAPES[:, 0]), candidate("twin", other)]
     case = Case(tmp_path, 0.9 * SHAPES[:, 0], chosen)
 
-    [named] = alternatives(case.bench, case.search(), Settings())
+    [named] = alternatives(case.replayer, case.search(), Settings())
 
     assert named.confidence[0] >= 0.5
-    assert {named.suspect.cause.id, *(s.cause.id for s in named.equivalent)} >= {"truth"}
-    others = {"truth", "twin"} - {named.suspect.cause.id}
+    assert {named.candidate.cause.id, *(s.cause.id for s in named.equivalent)} >= {"truth"}
+    others = {"truth", "twin"} - {named.candidate.cause.id}
     assert sorted(s.cause.id for s in named.equivalent) == sorted(others if expected else [])
 
 
 def test_a_cause_has_for_its_own_what_the_others_cannot_explain(tmp_path: Path) -> None:
-    chosen = [suspect("weak", SHAPES[:, 0]), suspect("strong", SHAPES[:, 1])]
+    chosen = [candidate("weak", SHAPES[:, 0]), candidate("strong", SHAPES[:, 1])]
     case = Case(tmp_path, 0.5 * SHAPES[:, 0] + 2.0 * SHAPES[:, 1], chosen)
     found = case.search()
     assert found.best is not None
 
-    named = {a.suspect.cause.id: a.own for a in alternatives(case.bench, found, Settings())}
+    named = {a.candidate.cause.id: a.own for a in alternatives(case.replayer, found, Settings())}
 
-    alone = {one.cause.id: again(found.ruler, case.fit(one)).evidence for one in chosen}
+    alone = {one.cause.id: again(found.noise_model, case.fit(one)).evidence for one in chosen}
     assert named["weak"] == pytest.approx(found.best.evidence - alone["strong"], abs=0.5)
     assert named["strong"] == pytest.approx(found.best.evidence - alone["weak"], abs=0.5)
     assert named["strong"] > 5 * named["weak"]
@@ -191,10 +191,10 @@ def test_the_likely_is_not_declared_if_it_predicts_something_else(tmp_path: Path
     elsewhere = SHAPES[:, 0].copy()
     case = Case(tmp_path, 0.9 * SHAPES[:, 0], [])
     elsewhere[~case.learned] = 50.0
-    chosen = [suspect("truth", SHAPES[:, 0]), suspect("wild", elsewhere)]
+    chosen = [candidate("truth", SHAPES[:, 0]), candidate("wild", elsewhere)]
     case = Case(tmp_path, 0.9 * SHAPES[:, 0], chosen)
 
-    [named] = alternatives(case.bench, case.search(), Settings())
+    [named] = alternatives(case.replayer, case.search(), Settings())
 
     assert named.confidence.min() > 0.3
     assert named.equivalent == ()
@@ -232,7 +232,7 @@ def test_readings_count_less_where_the_remainder_wanders(tmp_path: Path) -> None
 @pytest.mark.parametrize("size", [0.0, 0.5])
 def test_what_was_fitted_is_judged_by_the_readings_held_out(tmp_path: Path, size: float) -> None:
     case = Case(tmp_path, size * SHAPES[:, 0], crowd(1))
-    role = split(case.bench.measured)
+    role = split(case.replayer.measured)
     at, out = role == FIT, role == CHOOSE
     column = SHAPES[:, 0]
 

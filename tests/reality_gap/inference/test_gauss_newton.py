@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from reality_gap.inference.gauss_newton import Asking, together
-from reality_gap.simulation.replayer import Hypothesis, Workbench
+from reality_gap.simulation.replayer import Hypothesis, Replayer
 
 
 class Bench:
@@ -35,19 +35,19 @@ def asking(name: str, *rounds: list[int]) -> Asking[str]:
 
 
 def test_each_gets_its_own_answers_and_what_is_asked_next_is_replayed_at_once() -> None:
-    bench = Bench()
+    replayer = Bench()
 
     found = together(
-        cast(Workbench, bench),
+        cast(Replayer, replayer),
         [asking("one", [1], [2, 3]), asking("none"), asking("two", [4, 5], [6], [7])],
     )
 
     assert found == ["one", "none", "two"]
-    assert [[len(h) for h in batch] for batch in bench.batches] == [[1, 4, 5], [2, 3, 6], [7]]
+    assert [[len(h) for h in batch] for batch in replayer.batches] == [[1, 4, 5], [2, 3, 6], [7]]
 
 
 def test_nothing_is_replayed_for_nobody() -> None:
-    bench = Bench()
+    replayer = Bench()
 
-    assert together(cast(Workbench, bench), []) == []
-    assert bench.batches == []
+    assert together(cast(Replayer, replayer), []) == []
+    assert replayer.batches == []

@@ -14,8 +14,8 @@ from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.gauss_newton import Fit, to_theta
 from reality_gap.inference.motions import PERIOD, SECONDS
 from reality_gap.inference.next_experiment import Apart, distances, halves, next_experiment
-from reality_gap.inference.screening import screen, suspects
-from reality_gap.simulation.replayer import Workbench
+from reality_gap.inference.screening import candidates, screen
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 
 Array = NDArray[np.float64]
@@ -41,25 +41,27 @@ def test_an_experiment_has_to_promise_half_the_doubt(
     assert halves(np.array(chances), np.array(evidence)) is expected
 
 
-def one_rival(bench: Workbench, null: Array, id: str, values: dict[str, float]) -> Alternatives:
+def one_candidate(
+    replayer: Replayer, null: Array, id: str, values: dict[str, float]
+) -> Alternatives:
     """A cause at the flexor by itself, which may as well not be there."""
-    everyone = suspects(bench.system, [cause(id)])
-    [suspect] = (s for s in everyone if s.place.elements == ("flexor",))
-    parts = [(suspect, values)]
+    everyone = candidates(replayer.system, [cause(id)])
+    [candidate] = (s for s in everyone if s.location.elements == ("flexor",))
+    parts = [(candidate, values)]
     slopes = np.zeros((len(null), len(values)))
-    fitted = Fit(parts, bench.residual(parts), slopes, to_theta(parts), 6.0)
-    return Alternatives(suspect, None, (fitted,), np.array([0.6]), np.array([6.0]), 6.0, ())
+    fitted = Fit(parts, replayer.residual(parts), slopes, to_theta(parts), 6.0)
+    return Alternatives(candidate, None, (fitted,), np.array([0.6]), np.array([6.0]), 6.0, ())
 
 
 def advised(
-    study: Study, id: str, values: dict[str, float], nameless: float = 0.0
+    study: Study, id: str, values: dict[str, float], unmodelled: float = 0.0
 ) -> Experiment | None:
     """Where nothing but the zeros of tension sensors may be off."""
-    with Workbench(study) as bench:
-        null = bench.residual([])
-        found = screen(bench, suspects(bench.system, [cause("tension_offset")]), [], null)
-        rivals = [one_rival(bench, null, id, values)]
-        return next_experiment(bench, rivals, found, null, nameless)
+    with Replayer(study) as replayer:
+        null = replayer.residual([])
+        found = screen(replayer, candidates(replayer.system, [cause("tension_offset")]), [], null)
+        fitted_candidates = [one_candidate(replayer, null, id, values)]
+        return next_experiment(replayer, fitted_candidates, found, null, unmodelled)
 
 
 def test_that_there_is_nobody_is_a_rival_too(lever_study: Study) -> None:
@@ -73,21 +75,21 @@ def test_that_there_is_nobody_is_a_rival_too(lever_study: Study) -> None:
 
 def test_whether_there_is_a_name_is_not_worth_an_experiment(lever_study: Study) -> None:
     values = {"friction": 3.0, "presliding": 1e-5}
-    assert advised(lever_study, "coulomb_friction", values, nameless=0.4) is None
+    assert advised(lever_study, "coulomb_friction", values, unmodelled=0.4) is None
 
 
 def test_rivals_that_are_not_replayed_count(lever_study: Study) -> None:
     values = {"friction": 3.0, "presliding": 1e-5}
-    with Workbench(lever_study) as bench:
-        null = bench.residual([])
-        one = one_rival(bench, null, "coulomb_friction", values)
-        weak = suspects(bench.system, [cause("viscous_friction"), cause("force_offset")])[:5]
+    with Replayer(lever_study) as replayer:
+        null = replayer.residual([])
+        one = one_candidate(replayer, null, "coulomb_friction", values)
+        weak = candidates(replayer.system, [cause("viscous_friction"), cause("force_offset")])[:5]
         slopes = np.zeros((len(null), 1))
         others = [Fit([(s, s.nulls())], null, slopes, np.zeros(1), 0.0) for s in weak]
         confidence = np.array([0.4] + [0.12] * 5)
-        rivals = replace(one, tried=(*one.tried, *others), confidence=confidence)
+        fitted_candidates = replace(one, tried=(*one.tried, *others), confidence=confidence)
 
-        assert next_experiment(bench, [rivals], [], null) is not None
+        assert next_experiment(replayer, [fitted_candidates], [], null) is not None
 
 
 def test_what_can_hardly_be_felt_is_not_worth_an_experiment(lever_study: Study) -> None:

@@ -16,16 +16,16 @@ from reality_gap.inference.groups import find_groups, noise_at_rest, positions_a
 from reality_gap.inference.static_fit import ROUNDS, Settled, fit_at_rest
 from reality_gap.report.extended_model import load_extended
 from reality_gap.report.files import write_diagnosis
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
-from reality_gap.simulation.replayer import Part, Workbench
+from reality_gap.simulation.replayer import Part, Replayer
 from reality_gap.simulation.statics import Statics
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import channel_noise, measured
 from reality_gap.study.static_poses import Moments, find_moments
 from reality_gap.study.system import System, look_at
 
-WIRES = ("front", "back", "upper", "lower")
+TENDONS = ("front", "back", "upper", "lower")
 ARM = """
 <mujoco>
   <option timestep="0.004" integrator="implicitfast"/>
@@ -61,9 +61,9 @@ PERIOD = 0.02
 ZERO = {"shoulder": 0.12, "elbow": -0.09}
 
 
-def _model(wires: tuple[str, ...]) -> str:
+def _model(tendons: tuple[str, ...]) -> str:
     parts = [("tendons", TENDON), ("actuators", MOTOR), ("sensors", SENSORS)]
-    return ARM.format(**{name: "".join(p.format(w=w) for w in wires) for name, p in parts})
+    return ARM.format(**{name: "".join(p.format(w=w) for w in tendons) for name, p in parts})
 
 
 def _commands(model: mujoco.MjModel, hold: float) -> np.ndarray:
@@ -83,12 +83,12 @@ def _commands(model: mujoco.MjModel, hold: float) -> np.ndarray:
 def _study(folder: Path, hold: float = 1.2) -> Study:
     """Not measured yet: all readings are zero."""
     path = folder / "arm.xml"
-    path.write_text(_model(WIRES))
+    path.write_text(_model(TENDONS))
     model = mujoco.MjModel.from_xml_path(str(path))
     command = _commands(model, hold)
     time = PERIOD * np.arange(len(command), dtype=np.float64)
-    channels = [Channel(f"length_{w}", f"length_{w}", 0, "m", 1e-4) for w in WIRES]
-    channels += [Channel(f"tension_{w}", f"tension_{w}", 0, "N", 0.5) for w in WIRES]
+    channels = [Channel(f"length_{w}", f"length_{w}", 0, "m", 1e-4) for w in TENDONS]
+    channels += [Channel(f"tension_{w}", f"tension_{w}", 0, "N", 0.5) for w in TENDONS]
     channels += [Channel(f"tip_{a}", "tip", i, "m", 2e-4) for i, a in enumerate("xyz")]
     readings = tuple(Reading(time, np.zeros(len(time))) for _ in channels)
     return Study(
@@ -96,9 +96,9 @@ def _study(folder: Path, hold: float = 1.2) -> Study:
     )
 
 
-def _group(system: System, name: str) -> Suspect:
-    place = next(p for p in cause(name).places(system) if p.note.startswith("every"))
-    return Suspect(cause(name), place, cause(name).parameters(system, place))
+def _group(system: System, name: str) -> Candidate:
+    location = next(p for p in cause(name).locations(system) if p.note.startswith("every"))
+    return Candidate(cause(name), location, cause(name).parameters(system, location))
 
 
 def _planted(system: System) -> list[Part]:
@@ -125,34 +125,34 @@ def _measure(study: Study, planted: bool = True) -> Study:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Workbench:
+def replayer(tmp_path_factory: pytest.TempPathFactory) -> Replayer:
     """Of an arm that differs from its model by two groups of causes."""
-    return Workbench(_measure(_study(tmp_path_factory.mktemp("arm"))))
+    return Replayer(_measure(_study(tmp_path_factory.mktemp("arm"))))
 
 
-def _suspects(system: System) -> list[Part]:
+def _candidates(system: System) -> list[Part]:
     groups = (_group(system, "joint_offset"), _group(system, "attachment_shift"))
     return [(group, group.nulls()) for group in groups]
 
 
-def _fit(bench: Workbench, moments: Moments, start: list[Part] | None = None) -> Settled:
-    system, statics = bench.system, Statics(bench.system, moments)
-    qpos = positions_at(moments, bench.look([]))
+def _fit(replayer: Replayer, moments: Moments, start: list[Part] | None = None) -> Settled:
+    system, statics = replayer.system, Statics(replayer.system, moments)
+    qpos = positions_at(moments, replayer.look([]))
     noise = noise_at_rest(system, statics, channel_noise(system.study), qpos)
-    return fit_at_rest(system, statics, start or _suspects(system), qpos, noise)
+    return fit_at_rest(system, statics, start or _candidates(system), qpos, noise)
 
 
 @pytest.fixture(scope="module")
-def found(bench: Workbench) -> Settled:
+def found(replayer: Replayer) -> Settled:
     """Both groups, fitted."""
-    return _fit(bench, find_moments(bench.system.study))
+    return _fit(replayer, find_moments(replayer.system.study))
 
 
-def test_bristles_hold_nothing_at_rest(bench: Workbench) -> None:
+def test_bristles_hold_nothing_at_rest(replayer: Replayer) -> None:
     """Friction has actuators without input, which an extended model has, too."""
-    moments = find_moments(bench.system.study)
-    statics, qpos = Statics(bench.system, moments), positions_at(moments, bench.look([]))
-    smooth, rubbing = build(bench.system, []), bench.machine([])
+    moments = find_moments(replayer.system.study)
+    statics, qpos = Statics(replayer.system, moments), positions_at(moments, replayer.look([]))
+    smooth, rubbing = build(replayer.system, []), replayer.machine([])
     assert rubbing.spec.compile().nactuator > smooth.spec.compile().nactuator
     with_friction = statics.look(rubbing, qpos)
     for name, expected in vars(statics.look(smooth, qpos)).items():
@@ -167,11 +167,11 @@ def test_finds_the_zero_of_each_joint(found: Settled) -> None:
         assert sizes[joint] < 0.05
 
 
-def test_finds_the_paths_of_the_wires(bench: Workbench, found: Settled) -> None:
+def test_finds_the_paths_of_the_wires(replayer: Replayer, found: Settled) -> None:
     """Not three numbers a site: what counts is how lengths change from posture to posture."""
 
     def lengths(parts: list[Part]) -> np.ndarray:
-        model = build(bench.system, parts).spec.compile()
+        model = build(replayer.system, parts).spec.compile()
         data, rows = mujoco.MjData(model), []
         for posture in np.random.default_rng(0).uniform(-0.4, 0.4, (30, 2)):
             data.qpos[:] = posture
@@ -179,27 +179,27 @@ def test_finds_the_paths_of_the_wires(bench: Workbench, found: Settled) -> None:
             rows.append(data.ten_length.copy())
         return np.array(rows) - np.mean(rows, axis=0)
 
-    truth = lengths(_planted(bench.system))
+    truth = lengths(_planted(replayer.system))
     assert np.std(lengths(found.hypothesis) - truth) < 0.5 * np.std(lengths([]) - truth)
 
 
-def test_finds_where_joints_stood(bench: Workbench, found: Settled) -> None:
-    moments = find_moments(bench.system.study)
-    truth = positions_at(moments, bench.look(_planted(bench.system)))
-    before = positions_at(moments, bench.look([]))
+def test_finds_where_joints_stood(replayer: Replayer, found: Settled) -> None:
+    moments = find_moments(replayer.system.study)
+    truth = positions_at(moments, replayer.look(_planted(replayer.system)))
+    before = positions_at(moments, replayer.look([]))
     assert np.std(found.qpos - truth) < 0.2 * np.std(before - truth)
 
 
-def test_a_parameter_at_its_bound_does_not_stop_the_others(bench: Workbench) -> None:
+def test_a_parameter_at_its_bound_does_not_stop_the_others(replayer: Replayer) -> None:
     """Sites are allowed a sixth of what they are off: the best fit within that is one."""
-    moments, (zero, (shift, _)) = find_moments(bench.system.study), _suspects(bench.system)
+    moments, (zero, (shift, _)) = find_moments(replayer.system.study), _candidates(replayer.system)
     narrow = tuple(replace(p, low=-0.001, high=0.001) for p in shift.parameters)
     shift = replace(shift, parameters=narrow)
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, len(narrow)))
     ends = []
     for row in signs:
         start = {p.name: 0.001 * sign for p, sign in zip(narrow, row, strict=True)}
-        found = _fit(bench, moments, [zero, (shift, start)])
+        found = _fit(replayer, moments, [zero, (shift, start)])
         assert len(found.cost) < ROUNDS
         ends.append(found.cost[-1])
     assert ends[0] == pytest.approx(ends[1], rel=1e-5)
@@ -210,51 +210,51 @@ def test_the_cost_falls(found: Settled) -> None:
     assert found.cost[-1] < 0.05 * found.cost[0]
 
 
-def test_the_whole_log_is_explained(bench: Workbench) -> None:
+def test_the_whole_log_is_explained(replayer: Replayer) -> None:
     told: list[str] = []
-    null = bench.residual([])
-    whole = explain(bench, list(CATALOGUE.values()), null, 5.0, told.append)
+    null = replayer.residual([])
+    whole = explain(replayer, list(CATALOGUE.values()), null, 5.0, told.append)
     assert whole is not None
-    assert whole.power < 0.1 * power(bench.measured, null)
-    named = {c.suspect.cause.id: c for c in whole.named}
+    assert whole.power < 0.1 * power(replayer.measured, null)
+    named = {c.candidate.cause.id: c for c in whole.named}
     assert named["joint_offset"].confidence > 0.9
-    assert named["joint_offset"].suspect.place.elements == ("shoulder", "elbow")
+    assert named["joint_offset"].candidate.location.elements == ("shoulder", "elbow")
     low, high = (getattr(named["joint_offset"].parameters["shoulder"], e) for e in ("low", "high"))
     assert low < ZERO["shoulder"] < high
-    assert len(named["length_offset"].parameters) == len(WIRES)
+    assert len(named["length_offset"].parameters) == len(TENDONS)
     assert told
 
 
 def test_groups_survive_their_files(
-    bench: Workbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    replayer: Replayer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What a diagnosis of groups wrote replays as what was diagnosed."""
     monkeypatch.setattr("reality_gap.report.files.write_report", lambda *_: None)
-    null, study = bench.residual([]), bench.system.study
-    whole = explain(bench, list(CATALOGUE.values()), null, 5.0)
+    null, study = replayer.residual([]), replayer.system.study
+    whole = explain(replayer, list(CATALOGUE.values()), null, 5.0)
     assert whole is not None
-    write_diagnosis(of_groups(bench, whole, null, 0.0), study, tmp_path / "out")
+    write_diagnosis(of_groups(replayer, whole, null, 0.0), study, tmp_path / "out")
 
     replayed = load_extended(tmp_path / "out").replay(study).prediction
 
-    expected = bench.look(whole.hypothesis).prediction
-    assert np.max(np.abs(replayed - expected) / bench.measured.noise) < 0.2
-    without = bench.look([]).prediction
-    assert np.max(np.abs(without - expected) / bench.measured.noise) > 20.0
+    expected = replayer.look(whole.hypothesis).prediction
+    assert np.max(np.abs(replayed - expected) / replayer.measured.noise) < 0.2
+    without = replayer.look([]).prediction
+    assert np.max(np.abs(without - expected) / replayer.measured.noise) > 20.0
 
 
-def test_a_small_gap_is_left_to_the_search(bench: Workbench) -> None:
-    small = np.full(len(bench.measured.value), 4.0)
-    assert explain(bench, list(CATALOGUE.values()), small, 5.0) is None
+def test_a_small_gap_is_left_to_the_search(replayer: Replayer) -> None:
+    small = np.full(len(replayer.measured.value), 4.0)
+    assert explain(replayer, list(CATALOGUE.values()), small, 5.0) is None
 
 
 def test_no_fit_without_rests(tmp_path: Path) -> None:
-    bench = Workbench(_measure(_study(tmp_path, hold=0.3)))
-    null = bench.residual([])
-    assert power(bench.measured, null) > 25
-    assert explain(bench, list(CATALOGUE.values()), null, 5.0) is None
+    replayer = Replayer(_measure(_study(tmp_path, hold=0.3)))
+    null = replayer.residual([])
+    assert power(replayer.measured, null) > 25
+    assert explain(replayer, list(CATALOGUE.values()), null, 5.0) is None
 
 
-def test_a_machine_with_few_parts_has_no_groups(bench: Workbench) -> None:
-    assert len(find_groups(bench.system, list(CATALOGUE.values()))) == 4
-    assert find_groups(bench.system, [cause("joint_offset"), cause("length_offset")]) == ()
+def test_a_machine_with_few_parts_has_no_groups(replayer: Replayer) -> None:
+    assert len(find_groups(replayer.system, list(CATALOGUE.values()))) == 4
+    assert find_groups(replayer.system, [cause("joint_offset"), cause("length_offset")]) == ()

@@ -12,11 +12,11 @@ from reality_gap.inference.whitening import inflation, tolerated, whitening
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Drawing = tuple[Array, Array, Mask]
+NominalModel = tuple[Array, Array, Mask]
 
 
 @st.composite
-def drawings(draw: st.DrawFn) -> Drawing:
+def drawings(draw: st.DrawFn) -> NominalModel:
     """Tolerances (n, p), readings that count as one (n,), and which are in use (n,)."""
     rng = np.random.default_rng(draw(st.integers(0, 2**31)))
     n, p = draw(st.integers(4, 20)), draw(st.integers(1, 6))
@@ -32,7 +32,7 @@ def covariance(tolerances: Array, spread: Array) -> Array:
 
 
 @given(drawings())
-def test_what_is_whitened_has_unit_covariance(drawing: Drawing) -> None:
+def test_what_is_whitened_has_unit_covariance(drawing: NominalModel) -> None:
     tolerances, spread, use = drawing
     white = whitening(tolerances, spread, use)
 
@@ -45,7 +45,9 @@ def test_what_is_whitened_has_unit_covariance(drawing: Drawing) -> None:
 
 
 @given(drawings(), st.integers(0, 2**31))
-def test_the_square_of_a_residual_is_that_under_the_covariance(drawing: Drawing, seed: int) -> None:
+def test_the_square_of_a_residual_is_that_under_the_covariance(
+    drawing: NominalModel, seed: int
+) -> None:
     tolerances, spread, use = drawing
     residual = np.random.default_rng(seed).standard_normal(len(use))
 
@@ -120,7 +122,7 @@ def test_what_alternates_or_is_short_or_constant_counts_in_full() -> None:
 
 
 @given(drawings(), st.integers(0, 2**31))
-def test_what_tolerances_made_is_the_posterior_mean(drawing: Drawing, seed: int) -> None:
+def test_what_tolerances_made_is_the_posterior_mean(drawing: NominalModel, seed: int) -> None:
     """E[N s | r in use], s and noise normal: N N'[:, use] C[use, use]^-1 r[use]."""
     tolerances, spread, use = drawing
     residual = np.random.default_rng(seed).standard_normal(len(use))

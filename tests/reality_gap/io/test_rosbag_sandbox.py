@@ -7,27 +7,27 @@ from pathlib import Path
 import pytest
 
 from mjcf_sandbox import sandbox
-from mjcf_sandbox.errors import FenceError
+from mjcf_sandbox.errors import SandboxError
 from reality_gap.errors import StudyError
-from reality_gap.io.rosbag_sandbox import unpack_behind_fence
+from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
 
 
 def test_a_file_that_is_no_bag(tmp_path: Path) -> None:
     bag = tmp_path / "run.bag"
     bag.write_bytes(b"#ROSBAG V2.0\n" + b"\xff" * 100)
     with pytest.raises(StudyError, match=r"^run.bag is no bag that can be read: "):
-        unpack_behind_fence(bag, tmp_path / "out")
+        unpack_in_sandbox(bag, tmp_path / "out")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.bag"]
 
 
 def test_a_bag_that_crashes_its_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def crash(*arguments: object) -> None:
-        raise FenceError("crashes its reader (SIGSEGV)")
+        raise SandboxError("crashes its reader (SIGSEGV)")
 
     monkeypatch.setattr(sandbox, "run", crash)
     (tmp_path / "run.mcap").write_bytes(b"")
     with pytest.raises(StudyError, match=r"^run.mcap crashes its reader \(SIGSEGV\)$"):
-        unpack_behind_fence(tmp_path / "run.mcap", tmp_path / "out")
+        unpack_in_sandbox(tmp_path / "run.mcap", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -36,9 +36,9 @@ def test_a_bag_whose_files_lie_elsewhere(tmp_path: Path) -> None:
     (tmp_path / "secret.db3").write_bytes(b"")
     (tmp_path / "run" / "run.db3").symlink_to("../secret.db3")
     with pytest.raises(StudyError, match=r"^run holds a link to .*secret.db3; copy the file there"):
-        unpack_behind_fence(tmp_path / "run", tmp_path / "out")
+        unpack_in_sandbox(tmp_path / "run", tmp_path / "out")
 
 
 def test_a_folder_that_exists_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="is left alone"):
-        unpack_behind_fence(tmp_path / "run.bag", tmp_path)
+        unpack_in_sandbox(tmp_path / "run.bag", tmp_path)

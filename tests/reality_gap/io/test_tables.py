@@ -79,7 +79,7 @@ def test_parquet(tmp_path: Path) -> None:
     table = read_table(path, "log.parquet", ("a", "b"))
     np.testing.assert_array_equal(table.columns["a"], [1.0, 3.0])
     np.testing.assert_array_equal(table.columns["b"], [2.0, np.nan])
-    assert table.place(1) == "row 2 of log.parquet"
+    assert table.location(1) == "row 2 of log.parquet"
 
 
 @pytest.mark.parametrize(

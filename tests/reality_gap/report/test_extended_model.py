@@ -15,7 +15,7 @@ from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.report.extended_model import load_extended
 from reality_gap.report.files import write_diagnosis
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.study.data import Study
 from reality_gap.study.system import look_at
 
@@ -57,7 +57,9 @@ def test_the_friction_is_in_the_xml_and_the_encoder_in_the_json(folder: Path) ->
         "effects": [
             {
                 "cause": "length_offset",
-                "where": {"kind": "tendon", "elements": ["extensor"], "note": ""},
+                "kind": "tendon",
+                "elements": ["extensor"],
+                "note": "",
                 "parameters": {"offset": 0.0025},
             }
         ],
@@ -117,10 +119,10 @@ def test_a_study_of_another_machine_is_refused(folder: Path, lever_study: Study)
 @pytest.mark.parametrize("id", CATALOGUE)
 def test_what_a_cause_writes_into_a_model_survives_its_file(id: str, lever_study: Study) -> None:
     system, cause = look_at(lever_study), CATALOGUE[id]
-    for place in cause.places(system):
-        suspect = Suspect(cause, place, cause.parameters(system, place))
-        values = {p.name: p.null + p.scale for p in suspect.parameters}
-        spec = build(system, [(suspect, values)]).spec
+    for location in cause.locations(system):
+        candidate = Candidate(cause, location, cause.parameters(system, location))
+        values = {p.name: p.null + p.scale for p in candidate.parameters}
+        spec = build(system, [(candidate, values)]).spec
 
         again = mujoco.MjSpec.from_string(spec.to_xml()).compile()
 

@@ -69,7 +69,7 @@ def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
     } <= set(found)
     first, second = found["causes"]
     assert first["cause"] == "coulomb_friction"
-    assert first["where"] == ["flexor"]
+    assert first["elements"] == ["flexor"]
     assert first["parameters"]["friction"] == {
         "value": 3.0,
         "low": 2.5,
@@ -91,7 +91,9 @@ def test_without_gain_and_experiment_both_are_null(diagnosed: Make) -> None:
 def test_only_a_rival_may_have_no_finite_score(diagnosed: Make) -> None:
     diagnosis = diagnosed(Verdict.NAMED)
 
-    assert [rival["score"] for rival in verdict_json(diagnosis)["rivals"]][-1] is None
+    assert [
+        fitted_candidate["score"] for fitted_candidate in verdict_json(diagnosis)["candidates"]
+    ][-1] is None
     with pytest.raises(ValueError, match="rms_after is nan"):
         verdict_json(replace(diagnosis, rms_after=float("nan")))
 

@@ -95,7 +95,7 @@ def test_a_named_cause_stands_in_units_for_people(diagnosed: Make, lever_study: 
 def test_it_is_said_where_the_cause_may_have_no_name(
     chance: float | None, said: bool, diagnosed: Make, lever_study: Study
 ) -> None:
-    diagnosis = replace(diagnosed(Verdict.NAMED), nameless=chance)
+    diagnosis = replace(diagnosed(Verdict.NAMED), unmodelled=chance)
 
     found = read(page(diagnosis, lever_study)).text
 
@@ -104,7 +104,9 @@ def test_it_is_said_where_the_cause_may_have_no_name(
 
 @pytest.mark.usefixtures("blank_pictures")
 def test_nothing_wrong_promises_neither_gain_nor_truth(diagnosed: Make, lever_study: Study) -> None:
-    diagnosis = replace(diagnosed(Verdict.NOTHING_WRONG), rivals=(), next_experiment=None)
+    diagnosis = replace(
+        diagnosed(Verdict.NOTHING_WRONG), fitted_candidates=(), next_experiment=None
+    )
 
     found = read(page(diagnosis, lever_study)).text
 
@@ -185,14 +187,17 @@ def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagno
     study = replace(lever_study, name=BAD_NAME, model=model)
     good = diagnosed(Verdict.NAMED)
     assert good.next_experiment is not None
-    place = replace(good.causes[0].suspect.place, elements=(BAD_NAME,), note=BAD_NAME)
-    cause = replace(good.causes[0], suspect=replace(good.causes[0].suspect, place=place))
+    location = replace(good.causes[0].candidate.location, elements=(BAD_NAME,), note=BAD_NAME)
+    cause = replace(good.causes[0], candidate=replace(good.causes[0].candidate, location=location))
     bad = replace(
         good,
         study=BAD_NAME,
         sentence=BAD_NAME,
         causes=(cause, *good.causes[1:]),
-        rivals=tuple(replace(rival, suspect=cause.suspect) for rival in good.rivals),
+        fitted_candidates=tuple(
+            replace(fitted_candidate, candidate=cause.candidate)
+            for fitted_candidate in good.fitted_candidates
+        ),
         depends_on=tuple(replace(d, channel=BAD_NAME, quantity=BAD_NAME) for d in good.depends_on),
         next_experiment=replace(good.next_experiment, title=BAD_NAME, sentence=BAD_NAME),
         not_judged=((BAD_NAME, BAD_NAME),),
@@ -200,7 +205,7 @@ def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagno
             replace(trace, channel=f"{BAD_NAME} {trace.channel}", episode=BAD_NAME)
             for trace in good.traces
         ),
-        effects=((cause.suspect, {"force": 1.0}),),
+        effects=((cause.candidate, {"force": 1.0}),),
         extended_xml=good.extended_xml + BAD_NAME,
     )
     return bad, study

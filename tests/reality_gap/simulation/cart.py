@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Place
+from reality_gap.causes.base import Location
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, look_at
 
@@ -26,20 +26,20 @@ CAR = """
     </body>
   </worldbody>
   <tendon>
-    <spatial name="wire"><site site="post"/><site site="hook"/></spatial>
+    <spatial name="tendon"><site site="post"/><site site="hook"/></spatial>
     <spatial name="rope"><site site="post"/><site site="hook"/></spatial>
   </tendon>
   <actuator><motor name="motor" joint="rail"/></actuator>
   <sensor>
     <jointpos name="position" joint="rail"/>
-    <tendonactuatorfrc name="sum_on_wire" tendon="wire"/>
+    <tendonactuatorfrc name="sum_on_tendon" tendon="tendon"/>
     <jointactuatorfrc name="sum_on_rail" joint="rail"/>
   </sensor>
 </mujoco>
 """
 MASS, DAMPING = 10.0, 100.0
 BEND = 1e-3
-ON_WIRE, ON_RAIL = Place("tendon", ("wire",)), Place("joint", ("rail",))
+ON_TENDON, ON_RAIL = Location("tendon", ("tendon",)), Location("joint", ("rail",))
 
 Kind = Literal["sensor", "effort"]
 

@@ -15,7 +15,7 @@ from reality_gap.errors import StudyError
 from reality_gap.inference.remainder import _quantities
 from reality_gap.io.loader import load_study
 from reality_gap.report.plots.commands import commands
-from reality_gap.simulation.hypothesis import Suspect, build
+from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, look_at
@@ -45,15 +45,15 @@ def last(study_folder: StudyFolder) -> System:
 
 
 def predict(
-    system: System, suspect: Suspect | None = None, share: float = 1.0
+    system: System, candidate: Candidate | None = None, share: float = 1.0
 ) -> NDArray[np.float64]:
     parts = []
-    if suspect is not None:
+    if candidate is not None:
         values = {
             p.name: p.starts[0] if p.starts else p.null + share * p.scale
-            for p in suspect.parameters
+            for p in candidate.parameters
         }
-        parts = [(suspect, values)]
+        parts = [(candidate, values)]
     return replay(build(system, parts), system.study, measured(system.study)).prediction
 
 
@@ -62,15 +62,16 @@ def test_where_an_actuator_without_input_stands_does_not_matter(
     study_folder: StudyFolder, id: str
 ) -> None:
     before, after = first(study_folder), last(study_folder)
-    places = CATALOGUE[id].places(before)
-    assert places == CATALOGUE[id].places(after)
-    suspects = [
-        Suspect(CATALOGUE[id], place, CATALOGUE[id].parameters(before, place)) for place in places
+    locations = CATALOGUE[id].locations(before)
+    assert locations == CATALOGUE[id].locations(after)
+    candidates = [
+        Candidate(CATALOGUE[id], location, CATALOGUE[id].parameters(before, location))
+        for location in locations
     ]
     # A small delay is one of the command, a larger one of the actuator.
-    for suspect, share in product((None, *suspects), (1.0, 0.1)):
-        one, other = (predict(system, suspect, share) for system in (before, after))
-        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9, err_msg=str(suspect))
+    for candidate, share in product((None, *candidates), (1.0, 0.1)):
+        one, other = (predict(system, candidate, share) for system in (before, after))
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9, err_msg=str(candidate))
 
 
 def test_such_a_study_is_checked(study_folder: StudyFolder) -> None:
@@ -79,7 +80,7 @@ def test_such_a_study_is_checked(study_folder: StudyFolder) -> None:
     assert one == other
     model = systems[0].model
     assert model.actuator(0).name == "brake"
-    assert [wire.actuator for wire in systems[0].wires] == ["flexor", "extensor"]
+    assert [tendon.actuator for tendon in systems[0].tendons] == ["flexor", "extensor"]
 
 
 def test_what_is_left_and_what_is_proposed_speak_of_commanded_actuators(

@@ -19,7 +19,7 @@ from hidden_plants.mechanisms.mechanism import (
     Mechanism,
     Shape,
     Structure,
-    each_wire,
+    each_tendon,
     scaled,
     shapes_of,
 )
@@ -28,7 +28,7 @@ from hidden_plants.secret import Effect
 
 SPOOL_MASS = 0.01
 """Inertia of a motor and its spool, seen at the wire [kg]."""
-WIRE_LOSS = 60.0
+TENDON_LOSS = 60.0
 """Damping inside an elastic wire [N s/m]."""
 TENSION_OF_STIFFNESS = 150.0
 """The tension at which a wire's secant stiffness is stated [N]."""
@@ -46,38 +46,38 @@ class Spool:
     backward Euler steps: with the wire's law they are the root of a quadratic.
     """
 
-    def __init__(self, wire: int, stiffness: float) -> None:
-        self.wire, self.slope = wire, 0.75 * stiffness
+    def __init__(self, tendon: int, stiffness: float) -> None:
+        self.tendon, self.slope = tendon, 0.75 * stiffness
         self.curve = 0.25 * stiffness * stiffness / TENSION_OF_STIFFNESS
         self.free, self.place, self.speed = 0.0, float("nan"), 0.0
 
     def read(self, state: State) -> None:
         """The encoder sees the spool."""
-        self.free = float(state.encoder[self.wire])
+        self.free = float(state.encoder[self.tendon])
         if self.place != self.place:
-            self.place = self.free - self._stretch(float(state.motor[self.wire]))
-        state.encoder[self.wire] = self.place
+            self.place = self.free - self._stretch(float(state.motor[self.tendon]))
+        state.encoder[self.tendon] = self.place
 
     def pull(self, state: State) -> None:
         """The spool moves, and the wire instead of the motor pulls at the bone."""
-        step, rate = state.step, float(state.velocity[self.wire])
-        motor = float(state.motor[self.wire])
+        step, rate = state.step, float(state.velocity[self.tendon])
+        motor = float(state.motor[self.tendon])
         gain = STIFFNESS if BIAS * 1.001 < motor < CUT * 0.999 else 0.0
         push = SPOOL_MASS / step * self.speed - motor
         gap = self.free + step * rate - self.place
-        resist = SPOOL_MASS / step + WIRE_LOSS + gain * step
-        pressed = resist * gap / step - push - WIRE_LOSS * rate
+        resist = SPOOL_MASS / step + TENDON_LOSS + gain * step
+        pressed = resist * gap / step - push - TENDON_LOSS * rate
         if pressed > 0.0:
             linear = self.slope + resist / step
             root = (linear * linear + 4.0 * self.curve * pressed) ** 0.5
             stretch = 2.0 * pressed / (linear + root)
             self.speed = (gap - stretch) / step
             tension = (self.slope + self.curve * stretch) * stretch
-            tension += WIRE_LOSS * (rate - self.speed) - gain * step * self.speed
+            tension += TENDON_LOSS * (rate - self.speed) - gain * step * self.speed
         else:
             self.speed = push / (SPOOL_MASS / step + gain * step)
             tension = 0.0
-        state.pull[self.wire] = max(0.0, tension)
+        state.pull[self.tendon] = max(0.0, tension)
         self.place += step * self.speed
 
     def _stretch(self, tension: float) -> float:
@@ -87,15 +87,15 @@ class Spool:
 
 def _tune_elasticity(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        _hang(robot, robot.wire(name), effect.parameters["stiffness"])
+        _hang(robot, robot.tendon(name), effect.parameters["stiffness"])
 
 
-def _hang(robot: Robot, wire: int, stiffness: float) -> None:
+def _hang(robot: Robot, tendon: int, stiffness: float) -> None:
     """Put the spool before all other devices of the wire: they act on what it gives."""
     spools: list[Spool] = []
 
     def reader() -> Device:
-        spools.append(Spool(wire, stiffness))
+        spools.append(Spool(tendon, stiffness))
         return spools[-1].read
 
     robot.encode.insert(0, reader)
@@ -108,11 +108,11 @@ def _compliance(shape: Shape, amplitude: float) -> dict[str, float]:
 
 def _elongations(machine: Machine) -> list[Structure]:
     structures = []
-    for wire in machine.wires:
-        rng = shapes_of("wire_elongation", wire)
+    for tendon in machine.tendons:
+        rng = shapes_of("wire_elongation", tendon)
         for duration in (0.0, 6.0):
             shape = {"start": round(rng.uniform(5.0, 9.0), 3), "duration": duration}
-            structures.append(Structure("wire_elongation", (wire,), shape))
+            structures.append(Structure("wire_elongation", (tendon,), shape))
     return structures
 
 
@@ -120,56 +120,56 @@ def _tune_elongation(robot: Robot, effect: Effect) -> None:
     start, duration = effect.parameters["start"], max(effect.parameters["duration"], 0.02)
     length = effect.parameters["length"]
 
-    def device(wire: int) -> Device:
+    def device(tendon: int) -> Device:
         def act(state: State) -> None:
             share = (state.log_time - start) / duration
             if share > 0.0:
-                state.encoder[wire] -= length * min(share, 1.0)
+                state.encoder[tendon] -= length * min(share, 1.0)
 
         return act
 
     for name in effect.elements:
-        robot.encode.append(partial(device, robot.wire(name)))
+        robot.encode.append(partial(device, robot.tendon(name)))
 
 
 class Play:
     """An encoder gear with play: its reading follows only when the play is taken up."""
 
-    def __init__(self, wire: int, play: float) -> None:
-        self.wire, self.half, self.reading = wire, 0.5 * play, float("nan")
+    def __init__(self, tendon: int, play: float) -> None:
+        self.tendon, self.half, self.reading = tendon, 0.5 * play, float("nan")
 
     def __call__(self, state: State) -> None:
         """Read the wire through the gear."""
-        true = float(state.encoder[self.wire])
+        true = float(state.encoder[self.tendon])
         if self.reading != self.reading:
             self.reading = true
         self.reading = min(max(self.reading, true - self.half), true + self.half)
-        state.encoder[self.wire] = self.reading
+        state.encoder[self.tendon] = self.reading
 
 
 def _tune_backlash(robot: Robot, effect: Effect) -> None:
     play = effect.parameters["play"]
     for name in effect.elements:
-        robot.encode.append(partial(Play, robot.wire(name), play))
+        robot.encode.append(partial(Play, robot.tendon(name), play))
 
 
 class Toe:
     """A wire that hangs: at low tension more of it is paid out than the path is long."""
 
-    def __init__(self, wire: int, slack: float) -> None:
-        self.wire, self.slack, self.extra = wire, slack, 0.0
+    def __init__(self, tendon: int, slack: float) -> None:
+        self.tendon, self.slack, self.extra = tendon, slack, 0.0
 
     def __call__(self, state: State) -> None:
         """The encoder counts what hangs."""
-        hanging = self.slack * exp(-float(state.motor[self.wire]) / TOE_TENSION)
+        hanging = self.slack * exp(-float(state.motor[self.tendon]) / TOE_TENSION)
         self.extra += (hanging - self.extra) * (1.0 - exp(-state.step / TOE_TIME))
-        state.encoder[self.wire] += self.extra
+        state.encoder[self.tendon] += self.extra
 
 
 def _tune_slack(robot: Robot, effect: Effect) -> None:
     slack = effect.parameters["slack"]
     for name in effect.elements:
-        robot.encode.append(partial(Toe, robot.wire(name), slack))
+        robot.encode.append(partial(Toe, robot.tendon(name), slack))
 
 
 MECHANISMS = (
@@ -178,7 +178,7 @@ MECHANISMS = (
         unit="m/N",
         typical=4e-6,
         bound=2e-4,
-        structures=each_wire("tendon_elasticity"),
+        structures=each_tendon("tendon_elasticity"),
         parameters=_compliance,
         tune=_tune_elasticity,
     ),
@@ -196,7 +196,7 @@ MECHANISMS = (
         unit="m",
         typical=5e-4,
         bound=8e-3,
-        structures=each_wire("backlash"),
+        structures=each_tendon("backlash"),
         parameters=scaled("play"),
         tune=_tune_backlash,
     ),
@@ -205,7 +205,7 @@ MECHANISMS = (
         unit="m",
         typical=5e-4,
         bound=1e-2,
-        structures=each_wire("slack"),
+        structures=each_tendon("slack"),
         parameters=scaled("slack"),
         tune=_tune_slack,
     ),

@@ -1,4 +1,4 @@
-"""The table of detection floors, made once by ``python -m hidden_plants floors``."""
+"""The table of detection limits, made once by ``python -m hidden_plants detection_limits``."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hidden_plants.machine import Machine
 from hidden_plants.mechanisms import MECHANISMS, structures
 from hidden_plants.mechanisms.mechanism import Structure
 from hidden_plants.motion import MOTIONS
-from hidden_plants.oracle import floor_of
+from hidden_plants.oracle import detection_limit_of
 
-TABLE = Path(__file__).with_name("floors.json")
+TABLE = Path(__file__).with_name("detection_limits.json")
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Row:
     """The floors of one structure: by motion, infinite where it cannot be seen."""
 
     structure: Structure
-    floors: tuple[float, ...]
+    detection_limits: tuple[float, ...]
 
 
 @lru_cache(maxsize=8)
@@ -34,7 +34,7 @@ def rows(machine: str, path: Path = TABLE) -> tuple[Row, ...]:
     return tuple(
         Row(
             Structure(row["id"], tuple(row["elements"]), row["shape"]),
-            tuple(float("inf") if floor is None else floor for floor in row["floors"]),
+            tuple(float("inf") if floor is None else floor for floor in row["limits"]),
         )
         for row in table.get(machine, [])
     )
@@ -51,22 +51,24 @@ def make_table(
     The table is written after every structure, so that a run that was cut off goes on.
     """
     table = json.loads(path.read_text()) if path.is_file() else {}
-    known = {_key(row): row["floors"] for row in table.get(machine.name, [])}
+    known = {_key(row): row["limits"] for row in table.get(machine.name, [])}
     wanted = [structure for id in MECHANISMS for structure in structures(machine, id)]
     lines: list[dict[str, Any]] = [
-        {"id": s.id, "elements": list(s.elements), "shape": dict(s.shape), "floors": []}
+        {"id": s.id, "elements": list(s.elements), "shape": dict(s.shape), "limits": []}
         for s in wanted
     ]
     for line in lines:
-        line["floors"] = [] if line["id"] in ids else known.get(_key(line), [])
+        line["limits"] = [] if line["id"] in ids else known.get(_key(line), [])
     table[machine.name] = lines
     for motion in range(MOTIONS[machine.name]):
         for structure, line in zip(wanted, lines, strict=True):
-            floors = line["floors"]
-            if len(floors) > motion:
+            detection_limits = line["limits"]
+            if len(detection_limits) > motion:
                 continue
-            found = floor_of(machine, structure, motion, floors[-1] if floors else None)
-            floors.append(float(f"{found:.4g}") if found < float("inf") else None)
+            found = detection_limit_of(
+                machine, structure, motion, detection_limits[-1] if detection_limits else None
+            )
+            detection_limits.append(float(f"{found:.4g}") if found < float("inf") else None)
             tell(f"motion {motion} {structure.id} {structure.elements}: {found:.3g}")
             write_text(path, _text(table))
     rows.cache_clear()

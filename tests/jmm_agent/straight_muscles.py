@@ -4,14 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from jmm_agent.nominal_model import Drawing
+from jmm_agent.nominal_model import NominalModel
 
 JOINTS = ("base_yaw", "base_pitch", "mid_roll", "mid_pitch", "tip_pitch", "tip_yaw")
 AXES = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 OFFSETS = 0.1 * np.array([[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 0], [0, 0, 1], [0, 0, 0]])
 GROUPS = {"base": JOINTS[:2], "mid": JOINTS[2:4], "tip": JOINTS[4:]}
 # Wire: points on links; link k follows joint k - 1, link 0 is the ground.
-WIRES = {
+MUSCLES = {
     "base_front": ((0, (0.06, 0.01, -0.02)), (2, (0.04, 0.02, 0.06))),
     "base_left": ((0, (-0.03, 0.06, -0.02)), (2, (0.01, 0.05, 0.05))),
     "base_right": ((0, (-0.03, -0.06, -0.02)), (2, (-0.02, -0.04, 0.05))),
@@ -25,7 +25,7 @@ WIRES = {
 
 def crosses() -> np.ndarray:
     """Joint k lies between the links k and k + 1."""
-    ends = [sorted(link for link, _ in wire) for wire in WIRES.values()]
+    ends = [sorted(link for link, _ in muscle) for muscle in MUSCLES.values()]
     return np.array([[e[0] <= k < e[-1] for k in range(len(JOINTS))] for e in ends])
 
 
@@ -41,8 +41,8 @@ def raw_lengths(q: np.ndarray) -> np.ndarray:
         rotation = rotation @ (np.eye(3) - sine * cross + (1 - cosine) * cross @ cross)
         links.append((rotation, origin))
     lengths = []
-    for wire in WIRES.values():
-        points = [links[k][0] @ np.array(point) + links[k][1] for k, point in wire]
+    for muscle in MUSCLES.values():
+        points = [links[k][0] @ np.array(point) + links[k][1] for k, point in muscle]
         lengths.append(sum(np.linalg.norm(b - a, axis=1) for a, b in pairwise(points)))
     return np.stack(lengths, axis=1)
 
@@ -52,15 +52,15 @@ def relative_lengths(q: np.ndarray) -> np.ndarray:
     return raw_lengths(q) - raw_lengths(np.zeros((1, len(JOINTS))))
 
 
-def drawing(**changes: object) -> Drawing:
+def drawing(**changes: object) -> NominalModel:
     """The chain's drawing, with fields replaced for tests of its checks."""
     fields: dict = {
         "joints": JOINTS,
         "lower": np.deg2rad([-40, -30, -20, -60, -50, -30]),
         "upper": np.deg2rad([40, 40, 30, 50, 50, 20]),
-        "muscles": tuple(WIRES),
+        "muscles": tuple(MUSCLES),
         "crosses": crosses(),
         "lengths": relative_lengths,
         "groups": GROUPS,
     }
-    return Drawing(**(fields | changes))
+    return NominalModel(**(fields | changes))
