@@ -16,13 +16,13 @@ from collections.abc import Callable
 from time import perf_counter, thread_time
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.observation import SensorReadings
+from jmm_agent.types import Floats
 from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
@@ -38,8 +38,6 @@ from kengoro_env.departures import actual
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.robot import Robot
-
-Floats = NDArray[np.float64]
 
 SEED = 1
 POSTURES = 20

@@ -18,21 +18,19 @@ from time import perf_counter, thread_time
 import gymnasium as gym
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from jmm_agent.types import Floats
 from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
 from kengoro_env.stepping.c_compiler import library
-
-Array = NDArray[np.float64]
 
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
 ROBOTS = (None, 0)
 ROUNDS, STEPS = 25, 40
 
 
-def rounds_us(env: KengoroEnv, clock: Callable[[], float]) -> tuple[Array, Array]:
+def rounds_us(env: KengoroEnv, clock: Callable[[], float]) -> tuple[Floats, Floats]:
     """A clock's time of an `env.step` and of the same physics alone in each round [us]."""
     model, data = env.robot.model, env.robot.data
     substeps = round(CONTROL_PERIOD / model.opt.timestep)

@@ -34,6 +34,7 @@ from kengoro_env.assets import asset_path
 from kengoro_env.robot.draft import Draft, TendonSpec
 from kengoro_env.robot.robot import Robot
 from kengoro_env.vector import KengoroVectorEnv
+from mjcf_sandbox.files import write_bytes
 from reality_gap import CATALOGUE, Options, diagnose, load_study
 
 OUT = Path("out/growth.png")
@@ -209,10 +210,7 @@ def draw(measured: Iterable[Measured], path: Path) -> None:
             ylabel=f"CPU time of {one.cost} [s]",
         )
         axis.grid(alpha=0.3)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.tmp")
-    beside.write_bytes(png(figure))
-    os.replace(beside, path)
+    write_bytes(path, png(figure))
     pyplot.close(figure)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from hidden_plants.machine import BIAS, STIFFNESS, Machine
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 HOME = {"sh_pitch": -35.0, "sh_roll": -20.0, "elbow": 75.0, "sc_roll": -10.0, "ac_roll": -4.0}
 """Where every episode of the arm begins [deg]; the other joints stand at zero."""
 REACH = {
@@ -36,7 +35,9 @@ EVERY = 10
 """Rows of commands from one balance of tensions to the next."""
 
 
-def arm_episodes(machine: Machine, motion: int, count: int, rows: int) -> list[tuple[Array, Array]]:
+def arm_episodes(
+    machine: Machine, motion: int, count: int, rows: int
+) -> list[tuple[Floats, Floats]]:
     """The episodes of a motion: home (joints,) [rad] and targets (rows, wires) [m] for each."""
     home = _angles(machine, HOME)
     return [
@@ -45,11 +46,11 @@ def arm_episodes(machine: Machine, motion: int, count: int, rows: int) -> list[t
     ]
 
 
-def _angles(machine: Machine, degrees: dict[str, float]) -> Array:
+def _angles(machine: Machine, degrees: dict[str, float]) -> Floats:
     return np.deg2rad([degrees.get(joint, 0.0) for joint in machine.joints])
 
 
-def _targets(machine: Machine, rng: np.random.Generator, home: Array, rows: int) -> Array:
+def _targets(machine: Machine, rng: np.random.Generator, home: Floats, rows: int) -> Floats:
     """A way over three or four postures, held for a moment at each."""
     stops = int(rng.integers(3, 5))
     postures = [home] + [_posture(machine, rng, home) for _ in range(stops)]
@@ -63,17 +64,17 @@ def _targets(machine: Machine, rng: np.random.Generator, home: Array, rows: int)
     return machine.lengths(way) - (tension - BIAS) / STIFFNESS
 
 
-def _eased(share: Array, stops: Array) -> Array:
+def _eased(share: Floats, stops: Floats) -> Floats:
     """From stop to stop, each reached at an integer of ``share`` and held for 0.35 after it."""
     index = np.minimum(share.astype(int), len(stops) - 2)
     part = np.clip((share - index - 0.35) / 0.65, 0.0, 1.0)
     part = np.where(share >= len(stops) - 1, 1.0, part)
     ease = (part**3 * (10.0 - 15.0 * part + 6.0 * part**2))[:, None]
-    result: Array = stops[index] * (1.0 - ease) + stops[index + 1] * ease
+    result: Floats = stops[index] * (1.0 - ease) + stops[index + 1] * ease
     return result
 
 
-def _posture(machine: Machine, rng: np.random.Generator, home: Array) -> Array:
+def _posture(machine: Machine, rng: np.random.Generator, home: Floats) -> Floats:
     """A posture that wires can hold against gravity within their tensions."""
     reach = _angles(machine, REACH)
     for _ in range(50):
@@ -84,7 +85,7 @@ def _posture(machine: Machine, rng: np.random.Generator, home: Array) -> Array:
     raise ValueError("no posture near home can be held; the drawing has changed")
 
 
-def _balance(machine: Machine, postures: Array, wishes: Array) -> tuple[Array, float]:
+def _balance(machine: Machine, postures: Floats, wishes: Floats) -> tuple[Floats, float]:
     """The tensions nearest to wishes (k, wires) [N] that hold postures (k, joints) [rad].
 
     Also the largest torque that they lack [N m].

@@ -9,7 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from hidden_plants.logs import write_text
 from hidden_plants.machine import Machine
 from hidden_plants.mechanisms import MECHANISMS, structures
 from hidden_plants.mechanisms.mechanism import Structure
@@ -70,7 +69,9 @@ def make_table(
             )
             detection_limits.append(float(f"{found:.4g}") if found < float("inf") else None)
             tell(f"motion {motion} {structure.id} {structure.elements}: {found:.3g}")
-            write_text(path, _text(table))
+            beside = path.with_suffix(".part")
+            beside.write_text(_text(table))
+            beside.replace(path)
     rows.cache_clear()
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.machine import Machine
 from hidden_plants.nuisance import Nuisance
 from hidden_plants.robot import Readings
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 MARKER_COLUMNS = {
     "marker_position": ("marker_x", "marker_y", "marker_z"),
     "marker_orientation": ("marker_qw", "marker_qx", "marker_qy", "marker_qz"),
@@ -23,10 +21,10 @@ def write_logs(
     folder: Path,
     index: int,
     machine: Machine,
-    time: Array,
-    command: Array,
-    sensor_time: Array,
-    camera_time: Array,
+    time: Floats,
+    command: Floats,
+    sensor_time: Floats,
+    camera_time: Floats,
     readings: Readings,
     own_camera_file: bool,
 ) -> None:
@@ -59,27 +57,20 @@ def write_logs(
     _write_csv(folder / f"sensors_{index}.csv", columns)
 
 
-def _times(time: Array) -> list[str]:
+def _times(time: Floats) -> list[str]:
     return [f"{value:.4f}" for value in time]
 
 
 def _write_csv(path: Path, columns: dict[str, list[str]]) -> None:
     rows = zip(*columns.values(), strict=True)
-    write_text(path, "\n".join([",".join(columns), *(",".join(row) for row in rows)]) + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file beside, then move it into its place."""
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(text)
-    os.replace(beside, path)
+    path.write_text("\n".join([",".join(columns), *(",".join(row) for row in rows)]) + "\n")
 
 
 def study_text(
     machine: Machine,
     nuisance: Nuisance,
     episodes: int,
-    initial: Array,
+    initial: Floats,
     settle: float,
     own_camera_file: bool,
 ) -> str:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.robot import Robot, State
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 SETTLE = 1.0
 """How long the first command is held before an episode begins [s]."""
 BRISTLE = 2e-5
@@ -31,9 +30,9 @@ class Task:
         start: where the episode begins in the log, episodes end to end [s].
     """
 
-    time: Array
-    command: Array
-    initial: Array
+    time: Floats
+    command: Floats
+    initial: Floats
     duration: float
     start: float
 
@@ -49,10 +48,10 @@ class Trace:
         qpos: (k, joints) [rad].
     """
 
-    time: Array
-    encoder: Array
-    tension: Array
-    qpos: Array
+    time: Floats
+    encoder: Floats
+    tension: Floats
+    qpos: Floats
 
 
 def run_task(robot: Robot, task: Task) -> Trace:
@@ -131,7 +130,7 @@ def run_task(robot: Robot, task: Task) -> Trace:
     )
 
 
-def _plan(robot: Robot, task: Task) -> Array:
+def _plan(robot: Robot, task: Task) -> Floats:
     """The command of every physics step, settling included (steps, wires) [m].
 
     A step takes the mean of the command from half a step before to half a step after, so that the
@@ -169,7 +168,7 @@ class TendonFriction:
         self.rate = np.empty(len(self.out))
         self.way = np.empty(len(self.out))
 
-    def __call__(self, state: State) -> Array:
+    def __call__(self, state: State) -> Floats:
         """Friction (wires,) [N], positive where it adds to the pull."""
         velocity, force, rate, way = state.velocity, self.force, self.rate, self.way
         level = self.out if self.one_way else np.where(velocity > 0.0, self.out, self.inward)

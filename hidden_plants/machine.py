@@ -8,9 +8,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hidden_plants.types import Floats
+
 MACHINES = ("elbow", "arm")
 ASSETS = Path("assets/mjcf/kengoro_arm")
 """Where the drawings are, seen from the root of the repository."""
@@ -59,11 +59,11 @@ class Machine:
         """The drawing, to be edited."""
         return mujoco.MjSpec.from_string(self.xml)
 
-    def lengths(self, qpos: Array) -> Array:
+    def lengths(self, qpos: Floats) -> Floats:
         """Lengths of the wires (k, wires) [m] at joint positions ``qpos`` (k, joints) [rad]."""
         return _lengths(self.model, np.atleast_2d(qpos))
 
-    def moment_arms(self, qpos: Array) -> Array:
+    def moment_arms(self, qpos: Floats) -> Floats:
         """d length / d joint, (k, wires, joints) [m], at postures ``qpos`` (k, joints) [rad]."""
         step = 1e-5
         columns = []
@@ -71,7 +71,7 @@ class Machine:
             columns.append((self.lengths(qpos + turn) - self.lengths(qpos - turn)) / (2.0 * step))
         return np.stack(columns, axis=2)
 
-    def gravity_torques(self, qpos: Array) -> Array:
+    def gravity_torques(self, qpos: Floats) -> Floats:
         """The torques (k, joints) [N m] that the wires must give to hold ``qpos`` (k, joints)."""
         data = mujoco.MjData(self.model)
         torques = np.zeros((len(qpos), self.model.nv))
@@ -84,7 +84,7 @@ class Machine:
         return torques
 
 
-def _lengths(model: mujoco.MjModel, qpos: Array) -> Array:
+def _lengths(model: mujoco.MjModel, qpos: Floats) -> Floats:
     data = mujoco.MjData(model)
     lengths = np.empty((len(qpos), model.ntendon))
     for i, row in enumerate(qpos):

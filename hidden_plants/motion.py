@@ -5,12 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.arm_motion import arm_episodes
 from hidden_plants.machine import BIAS, STIFFNESS, Machine
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 PERIOD = 0.020
 """From one command to the next [s]."""
 MOTIONS = {"elbow": 4, "arm": 1}
@@ -23,7 +22,7 @@ HOME = np.deg2rad(60.0)
 
 
 @lru_cache(maxsize=16)
-def episodes(machine: Machine, motion: int, seconds: float) -> tuple[tuple[Array, Array], ...]:
+def episodes(machine: Machine, motion: int, seconds: float) -> tuple[tuple[Floats, Floats], ...]:
     """The episodes of a motion: each the posture where it begins (joints,) [rad] and the targets.
 
     All episodes of a motion begin at the same posture.
@@ -40,7 +39,7 @@ def episodes(machine: Machine, motion: int, seconds: float) -> tuple[tuple[Array
 
 def _elbow(
     machine: Machine, rng: np.random.Generator, index: int, rows: int
-) -> tuple[Array, Array]:
+) -> tuple[Floats, Floats]:
     time = PERIOD * np.arange(rows, dtype=np.float64)
     kind = ("waves", "holds", "fast", "steps", "waves")[index % 5]
     angle = {"waves": _waves, "holds": _holds, "fast": _fast, "steps": _steps}[kind](rng, time)
@@ -51,25 +50,25 @@ def _elbow(
     return np.array([HOME]), target
 
 
-def _waves(rng: np.random.Generator, time: Array) -> Array:
+def _waves(rng: np.random.Generator, time: Floats) -> Floats:
     """A sum of three sines."""
     frequency = rng.uniform([0.2, 0.4, 0.8], [0.4, 0.8, 1.3])
     wave = np.sin(2.0 * np.pi * np.outer(time, frequency) + rng.uniform(0.0, 2.0 * np.pi, 3))
     return _fit(wave @ rng.uniform([1.0, 0.4, 0.15], [1.0, 0.8, 0.35]))
 
 
-def _holds(rng: np.random.Generator, time: Array) -> Array:
+def _holds(rng: np.random.Generator, time: Floats) -> Floats:
     """Ramps with holds between them; neighbours lie apart."""
     return _through(rng, time, times=np.array([0.25, 0.95, 1.25, 1.95, 2.25, 2.95, 3.25, 3.85]))
 
 
-def _fast(rng: np.random.Generator, time: Array) -> Array:
+def _fast(rng: np.random.Generator, time: Floats) -> Floats:
     """Quick strokes of 2 to 3 rad/s, turned at once."""
     stroke = rng.uniform(0.50, 0.62)
     return _through(rng, time, times=0.2 + np.repeat(np.arange(6.0), 2) * stroke, far=True)
 
 
-def _steps(rng: np.random.Generator, time: Array) -> Array:
+def _steps(rng: np.random.Generator, time: Floats) -> Floats:
     """Small steps on a slow wave."""
     angle = 0.8 * np.sin(2.0 * np.pi * 0.3 * time + rng.uniform(0.0, 2.0 * np.pi))
     for at in np.arange(0.5, 3.9, 0.5):
@@ -77,7 +76,7 @@ def _steps(rng: np.random.Generator, time: Array) -> Array:
     return _fit(angle)
 
 
-def _through(rng: np.random.Generator, time: Array, times: Array, far: bool = False) -> Array:
+def _through(rng: np.random.Generator, time: Floats, times: Floats, far: bool = False) -> Floats:
     """A smooth way from stop to stop: it rests between ``times[1::2]`` and ``times[2::2]``."""
     stops = len(times) // 2 + 1
     side, shift = rng.integers(2), rng.uniform(0.0, 0.4 if far else 0.2)
@@ -94,12 +93,12 @@ def _through(rng: np.random.Generator, time: Array, times: Array, far: bool = Fa
     return LOW + (HIGH - LOW) * angle
 
 
-def _fit(angle: Array) -> Array:
+def _fit(angle: Floats) -> Floats:
     low, high = float(angle.min()), float(angle.max())
     return LOW + (HIGH - LOW) * (angle - low) / (high - low)
 
 
-def _cocontraction(rng: np.random.Generator, time: Array) -> Array:
+def _cocontraction(rng: np.random.Generator, time: Floats) -> Floats:
     """Wished tensions of biceps, brachialis and triceps (n, 3) [N], each on its own way."""
     frequency = rng.uniform(0.15, 0.6, (2, 3))
     phase = rng.uniform(0.0, 2.0 * np.pi, (2, 3))
@@ -109,7 +108,7 @@ def _cocontraction(rng: np.random.Generator, time: Array) -> Array:
     return middle + swing * wave
 
 
-def _balanced(machine: Machine, angle: Array, tension: Array) -> Array:
+def _balanced(machine: Machine, angle: Floats, tension: Floats) -> Floats:
     """The nearest tensions to the wished ones that hold gravity, within 50 to 250 N (n, 3)."""
     table = np.linspace(LOW, HIGH, 47)[:, None]
     arms = -machine.moment_arms(table)[:, :, 0]

@@ -6,11 +6,9 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.machine import Machine
-
-Array = NDArray[np.float64]
+from hidden_plants.types import Floats
 
 
 @dataclass(frozen=True)
@@ -63,16 +61,16 @@ class Mismatch(NamedTuple):
     (3,).
     """
 
-    mass: Array
-    site: Array
-    friction: Array
-    encoder_offset: Array
-    tension_offset: Array
-    damping: Array
-    gain: Array
-    camera_shift: Array
-    camera_turn: Array
-    marker_shift: Array
+    mass: Floats
+    site: Floats
+    friction: Floats
+    encoder_offset: Floats
+    tension_offset: Floats
+    damping: Floats
+    gain: Floats
+    camera_shift: Floats
+    camera_turn: Floats
+    marker_shift: Floats
 
 
 def _shapes(machine: Machine) -> dict[str, tuple[int, ...]]:
@@ -96,7 +94,7 @@ def size(machine: Machine) -> int:
     return sum(int(np.prod(shape)) for shape in _shapes(machine).values())
 
 
-def mismatch(machine: Machine, nuisance: Nuisance, unit: Array) -> Mismatch:
+def mismatch(machine: Machine, nuisance: Nuisance, unit: Floats) -> Mismatch:
     """The mismatch at ``unit`` (`size`,), each number in [-1, 1] and 0 in the middle."""
     parts, start = {}, 0
     for name, shape in _shapes(machine).items():

@@ -26,8 +26,8 @@ from hidden_plants.readings import clean_readings
 from hidden_plants.robot import Readings
 from hidden_plants.secret import Effect
 from hidden_plants.study import CAMERA_EVERY, LATE
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 THRESHOLD = 5.0
 """The d at which an effect counts as seen."""
 SECONDS = {"elbow": 20.0, "arm": 15.0}
@@ -48,11 +48,11 @@ class Background:
         inner: (I + slopes' slopes)^-1 (m, m), so that C^-1 = I - slopes inner slopes'.
     """
 
-    middle: Array
+    middle: Floats
     slopes: NDArray[np.float32]
-    inner: Array
+    inner: Floats
 
-    def distance(self, readings: Array) -> float:
+    def distance(self, readings: Floats) -> float:
         """d of whitened readings (k,)."""
         change = readings - self.middle
         known = (change.astype(np.float32) @ self.slopes).astype(np.float64)
@@ -62,10 +62,10 @@ class Background:
 def whitened(
     machine: Machine,
     motion: int,
-    unit: Array,
+    unit: Floats,
     effects: tuple[Effect, ...] = (),
     step: float = STEP,
-) -> Array:
+) -> Floats:
     """All readings of a motion without noise, over their noise, in one row.
 
     Args:
@@ -77,7 +77,7 @@ def whitened(
     """
     nuisance = Nuisance()
     slip = mismatch(machine, nuisance, unit)
-    parts: list[Array] = []
+    parts: list[Floats] = []
     for k, (initial, targets) in enumerate(episodes(machine, motion, SECONDS[machine.name])):
         time = PERIOD * np.arange(len(targets), dtype=np.float64)
         task = Task(time, targets, initial, EPISODE[machine.name], k * EPISODE[machine.name])
@@ -89,7 +89,7 @@ def whitened(
     return np.concatenate(parts)
 
 
-def _over_noise(readings: Readings, nuisance: Nuisance) -> list[Array]:
+def _over_noise(readings: Readings, nuisance: Nuisance) -> list[Floats]:
     rows = []
     for name, values in readings.items():
         if name == "marker_orientation":

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.loop import Trace
 from hidden_plants.machine import MARKER
 from hidden_plants.nuisance import Nuisance
 from hidden_plants.robot import Readings, Robot
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 CAMERA_SENSORS = ("marker_position", "marker_orientation")
 
 
-def clean_readings(robot: Robot, trace: Trace, time: Array, camera_time: Array) -> Readings:
+def clean_readings(robot: Robot, trace: Trace, time: Floats, camera_time: Floats) -> Readings:
     """Every sensor without noise: of wires at ``time`` (n,) [s], of the camera at its own (m,).
 
     Names are those of the drawing's sensors; lengths [m] and tensions [N] have shape (n,),
@@ -37,20 +36,20 @@ def clean_readings(robot: Robot, trace: Trace, time: Array, camera_time: Array) 
     return readings
 
 
-def postures(trace: Trace, time: Array) -> Array:
+def postures(trace: Trace, time: Floats) -> Floats:
     """Joint positions at ``time`` (n,) [s]: (n, joints) [rad]."""
     columns = [np.interp(time, trace.time, column) for column in trace.qpos.T]
     return np.stack(columns, axis=1)
 
 
-def _late(robot: Robot, trace: Trace, signal: Array, sensor: str, time: Array) -> Array:
+def _late(robot: Robot, trace: Trace, signal: Floats, sensor: str, time: Floats) -> Floats:
     """A signal at ``time`` (n,), read just before a command given at that time takes effect."""
     place = (time - robot.sensor_delay.get(sensor, 0.0)) / (trace.time[1] - trace.time[0])
     last = np.clip(np.ceil(place - 1e-6).astype(int) - 1, 1, len(signal) - 1)
     return signal[last] + (place - last) * (signal[last] - signal[last - 1])
 
 
-def marker_poses(robot: Robot, qpos: Array) -> Array:
+def marker_poses(robot: Robot, qpos: Floats) -> Floats:
     """Position [m] and quaternion of the marker in the camera's frame (n, 7)."""
     model, data = robot.model, mujoco.MjData(robot.model)
     camera, site = model.camera(robot.machine.camera).id, model.site(MARKER).id
@@ -88,7 +87,7 @@ def noisy_readings(clean: Readings, nuisance: Nuisance, rng: np.random.Generator
     return noisy
 
 
-def _turned(quats: Array, deviation: float, rng: np.random.Generator) -> Array:
+def _turned(quats: Floats, deviation: float, rng: np.random.Generator) -> Floats:
     """Quaternions (n, 4), each turned by a random small angle about a random axis."""
     turned = np.empty_like(quats)
     step = np.zeros(4)

@@ -8,13 +8,12 @@ from functools import lru_cache
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.machine import BIAS, CUT, MARKER, STIFFNESS, Machine
 from hidden_plants.nuisance import Mismatch
 from hidden_plants.secret import Effect
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 STEP = 0.0005
 """Physics step [s], a quarter of the drawing's."""
 
@@ -37,11 +36,11 @@ class State:
 
     model: mujoco.MjModel
     data: mujoco.MjData
-    length: Array
-    velocity: Array
-    encoder: Array
-    motor: Array
-    pull: Array
+    length: Floats
+    velocity: Floats
+    encoder: Floats
+    motor: Floats
+    pull: Floats
     step: float
     time: float = 0.0
     log_time: float = 0.0
@@ -50,7 +49,7 @@ class State:
 Reshape = Callable[[mujoco.MjSpec, Effect], None]
 Device = Callable[[State], None]
 Maker = Callable[[], Device]
-Readings = dict[str, Array]
+Readings = dict[str, Floats]
 ReadingEffect = Callable[[Readings, "Robot"], None]
 
 
@@ -78,19 +77,19 @@ class Robot:
 
     machine: Machine
     model: mujoco.MjModel
-    scale: Array
-    offset: Array
-    stiffness: Array
-    bias: Array
-    cut: Array
-    gain: Array
-    force_offset: Array
-    friction_out: Array
-    friction_in: Array
-    load_friction: Array
-    tension_scale: Array
-    tension_offset: Array
-    command_delay: Array
+    scale: Floats
+    offset: Floats
+    stiffness: Floats
+    bias: Floats
+    cut: Floats
+    gain: Floats
+    force_offset: Floats
+    friction_out: Floats
+    friction_in: Floats
+    load_friction: Floats
+    tension_scale: Floats
+    tension_offset: Floats
+    command_delay: Floats
     step: float = STEP
     sensor_delay: dict[str, float] = field(default_factory=dict)
     encode: list[Maker] = field(default_factory=list)
@@ -103,12 +102,12 @@ class Robot:
         """Index of a wire."""
         return self.machine.tendons.index(name)
 
-    def zero_lengths(self) -> Array:
+    def zero_lengths(self) -> Floats:
         """Lengths of the true paths where the encoders were zeroed, at ``qpos0`` (wires,) [m]."""
         return path_lengths(self.model, self.model.qpos0)
 
 
-def path_lengths(model: mujoco.MjModel, qpos: Array) -> Array:
+def path_lengths(model: mujoco.MjModel, qpos: Floats) -> Floats:
     """True lengths of the wires' paths at a posture (wires,) [m]."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -173,7 +172,7 @@ def assemble(machine: Machine, model: mujoco.MjModel, slip: Mismatch, step: floa
     )
 
 
-def move_camera(model: mujoco.MjModel, camera: str, shift: Array, turn: Array) -> None:
+def move_camera(model: mujoco.MjModel, camera: str, shift: Floats, turn: Floats) -> None:
     """Shift the camera in its body's frame [m] and turn it about its own axes [rad]."""
     index = model.camera(camera).id
     model.cam_pos[index] += shift

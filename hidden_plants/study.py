@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.build import build
-from hidden_plants.logs import study_text, write_logs, write_text
+from hidden_plants.logs import study_text, write_logs
 from hidden_plants.loop import SETTLE, Task, Trace, run_task
 from hidden_plants.machine import ASSETS, Machine, load
 from hidden_plants.motion import EPISODE, PERIOD, episodes
@@ -17,8 +16,8 @@ from hidden_plants.nuisance import Mismatch, Nuisance, draw_mismatch
 from hidden_plants.readings import clean_readings, noisy_readings, postures
 from hidden_plants.robot import Readings
 from hidden_plants.secret import Effect, Secret
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 CAMERA_EVERY = 5
 """Rows of the log from one look of the camera to the next, 10 Hz."""
 LATE = 0.010
@@ -44,14 +43,14 @@ class EpisodeTruth:
         duration: [s].
     """
 
-    time: Array
-    sensor_time: Array
-    camera_time: Array
-    command: Array
+    time: Floats
+    sensor_time: Floats
+    camera_time: Floats
+    command: Floats
     clean: Readings
     noisy: Readings
     baseline: Readings
-    qpos: Array
+    qpos: Floats
     start: float
     duration: float
 
@@ -90,7 +89,7 @@ class Plant:
 
 
 def perform(
-    plant: Plant, index: int, initial: Array, targets: Array, time: Array, start: float
+    plant: Plant, index: int, initial: Floats, targets: Floats, time: Floats, start: float
 ) -> EpisodeTruth:
     """Let the plant do one episode: ``targets`` (n, wires) [m] given about at ``time`` (n,) [s]."""
     rng = np.random.default_rng([plant.seed, 2, index])
@@ -131,8 +130,8 @@ def _do(
     slip: Mismatch,
     effects: tuple[Effect, ...],
     task: Task,
-    sensor_time: Array,
-    camera_time: Array,
+    sensor_time: Floats,
+    camera_time: Floats,
 ) -> tuple[Readings, Trace]:
     robot = build(machine, slip, effects)
     trace = run_task(robot, task)
@@ -173,7 +172,7 @@ def write_study(
         time = PERIOD * np.arange(len(targets), dtype=np.float64)
         done.append(perform(plant, k, initial, targets, time, k * EPISODE[machine]))
         _write_logs(folder, plant, k, done[-1])
-    write_text(folder / "model.xml", drawing.xml)
+    (folder / "model.xml").write_text(drawing.xml)
     _write_study_file(folder, plant, len(done), plans[0][0])
     return Truth(secret, seed, machine, tuple(done))
 
@@ -182,8 +181,8 @@ def run(
     folder: Path,
     secret: Secret,
     seed: int,
-    time: Array,
-    command: Array,
+    time: Floats,
+    command: Floats,
     machine: str = "elbow",
     assets: Path = ASSETS,
     nuisance: Nuisance | None = None,
@@ -227,8 +226,8 @@ def _write_logs(folder: Path, plant: Plant, index: int, done: EpisodeTruth) -> N
     )
 
 
-def _write_study_file(folder: Path, plant: Plant, episodes: int, initial: Array) -> None:
+def _write_study_file(folder: Path, plant: Plant, episodes: int, initial: Floats) -> None:
     text = study_text(
         plant.machine, plant.nuisance, episodes, initial, SETTLE, plant.own_camera_file
     )
-    write_text(folder / "STUDY.yaml", text)
+    (folder / "STUDY.yaml").write_text(text)

@@ -19,11 +19,11 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior
-from jmm_agent.nominal_model import Floats
 from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
 from jmm_agent.settling import SettlingDetector
 from jmm_agent.trajectory import Trajectory
+from jmm_agent.types import Floats
 from jmm_agent.updaters import (
     AntagonismMemory,
     AntagonismUpdater,

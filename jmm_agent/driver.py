@@ -10,8 +10,8 @@ from types import FrameType
 from typing import Protocol
 
 from jmm_agent.agent import Agent
-from jmm_agent.nominal_model import Floats
 from jmm_agent.observation import SensorReadings
+from jmm_agent.types import Floats
 
 ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals that ask a process to end; Ctrl-C is an exception already."""

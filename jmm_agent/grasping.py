@@ -13,7 +13,7 @@ import numpy as np
 
 from jmm_agent.errors import AgentError
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,7 @@ from scipy.special import gammaincinv
 
 from jmm_agent.kalman_filter_options import EstimatorError, EstimatorOptions
 from jmm_agent.mapping.length_map import LengthMap
-
-Floats = NDArray[np.float64]
+from jmm_agent.types import Floats
 
 DOUBTED_NOISE = 1e4
 """Noise of a length that is not believed, in units of the encoder's."""

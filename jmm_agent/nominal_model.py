@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from jmm_agent.types import Floats, Ints
 
 ZERO_TOLERANCE = 1e-6  # [m] lengths at q = 0
 CROSS_TOLERANCE = 1e-9  # [m] change of a length under a joint that the wire does not cross
@@ -26,8 +24,8 @@ class GroupTopology(NamedTuple):
     """One group: its name, the joints that its muscles cross, and its muscles, as indices."""
 
     name: str
-    joint_index: Indices
-    muscle_index: Indices
+    joint_index: Ints
+    muscle_index: Ints
 
 
 @dataclass(frozen=True, eq=False)

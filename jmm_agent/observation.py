@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jmm_agent.errors import AgentError
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 
 class SensorReadings(NamedTuple):

@@ -8,7 +8,7 @@ from math import comb
 
 import numpy as np
 
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 ROUNDING = 1e-3
 """Share of the window by which time stamps may fall short of it: they are rounded."""

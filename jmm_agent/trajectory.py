@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 
 class Trajectory(NamedTuple):

@@ -18,7 +18,7 @@ import numpy as np
 
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.hold_out import HoldOut, HoldOutOptions
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,

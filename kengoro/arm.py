@@ -13,7 +13,7 @@ from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detector, MarkerDetector
 from kengoro.hand_search import READY

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jmm_agent.grasping import GraspPlan, GraspPlanner
+from jmm_agent.types import Floats
 from kengoro.hand_search import TrialOptions, find_hand, scan_offsets
 from kengoro.session import CLOSED, OPEN, Session
-
-Floats = NDArray[np.float64]
 
 
 @dataclass

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import radians
 
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.session import Session
 
 READY = tuple(radians(angle) for angle in (-15, 10, 0, -8, 0, -3, 0, 5, -32, -50, 95, 0, 0, 0))

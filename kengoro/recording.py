@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.marker_detector import MarkerDetector
 from kengoro.arm import CAMERA, HAND, NO_END, SIDES, make_env
 from kengoro.errors import UsageError

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from jmm_agent.nominal_model import Floats
 from jmm_agent.observation import SensorReadings
+from jmm_agent.types import Floats
 from kengoro.errors import UsageError
 
 HOST = "127.0.0.1"

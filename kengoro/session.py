@@ -15,15 +15,13 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import faults_for_info
 from jmm_agent.observation import SensorReadings
+from jmm_agent.types import Floats
 from kengoro.errors import UsageError
 from kengoro_env.env import KengoroEnv
-
-Floats = NDArray[np.float64]
 
 OPEN, CLOSED = -1.0, 1.0
 

@@ -15,8 +15,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from jmm_agent.nominal_model import Floats
-from kengoro.files import write_text
+from jmm_agent.types import Floats
 from kengoro.nominal_model import (
     MARKER_ORIENTATION,
     MARKER_POSITION,
@@ -27,6 +26,7 @@ from kengoro.nominal_model import (
 )
 from kengoro.recording import SETTLE, Arm, Recording
 from kengoro_env.robot.nominal_model import NominalArm
+from mjcf_sandbox.files import write_text
 
 LENGTH_NOISE, TENSION_NOISE = 1e-4, 1.0
 """Standard deviation of a reading of encoders [m] and tension sensors [N], as their makers say."""

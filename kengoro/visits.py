@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.nominal_model import Floats, Indices
+from jmm_agent.types import Floats, Ints
 from kengoro.hand_search import TrialOptions, find_hand
 from kengoro.session import Session
 from kengoro.trained_maps import ARM
@@ -95,7 +95,7 @@ def gaps(visits: Visits, pair: str) -> Floats:
     return np.array(found).reshape(-1, len(JOINTS))
 
 
-def rmse_deg(visits: Visits, pair: str, joints: Indices | None = None) -> Floats:
+def rmse_deg(visits: Visits, pair: str, joints: Ints | None = None) -> Floats:
     """RMSE_joint (K,) [deg] of each visit: root mean square over (some) joints."""
     gap = np.degrees(gaps(visits, pair))
     return np.sqrt(np.mean(np.square(gap if joints is None else gap[:, joints]), axis=1))
@@ -123,7 +123,7 @@ def _kinematics() -> ArmKinematics:
     return ArmKinematics(asset_path(ARM), JOINTS)
 
 
-def group_joints() -> dict[str, Indices]:
+def group_joints() -> dict[str, Ints]:
     """Indices of all joints, and of those that each group owns."""
     own = {name: np.array([JOINTS.index(j) for j in js]) for name, js in GROUP_JOINTS.items()}
     return {"all": np.arange(len(JOINTS)), **own}

@@ -27,10 +27,9 @@ from kengoro_env.tasks.can_grasp import CanGrasp
 from kengoro_env.tasks.elbow import elbow_task
 from kengoro_env.tasks.posture import posture_task
 from kengoro_env.tasks.task import Task
+from kengoro_env.types import Floats
 from kengoro_env.vision.head_camera import HeadCamera
 from kengoro_env.vision.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
-
-Array = NDArray[np.float64]
 
 TASKS: dict[str, Callable[[], Task]] = {
     "can_grasp": CanGrasp,
@@ -155,7 +154,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             action = np.append(action, np.float32(fingers))
         return checked_action(action, self._entries).astype(np.float32)
 
-    def action_to_lengths(self, action: object) -> Array:
+    def action_to_lengths(self, action: object) -> Floats:
         """The target lengths (m,) [m] that an action commands."""
         return self.bounds.to_lengths(checked_action(action, self._entries)[: len(self.muscles)])
 
@@ -195,7 +194,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             self.render()
         return self._last
 
-    def _checked_options(self, options: Mapping[str, Any]) -> dict[str, Array]:
+    def _checked_options(self, options: Mapping[str, Any]) -> dict[str, Floats]:
         sizes = {"posture": None, **self.task.options}
         checked = {}
         for name, value in options.items():
@@ -285,7 +284,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._control = control_of(self.robot, self.bounds, self._entries, self.task.thing)
 
 
-def _finite(name: str, value: object, size: int) -> Array:
+def _finite(name: str, value: object, size: int) -> Floats:
     """``value`` as ``size`` finite numbers."""
     try:
         array = np.array(value, dtype=float)

@@ -16,20 +16,18 @@ belongs to the set when, on the drawing,
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from math import radians
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
 from kengoro_env.names import JOINTS
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
+from mjcf_sandbox.files import whole_file
 
 STOP_MARGIN = radians(3.0)
 TENSION_LIMIT = 150.0
@@ -61,7 +59,7 @@ RANGES_DEG: dict[str, tuple[float, float]] = {
 The neck is turned to the hand."""
 
 
-def least_tension(arms: Array, gravity: Array, least: float = 5.0, most: float = 400.0) -> float:
+def least_tension(arms: Floats, gravity: Floats, least: float = 5.0, most: float = 400.0) -> float:
     """Smallest largest tension [N] in ``least..most`` that holds a posture; inf if there is none.
 
     Args:
@@ -97,7 +95,7 @@ class PostureChecker:
         self._focal = self._size[1] / 2 / np.tan(radians(float(camera.fovy[0])) / 2)
         self._tips = [model.geom(name).id for name in ("index_distal", "ring_distal")]
 
-    def candidate(self, rng: np.random.Generator) -> Array:
+    def candidate(self, rng: np.random.Generator) -> Floats:
         """A posture from the box, its neck turned to where the hand is, roughly."""
         share = rng.uniform(size=len(JOINTS))
         pitch = JOINTS.index("sh_pitch")  # its extremes are accepted rarely: draw them more often
@@ -110,14 +108,14 @@ class PostureChecker:
         posture[1] = down - radians(30.0) + rng.normal(0.0, radians(5.0))
         return posture
 
-    def _place(self, posture: Array) -> None:
+    def _place(self, posture: Floats) -> None:
         self.robot.data.qpos[:] = 0.0
         for joint, angle in zip(JOINTS, posture, strict=True):
             self.robot.data.joint(joint).qpos[0] = angle
         mujoco.mj_kinematics(self.robot.model, self.robot.data)
         mujoco.mj_camlight(self.robot.model, self.robot.data)
 
-    def seen(self, posture: Array) -> bool:
+    def seen(self, posture: Floats) -> bool:
         """Whether the hand is in front, above the table, and its marker faces the camera."""
         self._place(posture)
         data = self.robot.data
@@ -140,22 +138,22 @@ class PostureChecker:
             and lowest > TABLE_HEIGHT + TABLE_CLEARANCE
         )
 
-    def inside(self, posture: Array) -> bool:
+    def inside(self, posture: Floats) -> bool:
         """Whether every joint is away from its stops."""
         low, high = self.drawing.lower + STOP_MARGIN, self.drawing.upper - STOP_MARGIN
         return bool(np.all(posture > low) and np.all(posture < high))
 
-    def strong(self, posture: Array) -> bool:
+    def strong(self, posture: Floats) -> bool:
         """Whether each joint has a wire with a good moment arm in both directions."""
         arms = self.drawing.moment_arms(posture)
         return bool(np.all(np.minimum(arms.max(axis=0), -arms.min(axis=0)) >= MOMENT_ARM))
 
-    def holds(self, posture: Array) -> bool:
+    def holds(self, posture: Floats) -> bool:
         """Whether a tension set of 5 to `TENSION_LIMIT` N holds the posture."""
         arms, gravity = self.drawing.moment_arms(posture), self.drawing.gravity(posture)
         return least_tension(arms, gravity, most=TENSION_LIMIT) <= TENSION_LIMIT
 
-    def sag(self, posture: Array) -> float:
+    def sag(self, posture: Floats) -> float:
         """How far the drawing hangs below the posture under stiffness control [rad], RMS."""
         target = self.drawing.lengths(posture)[0]
         self.robot.reset(posture, np.random.default_rng(0))
@@ -163,7 +161,7 @@ class PostureChecker:
             self.robot.step(target)
         return float(np.sqrt(np.mean((self.robot.joint_angles - posture) ** 2)))
 
-    def accepts(self, posture: Array) -> bool:
+    def accepts(self, posture: Floats) -> bool:
         """Whether the posture belongs to the set; cheap conditions first."""
         return (
             self.inside(posture)
@@ -175,7 +173,7 @@ class PostureChecker:
 
 
 @cache
-def posture_set() -> Array:
+def posture_set() -> Floats:
     """The shipped posture set (N, 14) [rad], read-only; columns are `JOINTS`."""
     table = np.loadtxt(asset_path("postures/kengoro_arm.csv"), delimiter=",", skiprows=1)
     postures = np.radians(table)
@@ -186,7 +184,7 @@ def posture_set() -> Array:
 def main(count: int = 1000, seed: int = 0) -> None:
     """Draw the posture set anew and write it, in degrees with two decimals."""
     checker, rng = PostureChecker(), np.random.default_rng(seed)
-    rows: list[Array] = []
+    rows: list[Floats] = []
     tried = 0
     while len(rows) < count:
         tried += 1
@@ -194,10 +192,8 @@ def main(count: int = 1000, seed: int = 0) -> None:
         if checker.accepts(posture):
             rows.append(np.degrees(posture))
     folder = asset_path("mjcf/kengoro_arm/arm.xml").parents[2] / "postures"
-    folder.mkdir(exist_ok=True)
-    beside = folder / "kengoro_arm.csv.tmp"
-    np.savetxt(beside, rows, fmt="%.2f", delimiter=",", header=",".join(JOINTS), comments="")
-    os.replace(beside, folder / "kengoro_arm.csv")
+    with whole_file(folder / "kengoro_arm.csv") as path:
+        np.savetxt(path, rows, fmt="%.2f", delimiter=",", header=",".join(JOINTS), comments="")
     print(f"{count} postures accepted of {tried} drawn")
     for joint, (low, high) in zip(JOINTS, np.percentile(rows, [5, 95], axis=0).T, strict=True):
         print(f"{joint:12s} {low:7.1f} .. {high:6.1f} deg, span {high - low:5.1f}")

@@ -15,7 +15,6 @@ Bounds are an asset, so that no start waits for them; after a change of the arm'
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -27,8 +26,8 @@ from numpy.typing import NDArray
 from kengoro_env.assets import asset_path, assets_root
 from kengoro_env.errors import KengoroError
 from kengoro_env.robot.nominal_model import NominalArm
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
+from mjcf_sandbox.files import write_json
 
 MARGIN = 0.06
 """How far beyond the drawing's range a length may be [m]."""
@@ -56,27 +55,27 @@ class InvalidActionError(KengoroError):
 class LengthBounds:
     """Bounds of the wires' lengths (m,) [m], and the map from and to actions (m,) in [-1, 1]."""
 
-    low: Array
-    high: Array
+    low: Floats
+    high: Floats
 
     @cached_property
-    def _middle(self) -> Array:
+    def _middle(self) -> Floats:
         """Half way from low to high (m,) [m]: what an action of 0 commands."""
         return (self.low + self.high) / 2.0
 
     @cached_property
-    def _half(self) -> Array:
+    def _half(self) -> Floats:
         """Half the way from low to high (m,) [m]: what an action of 1 moves a target by."""
         return (self.high - self.low) / 2.0
 
     @cached_property
-    def most_tension(self) -> Array:
+    def most_tension(self) -> Floats:
         """What the tension sensors read at most (m,) [N]."""
         most = np.full(self.low.shape, TENSION_RANGE)
         most.setflags(write=False)
         return most
 
-    def layout(self) -> dict[str, Array]:
+    def layout(self) -> dict[str, Floats]:
         """Arrays (m,) by their names in control_step.c."""
         return {
             "half": self._half,
@@ -86,14 +85,14 @@ class LengthBounds:
             "most_tension": self.most_tension,
         }
 
-    def to_action(self, lengths: Array) -> NDArray[np.float32]:
+    def to_action(self, lengths: Floats) -> NDArray[np.float32]:
         """The action that commands ``lengths`` (m,) [m]; lengths out of bounds are cut."""
         share = (lengths - self.low) / (self.high - self.low)
         return np.clip(2.0 * share - 1.0, -1.0, 1.0).astype(np.float32)
 
-    def to_lengths(self, action: Array) -> Array:
+    def to_lengths(self, action: Floats) -> Floats:
         """The lengths (m,) [m] that an action (m,), in float64, commands, to rounding."""
-        lengths: Array = action * self._half
+        lengths: Floats = action * self._half
         lengths += self._middle
         return lengths
 
@@ -115,7 +114,7 @@ def computed_bounds(drawing: NominalArm) -> LengthBounds:
     return _fixed(lengths.min(axis=0) - MARGIN, lengths.max(axis=0) + MARGIN)
 
 
-def _fixed(low: Array, high: Array) -> LengthBounds:
+def _fixed(low: Floats, high: Floats) -> LengthBounds:
     for bound in (low, high):
         bound.setflags(write=False)
     return LengthBounds(low, high)
@@ -128,11 +127,11 @@ def box(low: object, high: object, shape: tuple[int, ...]) -> spaces.Box:
 
 
 @cache
-def _ones(count: int) -> Array:
+def _ones(count: int) -> Floats:
     return np.ones(count)
 
 
-def checked_action(action: object, entries: Sequence[str]) -> Array:
+def checked_action(action: object, entries: Sequence[str]) -> Floats:
     """The action as an array, float64, with an entry for each of ``entries``.
 
     Raises:
@@ -167,9 +166,7 @@ def main() -> None:
         bounds = computed_bounds(drawing)
         pairs = np.column_stack([bounds.low, bounds.high]).tolist()
         found[scene] = dict(zip(drawing.muscles, pairs, strict=True))
-    beside = assets_root() / f"{BOUNDS}.tmp"
-    beside.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    os.replace(beside, assets_root() / BOUNDS)
+    write_json(assets_root() / BOUNDS, found)
 
 
 if __name__ == "__main__":

@@ -20,9 +20,8 @@ from kengoro_env.spaces import InvalidActionError, checked_action
 from kengoro_env.stepping.compiled_fleet import fleet_of
 from kengoro_env.stepping.fleet import BatchResult
 from kengoro_env.tasks.reach import Reach, judged
+from kengoro_env.types import Bools, Floats
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Observations = dict[str, NDArray[Any]]
 Infos = dict[str, Any]
 
@@ -177,7 +176,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             infos["_reason"] = diverged.copy()
         return observed, reward, diverged, truncated, infos
 
-    def _checked(self, actions: object) -> Array:
+    def _checked(self, actions: object) -> Floats:
         array = np.asarray(actions, dtype=float)
         if array.shape != self.action_space.shape:
             raise InvalidActionError(
@@ -191,7 +190,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
                 raise InvalidActionError(f"environment {i}: {error}") from None
         return array
 
-    def _observe(self, told: BatchResult, moved: Mask, success: Mask) -> None:
+    def _observe(self, told: BatchResult, moved: Bools, success: Bools) -> None:
         """Write what those that moved sense, and the truth about them."""
         for i in np.flatnonzero(moved & (told.truth["time"] >= self._until)):
             task = self._tasks[i]
@@ -205,7 +204,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         for arrays, news in ((self._observed, told.observation), (self._known, truth)):
             _write(arrays, moved, {name: values[moved] for name, values in news.items()})
 
-    def _told(self, which: Mask) -> tuple[Observations, Infos]:
+    def _told(self, which: Bools) -> tuple[Observations, Infos]:
         """Copies of what is observed by now and of the truth, which is known of ``which``."""
         infos: Infos = {}
         everybody = which.all()

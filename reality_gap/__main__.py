@@ -135,7 +135,7 @@ def check(command: Check, console: Console) -> None:
 
 def init(command: Init, console: Console) -> None:
     """Write a draft of a study, never over a file that exists."""
-    from reality_gap.files import write_whole
+    from mjcf_sandbox.files import write_text
     from reality_gap.io.template import draft_study
 
     out = command.out
@@ -144,7 +144,7 @@ def init(command: Init, console: Console) -> None:
     if not out.parent.is_dir():
         raise StudyError(f"there is no folder {out.parent} to write {out.name} to")
     text = draft_study(command.model, command.logs, out.parent)
-    write_whole(out, lambda beside: beside.write_text(text, encoding="utf-8"))
+    write_text(out, text)
     _say(console, f"wrote {out}; edit it, then: python -m reality_gap check {out}")
 
 

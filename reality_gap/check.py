@@ -12,9 +12,10 @@ from reality_gap.causes import CATALOGUE
 from reality_gap.io.plausibility import doubts
 from reality_gap.io.validation import actuator_names
 from reality_gap.simulation.expectation import surprises
-from reality_gap.study.data import Array, Episode, Study
+from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import channel_noise
 from reality_gap.study.system import look_at
+from reality_gap.types import Floats
 
 QUIET = 3.0
 """A channel whose standard deviation is below so many times its noise hardly moves."""
@@ -68,7 +69,7 @@ def summary(study: Study) -> str:
     return ", ".join([counts[0], f"{study.duration:.3g} s", *counts[1:]])
 
 
-def _values(study: Study, channel: int) -> Array:
+def _values(study: Study, channel: int) -> Floats:
     return np.concatenate([episode.readings[channel].value for episode in study.episodes])
 
 
@@ -89,7 +90,7 @@ def _clocks(study: Study) -> list[str]:
     return found
 
 
-def _gaps(time: Array) -> list[tuple[float, float]]:
+def _gaps(time: Floats) -> list[tuple[float, float]]:
     steps = np.diff(time)
     if len(steps) < FEW:
         return []
@@ -196,7 +197,7 @@ def _noise(study: Study) -> list[str]:
     return found
 
 
-def _shown_noise(study: Study, stride: int) -> Array:
+def _shown_noise(study: Study, stride: int) -> Floats:
     """Noise by channel as the log shows it, from every reading or every second one."""
     thinned = tuple(
         replace(

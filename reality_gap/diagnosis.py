@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from reality_gap.causes.base import Location
 from reality_gap.simulation.hypothesis import Candidate
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 class Verdict(Enum):
@@ -111,11 +110,11 @@ class Trace:
     episode: str
     unit: str
     noise: float
-    time: Array
+    time: Floats
     split: NDArray[np.int64]
-    measured: Array
-    before: Array
-    after: Array
+    measured: Floats
+    before: Floats
+    after: Floats
 
 
 @dataclass(frozen=True)
@@ -147,8 +146,8 @@ class Experiment:
 
     title: str
     sentence: str
-    time: Array
-    command: Array
+    time: Floats
+    command: Floats
     separation: float
     separation_before: float
 

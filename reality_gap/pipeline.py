@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
@@ -37,10 +36,10 @@ from reality_gap.simulation.hypothesis import Candidate, acts_beside, build, sam
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.splits import REPORT, split
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-Watch = Callable[[Replayer, Array, Sequence[Sensitivity]], None]
+Watch = Callable[[Replayer, Floats, Sequence[Sensitivity]], None]
 """Sees the replays, the residual of the study's model (n,), and all sensitivities."""
 
 
@@ -220,7 +219,7 @@ def _name(
 
 
 def _fitted_candidates(
-    result: Search, locations: Sequence[Alternatives], null: Array
+    result: Search, locations: Sequence[Alternatives], null: Floats
 ) -> tuple[FittedCandidate, ...]:
     """Everybody who was fitted, by the cause whose place they were tried in."""
     listed = []
@@ -250,7 +249,7 @@ def _refused(result: Search) -> float:
     return last.tried[0].evidence - (0.0 if last.base is None else last.base.evidence)
 
 
-def _explainable(null: Array, after: Array, left: Remainder, replayer: Replayer) -> float:
+def _explainable(null: Floats, after: Floats, left: Remainder, replayer: Replayer) -> float:
     """Share of the null's power above the noise that causes and the learned residual explain."""
     report = split(replayer.measured) == REPORT
     learned = left.learned.prediction

@@ -23,7 +23,6 @@ matplotlib.use("Agg")
 import numpy as np
 from matplotlib import pyplot
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from experiments.emps.log import (
     MASS,
@@ -35,9 +34,8 @@ from experiments.emps.log import (
     relative_error,
 )
 from experiments.emps.regression import force_of
+from jmm_agent.types import Floats
 from kengoro_env.robot.motors import DEFAULT_GAINS
-
-Floats = NDArray[np.float64]
 
 FOLDER = Path(__file__).resolve().parent
 RESULT = FOLDER.parent / "results" / "emps.json"

@@ -20,7 +20,7 @@ from experiments.learnability.run import known_world
 from experiments.robots.evaluation import Examiner, map_error_mm
 from experiments.robots.variants import NONE, VARIANTS
 from jmm_agent.agent import Agent
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, NO_END, make_agent, make_env, shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import errors, visit

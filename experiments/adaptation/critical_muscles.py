@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import posture_set

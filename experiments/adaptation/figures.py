@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from experiments.adaptation.sizes import BEFORE, EVENT, OFF, Sizes
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import Visits, hand_mm, rmse_deg
 

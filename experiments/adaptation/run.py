@@ -18,7 +18,7 @@ from experiments.adaptation.sizes import BEFORE, EVENT, OFF, Sizes
 from experiments.harness.experiment import Findings, Results, Study
 from experiments.harness.report import Table
 from experiments.harness.statistics import metric
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, NOMINAL, make_session, new_agent, shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import Visits, error_rows, errors, no_visits, visit

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from kengoro.files import write_bytes, write_json, write_text
+from mjcf_sandbox.files import write_bytes, write_json, write_text
 
 RESULTS, FIGURES = "results", "figures"
 FIRST = 4

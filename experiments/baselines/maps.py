@@ -25,7 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.mapping.prior import PriorOptions
-from jmm_agent.nominal_model import Floats, Indices
+from jmm_agent.types import Floats, Ints
 
 Correlation = Callable[[Floats, Floats], Floats]
 """Inputs (A, k) and (B, k) [rad] -> how alike the errors are there (A, B), 1 on average."""
@@ -51,8 +51,8 @@ class Correction:
         at: (B, k) angles of these joints [rad] -> (B, m) [m].
     """
 
-    joints: Indices
-    muscles: Indices
+    joints: Ints
+    muscles: Ints
     at: Callable[[Floats], Floats]
 
 

@@ -36,7 +36,7 @@ from experiments.robots.evaluation import Examiner, PostureMap
 from experiments.robots.world import World
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionUpdater
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFitOptions, fit_alone
 from kengoro.arm import ACTUAL, HAND, NOMINAL, make_agent, make_session, shuffled_postures

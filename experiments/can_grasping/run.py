@@ -7,7 +7,6 @@ and the trial of the same robot without departures.
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -30,6 +29,7 @@ from kengoro import trained_maps
 from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.hand_search import TrialOptions
 from kengoro.viewer.video import Video
+from mjcf_sandbox.files import whole_file
 
 FLEXED_DEG = -120.0
 """Shoulder pitch at which the paper compares the map before and after."""
@@ -203,8 +203,7 @@ def main(args: Args) -> Summary:
     summary = run_study(study, replace(args, jobs=1) if alone else args)
     print_table(console, outcome_table(summary["per_seed"]))
     if films is not None:
-        beside = film.with_suffix(".tmp")
-        shutil.copyfile(film, beside)
-        os.replace(beside, args.out / "episode.mp4")
+        with whole_file(args.out / "episode.mp4") as beside:
+            shutil.copyfile(film, beside)
         console.print(f"Video: {args.out}/episode.mp4")
     return summary

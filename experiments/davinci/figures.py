@@ -15,10 +15,11 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from experiments.davinci.fit import Fitted
-from experiments.davinci.log import Floats, Runs
+from experiments.davinci.log import Runs
 from experiments.davinci.models import predict
 from experiments.davinci.tables import Scores
 from experiments.harness.report import Picture, png
+from jmm_agent.types import Floats
 
 MEASURED, MODEL, RIVAL = "#222222", "#D55E00", "#0072B2"
 MOVING = 0.05

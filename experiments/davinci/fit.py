@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from experiments.davinci.log import Floats, Runs
+from experiments.davinci.log import Runs
 from experiments.davinci.models import Structure, predict
+from jmm_agent.types import Floats
 
 TORQUE_SCALE, JAW_SCALE = 0.006, 0.007
 """About what the best structures leave: it weighs torques [N m] against angles [rad]."""

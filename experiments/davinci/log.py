@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from experiments.harness.errors import ExperimentError
-
-Floats = NDArray[np.float64]
+from jmm_agent.types import Floats
 
 CHANNELS = (
     "drive_angle_rad",

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.davinci.log import Floats, Runs
+from experiments.davinci.log import Runs
+from jmm_agent.types import Floats
 
 START: dict[str, float] = {
     "gear": 1.0,

@@ -36,7 +36,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import LEAST_WIDTH
 from experiments.harness.report import Table, print_table, write_report
 from experiments.harness.runner import progress_bar
-from kengoro.files import write_json
+from mjcf_sandbox.files import write_json
 from reality_gap import CATALOGUE, Diagnosis, Options, RealityGapError, diagnose
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.report.files import check_out, write_diagnosis

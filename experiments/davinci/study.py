@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.davinci.log import BEGIN, RATE, Floats, Runs
+from experiments.davinci.log import BEGIN, RATE, Runs
+from jmm_agent.types import Floats
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 
 RADIUS = 0.005

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.davinci.fit import JAW_SCALE, TORQUE_SCALE, Errors, Fitted
-from experiments.davinci.log import Floats
 from experiments.davinci.models import ABLATIONS, UNITS, Structure
 from experiments.harness.report import Table
+from jmm_agent.types import Floats
 
 WHOLE_NAME = "whole"
 

@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 
-from experiments.emps.log import MASS, PUBLISHED, Floats, Log, at_readings, motion
+from experiments.emps.log import MASS, PUBLISHED, Log, at_readings, motion
 from experiments.emps.regression import UNITS, Regression
 from experiments.harness.report import Picture, png
+from jmm_agent.types import Floats
 from reality_gap.diagnosis import Diagnosis, Trace
 from reality_gap.study.data import Study
 

@@ -14,14 +14,12 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from experiments.harness.errors import ExperimentError
+from jmm_agent.types import Floats
 from reality_gap.simulation.inverse_dynamics import EDGE, Motion, Traced, prepare
 from reality_gap.study.data import Channel, Episode, Reading, Study
-
-Floats = NDArray[np.float64]
 
 COLUMNS = ("t_s", "q_ref_m", "q_m", "u_V")
 FORCE_PER_VOLT = 35.15065188248547

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import t as student
 
-from experiments.emps.log import Floats, at_readings, measured_force, motion, relative_error
+from experiments.emps.log import at_readings, measured_force, motion, relative_error
+from jmm_agent.types import Floats
 from reality_gap.simulation.inverse_dynamics import Motion
 from reality_gap.study.data import Study
 

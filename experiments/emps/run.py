@@ -37,7 +37,7 @@ from experiments.harness.common import Summary, check_jobs, make_summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import LEAST_WIDTH
 from experiments.harness.report import Table, print_table, write_report
-from kengoro.files import write_json
+from mjcf_sandbox.files import write_json
 from reality_gap import CATALOGUE, Diagnosis, Options, RealityGapError, diagnose
 from reality_gap.diagnosis import FittedCandidate
 from reality_gap.inference.forward_selection import Settings

@@ -31,8 +31,8 @@ from experiments.harness.statistics import metric
 from experiments.robots.accuracy import MapAccuracy
 from experiments.robots.checkpoint import load_memory, save_memory
 from kengoro.arm import ACTUAL, make_session, new_agent, shuffled_postures
-from kengoro.files import write_json
 from kengoro.trained_maps import trained_map
+from mjcf_sandbox.files import write_json
 
 POSTURES = 50
 """Over how many postures the map's error is taken."""

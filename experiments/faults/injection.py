@@ -17,7 +17,7 @@ import numpy as np
 
 from jmm_agent.guard import faults
 from jmm_agent.guard.faults import MotorControl
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
 from kengoro_env.env import KengoroEnv
 from kengoro_env.robot.motors import DEFAULT_GAINS

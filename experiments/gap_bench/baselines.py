@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jmm_agent.types import Floats
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.gauss_newton import at, to_theta
 from reality_gap.inference.screening import Sensitivity
@@ -26,7 +26,6 @@ from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import CHOOSE, split
 
-Array = NDArray[np.float64]
 STEP = 0.05
 """Finite difference of the fit, in scales: dry friction has no slope within a smaller one."""
 ITERATIONS = 6
@@ -52,7 +51,7 @@ class Named:
 
 
 def largest_correlation(
-    readings: Measured, residual: Array, found: Sequence[Sensitivity]
+    readings: Measured, residual: Floats, found: Sequence[Sensitivity]
 ) -> Named | None:
     """The suspect with the column that correlates best with the residual (n,).
 
@@ -98,7 +97,7 @@ def free_parameter_baseline(replayer: Replayer, found: Sequence[Sensitivity]) ->
     owners = [candidate for candidate, _ in start for _ in candidate.parameters]
     parameters = _parameters(sysid, start)
 
-    def residual(x: Array, _: object) -> tuple[list[Array], None, None]:
+    def residual(x: Floats, _: object) -> tuple[list[Floats], None, None]:
         columns = [_residual(replayer, start, theta)[use] for theta in np.atleast_2d(x.T)]
         rows = np.vstack([np.column_stack(columns), np.atleast_2d(x.T).T / PRIOR])
         return [rows if x.ndim > 1 else rows[:, 0]], None, None
@@ -120,7 +119,7 @@ def freed(replayer: Replayer, found: Sequence[Sensitivity]) -> Hypothesis:
     for sensitivity in found:
         candidate = sensitivity.candidate
         key = (candidate.cause.id, candidate.location)
-        smooth = not any(p.starts for p in candidate.parameters)
+        smooth = not any(p.hints.starts for p in candidate.parameters)
         if key in seen or not smooth or len(candidate.location.elements) > 1:
             continue
         seen.add(key)
@@ -142,5 +141,5 @@ def _parameters(sysid: Any, start: Hypothesis) -> Any:
     return found
 
 
-def _residual(replayer: Replayer, start: Hypothesis, theta: Array) -> Array:
+def _residual(replayer: Replayer, start: Hypothesis, theta: Floats) -> Floats:
     return np.nan_to_num(replayer.residual(at(start, theta)), posinf=1e3, neginf=-1e3)

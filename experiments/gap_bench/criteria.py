@@ -25,8 +25,8 @@ from experiments.gap_bench.scores import (
     truth,
 )
 from experiments.harness.statistics import interval
+from jmm_agent.types import Floats
 
-Array = NDArray[np.float64]
 Z = 1.959964
 """Of a 95 % interval."""
 BINS = 10
@@ -168,7 +168,7 @@ def _worst(name: str, values: Sequence[float], unit: str) -> Row:
     return Row(name, len(values), max(values, default=None), None, None, unit)
 
 
-def confidences(trials: Sequence[Trial]) -> tuple[Array, Array]:
+def confidences(trials: Sequence[Trial]) -> tuple[Floats, Floats]:
     """Confidence of every named cause (k,), and whether it was there (k,)."""
     pairs = [
         (c["confidence"], c["cause"] in {e["cause"] for e in t["truth"]})
@@ -178,12 +178,12 @@ def confidences(trials: Sequence[Trial]) -> tuple[Array, Array]:
     return np.array([p for p, _ in pairs], float), np.array([r for _, r in pairs], float)
 
 
-def bins(told: Array) -> NDArray[np.int64]:
+def bins(told: Floats) -> NDArray[np.int64]:
     """Which of `BINS` equal bins each confidence (k,) is in."""
     return np.minimum((told * BINS).astype(int), BINS - 1)
 
 
-def expected_error(told: Array, right: Array) -> float:
+def expected_error(told: Floats, right: Floats) -> float:
     """Mean over named causes of |share right - mean confidence| of their bin."""
     where = bins(told)
     gaps = [abs(np.sum(right[where == b] - told[where == b])) for b in range(BINS)]

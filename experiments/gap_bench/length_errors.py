@@ -9,14 +9,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants import Truth
 from hidden_plants.machine import Machine, load
+from jmm_agent.types import Floats
 from reality_gap import Diagnosis
 from reality_gap.causes.load_dependent_friction import CAPSTAN, total_bend
 
-Array = NDArray[np.float64]
 ID = "attachment_shift"
 POSTURES = 200
 """At most as many of the log's postures are compared at."""
@@ -34,7 +33,7 @@ def length_error(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
         if e.id == ID
         for site in e.elements
     }
-    told: dict[str, Array] = {}
+    told: dict[str, Floats] = {}
     for cause in found.causes:
         if cause.candidate.cause.id == ID:
             value = {name: e.value for name, e in cause.parameters.items()}
@@ -67,20 +66,20 @@ def bend(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
     return float(np.mean(bends))
 
 
-def _postures(truth: Truth) -> Array:
+def _postures(truth: Truth) -> Floats:
     """Some of the log's (k, joints) [rad]."""
     postures = np.concatenate([episode.qpos for episode in truth.episodes])
     return postures[:: max(1, len(postures) // POSTURES)]
 
 
-def _pose(model: mujoco.MjModel, data: mujoco.MjData, posture: Array) -> None:
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, posture: Floats) -> None:
     data.qpos[:] = posture
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_tendon(model, data)
 
 
-def _lengths(machine: Machine, postures: Array, shifts: dict[str, Array]) -> Array:
+def _lengths(machine: Machine, postures: Floats, shifts: dict[str, Floats]) -> Floats:
     """Lengths of wires (k, wires) [m] with sites moved, relative to those at ``qpos0``."""
     spec = machine.spec()
     for name, shift in shifts.items():

@@ -27,7 +27,7 @@ from experiments.harness.common import ROOT, check_jobs, log_reported, make_summ
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import print_table, write_report
 from experiments.harness.runner import core_seconds, run_tasks
-from kengoro.files import write_json
+from mjcf_sandbox.files import write_json
 
 NAME = "gap-bench"
 SHARES = {"single": 0.5, "pair": 0.1, "null": 0.2, "outside": 0.2}

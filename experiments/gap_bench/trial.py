@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import hidden_plants
 from experiments.gap_bench.baselines import Named, free_parameter_baseline, largest_correlation
 from experiments.gap_bench.length_errors import bend, length_error
 from experiments.gap_bench.scores import AMBIGUOUS, ASSETS, entropy
 from hidden_plants import Effect, Nuisance, Secret, Truth
+from jmm_agent.types import Floats
 from reality_gap import Diagnosis, Options, diagnose, load_study
 from reality_gap.inference.held_out import score
 from reality_gap.inference.screening import Sensitivity
@@ -24,7 +24,6 @@ from reality_gap.simulation.replay import replay
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import measured
 
-Array = NDArray[np.float64]
 KINDS = ("single", "pair", "null", "outside")
 EXACT = 1e-6
 """Noise of the true model's readings, over the usual; a study may not say that it has none."""
@@ -66,10 +65,10 @@ class Seen:
     """What a diagnosis saw first, for those that it is compared with."""
 
     replayer: Replayer | None = None
-    null: Array = field(default_factory=lambda: np.zeros(0))
+    null: Floats = field(default_factory=lambda: np.zeros(0))
     found: Sequence[Sensitivity] = ()
 
-    def keep(self, replayer: Replayer, null: Array, found: Sequence[Sensitivity]) -> None:
+    def keep(self, replayer: Replayer, null: Floats, found: Sequence[Sensitivity]) -> None:
         """Keep it."""
         self.replayer, self.null, self.found = replayer, null, found
 

@@ -27,7 +27,8 @@ from experiments.harness.common import make_summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Table, print_table
 from experiments.harness.runner import core_seconds, run_tasks
-from kengoro.files import write_json
+from jmm_agent.types import Floats
+from mjcf_sandbox.files import write_json
 from reality_gap import Options, diagnose, load_study
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.confidence import TEMPER, tempered
@@ -36,7 +37,6 @@ from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.synthetic import simulate
 from reality_gap.study.system import look_at
 
-Array = NDArray[np.float64]
 NAME = "gap-calibrate"
 SMALLEST, LARGEST = 0.03, 1.5
 """Size of a hidden cause, in scales of its parameters."""
@@ -139,8 +139,8 @@ def hide(
     way = rng.standard_normal(len(candidate.parameters))
     values = {}
     for p, share in zip(candidate.parameters, way / np.abs(way).max(), strict=True):
-        if p.starts:
-            values[p.name] = float(rng.choice(p.starts))
+        if p.hints.starts:
+            values[p.name] = float(rng.choice(p.hints.starts))
         else:
             value = p.null + size * share * p.scale
             values[p.name] = float(value if p.low <= value <= p.high else 2 * p.null - value)
@@ -165,7 +165,7 @@ def _honest(
     return found
 
 
-def evidence_and_right(trial: Mapping[str, Any]) -> tuple[Array, NDArray[np.bool_]]:
+def evidence_and_right(trial: Mapping[str, Any]) -> tuple[Floats, NDArray[np.bool_]]:
     """Evidence of the first step's rivals over the null's (k,) [nats], and which were hidden."""
     truth = trial["truth"]
     first = [
@@ -185,7 +185,7 @@ def calibrated(trials: Sequence[Mapping[str, Any]]) -> float:
     return float(np.exp(minimize_scalar(loss, bounds=ends, method="bounded").x))
 
 
-def log_loss(known: Sequence[tuple[Array, NDArray[np.bool_]]], temper: float) -> float:
+def log_loss(known: Sequence[tuple[Floats, NDArray[np.bool_]]], temper: float) -> float:
     """Mean of minus the log probability of what was hidden [nats]."""
     chances = [float(tempered(e, temper)[right].sum()) for e, right in known]
     return float(-np.mean(np.log(np.maximum(chances, LEAST))))

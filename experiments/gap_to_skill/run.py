@@ -23,7 +23,7 @@ from experiments.posture_accuracy.run import Sizes as Trials
 from jmm_agent.agent import AgentOptions
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import PriorOptions
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, make_agent, make_session, shuffled_postures
 from kengoro.nominal_model import study_model, zero_lengths
 from kengoro.recording import Tour, record, whole_arm

@@ -27,9 +27,9 @@ from experiments.harness.common import (
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Picture, Table, metric_table, print_table, write_report
 from experiments.harness.runner import Tasks, core_seconds, run_tasks
-from kengoro.files import remove_parts, write_bytes, write_json
 from kengoro.session import observed_by
 from kengoro.trained_maps import trained_map
+from mjcf_sandbox.files import remove_parts, write_bytes, write_json
 
 Results = dict[int, dict[str, Any]]
 """What each condition brought, by seed and condition."""

@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from experiments.harness.common import Summary
-from kengoro.files import write_text
+from mjcf_sandbox.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

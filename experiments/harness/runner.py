@@ -22,7 +22,7 @@ from rich.progress import (
 
 from experiments.harness.cluster import on_cluster
 from experiments.harness.common import check_jobs
-from kengoro.files import remove_parts, write_json
+from mjcf_sandbox.files import remove_parts, write_json
 from mjcf_sandbox.parent_watchdog import end_with_parent
 
 Work = Callable[..., Any]

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 RESAMPLES = 10_000
 LEVEL = 0.95

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from experiments.harness.experiment import Results
 from experiments.harness.report import GROUP_COLOURS, Picture, png
 from experiments.initial_training.flexion import Flexion
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.trained_maps import nominal_model
 
 OURS, PAPER = "ours", "paper"

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import METRES
-from jmm_agent.nominal_model import Floats, NominalModel
+from jmm_agent.nominal_model import NominalModel
+from jmm_agent.types import Floats
 
 PITCH = "sh_pitch"
 POINTS = 61

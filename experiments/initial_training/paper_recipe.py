@@ -20,7 +20,8 @@ import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap, sigmoid
 from jmm_agent.mapping.network_fit import Layers, Network
-from jmm_agent.nominal_model import Floats, Indices, NominalModel
+from jmm_agent.nominal_model import NominalModel
+from jmm_agent.types import Floats, Ints
 
 PARTS: dict[str, int] = {
     "neck_yaw": 9,
@@ -118,7 +119,7 @@ def train_as_paper(
 
 
 def grid_postures(
-    drawing: NominalModel, joints: Indices, most: int, rng: np.random.Generator
+    drawing: NominalModel, joints: Ints, most: int, rng: np.random.Generator
 ) -> Floats:
     """Different postures (B, n) [rad] of the grid over some joints, in random order, B <= most.
 
@@ -134,7 +135,7 @@ def grid_postures(
     return postures
 
 
-def _parts(drawing: NominalModel, joints: Indices) -> list[int]:
+def _parts(drawing: NominalModel, joints: Ints) -> list[int]:
     return [PARTS[drawing.joints[joint]] for joint in joints]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.harness.errors import ExperimentError
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.trained_maps import nominal_model
 from kengoro_env.env import KengoroEnv
 from kengoro_env.vector import KengoroVectorEnv

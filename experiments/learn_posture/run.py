@@ -30,7 +30,7 @@ from experiments.harness.report import Table, print_table, write_report
 from experiments.harness.runner import core_seconds, run_tasks
 from experiments.harness.statistics import metric
 from experiments.learn_posture.policies import OTHERS, Sizes, judge_others, learn, libraries
-from kengoro.files import write_bytes, write_json
+from mjcf_sandbox.files import write_bytes, write_json
 
 NAME = "learn-posture"
 TITLE = "Learning postures by reward"

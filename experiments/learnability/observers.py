@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.robots.world import Rest, World
 from jmm_agent.mapping.learner import Learner, Pairs
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.updaters import PairLengths, VisionOptions, VisionUpdater
 
 ANGLE_NOISE = np.radians(0.5)

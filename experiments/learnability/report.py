@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from experiments.harness.common import Summary
 from experiments.harness.report import Picture, Table, png, write_report
-from jmm_agent.nominal_model import Floats
-from kengoro.files import write_bytes
+from jmm_agent.types import Floats
+from mjcf_sandbox.files import write_bytes
 
 OFF, NOMINAL, FLOOR, BEST = "off", "nominal", "floor", "2-together"
 LABELS = {

@@ -38,10 +38,10 @@ from experiments.harness.runner import run_tasks
 from experiments.learnability.observers import Variant
 from experiments.learnability.trial import examine, floor, learn
 from experiments.robots.world import Body, Rest, Sizes, World
-from jmm_agent.nominal_model import Floats, Indices
-from kengoro.files import write_json
+from jmm_agent.types import Floats, Ints
 from kengoro.trained_maps import trained_map
 from kengoro_env.departures import actual, drawing
+from mjcf_sandbox.files import write_json
 
 NAME = "learnability"
 OFF, NOMINAL, FLOOR = "off", "nominal", "floor"
@@ -109,7 +109,7 @@ def _listed(**arrays: list[Floats]) -> dict[str, Any]:
     return {key: np.round(np.array(array), 6).tolist() for key, array in arrays.items()}
 
 
-def error_deg(rests: dict[str, Any], one: str, other: str, joints: Indices | None = None) -> Floats:
+def error_deg(rests: dict[str, Any], one: str, other: str, joints: Ints | None = None) -> Floats:
     """RMS over (some) joints of the difference of two angles at each posture (K,) [deg]."""
     gap = np.degrees(np.subtract(rests[one], rests[other]))
     return np.sqrt(np.mean(np.square(gap if joints is None else gap[:, joints]), axis=1))

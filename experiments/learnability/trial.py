@@ -11,7 +11,7 @@ from experiments.robots.world import Body, Rest, World
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule, Rule
 from jmm_agent.mapping.minibatch import MinibatchRule
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
 
 

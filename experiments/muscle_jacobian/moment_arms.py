@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import METRES, QUADRATIC_STEP, JointMuscleMap
-from jmm_agent.nominal_model import Floats, NominalModel
+from jmm_agent.nominal_model import NominalModel
+from jmm_agent.types import Floats
 from kengoro_env.robot.robot import Robot
 
 Arms = Callable[[Floats], Floats]

@@ -12,7 +12,7 @@ from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.length_map import LengthMap, QuadraticJacobian
 from jmm_agent.mapping.minibatch import MinibatchRule
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, make_agent, make_session
 from kengoro.session import Session
 from kengoro.visits import visit

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from experiments.muscle_jacobian.moment_arms import KINDS, STEP, TRUE, Curves
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 ALL = "all"
 

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
 from experiments.posture_accuracy.tables import MEASURES, WHEN, by_posture
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import ERRORS, gaps
 from kengoro_env.names import JOINTS

@@ -17,7 +17,7 @@ import numpy as np
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Findings, Results, Study
 from experiments.posture_accuracy.tables import metrics, seed_entry, tables
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, NOMINAL, make_session, new_agent, shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import Visits, no_visits, visit

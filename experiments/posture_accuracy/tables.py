@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import ERRORS, Visits, error_rows, gaps, hand_mm, rmse_deg
 from kengoro_env.names import JOINTS

@@ -13,7 +13,7 @@ from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
 from jmm_agent.vision.observation_fit import MarkerObservation
-from kengoro.files import write_bytes
+from mjcf_sandbox.files import write_bytes
 
 FORMAT = "memory-1"
 

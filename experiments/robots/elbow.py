@@ -14,8 +14,8 @@ from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.kalman_filter_options import EstimatorOptions
 from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
-from jmm_agent.nominal_model import Floats
 from jmm_agent.settling import SettlingDetector, SettlingOptions
+from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
 from kengoro.arm import ACTUAL, NO_END
 from kengoro.trained_maps import trained_map

@@ -13,7 +13,7 @@ import numpy as np
 
 from experiments.robots.world import World
 from jmm_agent.mapping.length_map import LengthMap
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionUpdater
 from kengoro.arm import ACTUAL
 from kengoro.visits import ANGLES, Visits, no_visits

@@ -14,7 +14,7 @@ from jmm_agent.kinematics.bounded_least_squares import minimise
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.length_map import LengthMap
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.marker_residual import MarkerResidual
 from kengoro.trained_maps import ARM, trained_map
 from kengoro_env.assets import asset_path

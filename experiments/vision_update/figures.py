@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 
 from experiments.harness.experiment import Results
 from experiments.harness.report import GROUP_COLOURS, Picture, png
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import ACTUAL, CAMERA, HAND, NOMINAL, SIDES
 from kengoro.session import Session
 from kengoro.visits import group_joints, rmse_deg

@@ -22,7 +22,7 @@ from experiments.harness.report import Picture, Table
 from experiments.harness.statistics import metric
 from experiments.robots.accuracy import MapAccuracy
 from jmm_agent.agent import Agent, AgentOptions
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
 from kengoro.arm import new_agent, shuffled_postures

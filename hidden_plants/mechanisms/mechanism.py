@@ -6,13 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hidden_plants.machine import Machine
 from hidden_plants.robot import Reshape, Robot
 from hidden_plants.secret import Effect
+from hidden_plants.types import Floats
 
-Array = NDArray[np.float64]
 Shape = Mapping[str, float]
 
 
@@ -97,7 +96,7 @@ def along(shape: Shape, amplitude: float) -> dict[str, float]:
     return {**shape, **{axis: amplitude * shape[f"direction_{axis}"] for axis in "xyz"}}
 
 
-def vector(effect: Effect) -> Array:
+def vector(effect: Effect) -> Floats:
     """``x``, ``y``, ``z`` of an effect (3,)."""
     return np.array([effect.parameters[axis] for axis in "xyz"])
 

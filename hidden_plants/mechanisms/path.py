@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from hidden_plants.arm_motion import HOME, REACH
-from hidden_plants.machine import Array, Machine
+from hidden_plants.machine import Machine
 from hidden_plants.mechanisms.mechanism import (
     Mechanism,
     Shape,
@@ -28,6 +28,7 @@ from hidden_plants.mechanisms.mechanism import (
 )
 from hidden_plants.robot import Robot
 from hidden_plants.secret import Effect
+from hidden_plants.types import Floats
 
 SHIFTS_PER_SITE = 3
 
@@ -87,7 +88,7 @@ TOUCH = 0.0015
 """The bone is larger than what the wire clears, and smaller than what its sites do, by this [m]."""
 
 
-def clearances(machine: Machine, tendon: str, qpos: Array) -> Array:
+def clearances(machine: Machine, tendon: str, qpos: Floats) -> Floats:
     """How far the straight wire and its sites are from the bone's centre or axis (k, 2) [m].
 
     Args:
@@ -116,13 +117,13 @@ def clearances(machine: Machine, tendon: str, qpos: Array) -> Array:
     return found
 
 
-def _postures(machine: Machine) -> Array:
+def _postures(machine: Machine) -> Floats:
     """Postures that motions pass (k, joints) [rad]."""
     if machine.name == "elbow":
         return np.linspace(0.25, 1.85, 33)[:, None]
     rng = shapes_of("missing_wrapping", machine.name)
     home, reach = (np.array([row.get(j, 0.0) for j in machine.joints]) for row in (HOME, REACH))
-    postures: Array = home + 1.2 * reach * rng.uniform(-1.0, 1.0, (400, len(home)))
+    postures: Floats = home + 1.2 * reach * rng.uniform(-1.0, 1.0, (400, len(home)))
     return np.deg2rad(postures)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jmm_agent.guard.faults import MARKER_HIDDEN, MIRRORED_MARKER, SECOND_MARKER
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerPose, Skip
 

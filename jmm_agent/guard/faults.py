@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jmm_agent.errors import AgentError
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 ENCODER_DEAD = "encoder_dead"
 ENCODER_STUCK = "encoder_stuck"

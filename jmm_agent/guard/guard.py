@@ -28,7 +28,7 @@ from jmm_agent.guard.motion_monitor import (
 )
 from jmm_agent.guard.muscle_monitor import FilteredReadings, MuscleMonitor, MuscleMonitorOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerPose, Skip
 

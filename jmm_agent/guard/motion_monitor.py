@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jmm_agent.guard.faults import MotorControl
-from jmm_agent.guard.muscle_monitor import Mask
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class DelayMonitor:
         self._squares: deque[Floats] = deque(maxlen=self._options.window)
         self.late = False
 
-    def update(self, lengths: Floats, tensions: Floats, command: Floats, usable: Mask) -> bool:
+    def update(self, lengths: Floats, tensions: Floats, command: Floats, usable: Bools) -> bool:
         """Take what was measured (m,) [m], [N] while ``command`` (m,) [m] was the newest; whether
         commands are late. Only ``usable`` wires (m,) are asked."""
         options = self._options

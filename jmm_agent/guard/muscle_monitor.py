@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jmm_agent.guard.faults import (
     ENCODER_DEAD,
@@ -18,9 +17,7 @@ from jmm_agent.guard.faults import (
     TENSION_SENSOR_DEAD,
     MotorControl,
 )
-from jmm_agent.nominal_model import Floats
-
-Mask = NDArray[np.bool_]
+from jmm_agent.types import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -70,9 +67,9 @@ class FilteredReadings(NamedTuple):
 
     lengths: Floats
     tensions: Floats
-    doubted: Mask
-    numb: Mask
-    unsafe: Mask
+    doubted: Bools
+    numb: Bools
+    unsafe: Bools
 
 
 class MuscleMonitor:
@@ -132,7 +129,7 @@ class MuscleMonitor:
         return FilteredReadings(reading, tensions, unsafe | undecided, self._numb | slack, unsafe)
 
     @property
-    def _jumped(self) -> Mask:
+    def _jumped(self) -> Bools:
         return self._offset != 0.0
 
     def _watch_encoders(self, dt: float, reading: Floats, command: Floats) -> None:
@@ -191,6 +188,6 @@ class MuscleMonitor:
                 yield kind, self._muscles[index]
 
     @property
-    def _decided(self) -> Mask:
+    def _decided(self) -> Bools:
         """Whether it is known of a wire that it has not snapped."""
         return (self._slack_time == 0.0) | self._numb

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from jmm_agent.kinematics.bounded_least_squares import Minimum, minimise
 from jmm_agent.kinematics.pinocchio_model import KinematicsError, load_model
+from jmm_agent.types import Floats
 
 __all__ = ["ArmKinematics", "IkResult", "KinematicsError"]
 
-Floats = NDArray[np.float64]
 
 RIGID_TOLERANCE = 1e-6  # of a rotation matrix times its transpose
 LIMIT_TOLERANCE = 1e-9  # [rad]

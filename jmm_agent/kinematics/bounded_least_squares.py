@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
-Floats = NDArray[np.float64]
+from jmm_agent.types import Floats
+
 Residual = Callable[[Floats], tuple[Floats, Floats]]
 
 START_DAMPING = 1e-4  # relative to the quadratic term, or without one to the curvature

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
-from jmm_agent.nominal_model import Floats, Indices
+from jmm_agent.types import Floats, Ints
+from mjcf_sandbox.files import whole_file
 
 METRES = 1e-3  # metres per millimetre
 QUADRATIC_STEP = float(np.deg2rad(10.0))  # [rad] sec. II-B
@@ -57,8 +58,8 @@ class GroupMap:
     """
 
     name: str
-    joint_index: Indices
-    muscle_index: Indices
+    joint_index: Ints
+    muscle_index: Ints
     centre: Floats
     scale: Floats
     W1: Floats
@@ -210,14 +211,8 @@ class JointMuscleMap:
         }
         for rank, group in enumerate(self.groups):
             content |= {f"{rank}_{field}": getattr(group, field) for field in _ARRAYS}
-        target = Path(path)
-        beside = target.with_name(f"{target.name}.{os.getpid()}.tmp")
-        try:
-            with beside.open("wb") as file:
-                np.savez(file, **content)  # type: ignore[arg-type]
-            os.replace(beside, target)
-        finally:
-            beside.unlink(missing_ok=True)
+        with whole_file(Path(path)) as beside, beside.open("wb") as file:
+            np.savez(file, **content)  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> JointMuscleMap:

@@ -17,7 +17,7 @@ import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import MapPrior
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 
 class Pairs(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 
 class LengthMap(Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.joint_muscle_map import METRES, sigmoid
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 Singles = NDArray[np.float32]
 

@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap
-from jmm_agent.nominal_model import Floats, Indices
+from jmm_agent.types import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class GroupKernel:
         given: covariance (K, K) of how far such a wire gave since each posture [m^2].
     """
 
-    def __init__(self, muscles: Indices, features: Floats, noise: Floats, given: Floats) -> None:
+    def __init__(self, muscles: Ints, features: Floats, noise: Floats, given: Floats) -> None:
         self.muscles = muscles
         self.features = features
         self.given = given
@@ -130,7 +130,7 @@ class MapPrior:
         return group.W2 + weights, group.b2 + offset
 
 
-def _histories(gave: Floats) -> Iterator[tuple[Floats, Indices]]:
+def _histories(gave: Floats) -> Iterator[tuple[Floats, Ints]]:
     """Different columns (K,) of ``gave`` (K, k), and which columns are like each."""
     if not gave.any():
         yield np.zeros(len(gave)), np.arange(gave.shape[1])

@@ -25,7 +25,8 @@ from jmm_agent.mapping.joint_muscle_map import (
     JointMuscleMap,
 )
 from jmm_agent.mapping.network_fit import Recipe, TrainingError, fit
-from jmm_agent.nominal_model import Floats, NominalModel
+from jmm_agent.nominal_model import NominalModel
+from jmm_agent.types import Floats
 
 Progress = Callable[[str, float], None]
 """Called with a group's name and the fraction of its training that is done."""

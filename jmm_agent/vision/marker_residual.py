@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 
 class MarkerResidual:

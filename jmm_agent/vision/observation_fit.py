@@ -30,7 +30,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from jmm_agent.kinematics.bounded_least_squares import minimise
 from jmm_agent.mapping.prior import MapPrior
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 
 Sight = Callable[[Floats, Floats], tuple[Floats, Floats]]
 """(q (n,), pose_marker_in_camera (4, 4)) -> error (6,) [m, rad] and its Jacobian (6, n)."""

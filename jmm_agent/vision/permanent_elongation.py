@@ -29,7 +29,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from jmm_agent.mapping.prior import MapPrior
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
     ObservationFit,

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from rich.console import Console
 
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.arm import shuffled_postures
 from kengoro.errors import UsageError
 from kengoro.recording import Arm, Tour, elbow, record, whole_arm

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro.session import Session
 from kengoro.trained_maps import ARM
 from kengoro.visits import grip

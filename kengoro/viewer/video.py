@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from types import TracebackType
 
 import cv2
 import imageio.v2 as imageio
 import numpy as np
+
+from mjcf_sandbox.files import whole_file
 
 RATE = 25
 """Frames per second of the video."""
@@ -18,11 +19,10 @@ class Video:
     """Writes pairs of views, whole or not at all: the file appears when the video is closed."""
 
     def __init__(self, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._path = path
-        self._beside = path.with_name(f"{path.stem}.{os.getpid()}.tmp{path.suffix}")
+        self._file = whole_file(path)
+        beside = self._file.__enter__()
         self._writer = imageio.get_writer(
-            self._beside, fps=RATE, codec="libx264", quality=7, macro_block_size=16
+            beside, fps=RATE, codec="libx264", quality=7, macro_block_size=16
         )
 
     def add(self, eye: np.ndarray, outside: np.ndarray, title: str, clock: str) -> None:
@@ -44,7 +44,4 @@ class Video:
         trace: TracebackType | None,
     ) -> None:
         self._writer.close()
-        if kind is None:
-            os.replace(self._beside, self._path)
-        else:
-            self._beside.unlink(missing_ok=True)
+        self._file.__exit__(kind, error, trace)

@@ -8,13 +8,11 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.robot.indexing import Index, reader
 from kengoro_env.robot.motors import Motors
 from kengoro_env.robot.sensors import Sensors
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 INSTANT = 1e-6
 """Simulated times closer than this are the same [s]."""
@@ -31,11 +29,11 @@ class Moment(NamedTuple):
         tensions: (m,) [N].
     """
 
-    joint_angles: Array
-    paths: Array
-    paid_out: Array
-    lengths: Array
-    tensions: Array
+    joint_angles: Floats
+    paths: Floats
+    paid_out: Floats
+    lengths: Floats
+    tensions: Floats
 
 
 class Body(ABC):
@@ -50,11 +48,11 @@ class Body(ABC):
     model: mujoco.MjModel
     data: Any
     motors: Motors
-    _target: Array
+    _target: Floats
     _sensors: Sensors
     _position: Index
-    _zero: Array
-    _none: Array
+    _zero: Floats
+    _none: Floats
 
     def _look(self) -> None:
         """Find the arrays of MuJoCo that are read in each step."""
@@ -70,23 +68,23 @@ class Body(ABC):
         )
 
     @property
-    def target(self) -> Array:
+    def target(self) -> Floats:
         """Lengths that the motors hold (m,) [m], as the encoders call them."""
         return self._target.copy()
 
     @property
-    def joint_angles(self) -> Array:
+    def joint_angles(self) -> Floats:
         """True joint angles (n,) [rad]."""
-        angles: Array = self._mujoco.angles()
+        angles: Floats = self._mujoco.angles()
         return angles
 
     @property
-    def lengths(self) -> Array:
+    def lengths(self) -> Floats:
         """What encoders without offset, noise and quantum would read (m,) [m]."""
         return self.measure().lengths
 
     @property
-    def tensions(self) -> Array:
+    def tensions(self) -> Floats:
         """True tensions (m,) [N]."""
         return self.measure().tensions
 
@@ -95,7 +93,7 @@ class Body(ABC):
         paths, paid_out, tensions = self.motors.measure()
         return Moment(self._mujoco.angles(), paths, paid_out, paid_out - self._zero, tensions)
 
-    def slack(self, target: Array, now: Moment | None = None) -> tuple[Array, Array]:
+    def slack(self, target: Floats, now: Moment | None = None) -> tuple[Floats, Floats]:
         """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
         now = now or self.measure()
         beyond_path = self.motors.slack(now.paths, now.paid_out)
@@ -105,11 +103,11 @@ class Body(ABC):
             beyond_length -= offset
         return beyond_path, np.maximum(beyond_length, self._none, out=beyond_length)
 
-    def site_pose(self, name: str) -> Array:
+    def site_pose(self, name: str) -> Floats:
         """Pose of a site in the world (4, 4), true."""
         return pose_of(*self._mujoco.sites[name])
 
-    def _commanded(self, target: Array) -> Array:
+    def _commanded(self, target: Floats) -> Floats:
         """What is to be paid out (m,) [m] for target lengths (m,) [m] as the encoders call them.
 
         The controller works on what encoders read, so their offsets move the wires.
@@ -120,24 +118,24 @@ class Body(ABC):
             paid_out -= offset
         return paid_out
 
-    def sense(self, now: Moment) -> tuple[Array, Array]:
+    def sense(self, now: Moment) -> tuple[Floats, Floats]:
         """What encoders (m,) [m] and tension sensors (m,) [N] read; where it is true, ``now``'s."""
         return self._sensors.read(now.lengths, now.tensions, self._noise)
 
-    def measured_lengths(self) -> Array:
+    def measured_lengths(self) -> Floats:
         """What the encoders read (m,) [m]: with offset, noise and quantum."""
         return self._sensors.read_lengths(self.lengths, self._noise)
 
-    def measured_tensions(self) -> Array:
+    def measured_tensions(self) -> Floats:
         """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
         return self._sensors.read_tensions(self.tensions, self._noise)
 
     @abstractmethod
-    def _noise(self, kinds: int) -> Array:
+    def _noise(self, kinds: int) -> Floats:
         """Standard normal noise (kinds, m) of the sensors, one kind's after the other's."""
 
 
-def pose_of(position: Array, rotation: Array) -> Array:
+def pose_of(position: Floats, rotation: Floats) -> Floats:
     """Pose (..., 4, 4) of what is at a position (..., 3) [m], turned by (..., 3, 3)."""
     pose = np.zeros((*position.shape[:-1], 4, 4))
     pose[..., :3, :3] = rotation

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 
 class GrowingFriction:
@@ -32,7 +32,7 @@ class GrowingFriction:
         field: str,
         places: NDArray[np.int64],
         actuators: NDArray[np.int64],
-        ratios: Array,
+        ratios: Floats,
     ) -> None:
         self._field = field
         constant = getattr(model, field).copy()
@@ -54,7 +54,7 @@ class GrowingFriction:
 
         return update
 
-    def layout(self, model: mujoco.MjModel) -> dict[str, int | Array | NDArray[np.int64] | None]:
+    def layout(self, model: mujoco.MjModel) -> dict[str, int | Floats | NDArray[np.int64] | None]:
         """Its number of places and its arrays, by their names in control_step.c."""
         return {
             "count": len(self._ratio),

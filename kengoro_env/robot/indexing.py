@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 Index = slice | NDArray[np.int64]
 
@@ -20,12 +20,12 @@ def index_of(numbers: NDArray[np.int64]) -> Index:
     return numbers
 
 
-def reader(array: Array, index: Index) -> Callable[[], Array]:
+def reader(array: Floats, index: Index) -> Callable[[], Floats]:
     """What reads the entries at ``index`` of the last axis of an array that lives on: a copy.
 
     It lies side by side in memory, so that sums over it have the same bits for one and for many.
     """
     if isinstance(index, slice):
         return array[..., index].copy
-    take: Callable[..., Array] = array.take
+    take: Callable[..., Floats] = array.take
     return partial(take, index, -1)

@@ -20,8 +20,7 @@ from kengoro_env.robot.draft import Draft
 from kengoro_env.robot.friction import GrowingFriction
 from kengoro_env.robot.indexing import index_of, reader
 from kengoro_env.robot.tendons import MOTOR_DAMPING, SPOOL_TRAVEL, spool_joint
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 
 @dataclass(frozen=True)
@@ -172,7 +171,7 @@ class Motors:
         model.actuator_biasprm[index, 1] = -self.stiffness
         model.actuator_forcerange[index] = np.column_stack([low, high])
 
-    def measure(self) -> tuple[Array, Array, Array]:
+    def measure(self) -> tuple[Floats, Floats, Floats]:
         """Where the wires are and how they pull now, true.
 
         A wire that stretches pulls with its spring's force, another one with its motor's.
@@ -195,22 +194,22 @@ class Motors:
             tensions = np.where(self._spooled, tensions, self._motor_pull(lengths))
         return paths, paid_out, tensions
 
-    def paths(self) -> Array:
+    def paths(self) -> Floats:
         """Lengths of the wires' paths from guide to end [m], true."""
-        lengths: Array = self._mujoco.lengths() - self._turned()
+        lengths: Floats = self._mujoco.lengths() - self._turned()
         return lengths
 
-    def _turned(self) -> Array:
+    def _turned(self) -> Floats:
         """How far spools have turned from where they stand at zero [m]; 0 without a spool."""
-        positions: Array = self._mujoco.spools()
+        positions: Floats = self._mujoco.spools()
         if self._all_spooled:
             return positions
         turned = np.zeros((*positions.shape[:-1], len(self.muscles)))
         turned[..., self._spooled] = positions
         return turned
 
-    def _motor_pull(self, lengths: Array) -> Array:
-        pull: Array = self._mujoco.commands()
+    def _motor_pull(self, lengths: Floats) -> Floats:
+        pull: Floats = self._mujoco.commands()
         np.subtract(lengths, pull, out=pull)
         pull *= self.stiffness
         pull += self.bias
@@ -221,17 +220,17 @@ class Motors:
         pull += damped
         return np.maximum(pull, self._none, out=pull)
 
-    def _pull(self, stretch: Array) -> Array:
+    def _pull(self, stretch: Floats) -> Floats:
         x = np.maximum(stretch, self._none)
         k1, k2, k3 = self._polynomial
-        pull: Array = k3 * x
+        pull: Floats = k3 * x
         pull += k2
         pull *= x
         pull += k1
         pull *= x
         return pull
 
-    def slack(self, paths: Array, paid_out: Array) -> Array:
+    def slack(self, paths: Floats, paid_out: Floats) -> Floats:
         """How much more of each wire is paid out (m,) [m] than its path takes (m,) [m]."""
         if not self._has_spools and not self._elongated:
             return np.zeros(paths.shape)
@@ -239,7 +238,7 @@ class Motors:
         beyond -= paths
         return np.maximum(beyond, self._none, out=beyond)
 
-    def stretch_at(self, tension: Array) -> Array:
+    def stretch_at(self, tension: Floats) -> Floats:
         """Stretch [m] of each wire at a tension [N] (m,), by Newton's method; 0 without stretch."""
         x = np.zeros(len(self.muscles))
         k1, k2, k3 = self._polynomial
@@ -254,20 +253,20 @@ class Motors:
         self._data.qpos[self._spool_position] = travel[self._spooled]
         self._data.qvel[self._spool_velocity] = 0.0
 
-    def command(self, paid_out: Array) -> None:
+    def command(self, paid_out: Floats) -> None:
         """Set the target of what is paid out [m] (m,) for the stiffness control."""
         target = paid_out + self._elongation if self._elongated else paid_out
         if self._elongated and self._has_spools:
             target = np.where(self._spooled, paid_out, target)
         self._mujoco.ctrl[..., self._actuator] = target
 
-    def elongate(self, elongation: Array) -> None:
+    def elongate(self, elongation: Floats) -> None:
         """Let wires give for good, in all by ``elongation`` [m] (m,) since they were mounted."""
         self._elongation[:] = elongation
         self._elongated = bool(elongation.any())
         self._write_slack_lengths()
 
-    def elongate_one(self, i: int, elongation: Array) -> None:
+    def elongate_one(self, i: int, elongation: Floats) -> None:
         """The same (m,) [m] in the ``i``-th of many robots."""
         if not np.array_equal(self._elongation[i], elongation):
             self._elongation[i] = elongation
@@ -275,11 +274,11 @@ class Motors:
             self._write_slack_lengths()
 
     @property
-    def elongation(self) -> Array:
+    def elongation(self) -> Floats:
         """By how much each wire has given for good [m]."""
         return self._elongation.copy()
 
-    def layout(self) -> dict[str, Array | NDArray[np.int64]]:
+    def layout(self) -> dict[str, Floats | NDArray[np.int64]]:
         """Arrays by their names in control_step.c, which are written in place, never replaced."""
         spool = np.full(len(self.muscles), -1)
         spool[self._spooled] = np.arange(self._model.nq)[self._spool_position]

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import load_spec
 from kengoro_env.robot.tendons import actuated_joints
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 
 class NominalArm:
@@ -35,7 +34,7 @@ class NominalArm:
         self._zero = self._paths(np.zeros(len(self.joints)))
         self.crosses = self._crossings()
 
-    def _paths(self, posture: Array) -> Array:
+    def _paths(self, posture: Floats) -> Floats:
         self._data.qpos[self._position] = posture
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
@@ -48,11 +47,11 @@ class NominalArm:
         postures = rng.uniform(self.lower, self.upper, (8, len(self.joints)))
         return np.any([np.abs(self.moment_arms(q)) > 1e-12 for q in postures], axis=0)
 
-    def lengths(self, postures: Array) -> Array:
+    def lengths(self, postures: Floats) -> Floats:
         """Wire lengths (B, m) [m] relative to the zero posture, for postures (B, n) [rad]."""
         return np.array([self._paths(posture) for posture in np.atleast_2d(postures)]) - self._zero
 
-    def moment_arms(self, posture: Array) -> Array:
+    def moment_arms(self, posture: Floats) -> Floats:
         """dl/dq (m, n) [m/rad] at a posture (n,) [rad]."""
         self._paths(posture)
         model, dense = self._model, np.zeros((self._model.ntendon, self._model.nv))
@@ -61,7 +60,7 @@ class NominalArm:
         )
         return dense[:, self._velocity]
 
-    def gravity(self, posture: Array) -> Array:
+    def gravity(self, posture: Floats) -> Floats:
         """Torques (n,) [N m] with which gravity bends the joints at a posture (n,) [rad]."""
         self._data.qpos[self._position] = posture
         self._data.qvel[:] = 0.0

@@ -25,10 +25,9 @@ from kengoro_env.robot.indexing import index_of
 from kengoro_env.robot.motors import DEFAULT_GAINS, Gains, Motors
 from kengoro_env.robot.sensors import Sensors
 from kengoro_env.robot.tendons import actuated_joints, wind
+from kengoro_env.types import Floats
 from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model
-
-Array = NDArray[np.float64]
 
 DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
 """MuJoCo's warnings of what is not finite: positions, velocities, accelerations, commands."""
@@ -101,7 +100,7 @@ class Robot(Body):
         self.random = np.random.default_rng(0)
         self.reset(np.zeros(len(self.joints)), self.random)
 
-    def _length_at_zero_posture(self) -> Array:
+    def _length_at_zero_posture(self) -> Floats:
         """What each wire, not yet given, has paid out at T_bias in the posture called zero."""
         posture = self._senses.zero_posture
         self.data.qpos[self._position] = [posture.get(joint, 0.0) for joint in self.joints]
@@ -129,7 +128,7 @@ class Robot(Body):
         """Simulated time since the last reset [s]."""
         return float(self.data.time)
 
-    def reset(self, posture: Array, rng: np.random.Generator) -> None:
+    def reset(self, posture: Floats, rng: np.random.Generator) -> None:
         """Put the arm at ``posture`` (n,) [rad], at rest, fingers open, wires at T_bias."""
         self.random = rng
         mujoco.mj_resetData(self.model, self.data)
@@ -164,7 +163,7 @@ class Robot(Body):
         self._target[:], self._left_at[:] = other._target, np.nan
         self.random, self.events = other.random, list(other.events)
 
-    def step(self, target: Array) -> None:
+    def step(self, target: Floats) -> None:
         """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
 
         Raises:
@@ -215,7 +214,7 @@ class Robot(Body):
         self._mujoco.qpos, self._mujoco.qvel = self.data.qpos, self.data.qvel
         self._mujoco.warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
 
-    def _state(self) -> Array:
+    def _state(self) -> Floats:
         """Positions and velocities, to be compared."""
         return np.concatenate([self._mujoco.qpos, self._mujoco.qvel])
 
@@ -240,7 +239,7 @@ class Robot(Body):
         elongation[self.muscles.index(muscle)] += length
         self.motors.elongate(elongation)
 
-    def layout(self) -> dict[str, int | Array | NDArray[np.int64] | None]:
+    def layout(self) -> dict[str, int | Floats | NDArray[np.int64] | None]:
         """Numbers, and arrays that are never replaced, by their names in control_step.c."""
         return {
             "model": self.model._address,
@@ -263,7 +262,7 @@ class Robot(Body):
         """How many kinds of sensors have noise."""
         return self._sensors.kinds_of_noise
 
-    def _noise(self, kinds: int) -> Array:
+    def _noise(self, kinds: int) -> Floats:
         return self.random.standard_normal((kinds, len(self.muscles)))
 
     def __getstate__(self) -> dict[str, Any]:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.robot.draft import SensorErrors
+from kengoro_env.types import Floats
 
-Array = NDArray[np.float64]
-
-Noise = Callable[[int], Array]
+Noise = Callable[[int], Floats]
 """Standard normal noise (k, m) of as many kinds of sensors as asked for, one after the other."""
 
 
@@ -48,7 +46,7 @@ class Sensors:
         """How many kinds of sensors have noise."""
         return sum(noise is not None for noise in (self._length_noise, self._tension_noise))
 
-    def layout(self) -> dict[str, Array | None]:
+    def layout(self) -> dict[str, Floats | None]:
         """Arrays (m,) by their names in control_step.c; None where a sensor reads the truth."""
         return {
             "length_offset": self.length_offset,
@@ -58,24 +56,24 @@ class Sensors:
             "tension_noise": self._tension_noise,
         }
 
-    def read(self, lengths: Array, tensions: Array, noise: Noise) -> tuple[Array, Array]:
+    def read(self, lengths: Floats, tensions: Floats, noise: Noise) -> tuple[Floats, Floats]:
         """What both read [m], [N]: the same as lengths first, then tensions."""
         if self._length_noise is None or self._tension_noise is None:
             return self.read_lengths(lengths, noise), self.read_tensions(tensions, noise)
         both = noise(2)  # the bits of two calls, in the time of one
         return self._lengths(lengths, both[..., 0, :]), self._tensions(tensions, both[..., 1, :])
 
-    def read_lengths(self, lengths: Array, noise: Noise) -> Array:
+    def read_lengths(self, lengths: Floats, noise: Noise) -> Floats:
         """What encoders read [m]: with offset, noise and quantum."""
         drawn = None if self._length_noise is None else noise(1)[..., 0, :]
         return self._lengths(lengths, drawn)
 
-    def read_tensions(self, tensions: Array, noise: Noise) -> Array:
+    def read_tensions(self, tensions: Floats, noise: Noise) -> Floats:
         """What tension sensors read [N]: with offset and noise, never negative."""
         drawn = None if self._tension_noise is None else noise(1)[..., 0, :]
         return self._tensions(tensions, drawn)
 
-    def _lengths(self, reading: Array, noise: Array | None) -> Array:
+    def _lengths(self, reading: Floats, noise: Floats | None) -> Floats:
         if self.length_offset is not None:
             reading = reading + self.length_offset
         if self._length_noise is not None:
@@ -86,7 +84,7 @@ class Sensors:
             reading *= self._length_quantum
         return reading
 
-    def _tensions(self, tensions: Array, noise: Array | None) -> Array:
+    def _tensions(self, tensions: Floats, noise: Floats | None) -> Floats:
         reading = tensions
         if self._tension_offset is not None:
             reading = reading + self._tension_offset
@@ -95,7 +93,7 @@ class Sensors:
         return reading if reading is tensions else np.maximum(reading, self._none, out=reading)
 
 
-def _of_each(values: Mapping[str, float], muscles: Sequence[str]) -> Array | None:
+def _of_each(values: Mapping[str, float], muscles: Sequence[str]) -> Floats | None:
     """The value of each muscle (m,), 0 where none is given; None where all are 0."""
     array = np.array([values.get(muscle, 0.0) for muscle in muscles])
     return array if array.any() else None

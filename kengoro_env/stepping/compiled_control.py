@@ -8,7 +8,6 @@ from functools import partial
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import DivergedError, Robot
 from kengoro_env.spaces import LengthBounds, checked_action
@@ -16,8 +15,7 @@ from kengoro_env.stepping.c_compiler import library
 from kengoro_env.stepping.compiled_steps import BROKEN, DIVERGED, NOT_AN_ACTION, Steps
 from kengoro_env.stepping.control import Control, Told
 from kengoro_env.stepping.lift_monitor import Sight
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 
 def control_of(
@@ -55,12 +53,12 @@ class CompiledControl(Control):
         self._action = steps.actions[0, : len(entries)]
         self._noise, self._noisy = steps.noise[0], bool(steps.noise.size)
         self._told, self._pose, self._thing_pose = steps.told[0], steps.poses[0], steps.object_pose
-        self._goal: Array | None = None
+        self._goal: Floats | None = None
         one = ctypes.byref(steps.structures[0])
         self._run = partial(compiled.control_step, one)
         self._act, self._tell = partial(compiled.act, one), partial(compiled.tell, one)
 
-    def step(self, action: object, goal: Array | None) -> Told:
+    def step(self, action: object, goal: Floats | None) -> Told:
         """Carry out ``action`` for a control period; as `Control.step`."""
         robot = self._robot
         if type(action) is not np.ndarray or action.shape != self._shape:

@@ -8,16 +8,13 @@ from copy import deepcopy
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import LengthBounds
 from kengoro_env.stepping.c_compiler import library
 from kengoro_env.stepping.compiled_steps import BROKEN, DIVERGED, Steps
 from kengoro_env.stepping.fleet import BatchResult, Fleet
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from kengoro_env.types import Bools, Floats
 
 SHARE = 4
 """For fewer robots another thread is not worth its start, unless it is asked for."""
@@ -76,7 +73,7 @@ class CompiledFleet:
         """Let the ``i``-th robot be where ``robot`` is: to be called after each of its resets."""
         self._robots[i].become(self._robot)
 
-    def step(self, actions: Array, moving: Mask, goals: Array) -> BatchResult:
+    def step(self, actions: Floats, moving: Bools, goals: Floats) -> BatchResult:
         """Carry out actions for one control period; as `Fleet.step`.
 
         What is told are views of arrays that the next step writes.

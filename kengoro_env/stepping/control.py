@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from kengoro_env.robot.robot import Robot
 from kengoro_env.spaces import LengthBounds, checked_action
 from kengoro_env.stepping.lift_monitor import Sight, TrackedObject
 from kengoro_env.stepping.observation import Observation, felt, known, mean
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 Told = tuple[Observation, dict[str, Any], float, float, Sight | None]
 """Lengths and tensions that are observed; the truth; the mean square error of the joint angles
@@ -36,7 +32,7 @@ class Control:
         self._robot, self._bounds, self._entries = robot, bounds, entries
         self._thing = None if thing is None else TrackedObject(robot.model, thing)
 
-    def step(self, action: object, goal: Array | None) -> Told:
+    def step(self, action: object, goal: Floats | None) -> Told:
         """Carry out ``action`` (k,) for a control period.
 
         Args:
@@ -53,7 +49,7 @@ class Control:
         robot.step(self._bounds.to_lengths(checked[:muscles]))
         return self.tell(goal)
 
-    def tell(self, goal: Array | None) -> Told:
+    def tell(self, goal: Floats | None) -> Told:
         """What is so now, with ``goal`` as in `step`."""
         robot = self._robot
         now = robot.measure()

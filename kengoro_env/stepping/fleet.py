@@ -12,16 +12,13 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
 
 from kengoro_env.robot.body import Body
 from kengoro_env.robot.draft import Event
 from kengoro_env.robot.robot import DIVERGENCE, STATE, Robot
 from kengoro_env.spaces import LengthBounds
 from kengoro_env.stepping.observation import Observation, felt, known, mean
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from kengoro_env.types import Bools, Floats
 
 
 class BatchResult(NamedTuple):
@@ -35,11 +32,11 @@ class BatchResult(NamedTuple):
         tensions: mean of the wires (count,) [N].
     """
 
-    diverged: Mask
+    diverged: Bools
     observation: Observation
     truth: dict[str, Any]
-    errors: Array
-    tensions: Array
+    errors: Floats
+    tensions: Floats
 
 
 class Fleet(Body):
@@ -75,7 +72,7 @@ class Fleet(Body):
         self._state = np.empty(mujoco.mj_stateSize(robot.model, STATE))
 
     @property
-    def time(self) -> Array:
+    def time(self) -> Floats:
         """Simulated time since each one's last reset (count,) [s]."""
         return self._batch.bind("time").copy()
 
@@ -92,7 +89,7 @@ class Fleet(Body):
         self._random[i], self._coming[i] = robot.random, list(robot.events)
         self._next[i] = _first_time(robot.events)
 
-    def step(self, actions: Array, moving: Mask, goals: Array) -> BatchResult:
+    def step(self, actions: Floats, moving: Bools, goals: Floats) -> BatchResult:
         """Carry out actions for one control period.
 
         Args:
@@ -111,7 +108,7 @@ class Fleet(Body):
             mean(now.tensions),
         )
 
-    def _move(self, target: Array, moving: Mask) -> Mask:
+    def _move(self, target: Floats, moving: Bools) -> Bools:
         """Hold target lengths (count, m) [m]; gives back which (count,) diverged."""
         batch, motors = self._batch, self.motors
         # Where each step is a call of its own, looking through the numbers of all takes its time.
@@ -148,7 +145,7 @@ class Fleet(Body):
             self.motors.elongate_one(i, elongation)
         self._next[i] = _first_time(coming)
 
-    def _noise(self, kinds: int) -> Array:
+    def _noise(self, kinds: int) -> Floats:
         noise = np.empty((len(self._random), kinds, len(self.muscles)))
         for one, rows in zip(self._random, noise, strict=True):
             one.standard_normal(out=rows)

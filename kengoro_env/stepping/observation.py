@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.robot.body import Body, Moment
 from kengoro_env.spaces import LengthBounds
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 Observation = dict[str, Any]
 
@@ -34,7 +32,7 @@ def known(body: Body, now: Moment) -> dict[str, Any]:
     }
 
 
-def mean(values: Array) -> Array:
+def mean(values: Floats) -> Floats:
     """Mean along the last axis, summed from the first entry to the last, as compiled code does."""
-    total: Array = np.add.accumulate(values, -1)[..., -1]
+    total: Floats = np.add.accumulate(values, -1)[..., -1]
     return total / values.shape[-1]

@@ -15,7 +15,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.departures.sensors import EYE
 from kengoro_env.errors import KengoroError
@@ -23,8 +22,7 @@ from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot
 from kengoro_env.stepping.lift_monitor import LIFT_HEIGHT, LiftMonitor, Sight, TrackedObject
 from kengoro_env.tasks.task import Outcome
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 CAN = "can"
 """Name of its body, joint and geom."""
@@ -58,12 +56,12 @@ class CanGrasp:
     options: Mapping[str, int | None] = {"can": 2}
     shows_target = False
     thing: str | None = CAN
-    goal: Array | None = None
+    goal: Floats | None = None
 
     def start(
         self,
         robot: Robot,
-        options: Mapping[str, Array],
+        options: Mapping[str, Floats],
         rng: np.random.Generator,
         noise: np.random.Generator,
     ) -> None:
@@ -94,7 +92,7 @@ class CanGrasp:
         mujoco.mj_forward(robot.model, robot.data)
         self._monitor.reset(self._can.look(robot.data), robot.time)
 
-    def _check_place(self, robot: Robot, place: Array) -> None:
+    def _check_place(self, robot: Robot, place: Floats) -> None:
         table, can = robot.model.geom("table_top"), robot.model.geom(CAN)
         centre = robot.model.body("table").pos[:2]
         if np.any(np.abs(place - centre) > table.size[:2] - can.size[0]):

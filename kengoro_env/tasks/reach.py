@@ -15,14 +15,12 @@ from math import exp, inf, radians, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.robot.body import INSTANT
 from kengoro_env.robot.robot import Robot
 from kengoro_env.stepping.lift_monitor import Sight
 from kengoro_env.tasks.task import Outcome
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 TARGET_PERIOD = 4.0
 """A new target comes every so often [s]."""
@@ -64,15 +62,15 @@ class Reach:
         self,
         scene: str,
         has_camera: bool,
-        draw: Callable[[np.random.Generator], Array],
+        draw: Callable[[np.random.Generator], Floats],
     ) -> None:
         self.scene, self.has_camera, self._draw = scene, has_camera, draw
-        self.goal: Array | None = None
+        self.goal: Floats | None = None
 
     def start(
         self,
         robot: Robot,
-        options: Mapping[str, Array],
+        options: Mapping[str, Floats],
         rng: np.random.Generator,
         noise: np.random.Generator,
     ) -> None:

@@ -6,13 +6,10 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kengoro_env.robot.robot import Robot
 from kengoro_env.stepping.lift_monitor import Sight
-
-Array = NDArray[np.float64]
-
+from kengoro_env.types import Floats
 
 Outcome = tuple[float, str | None]
 """What a control step came to: a bounded reward for a learner, and why the episode is over, None
@@ -38,13 +35,13 @@ class Task(Protocol):
     fingers: bool
     options: Mapping[str, int | None]
     shows_target: bool
-    goal: Array | None
+    goal: Floats | None
     thing: str | None
 
     def start(
         self,
         robot: Robot,
-        options: Mapping[str, Array],
+        options: Mapping[str, Floats],
         rng: np.random.Generator,
         noise: np.random.Generator,
     ) -> None:

@@ -11,7 +11,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Location, Parameter, Values
+from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import encoder_zero
 from reality_gap.study.system import System
 
@@ -32,9 +32,9 @@ def _name(location: Location, site: str, axis: str) -> str:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    afar = AFAR if len(location.elements) == 1 else ()
+    hints = SearchHints(far_starts=AFAR if len(location.elements) == 1 else ())
     return tuple(
-        Parameter(_name(location, site, axis), "m", 0.002, 0.00007, -0.03, 0.03, afar=afar)
+        Parameter(_name(location, site, axis), "m", 0.002, 0.00007, -0.03, 0.03, hints=hints)
         for site in location.elements
         for axis in AXES
     )

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements, encoders, typical_scales
 from reality_gap.causes.support.encoders import Feedback
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -49,7 +47,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     effects.readings.append(sense)
 
 
-def played(position: Array, half: float) -> Array:
+def played(position: Floats, half: float) -> Floats:
     """What comes out of a play of half the gap each way, along positions (k,)."""
     out = np.empty_like(position)
     state = position[0]

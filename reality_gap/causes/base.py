@@ -12,13 +12,30 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class SearchHints:
+    """What helps the search with a parameter whose effect is not smooth; most need none.
+
+    Attributes:
+        starts: values to start a fit from, such as possible onsets of an event. The prior of such a
+            parameter is flat.
+        secants: sizes of the only parameter of a cause at which it is screened, too, where large
+            changes act otherwise than small ones, such as a tendon that goes slack.
+        far_starts: values to start a fit from where the readings do not follow their slopes.
+        shape: whether it does nothing while the other parameters are at their null values.
+    """
+
+    starts: tuple[float, ...] = ()
+    secants: tuple[float, ...] = ()
+    far_starts: tuple[float, ...] = ()
+    shape: bool = False
 
 
 @dataclass(frozen=True)
@@ -34,11 +51,7 @@ class Parameter:
             fault. 0 for parameters that no drawing has at all, as the onset of an event.
         low, high: bounds.
         null: the value at which the cause does nothing.
-        starts: other values to start a fit from, for what is not smooth, as the onset of an event.
-        secants: sizes of a lone parameter at which it is looked at, too, for what looks different
-            from near the null, as a wire that is too long or too short for its antagonist.
-        afar: other values to start a fit from where the readings do not follow their slopes.
-        idle: whether it does nothing while the others are at their null: a shape, not a size.
+        hints: for the search; see `SearchHints`.
         usual: what every machine has of it and its drawing lacks, as friction of wires; it is in
             all replays, a value is on top of it, and the tolerance is the deviation from it, of one
             element and, to the same side, of all in a group.
@@ -51,10 +64,7 @@ class Parameter:
     low: float
     high: float
     null: float = 0.0
-    starts: tuple[float, ...] = ()
-    secants: tuple[float, ...] = ()
-    afar: tuple[float, ...] = ()
-    idle: bool = False
+    hints: SearchHints = SearchHints()
     usual: float = 0.0
 
 
@@ -89,13 +99,13 @@ class Record:
         model: the model that was replayed.
     """
 
-    time: Array
-    sensors: Array
-    force: Array
-    length: Array
-    velocity: Array
-    qpos: Array
-    qvel: Array
+    time: Floats
+    sensors: Floats
+    force: Floats
+    length: Floats
+    velocity: Floats
+    qpos: Floats
+    qvel: Floats
     model: mujoco.MjModel
 
     def column(self, sensor: str, component: int = 0) -> int:
@@ -109,7 +119,7 @@ class Command(Protocol):
     The time is that of the study: an episode begins where the one before it ended.
     """
 
-    def __call__(self, model: mujoco.MjModel, time: Array, command: Array) -> Array:
+    def __call__(self, model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         """The commands that really act, (k, nu); does not write into ``command``."""
 
 
@@ -147,7 +157,7 @@ class Acting:
     start: float = -math.inf
     end: float = math.inf
     period: float = 0.0
-    wrenches: Callable[[mujoco.MjModel, Array], Array] | None = None
+    wrenches: Callable[[mujoco.MjModel, Floats], Floats] | None = None
 
 
 @dataclass
@@ -170,7 +180,7 @@ class Effects:
         start: float = -math.inf,
         end: float = math.inf,
         period: float = 0.0,
-        wrenches: Callable[[mujoco.MjModel, Array], Array] | None = None,
+        wrenches: Callable[[mujoco.MjModel, Floats], Floats] | None = None,
     ) -> None:
         """Add a hook that acts from ``start`` to ``end`` [s] of the study; see `Acting`."""
         self.hooks.append(Acting(make, start, end, period, wrenches))

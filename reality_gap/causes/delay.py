@@ -12,13 +12,11 @@ import math
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import elements
 from reality_gap.study.system import System, column
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 FRAMES = tuple(
     int(getattr(mujoco.mjtSensor, f"mjSENS_FRAME{part}"))
@@ -62,7 +60,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         effects.readings.append(lambda record: _late(record, location.elements, delay))
         return
 
-    def command(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+    def command(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         columns = [column(model, name) for name in location.elements]
         command = command.copy()
         change = np.diff(command[:, columns], axis=0)

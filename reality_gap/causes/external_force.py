@@ -12,13 +12,11 @@ from functools import partial
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import links
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 EDGE = 0.025
 """Time constant of a push's begin and end [s]."""
@@ -49,8 +47,10 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     while_ = max(0.4, 0.75 * total / count)
     return (
         *(Parameter(axis, "N", 5.0, 0.0, -200.0, 200.0) for axis in ("x", "y", "z")),
-        Parameter("start", "s", 0.2, 0.0, 0.0, total, null=starts[0], starts=starts),
-        Parameter("duration", "s", 0.2, 0.0, 0.05, total, null=while_, starts=(while_,)),
+        Parameter("start", "s", 0.2, 0.0, 0.0, total, null=starts[0], hints=SearchHints(starts)),
+        Parameter(
+            "duration", "s", 0.2, 0.0, 0.05, total, null=while_, hints=SearchHints((while_,))
+        ),
     )
 
 
@@ -79,14 +79,14 @@ class _Push:
     """A force (3,) [N] on a body from begin to end [s]."""
 
     body: str
-    force: Array
+    force: Floats
     begin: float
     end: float
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         data.xfrc_applied[:] += self.wrenches(model, np.array([data.time]))[0]
 
-    def wrenches(self, model: mujoco.MjModel, time: Array) -> Array:
+    def wrenches(self, model: mujoco.MjModel, time: Floats) -> Floats:
         """On all bodies (k, nbody, 6) [N, N m] at times (k,) [s]."""
         since, left = (time - self.begin) / EDGE, (time - self.end) / EDGE
         share = 0.5 * (np.tanh(since) - np.tanh(left))

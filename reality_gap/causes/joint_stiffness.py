@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Location, Parameter, Values
+from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import elements, typical_scales
 from reality_gap.study.system import System
 
@@ -24,7 +24,16 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     stiff = size / travel
     return (
         Parameter("stiffness", f"{force}/{unit}", 0.05 * stiff, 0.0005 * stiff, 0.0, 5.0 * stiff),
-        Parameter("rest", unit, 0.1 * travel, 0.0, low - travel, high + travel, starts[0], starts),
+        Parameter(
+            "rest",
+            unit,
+            0.1 * travel,
+            0.0,
+            low - travel,
+            high + travel,
+            starts[0],
+            SearchHints(starts),
+        ),
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, encoders, servos
 from reality_gap.study.system import System
 
@@ -20,7 +20,11 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     # A wire that is held too short fights the others, one that is too long goes slack: no line.
-    return (Parameter("scale", "1", 0.02, 0.0002, -0.5, 0.5, secants=(0.012, -0.012)),)
+    return (
+        Parameter(
+            "scale", "1", 0.02, 0.0002, -0.5, 0.5, hints=SearchHints(secants=(0.012, -0.012))
+        ),
+    )
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

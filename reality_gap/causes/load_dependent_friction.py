@@ -13,13 +13,11 @@ from itertools import pairwise
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
 from reality_gap.causes.support import elements, lugre
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 CAPSTAN = "capstan"
 
@@ -102,12 +100,12 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 class _Bends:
     """The bends of wires, measured now and then."""
 
-    def __init__(self, tendons: Array) -> None:
+    def __init__(self, tendons: Floats) -> None:
         self._tendons = tendons
         self._time = -np.inf
         self._angle = np.zeros(len(tendons))
 
-    def angle(self, data: mujoco.MjData) -> Array:
+    def angle(self, data: mujoco.MjData) -> Floats:
         """Sum of the bends of each wire (n,) [rad]."""
         if data.time > self._time + ANGLE_PERIOD - 1e-6:
             self._time = data.time

@@ -15,7 +15,7 @@ from functools import partial
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Location, Parameter, Values
+from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import encoder_zero, lever_arms, obstacles, tendon_paths
 from reality_gap.causes.support.new_elements import add_geom, add_site
 from reality_gap.causes.support.obstacles import Obstacle
@@ -48,7 +48,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     it = _obstacle(system, location)
     step = it.typical - it.touching
     starts = tuple(min(it.touching + share * step, it.largest) for share in SHARES)
-    return (Parameter("radius", "m", step, 0.0, it.touching, it.largest, it.touching, starts),)
+    hints = SearchHints(starts=starts)
+    return (Parameter("radius", "m", step, 0.0, it.touching, it.largest, it.touching, hints),)
 
 
 def _geometry(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -11,13 +11,11 @@ from bisect import bisect_right
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import actuators, elements, encoders
 from reality_gap.study.system import ActuatedTendon, System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 REACH, POINTS = 12.0, 600
 """Of the table: beyond 12 times the tension parameter less than 0.001 % of the slack hangs."""
@@ -32,7 +30,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (
         Parameter("slack", "m", 0.001, 1e-5, 0.0, 0.05),
-        Parameter("tension", "N", 20.0, 0.0, 5.0, 300.0, null=60.0, starts=(60.0,)),
+        Parameter("tension", "N", 20.0, 0.0, 5.0, 300.0, null=60.0, hints=SearchHints((60.0,))),
     )
 
 
@@ -105,7 +103,9 @@ class _Hanging:
         return sag[k - 1] + share * (sag[k] - sag[k - 1])
 
 
-def _table(model: mujoco.MjModel, actuator: int, slack: float, scale: float) -> tuple[Array, Array]:
+def _table(
+    model: mujoco.MjModel, actuator: int, slack: float, scale: float
+) -> tuple[Floats, Floats]:
     """What hangs, over the tension that a straight wire would have: (k,) [N], (k,) [m].
 
     It is written from the tension that the wire has, from which the other follows.

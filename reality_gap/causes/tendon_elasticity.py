@@ -14,13 +14,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support import actuators, elements
 from reality_gap.study.system import ActuatedTendon, System, column
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -49,7 +47,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     tendons, compliance = [system.tendon(name) for name in location.elements], values["compliance"]
 
-    def lag(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+    def lag(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         command = command.copy()
         for tendon in tendons:
             i = column(model, tendon.actuator)

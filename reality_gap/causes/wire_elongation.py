@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, encoders
 from reality_gap.study.system import System, column
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 RISE = 0.015
 """Time constant of a sudden elongation [s]; nine tenths of it happen within three of them."""
@@ -39,11 +37,11 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     starts = tuple(total * (i + 0.5) / STARTS for i in range(STARTS))
     return (
         Parameter("elongation", "m", 0.001, 0.0, -0.02, 0.05),
-        Parameter("time", "s", 0.1, 0.0, 0.0, total, null=starts[0], starts=starts),
+        Parameter("time", "s", 0.1, 0.0, 0.0, total, null=starts[0], hints=SearchHints(starts)),
     )
 
 
-def _elongation(location: Location, values: Values, time: Array) -> Array:
+def _elongation(location: Location, values: Values, time: Floats) -> Floats:
     """By how much the wire has become longer (k,) [m]."""
     if location.note == SLOWLY:
         return values["rate"] * time
@@ -53,7 +51,7 @@ def _elongation(location: Location, values: Values, time: Array) -> Array:
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     chosen = encoders.encoders(system, location)
 
-    def command(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+    def command(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         """A target that is longer is the same force as a reading that is shorter."""
         command = command.copy()
         for encoder in chosen:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.files import PART, write_whole
+from mjcf_sandbox.files import PART, whole_file, write_text
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.data import Study
 
@@ -43,10 +43,9 @@ class Checkpoint:
                 return [found[f"arr_{i}"] for i in range(len(found.files))]
         except Exception:  # numpy raises whatever it stumbles over in a damaged file
             made = make()
-        self._folder.mkdir(parents=True, exist_ok=True)
-        key = self._key
-        write_whole(self._folder / KEY, lambda beside: beside.write_text(key, encoding="utf-8"))
-        write_whole(path, lambda beside: _save(beside, made))
+        write_text(self._folder / KEY, self._key)
+        with whole_file(path) as beside:
+            _save(beside, made)
         return made
 
 
@@ -54,7 +53,7 @@ def forget(folder: Path) -> None:
     """Remove what a shelf kept in ``folder``, and the folder if nothing else is in it."""
     if not folder.is_dir():
         return
-    for path in (folder / KEY, *folder.glob("[0-9]*.npz"), *folder.glob(f".*{PART}")):
+    for path in (folder / KEY, *folder.glob("[0-9]*.npz"), *folder.glob(f".*{PART}*")):
         path.unlink(missing_ok=True)
     if not any(folder.iterdir()):
         folder.rmdir()

@@ -11,17 +11,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.inference.gauss_newton import Fit
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 TEMPER = 3.2
 """By what evidence is divided: of `gap-calibrate --trials 50 --seed 0`."""
 
 
-def probabilities(base: float, fits: Sequence[Fit]) -> Array:
+def probabilities(base: float, fits: Sequence[Fit]) -> Floats:
     """Probability of each fit (k,) against the others and against ``base`` alone.
 
     Args:
@@ -43,7 +41,7 @@ def unmodelled(named: float, learned: float) -> float:
     return float(tempered(np.array([learned - named]), TEMPER)[0])
 
 
-def tempered(evidence: Array, temper: float) -> Array:
+def tempered(evidence: Floats, temper: float) -> Floats:
     """Probabilities (k,) from evidence (k,) over that of none [nats], with a temper."""
     heights = np.concatenate([[0.0], evidence])
     weight = np.exp((heights - heights.max()) / temper)

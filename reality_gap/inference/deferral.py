@@ -9,16 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reality_gap.inference.ranking import Ranked
 from reality_gap.inference.screening import Sensitivity, screen
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 MANY_TENDONS = 8
 """With so many wires, fine causes wait."""
@@ -65,7 +61,7 @@ class Waiting:
     """
 
     def __init__(
-        self, replayer: Replayer, null: Array, candidates: Sequence[Candidate], visible: float
+        self, replayer: Replayer, null: Floats, candidates: Sequence[Candidate], visible: float
     ) -> None:
         self._replayer, self._null, self._visible = replayer, null, visible
         self._waiting = {s: locations_of(replayer.system, s) for s in candidates}

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.inference.confidence import probabilities
 from reality_gap.inference.forward_selection import Search, Settings, tried_beside
@@ -15,8 +14,7 @@ from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.refinement import again, try_next
 from reality_gap.simulation.hypothesis import Candidate, same
 from reality_gap.simulation.replayer import Replayer
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 CHANCE = 0.05
 """Probability from which on a rival is declared equivalent."""
@@ -41,8 +39,8 @@ class Alternatives:
     candidate: Candidate
     without: Fit | None
     tried: tuple[Fit, ...]
-    confidence: Array
-    evidence: Array
+    confidence: Floats
+    evidence: Floats
     own: float
     equivalent: tuple[Candidate, ...]
 
@@ -91,7 +89,7 @@ def _with_best(
     return tuple(sorted([again(rule, best), *others], key=lambda f: -f.evidence))
 
 
-def _equivalent(best: Fit, fits: Sequence[Fit], chances: Array) -> tuple[Candidate, ...]:
+def _equivalent(best: Fit, fits: Sequence[Fit], chances: Floats) -> tuple[Candidate, ...]:
     found = []
     for other, chance in zip(fits, chances, strict=True):
         if other.hypothesis is best.hypothesis or chance < CHANCE:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 PRIOR = 3.0
 """Standard deviation of a fault's parameters, in units of their ``scale``, where one must do."""
@@ -26,12 +26,12 @@ class LinearFit:
         evidence: log marginal likelihood over the one without these columns [nats].
     """
 
-    theta: Array
+    theta: Floats
     evidence: float
 
 
 def fit_normal(
-    gram: Array, right: Array, low: Array, high: Array, cause: NDArray[np.int64]
+    gram: Floats, right: Floats, low: Floats, high: Floats, cause: NDArray[np.int64]
 ) -> LinearFit:
     """Fit whitened columns to a whitened residual, with a normal prior within bounds.
 
@@ -42,7 +42,7 @@ def fit_normal(
         cause: (p,) which cause a parameter belongs to; see `complexity`.
     """
     precision = gram + np.eye(len(right)) / PRIOR**2
-    theta: Array = np.linalg.solve(precision, right).astype(np.float64)
+    theta: Floats = np.linalg.solve(precision, right).astype(np.float64)
     if np.any(theta < low) or np.any(theta > high):
         root = np.linalg.cholesky(precision).T
         theta = lsq_linear(root, np.linalg.solve(root.T, right), bounds=(low, high)).x.astype(
@@ -54,7 +54,7 @@ def fit_normal(
 
 
 def complexity(
-    gram: Array, theta: Array, cause: NDArray[np.int64], flat: NDArray[np.bool_]
+    gram: Floats, theta: Floats, cause: NDArray[np.int64], flat: NDArray[np.bool_]
 ) -> float:
     """What a model pays for the room that its parameters have [nats].
 
@@ -79,7 +79,7 @@ def complexity(
     return float(np.log(len(logs)) - np.logaddexp.reduce(logs))
 
 
-def occam(gram: Array) -> float:
+def occam(gram: Floats) -> float:
     """Half the log determinant of posterior over prior precision, with deviation `PRIOR` [nats]."""
     _, size = np.linalg.slogdet(np.eye(len(gram)) + PRIOR**2 * gram)
     return 0.5 * float(size)

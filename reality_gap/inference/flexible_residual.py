@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Record
 from reality_gap.inference.likelihood import NoiseModel
@@ -26,8 +25,7 @@ from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import REPORT, split
 from reality_gap.study.system import ActuatedTendon, System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 WAVES = 28
 """Half waves over the range of a joint, at most."""
@@ -50,7 +48,7 @@ class Bank:
     """Columns (n, k) in units of noise, each of mean square 1, and what they stand for."""
 
     name: str
-    columns: Array
+    columns: Floats
 
 
 def banks(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> tuple[Bank, ...]:
@@ -74,7 +72,7 @@ def _crosstalk(replayer: Replayer) -> Bank:
     return Bank("readings of each other", _unit(stacked))
 
 
-def _everywhere(measured: Measured, channel: int) -> Array:
+def _everywhere(measured: Measured, channel: int) -> Floats:
     """A channel's readings at the times of all readings (n,)."""
     signal = np.zeros(len(measured.value))
     for e in np.unique(measured.episode):
@@ -149,13 +147,13 @@ def _forces(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> 
     return found
 
 
-def _bank(name: str, columns: Sequence[Array]) -> Bank:
+def _bank(name: str, columns: Sequence[Floats]) -> Bank:
     return Bank(name, _unit(np.nan_to_num(np.column_stack(columns))))
 
 
 def _by_length(
     records: Sequence[Record], tendon: ActuatedTendon, tendons: int
-) -> list[list[Array]]:
+) -> list[list[Floats]]:
     """Series of force by episode [N]: waves over the length of a wire."""
     at = records[0].model.tendon(tendon.name).id
     length = [r.length[:, at] for r in records]
@@ -168,8 +166,8 @@ def _by_length(
 
 
 def _felt(
-    replayer: Replayer, tendon: ActuatedTendon, records: Sequence[Record], series: list[Array]
-) -> Array:
+    replayer: Replayer, tendon: ActuatedTendon, records: Sequence[Record], series: list[Floats]
+) -> Floats:
     """What a force on a wire adds to the readings of its tension (n,), in units of noise."""
     measured, study = replayer.measured, replayer.system.study
     force = FORCE["tendon"] * np.concatenate(series)
@@ -187,7 +185,7 @@ def _travel(records: Sequence[Record], joint: str) -> float:
     return float(np.ptp(np.concatenate([r.qpos[:, column] for r in records])))
 
 
-def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[Array]]:
+def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[Floats]]:
     """Series of torque by episode [N m or N].
 
     Waves, what grows from somewhere near an end of the range on, and bumps by direction of motion.
@@ -213,7 +211,7 @@ def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[A
     return found
 
 
-def _unit(columns: Array) -> Array:
+def _unit(columns: Floats) -> Floats:
     size = np.sqrt(np.mean(columns**2, axis=0))
     return columns[:, size > 1e-9] / size[size > 1e-9]
 
@@ -231,11 +229,11 @@ class Learned:
 
     name: str
     evidence: float
-    prediction: Array
+    prediction: Floats
     explained: float
 
 
-def learn(replayer: Replayer, rule: NoiseModel, residual: Array, bank: Bank) -> Learned:
+def learn(replayer: Replayer, rule: NoiseModel, residual: Floats, bank: Bank) -> Learned:
     """Learn a residual (n,) by the few columns of a bank that explain it best.
 
     Columns come in one by one, each at the price of its freedom and of having been chosen.
@@ -263,7 +261,7 @@ def learn(replayer: Replayer, rule: NoiseModel, residual: Array, bank: Bank) -> 
     return Learned(bank.name, best, prediction, gone / power if power else 0.0)
 
 
-def _candidates(gram: Array, right: Array, chosen: list[int]) -> list[int]:
+def _candidates(gram: Floats, right: Floats, chosen: list[int]) -> list[int]:
     """The columns most like what the chosen ones leave."""
     left = right - gram[:, chosen] @ _weights(gram, right, chosen) if chosen else right
     score = left**2 / (np.diag(gram) + 1e-9)
@@ -271,13 +269,13 @@ def _candidates(gram: Array, right: Array, chosen: list[int]) -> list[int]:
     return [int(j) for j in np.argsort(-score)[:5]]
 
 
-def _weights(gram: Array, right: Array, chosen: list[int]) -> Array:
+def _weights(gram: Floats, right: Floats, chosen: list[int]) -> Floats:
     part = gram[np.ix_(chosen, chosen)] + np.eye(len(chosen)) / SIZE**2
-    weights: Array = np.linalg.solve(part, right[chosen]).astype(np.float64)
+    weights: Floats = np.linalg.solve(part, right[chosen]).astype(np.float64)
     return weights
 
 
-def _evidence(gram: Array, right: Array, chosen: list[int]) -> float:
+def _evidence(gram: Floats, right: Floats, chosen: list[int]) -> float:
     """Log marginal likelihood of weights with prior deviation `SIZE` [nats]."""
     part = gram[np.ix_(chosen, chosen)]
     weight = _weights(gram, right, chosen)

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reality_gap.inference.deferral import Waiting
 from reality_gap.inference.gauss_newton import Fit, fit, fitting, together
 from reality_gap.inference.likelihood import NoiseModel, noise_model
@@ -16,8 +13,7 @@ from reality_gap.inference.refinement import again, try_next
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.hypothesis import same
 from reality_gap.simulation.replayer import Hypothesis, Replayer
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 LONG = 20.0
 """Length of a log beyond which what names are nearly right by adds up [s]."""
@@ -86,8 +82,8 @@ class Search:
 def search(
     replayer: Replayer,
     found: Sequence[Sensitivity],
-    null: Array,
-    tolerances: Array,
+    null: Floats,
+    tolerances: Floats,
     settings: Settings,
     waiting: Waiting | None = None,
 ) -> Search:

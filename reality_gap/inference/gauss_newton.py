@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from reality_gap.causes.base import Parameter
@@ -15,10 +14,10 @@ from reality_gap.inference.evidence import PRIOR, complexity
 from reality_gap.inference.whitening import Whitening
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
-Asking = Generator[list[Hypothesis], list[Array], T]
+Asking = Generator[list[Hypothesis], list[Floats], T]
 """A computation that asks for the residuals of hypotheses, some at a time; see `together`."""
 
 STEP = 0.1
@@ -46,9 +45,9 @@ class Fit:
     """
 
     hypothesis: Hypothesis
-    residual: Array
-    jacobian: Array
-    theta: Array
+    residual: Floats
+    jacobian: Floats
+    theta: Floats
     evidence: float
 
     @property
@@ -62,13 +61,13 @@ def free_parameters(hypothesis: Hypothesis) -> list[tuple[int, Parameter]]:
     return [(i, p) for i, (candidate, _) in enumerate(hypothesis) for p in candidate.parameters]
 
 
-def to_theta(hypothesis: Hypothesis) -> Array:
+def to_theta(hypothesis: Hypothesis) -> Floats:
     """Values of a hypothesis (p,), in scales from the null."""
     found = free_parameters(hypothesis)
     return np.array([(hypothesis[i][1][p.name] - p.null) / p.scale for i, p in found])
 
 
-def at(hypothesis: Hypothesis, theta: Array) -> list[tuple[Candidate, dict[str, float]]]:
+def at(hypothesis: Hypothesis, theta: Floats) -> list[tuple[Candidate, dict[str, float]]]:
     """The hypothesis with the values of ``theta`` (p,), cut at the bounds."""
     values: list[dict[str, float]] = [{} for _ in hypothesis]
     for (i, p), x in zip(free_parameters(hypothesis), theta, strict=True):
@@ -76,14 +75,16 @@ def at(hypothesis: Hypothesis, theta: Array) -> list[tuple[Candidate, dict[str, 
     return [(candidate, v) for (candidate, _), v in zip(hypothesis, values, strict=True)]
 
 
-def penalty_scale(hypothesis: Hypothesis) -> Array:
+def penalty_scale(hypothesis: Hypothesis) -> Floats:
     """1 / prior deviation by parameter (p,); 0 for those with starts, whose prior is flat."""
-    return np.array([0.0 if p.starts else 1.0 / PRIOR for _, p in free_parameters(hypothesis)])
+    return np.array(
+        [0.0 if p.hints.starts else 1.0 / PRIOR for _, p in free_parameters(hypothesis)]
+    )
 
 
 def held_price(candidate: Candidate) -> float:
     """What it costs to have chosen among starts, as when an event happened [nats]."""
-    return float(sum(np.log(len(p.starts)) for p in candidate.parameters if p.starts))
+    return float(sum(np.log(len(p.hints.starts)) for p in candidate.parameters if p.hints.starts))
 
 
 def together(replayer: Replayer, asking: Sequence[Asking[T]]) -> list[T]:
@@ -91,7 +92,7 @@ def together(replayer: Replayer, asking: Sequence[Asking[T]]) -> list[T]:
     found: dict[int, T] = {}
     asked: dict[int, list[Hypothesis]] = {}
 
-    def go_on(i: int, answers: list[Array] | None) -> None:
+    def go_on(i: int, answers: list[Floats] | None) -> None:
         try:
             asked[i] = asking[i].send(answers) if answers is not None else next(asking[i])
         except StopIteration as end:
@@ -111,8 +112,8 @@ def fit(
     replayer: Replayer,
     start: Hypothesis,
     white: Whitening,
-    null: Array,
-    jacobian: Array | None = None,
+    null: Floats,
+    jacobian: Floats | None = None,
 ) -> Fit:
     """Fit one hypothesis; see `fitting`."""
     return together(replayer, [fitting(start, white, null, jacobian)])[0]
@@ -121,8 +122,8 @@ def fit(
 def fitting(
     start: Hypothesis,
     white: Whitening,
-    null: Array,
-    jacobian: Array | None = None,
+    null: Floats,
+    jacobian: Floats | None = None,
     polish: bool = True,
 ) -> Asking[Fit]:
     """Fit a hypothesis to the readings that ``white`` uses, by Gauss-Newton within bounds.
@@ -165,18 +166,18 @@ def fitting(
     return Fit(at(start, theta), residual, slopes, theta, evidence)
 
 
-def resizing(old: Fit, white: Whitening, null: Array, first: int) -> Asking[Fit]:
+def resizing(old: Fit, white: Whitening, null: Floats, first: int) -> Asking[Fit]:
     """The fit with its causes from the ``first`` on of another size or shape, where that is better.
 
     What sticks and slips has several minima; differences see the nearest only.
     """
     lone = [len(candidate.parameters) == 1 for candidate in old.candidates]
     own = np.array(
-        [i >= first and (lone[i] or not p.starts) for i, p in free_parameters(old.hypothesis)]
+        [i >= first and (lone[i] or not p.hints.starts) for i, p in free_parameters(old.hypothesis)]
     )
     pull, (low, high) = penalty_scale(old.hypothesis), _bounds(old.hypothesis)
     sizes = [np.where(own, f, 1.0) * old.theta for f in FACTORS]
-    idle = [i >= first and p.idle for i, p in free_parameters(old.hypothesis)]
+    idle = [i >= first and p.hints.shape for i, p in free_parameters(old.hypothesis)]
     if any(idle):
         usual = np.array([p.null / p.scale for _, p in free_parameters(old.hypothesis)])
         sizes += [np.where(idle, (f - 1.0) * usual, old.theta) for f in SHAPES]
@@ -195,12 +196,12 @@ def resizing(old: Fit, white: Whitening, null: Array, first: int) -> Asking[Fit]
 
 def _advance(
     start: Hypothesis,
-    theta: Array,
+    theta: Floats,
     white: Whitening,
-    residual: Array,
-    slopes: Array,
-    pull: Array,
-) -> Asking[tuple[Array, Array] | None]:
+    residual: Floats,
+    slopes: Floats,
+    pull: Floats,
+) -> Asking[tuple[Floats, Floats] | None]:
     """One step of Gauss-Newton: theta and residual after it; None if it is not worth it."""
     step, promise = _step(white, residual, slopes, theta, pull, _bounds(start))
     if promise < ENOUGH:
@@ -210,12 +211,12 @@ def _advance(
 
 def _step(
     white: Whitening,
-    residual: Array,
-    jacobian: Array,
-    theta: Array,
-    pull: Array,
-    bounds: tuple[Array, Array],
-) -> tuple[Array, float]:
+    residual: Floats,
+    jacobian: Floats,
+    theta: Floats,
+    pull: Floats,
+    bounds: tuple[Floats, Floats],
+) -> tuple[Floats, float]:
     """The step (p,) to the minimum of the linearised problem, and what it promises [nats]."""
     columns, left = white(jacobian), white(residual)
     matrix = np.vstack([columns, np.diag(pull)])
@@ -229,12 +230,12 @@ def _step(
 
 def _try(
     start: Hypothesis,
-    theta: Array,
-    step: Array,
+    theta: Floats,
+    step: Floats,
     white: Whitening,
-    residual: Array,
-    pull: Array,
-) -> Asking[tuple[Array, Array] | None]:
+    residual: Floats,
+    pull: Floats,
+) -> Asking[tuple[Floats, Floats] | None]:
     """Theta and residual after the step, or after a quarter of it; None if neither is better."""
     before = _cost(white, residual, pull, theta)
     for share in (1.0, 0.25):
@@ -245,16 +246,16 @@ def _try(
     return None
 
 
-def _cost(white: Whitening, residual: Array, pull: Array, theta: Array) -> float:
+def _cost(white: Whitening, residual: Floats, pull: Floats, theta: Floats) -> float:
     return 0.5 * float(np.sum(white(residual) ** 2) + np.sum((pull * theta) ** 2))
 
 
 def log_evidence(
     white: Whitening,
-    null: Array,
-    residual: Array,
-    jacobian: Array,
-    theta: Array,
+    null: Floats,
+    residual: Floats,
+    jacobian: Floats,
+    theta: Floats,
     hypothesis: Hypothesis,
 ) -> float:
     """Laplace's approximation to the log marginal likelihood over the null model's [nats]."""
@@ -262,19 +263,19 @@ def log_evidence(
     quality = 0.5 * float(before @ before - after @ after)
     free = free_parameters(hypothesis)
     cause = np.array([i for i, _ in free])
-    flat = np.array([bool(p.starts) for _, p in free])
+    flat = np.array([bool(p.hints.starts) for _, p in free])
     price = complexity(columns.T @ columns, theta, cause, flat)
     return quality - price - sum(held_price(candidate) for candidate, _ in hypothesis)
 
 
-def _bounds(hypothesis: Hypothesis) -> tuple[Array, Array]:
+def _bounds(hypothesis: Hypothesis) -> tuple[Floats, Floats]:
     found = [p for _, p in free_parameters(hypothesis)]
     ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in found]
     low, high = np.array(ends).T
     return low, high
 
 
-def _differences(start: Hypothesis, theta: Array, residual: Array) -> Asking[Array]:
+def _differences(start: Hypothesis, theta: Floats, residual: Floats) -> Asking[Floats]:
     """Change of the prediction per scale (n, p), one-sided, away from the nearer bound."""
     steps = np.where(theta + STEP <= _bounds(start)[1], STEP, -STEP)
     moved = yield [at(start, theta + change) for change in np.diag(steps)]

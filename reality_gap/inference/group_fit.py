@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
@@ -36,8 +35,8 @@ from reality_gap.simulation.statics import Statics
 from reality_gap.study.measurements import Measured, channel_noise
 from reality_gap.study.splits import REPORT, split
 from reality_gap.study.static_poses import find_moments
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 FEWEST = 8
@@ -67,12 +66,12 @@ class Whole:
     named: tuple[NamedCause, ...]
     fitted_candidates: tuple[FittedCandidate, ...]
     hypothesis: list[Part]
-    residual: Array
+    residual: Floats
     power: float
     moments: int
 
 
-def power(measured: Measured, residual: Array) -> float:
+def power(measured: Measured, residual: Floats) -> float:
     """Mean square of a residual (n,) on the report split; infinite where the replay diverged."""
     mean = float(np.mean(residual[split(measured) == REPORT] ** 2))
     return mean if np.isfinite(mean) else np.inf
@@ -81,7 +80,7 @@ def power(measured: Measured, residual: Array) -> float:
 def explain(
     replayer: Replayer,
     causes: Sequence[Cause],
-    best: Array,
+    best: Floats,
     large: float,
     tell: Tell = lambda what: None,
 ) -> Whole | None:
@@ -199,7 +198,7 @@ def _fitted_candidates(
     )
 
 
-def of_groups(replayer: Replayer, whole: Whole, null: Array, begin: float) -> Diagnosis:
+def of_groups(replayer: Replayer, whole: Whole, null: Floats, begin: float) -> Diagnosis:
     """The diagnosis of a machine that groups of causes explain.
 
     Args:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Location
 from reality_gap.inference.static_fit import Noise
@@ -16,8 +15,7 @@ from reality_gap.simulation.replay import Replay
 from reality_gap.simulation.statics import Statics
 from reality_gap.study.static_poses import Moments
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 EVERY = "every"
 """What notes of places begin with that have parameters of each of many elements."""
@@ -97,7 +95,7 @@ def find_groups(system: System, causes: Sequence[Cause]) -> tuple[Group, ...]:
     return (*large, *shared, *each)
 
 
-def noise_at_rest(system: System, statics: Statics, noise: Array, qpos: Array) -> Noise:
+def noise_at_rest(system: System, statics: Statics, noise: Floats, qpos: Floats) -> Noise:
     """Standard deviations of a fit of groups.
 
     Args:
@@ -115,7 +113,7 @@ def noise_at_rest(system: System, statics: Statics, noise: Array, qpos: Array) -
     return Noise(np.hypot(noise, share * spread), force + 1e-9, torque + 1e-3 * force + 1e-9)
 
 
-def _spread(values: Array) -> float:
+def _spread(values: Floats) -> float:
     """RMS of columns (k, c) about their means, all together; nan cells are left out."""
     seen = values[:, np.isfinite(values).any(axis=0)]
     if seen.size == 0:
@@ -123,7 +121,7 @@ def _spread(values: Array) -> float:
     return float(np.sqrt(np.nanmean((seen - np.nanmean(seen, axis=0)) ** 2)))
 
 
-def positions_at(moments: Moments, replayed: Replay) -> Array:
+def positions_at(moments: Moments, replayed: Replay) -> Floats:
     """Where joints stand in a replay at moments of rest (k, nq)."""
     rows = []
     for time, episode in zip(moments.time, moments.episode, strict=True):

@@ -13,8 +13,7 @@ from reality_gap.inference.whitening import tolerated
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, rough_noise
 from reality_gap.study.splits import BLOCK, REPORT, split
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 DRAWS = 1000
 
@@ -38,12 +37,12 @@ class Score:
     improvement: Gain
 
 
-def score(study: Study, measured: Measured, before: Array, after: Array) -> Score:
+def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Score:
     """Compare two residuals (n,) in units of noise; intervals by a bootstrap over time blocks."""
     use = split(measured) == REPORT
     floor = np.minimum(1.0, rough_noise(study) / _noise(study, measured))[measured.channel[use]]
     block = _blocks(measured, use)
-    sums: Array = np.column_stack(
+    sums: Floats = np.column_stack(
         [
             np.bincount(block, weights)
             for weights in (before[use] ** 2, after[use] ** 2, floor**2, np.ones(int(use.sum())))
@@ -63,7 +62,7 @@ def score(study: Study, measured: Measured, before: Array, after: Array) -> Scor
     return Score(first, last, low, gain, unexplained, improvement)
 
 
-def likelihood_gain(noise_model: NoiseModel, after: Array) -> Gain:
+def likelihood_gain(noise_model: NoiseModel, after: Floats) -> Gain:
     """How much likelier an extension makes the report split, given the other splits [nats].
 
     Both residuals are compared after subtracting what the tolerances of the nominal model explain,
@@ -76,7 +75,7 @@ def likelihood_gain(noise_model: NoiseModel, after: Array) -> Gain:
     measured, spread = noise_model.measured, noise_model.spread
     use = split(measured) == REPORT
 
-    def remaining(residual: Array) -> Array:
+    def remaining(residual: Floats) -> Floats:
         return residual - tolerated(noise_model.tolerances, spread, ~use, residual)
 
     gain = 0.5 * (remaining(noise_model.null) ** 2 - remaining(after) ** 2) / spread
@@ -105,12 +104,12 @@ def _resamples(count: int) -> NDArray[np.int64]:
     return np.random.default_rng(0).integers(0, count, (DRAWS, count))
 
 
-def _with_interval(value: float, draws: Array) -> Gain:
+def _with_interval(value: float, draws: Floats) -> Gain:
     low, high = np.quantile(draws, [0.025, 0.975])
     return Gain(float(value), float(low), float(high))
 
 
-def _rms(sums: Array) -> tuple[float, float, float]:
+def _rms(sums: Floats) -> tuple[float, float, float]:
     before, after, floor, count = sums.sum(axis=0)
     return (
         float(np.sqrt(before / count)),
@@ -119,7 +118,7 @@ def _rms(sums: Array) -> tuple[float, float, float]:
     )
 
 
-def _noise(study: Study, measured: Measured) -> Array:
+def _noise(study: Study, measured: Measured) -> Floats:
     noise = np.ones(len(study.channels))
     for c in range(len(study.channels)):
         at = measured.channel == c

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.diagnosis import Estimate
 from reality_gap.inference.gauss_newton import Fit, at, free_parameters, penalty_scale
 from reality_gap.inference.whitening import Whitening
 from reality_gap.simulation.replayer import Replayer
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 DROP = 1.92
 """Fall of the log likelihood at the ends of a 95 % interval: half the chi-square quantile."""
@@ -51,5 +49,5 @@ def intervals(replayer: Replayer, best: Fit, white: Whitening) -> list[dict[str,
     return found
 
 
-def _cost(white: Whitening, residual: Array, pull: Array, theta: Array) -> float:
+def _cost(white: Whitening, residual: Floats, pull: Floats, theta: Floats) -> float:
     return 0.5 * float(np.sum(white(residual) ** 2) + np.sum((pull * theta) ** 2))

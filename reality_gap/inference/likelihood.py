@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.inference.gauss_newton import Fit, penalty_scale
 from reality_gap.inference.whitening import Whitening, inflation, whitening
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import CHOOSE, FIT, split
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 @dataclass(frozen=True)
@@ -28,9 +26,9 @@ class NoiseModel:
     """
 
     measured: Measured
-    null: Array
-    tolerances: Array
-    spread: Array
+    null: Floats
+    tolerances: Floats
+    spread: Floats
 
     @cached_property
     def learn(self) -> Whitening:
@@ -42,7 +40,7 @@ class NoiseModel:
         """Whitening of the fit split alone."""
         return whitening(self.tolerances, self.spread, split(self.measured) == FIT)
 
-    def where_wanders(self, remainder: Array) -> NoiseModel:
+    def where_wanders(self, remainder: Floats) -> NoiseModel:
         """Another, by which readings count for less where ``remainder`` (n,) wanders.
 
         To be asked of one by which each reading counts as one.
@@ -55,12 +53,12 @@ class NoiseModel:
         return replace(self, spread=spread)
 
 
-def noise_model(measured: Measured, null: Array, tolerances: Array) -> NoiseModel:
+def noise_model(measured: Measured, null: Floats, tolerances: Floats) -> NoiseModel:
     """A ruler by which each reading counts as one."""
     return NoiseModel(measured, null, tolerances, np.ones(len(null)))
 
 
-def predictive(rule: NoiseModel, null: Array, fitted: Fit) -> float:
+def predictive(rule: NoiseModel, null: Floats, fitted: Fit) -> float:
     """How much likelier the choose split is than under the null, fitted on the fit split [nats].
 
     The parameters are moved from their fit on both splits to that on one by a linear step.
@@ -72,7 +70,7 @@ def predictive(rule: NoiseModel, null: Array, fitted: Fit) -> float:
     step = np.linalg.lstsq(matrix, np.concatenate([left, -pull * fitted.theta]), rcond=None)[0]
     residual = fitted.residual - fitted.jacobian @ step
 
-    def held_out(r: Array) -> float:
+    def held_out(r: Floats) -> float:
         return float(np.sum(rule.learn(r) ** 2) - np.sum(rule.fit(r) ** 2))
 
     return 0.5 * (held_out(null) - held_out(residual))

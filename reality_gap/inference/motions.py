@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.study.data import Study
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 SECONDS = 60.0
 """How long a motion lasts."""
@@ -26,7 +24,7 @@ class Motion:
     """A candidate: ``command`` (n, nu) every `PERIOD`, within what the study commanded."""
 
     title: str
-    command: Array
+    command: Floats
 
 
 def motions(study: Study, seed: int = 0) -> tuple[Motion, ...]:
@@ -61,7 +59,7 @@ def motions(study: Study, seed: int = 0) -> tuple[Motion, ...]:
     return tuple(found)
 
 
-def _far_apart(rows: Array, count: int, rng: np.random.Generator) -> Array:
+def _far_apart(rows: Floats, count: int, rng: np.random.Generator) -> Floats:
     """Commands far from one another, in an order that makes every move long."""
     spread = np.ptp(rows, axis=0)
     scaled = rows / np.where(spread > 0, spread, 1.0)
@@ -73,7 +71,7 @@ def _far_apart(rows: Array, count: int, rng: np.random.Generator) -> Array:
     return rows[chosen]
 
 
-def _fastest(study: Study) -> Array:
+def _fastest(study: Study) -> Floats:
     """How fast each actuator's command moved at most (nu,) [its unit/s]."""
     speeds = [
         np.abs(np.diff(episode.command, axis=0)) / np.diff(episode.time)[:, None]
@@ -82,7 +80,7 @@ def _fastest(study: Study) -> Array:
     return np.asarray(np.max(np.concatenate(speeds), axis=0, initial=0.0), dtype=np.float64)
 
 
-def _liveliness(told: Sequence[tuple[Array, Array]], spread: Array) -> float:
+def _liveliness(told: Sequence[tuple[Floats, Floats]], spread: Floats) -> float:
     """Root mean square of the commands' speeds, each in its ``spread`` (nu,) [1/s].
 
     Args:
@@ -97,10 +95,10 @@ def _liveliness(told: Sequence[tuple[Array, Array]], spread: Array) -> float:
     return float(np.sqrt(power / seconds))
 
 
-def _through(points: Array, hold: float, travel: float, fastest: Array) -> Array:
+def _through(points: Floats, hold: float, travel: float, fastest: Floats) -> Floats:
     """Smooth moves between points of ``travel`` s, or slower; ``hold`` s at each."""
     speed = np.where(fastest > 0, fastest, np.inf)
-    parts = list[Array]()
+    parts = list[Floats]()
     for here, there in pairwise(points):
         needed = PEAK * float(np.max(np.abs(there - here) / speed))
         steps = max(1, round(max(travel, needed) / PERIOD))

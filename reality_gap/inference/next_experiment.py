@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Parameter
 from reality_gap.diagnosis import Experiment
@@ -19,8 +18,7 @@ from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.data import Episode, Reading, Study
 from reality_gap.study.measurements import channel_noise
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 TRIED = 6.0
 """How much of each candidate is replayed, to choose among them [s]."""
@@ -35,7 +33,7 @@ def next_experiment(
     replayer: Replayer,
     fitted_candidates: Sequence[Alternatives],
     found: Sequence[Sensitivity],
-    null: Array,
+    null: Floats,
     unmodelled: float = 0.0,
 ) -> Experiment | None:
     """The motion that best separates the likeliest rivals of the least certain cause.
@@ -64,11 +62,11 @@ def next_experiment(
     here = _known(fits, [column for _, _, column in slack])
     before = distances(len(fits), here)
 
-    def together(motion: Motion, seconds: float) -> Array:
+    def together(motion: Motion, seconds: float) -> Floats:
         there = _foreseen(replayer, _as_study(known, motion, seconds), fits, slack)
         return distances(len(fits), here, there)
 
-    def mean(apart: Array) -> float:
+    def mean(apart: Floats) -> float:
         return float(np.average(apart, weights=np.maximum(chances[1:], 1e-12)))
 
     motion = max(motions(known), key=lambda motion: mean(together(motion, TRIED)))
@@ -91,7 +89,7 @@ def next_experiment(
     )
 
 
-def halves(chances: Array, evidence: Array) -> bool:
+def halves(chances: Floats, evidence: Floats) -> bool:
     """Whether an experiment is likely to halve the entropy of the confidences.
 
     Args:
@@ -105,12 +103,12 @@ def halves(chances: Array, evidence: Array) -> bool:
     return _entropy(after) <= 0.5 * _entropy(np.append(chances, rest))
 
 
-def _entropy(weights: Array) -> float:
+def _entropy(weights: Floats) -> float:
     shares = weights[weights > 0] / weights.sum()
     return float(-np.sum(shares * np.log(shares)))
 
 
-_Slack = list[tuple[Candidate, Parameter, Array]]
+_Slack = list[tuple[Candidate, Parameter, Floats]]
 
 
 @dataclass(frozen=True)
@@ -123,12 +121,12 @@ class Apart:
         slack: (n, s) what every drawing is off by.
     """
 
-    gaps: Sequence[Array]
-    slopes: Sequence[Array]
-    slack: Array
+    gaps: Sequence[Floats]
+    slopes: Sequence[Floats]
+    slack: Floats
 
 
-def _confusing(found: Sequence[Sensitivity], gap: Array) -> _Slack:
+def _confusing(found: Sequence[Sensitivity], gap: Floats) -> _Slack:
     """What every drawing is off by that looks most like the gap (n,) between two rivals."""
     listed = sorted(allowances(found), key=lambda item: -abs(float(item[2] @ gap)))
     return listed[:SLACK]
@@ -150,7 +148,7 @@ def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
     return replace(study, channels=channels, episodes=(episode,))
 
 
-def _known(fits: Sequence[Fit], slack: Sequence[Array]) -> Apart:
+def _known(fits: Sequence[Fit], slack: Sequence[Floats]) -> Apart:
     """Of the study at hand."""
     gaps = [other.residual - fits[0].residual for other in fits[1:]]
     slopes = [other.jacobian for other in fits[1:]]
@@ -170,7 +168,7 @@ def _foreseen(replayer: Replayer, study: Study, fits: Sequence[Fit], slack: _Sla
     found = iter(replayer.predictions(study, asked))
     null, first = next(found), next(found)
     off = [(next(found) - null) * (p.tolerance / abs(STEP * p.scale)) for _, p, _ in slack]
-    gaps, slopes = list[Array](), list[Array]()
+    gaps, slopes = list[Floats](), list[Floats]()
     for fit in fits[1:]:
         other = next(found)
         gaps.append(first - other)
@@ -178,12 +176,12 @@ def _foreseen(replayer: Replayer, study: Study, fits: Sequence[Fit], slack: _Sla
     return Apart(gaps, slopes, _columns(len(first), off))
 
 
-def _columns(rows: int, columns: Sequence[Array]) -> Array:
+def _columns(rows: int, columns: Sequence[Floats]) -> Floats:
     """Side by side (rows, k), though there may be none."""
     return np.column_stack([np.zeros((rows, 0)), *columns])
 
 
-def distances(count: int, *studies: Apart) -> Array:
+def distances(count: int, *studies: Apart) -> Floats:
     """Distance of each other from the likeliest of ``count`` rivals (count - 1,) [noise].
 
     In all studies together, but those where a replay failed. The others' parameters adapt, and so

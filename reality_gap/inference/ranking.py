@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.inference.evidence import fit_normal, occam
 from reality_gap.inference.gauss_newton import Fit, held_price
 from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.hypothesis import same
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
-Ranked = list[tuple[float, Sensitivity, Array]]
-Starts = list[tuple[Sensitivity, Array]]
+Ranked = list[tuple[float, Sensitivity, Floats]]
+Starts = list[tuple[Sensitivity, Floats]]
 
 
 def rank(found: Sequence[Sensitivity], rule: NoiseModel, base: Fit | None) -> Ranked:
@@ -47,7 +46,7 @@ def rank(found: Sequence[Sensitivity], rule: NoiseModel, base: Fit | None) -> Ra
 
 def _whitened(
     rule: NoiseModel, found: Sequence[Sensitivity], most: int = 128
-) -> Iterator[tuple[Sensitivity, Array]]:
+) -> Iterator[tuple[Sensitivity, Floats]]:
     """Each sensitivity with its whitened columns; many columns at once are quicker."""
     for i in range(0, len(found), most):
         part = found[i : i + most]

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.inference.gauss_newton import (
     Asking,
@@ -22,8 +21,7 @@ from reality_gap.inference.ranking import Ranked, diverse, rank
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.simulation.hypothesis import Candidate, same
 from reality_gap.simulation.replayer import Hypothesis, Replayer
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 PROMISE = 3.0
 """Linear evidence that makes a further cause worth a fit [nats]."""
@@ -73,7 +71,9 @@ def try_next(
         rest = [item for item in ranked if item[1].candidate.cause.sticky]
         quick += _try_more(replayer, rest, MORE_STICKY, quick, rule, base)
     if any(one.bent > BENT for one in leaders):
-        rest = [item for item in ranked if any(p.afar for p in item[1].candidate.parameters)]
+        rest = [
+            item for item in ranked if any(p.hints.far_starts for p in item[1].candidate.parameters)
+        ]
         quick += _try_more(replayer, rest, MORE_AFAR, quick, rule, base)
     seen = floor + FAINT * _more(quick, floor)
     quick = together(replayer, [_from_afar(one, rule, seen) for one in quick])
@@ -125,7 +125,7 @@ def _try_more(
 
 
 def _attempt(
-    sensitivity: Sensitivity, theta: Array, rule: NoiseModel, base: Fit | None
+    sensitivity: Sensitivity, theta: Floats, rule: NoiseModel, base: Fit | None
 ) -> Asking[_Quick]:
     """A quick fit."""
     start = yield from _start(sensitivity, theta, rule, base)
@@ -144,7 +144,7 @@ def _attempt(
 def _from_afar(quick: _Quick, rule: NoiseModel, least: float) -> Asking[_Quick]:
     """The same, or a better fit from one of the newcomer's other starts, where lines are bent."""
     candidate = quick.candidate
-    values = [(p.name, value) for p in candidate.parameters for value in p.afar]
+    values = [(p.name, value) for p in candidate.parameters for value in p.hints.far_starts]
     if not values or quick.bent < BENT or quick.fit.evidence < least:
         return quick
     others = quick.fit.hypothesis[:-1]
@@ -169,14 +169,14 @@ def _finish(quick: _Quick, rule: NoiseModel, close: float, first: int) -> Asking
     return (yield from fitting(quick.fit.hypothesis, rule.learn, rule.null))
 
 
-def _cost(rule: NoiseModel, residual: Array) -> float:
+def _cost(rule: NoiseModel, residual: Floats) -> float:
     """Half the whitened square [nats]; infinite where a replay diverged."""
     diverged = not np.all(np.isfinite(residual))
     return np.inf if diverged else 0.5 * float(np.sum(rule.learn(residual) ** 2))
 
 
 def _start(
-    sensitivity: Sensitivity, theta: Array, rule: NoiseModel, base: Fit | None
+    sensitivity: Sensitivity, theta: Floats, rule: NoiseModel, base: Fit | None
 ) -> Asking[Hypothesis]:
     """A suspect beside ``base`` at ``theta``, or of another size where lines promise too much."""
     known = tuple(base.hypothesis) if base else ()
@@ -194,13 +194,13 @@ def _start(
     trials = [of_size(size) for size in OTHER_SIZES]
     if len(sensitivity.candidate.parameters) == 1:
         lone = sensitivity.candidate.parameters[0]
-        others = (*lone.starts, *lone.secants)
+        others = (*lone.hints.starts, *lone.hints.secants)
         trials += [[*known, (sensitivity.candidate, {lone.name: x})] for x in others]
     costs += [_cost(rule, r) for r in (yield trials)]
     return [*first, *trials][int(np.argmin(costs))]
 
 
-def _slopes(sensitivity: Sensitivity) -> Array:
+def _slopes(sensitivity: Sensitivity) -> Floats:
     """The columns in the order of the suspect's parameters; 0 where none was looked at."""
     slopes = np.zeros((len(sensitivity.columns), len(sensitivity.candidate.parameters)))
     for i, p in enumerate(sensitivity.candidate.parameters):

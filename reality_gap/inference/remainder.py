@@ -17,8 +17,7 @@ from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import CHOOSE, FIT, REPORT, split
 from reality_gap.study.system import commanded
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 RIDGE = 10.0
 """Strength of the regression on one quantity, in readings."""
@@ -46,7 +45,7 @@ class Remainder:
 
 
 def examine(
-    replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Array, null: Array
+    replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Floats, null: Floats
 ) -> Remainder:
     """Learn what the residual (n,) of a hypothesis leaves, and the null's (n,) beside it."""
     records = replayer.look(hypothesis).records
@@ -57,10 +56,10 @@ def examine(
         instead = max((learn(replayer, rule, null, b) for b in found), key=lambda x: x.evidence)
     role, ones = split(replayer.measured), np.ones(len(residual))
 
-    def left(found: Array) -> Array:
+    def left(found: Floats) -> Floats:
         return found - tolerated(rule.tolerances, ones, role <= CHOOSE, found)
 
-    def rms(found: Array) -> float:
+    def rms(found: Floats) -> float:
         return float(np.sqrt(np.mean(found[role == REPORT] ** 2)))
 
     before, after = left(null), left(residual)
@@ -69,7 +68,7 @@ def examine(
 
 
 def dependences(
-    replayer: Replayer, value: Array, records: Sequence[Record]
+    replayer: Replayer, value: Floats, records: Sequence[Record]
 ) -> tuple[Dependence, ...]:
     """What each quantity explains of the remainder (n,) by itself, on the report split."""
     measured, names = replayer.measured, [c.name for c in replayer.system.study.channels]
@@ -90,13 +89,13 @@ def dependences(
     return tuple(sorted(found, key=lambda d: -d.fraction)[:5])
 
 
-def _regress(value: Array, features: Array, fit: NDArray[np.bool_]) -> Array:
+def _regress(value: Floats, features: Floats, fit: NDArray[np.bool_]) -> Floats:
     x = np.hstack([np.ones((len(features), 1)), features])
     gram = x[fit].T @ x[fit] + RIDGE * np.eye(x.shape[1])
     return x @ np.linalg.solve(gram, x[fit].T @ value[fit])
 
 
-def _quantities(records: Sequence[Record], measured: Measured) -> list[tuple[str, Array]]:
+def _quantities(records: Sequence[Record], measured: Measured) -> list[tuple[str, Floats]]:
     """What the machine did at the time of every reading: name and features (n, k)."""
     model = records[0].model
     found = []
@@ -118,12 +117,12 @@ def _quantities(records: Sequence[Record], measured: Measured) -> list[tuple[str
     return found
 
 
-def _powers(values: Array) -> Array:
+def _powers(values: Floats) -> Floats:
     x = (values - values.mean()) / (values.std() + 1e-12)
     return np.column_stack([x, x**2, x**3])
 
 
-def _sample(columns: list[Array], records: Sequence[Record], measured: Measured) -> Array:
+def _sample(columns: list[Floats], records: Sequence[Record], measured: Measured) -> Floats:
     values = np.zeros(len(measured.time))
     for e, (column, record) in enumerate(zip(columns, records, strict=True)):
         at = measured.episode == e

@@ -15,9 +15,7 @@ from reality_gap.inference.checkpoint import Checkpoint, Columns
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
-
+from reality_gap.types import Floats
 
 STEP = 0.25
 """Finite difference, in scales of a parameter: of what can just be seen."""
@@ -50,7 +48,7 @@ class Sensitivity:
         """By how much three typical faults change the readings, all together [noise]."""
         return 3.0 * float(np.sqrt(np.max(np.sum(self.columns**2, axis=0), initial=0.0)))
 
-    def values(self, theta: Array) -> dict[str, float]:
+    def values(self, theta: Floats) -> dict[str, float]:
         """Parameter values at ``theta`` (p,), in scales from the null, cut at the bounds."""
         found = dict(self.fixed)
         for name, x in zip(self.names, theta, strict=True):
@@ -58,7 +56,7 @@ class Sensitivity:
             found[name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
         return found
 
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[Floats, Floats]:
         """Bounds of theta (p,), (p,)."""
         chosen = [parameter(self.candidate, name) for name in self.names]
         ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in chosen]
@@ -86,7 +84,7 @@ def screen(
     replayer: Replayer,
     chosen: Sequence[Candidate],
     base: Hypothesis,
-    before: Array,
+    before: Floats,
     checkpoint: Checkpoint = NO_CHECKPOINT,
     tell: Callable[[float], None] = lambda share: None,
 ) -> tuple[Sensitivity, ...]:
@@ -115,21 +113,21 @@ def screen(
 
 
 def _columns(
-    replayer: Replayer, trials: Sequence[_Trial], base: Hypothesis, before: Array
+    replayer: Replayer, trials: Sequence[_Trial], base: Hypothesis, before: Floats
 ) -> Columns:
     """Columns of each trial (n, p); what is idle costs no replay."""
     hypotheses = [
         [*base, (candidate, fixed | {name: value})]
         for candidate, fixed, names, values in trials
         for name, value in zip(names, values, strict=True)
-        if not parameter(candidate, name).idle
+        if not parameter(candidate, name).hints.shape
     ]
     residuals = iter(replayer.residuals(hypotheses, replayer.coarse))
     found = []
     for candidate, _, names, values in trials:
         columns = np.zeros((len(before), len(names)), dtype=np.float32)
         for i, (name, value) in enumerate(zip(names, values, strict=True)):
-            if not parameter(candidate, name).idle:
+            if not parameter(candidate, name).hints.shape:
                 columns[:, i] = (before - next(residuals)) / _scales(candidate, name, value)
         found.append(columns)
     return found
@@ -147,15 +145,15 @@ def _trials(candidate: Candidate) -> list[_Trial]:
     A lone parameter with starts is looked at in secants to each of them, one with secants in these,
     too.
     """
-    held = [p for p in candidate.parameters if p.starts]
-    free = [p for p in candidate.parameters if not p.starts]
+    held = [p for p in candidate.parameters if p.hints.starts]
+    free = [p for p in candidate.parameters if not p.hints.starts]
     if len(candidate.parameters) == len(held) == 1:
         lone = held[0]
-        return [(candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.starts]
+        return [(candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.hints.starts]
     if not free:
         free, held = held, []
     trials = []
-    for starts in product(*(p.starts for p in held)):
+    for starts in product(*(p.hints.starts for p in held)):
         fixed = dict(zip((p.name for p in held), starts, strict=True))
         rest = {p.name: p.null for p in free}
         names = tuple(p.name for p in free)
@@ -164,7 +162,9 @@ def _trials(candidate: Candidate) -> list[_Trial]:
         )
     if len(candidate.parameters) == 1:
         lone = candidate.parameters[0]
-        trials += [(candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.secants]
+        trials += [
+            (candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.hints.secants
+        ]
     return trials
 
 
@@ -176,7 +176,7 @@ MUCH = 10.0
 """What a tolerance must do to all readings to be replayed exactly [noise]."""
 
 
-def tolerances(replayer: Replayer, found: Sequence[Sensitivity], null: Array) -> Array:
+def tolerances(replayer: Replayer, found: Sequence[Sensitivity], null: Floats) -> Floats:
     """What every honest drawing may be off by: (n, p), in units of noise.
 
     Parameters of single elements, for a group's are their sums; but friction, of which no wire is
@@ -205,7 +205,7 @@ def tolerances(replayer: Replayer, found: Sequence[Sensitivity], null: Array) ->
     return np.column_stack([*drifts, *columns])
 
 
-def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Candidate, Parameter, Array]]:
+def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Candidate, Parameter, Floats]]:
     """Everything that has a tolerance, with what it may do to the readings (n,) [noise]."""
     seen = set()
     for sensitivity in found:

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from reality_gap.inference.evidence import PRIOR
@@ -22,8 +21,7 @@ from reality_gap.simulation.hypothesis import build
 from reality_gap.simulation.replayer import Hypothesis, Part
 from reality_gap.simulation.statics import Balance, Statics
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 WIDTHS = {"attachment_shift": 2.0, "length_offset": 2.0}
 """Prior deviations in scales, by cause; `PRIOR` for the others. Where every wire may be displaced,
@@ -53,7 +51,7 @@ class Noise:
         torque: of the balance itself, at every joint [N m or N].
     """
 
-    reading: Array
+    reading: Floats
     force: float
     torque: float
 
@@ -71,7 +69,7 @@ class Settled:
 
     hypothesis: list[Part]
     deviation: list[dict[str, float]]
-    qpos: Array
+    qpos: Floats
     cost: tuple[float, ...]
 
 
@@ -79,7 +77,7 @@ class _Problem:
     """Residuals of theta (p,), in scales from the null, and positions (k, nq), whitened."""
 
     def __init__(
-        self, system: System, statics: Statics, start: Hypothesis, qpos: Array, noise: Noise
+        self, system: System, statics: Statics, start: Hypothesis, qpos: Floats, noise: Noise
     ) -> None:
         self._system, self._statics, self._start = system, statics, start
         self.qpos, self._noise = qpos, noise
@@ -94,38 +92,38 @@ class _Problem:
         self._used = np.isfinite(statics.moments.value) & statics.positions
         self.reweigh(to_theta(start), qpos)
 
-    def parts(self, theta: Array) -> list[Part]:
+    def parts(self, theta: Floats) -> list[Part]:
         return list(at(self._start, theta))
 
-    def _look(self, theta: Array, qpos: Array) -> Balance:
+    def _look(self, theta: Floats, qpos: Floats) -> Balance:
         return self._statics.look(build(self._system, self.parts(theta)), qpos)
 
-    def reweigh(self, theta: Array, qpos: Array) -> None:
+    def reweigh(self, theta: Floats, qpos: Floats) -> None:
         """Whiten the balance (k, nv, nv): each actuator's force is known so well only."""
         arms = self._look(theta, qpos).arms
         spread = self._noise.force**2 * np.einsum("kuv,kuw->kvw", arms, arms)
         spread += self._noise.torque**2 * np.eye(arms.shape[2])
         self._whiten = np.linalg.inv(np.linalg.cholesky(spread))
 
-    def residual(self, theta: Array, qpos: Array) -> Array:
+    def residual(self, theta: Floats, qpos: Floats) -> Floats:
         """(k, c + nv)."""
         found = self._look(theta, qpos)
         gap = (found.reading - self._statics.moments.value) / self._noise.reading
         torque = np.einsum("kij,kj->ki", self._whiten, found.torque)
         return np.hstack([np.where(self._used, gap, 0.0), torque])
 
-    def cost(self, residual: Array, theta: Array, qpos: Array) -> float:
+    def cost(self, residual: Floats, theta: Floats, qpos: Floats) -> float:
         roamed = np.sum(((qpos - self.qpos) / ROAM) ** 2)
         return float(np.sum(residual**2) + np.sum((theta / self.width) ** 2) + roamed)
 
-    def by_position(self, residual: Array, theta: Array, qpos: Array) -> Array:
+    def by_position(self, residual: Floats, theta: Floats, qpos: Floats) -> Floats:
         """(k, c + nv, nq): a moment's residuals change with its own positions only."""
         columns = []
         for axis in np.eye(qpos.shape[1]):
             columns.append((self.residual(theta, qpos + NUDGE * axis) - residual) / NUDGE)
         return np.stack(columns, axis=2)
 
-    def by_theta(self, residual: Array, theta: Array, qpos: Array) -> Array:
+    def by_theta(self, residual: Floats, theta: Floats, qpos: Floats) -> Floats:
         """(k, c + nv, p)."""
         columns = []
         for axis, top, value in zip(np.eye(len(theta)), self.high, theta, strict=True):
@@ -138,7 +136,7 @@ def fit_at_rest(
     system: System,
     statics: Statics,
     start: Hypothesis,
-    qpos: Array,
+    qpos: Floats,
     noise: Noise,
     rounds: int = ROUNDS,
     tick: Callable[[int], None] = lambda number: None,
@@ -187,13 +185,13 @@ class _Normal:
         pull: (k, nq), push: (p,) first ones.
     """
 
-    own: Array
-    cross: Array
-    shared: Array
-    pull: Array
-    push: Array
+    own: Floats
+    cross: Floats
+    shared: Floats
+    pull: Floats
+    push: Floats
 
-    def reduced(self, damping: float) -> tuple[Array, Array, Array]:
+    def reduced(self, damping: float) -> tuple[Floats, Floats, Floats]:
         """Matrix (p, p) and right-hand side (p,) without positions; what they follow by
         (k, nq, p + 1)."""
         held = self.own.copy()
@@ -207,7 +205,7 @@ class _Normal:
         return matrix, self.push - flat.T @ solved[:, :, -1].ravel(), solved
 
 
-def _linearise(problem: _Problem, residual: Array, theta: Array, qpos: Array) -> _Normal:
+def _linearise(problem: _Problem, residual: Floats, theta: Floats, qpos: Floats) -> _Normal:
     own = problem.by_position(residual, theta, qpos)
     shared = problem.by_theta(residual, theta, qpos)
     p = len(theta)
@@ -222,8 +220,8 @@ def _linearise(problem: _Problem, residual: Array, theta: Array, qpos: Array) ->
 
 
 def _step(
-    problem: _Problem, normal: _Normal, theta: Array, qpos: Array, before: float, damping: float
-) -> tuple[Array, Array, float, float] | None:
+    problem: _Problem, normal: _Normal, theta: Floats, qpos: Floats, before: float, damping: float
+) -> tuple[Floats, Floats, float, float] | None:
     """Theta, positions, cost and damping after one step; None where none is better."""
     while damping < 1e8:
         matrix, right, solved = normal.reduced(damping)
@@ -238,7 +236,7 @@ def _step(
     return None
 
 
-def _within(matrix: Array, right: Array, low: Array, high: Array) -> Array:
+def _within(matrix: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
     """The step x (p,) from low to high with the least x' matrix x / 2 + right' x."""
     root = np.linalg.cholesky(matrix).T
     ends = (low - ROUNDING, high + ROUNDING)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reality_gap.diagnosis import Trace
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.splits import split
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 
-
-def traces(replayer: Replayer, null: Array, after: Array) -> tuple[Trace, ...]:
+def traces(replayer: Replayer, null: Floats, after: Floats) -> tuple[Trace, ...]:
     """Of residuals (n,) of the model and of the extended model, in units of noise."""
     study, readings = replayer.system.study, replayer.measured
     role = split(readings)

@@ -7,20 +7,18 @@ from functools import partial
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.support.new_elements import add_actuator
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 FORCE = {"joint": 0.1, "tendon": 1.0}
 """Size of a force that nobody commanded [N m or N]: small beside what a machine does."""
 
 
-def push(kind: str, name: str, records: Sequence[Record], series: list[Array]) -> Candidate:
+def push(kind: str, name: str, records: Sequence[Record], series: list[Floats]) -> Candidate:
     """A force on a joint or tendon that follows a series, as a cause without a name."""
     clock = np.concatenate([r.time for r in records])
     force = FORCE[kind] * np.concatenate(series)
@@ -44,9 +42,14 @@ def _edit_push(spec: mujoco.MjSpec, system: System, location: Location, values: 
 
 
 def _attach_push(
-    clock: Array, force: Array, effects: Effects, system: System, location: Location, values: Values
+    clock: Floats,
+    force: Floats,
+    effects: Effects,
+    system: System,
+    location: Location,
+    values: Values,
 ) -> None:
-    def add(model: mujoco.MjModel, time: Array, command: Array) -> Array:
+    def add(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         return np.column_stack([command, np.interp(time, clock, force)])
 
     effects.commands.append(add)

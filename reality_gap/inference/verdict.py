@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.diagnosis import Verdict
 from reality_gap.inference.forward_selection import Search, Settings, revise
 from reality_gap.inference.remainder import Remainder, examine
 from reality_gap.simulation.replayer import Hypothesis, Replayer
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 BEATEN = 1.1
 """Evidence of a learner in place of the causes, over theirs, that makes them no names."""
@@ -61,7 +59,7 @@ class Options:
 
 
 def weighed(
-    replayer: Replayer, result: Search, null: Array, settings: Settings, options: Options
+    replayer: Replayer, result: Search, null: Floats, settings: Settings, options: Options
 ) -> tuple[Search, Remainder]:
     """The causes, looked at anew beside each other, and what they leave.
 

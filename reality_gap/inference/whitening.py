@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from reality_gap.types import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -29,19 +28,19 @@ class Whitening:
         shrink: (p,) by how much each of these directions counts less.
     """
 
-    use: Mask
-    weight: Array
-    basis: Array
-    shrink: Array
+    use: Bools
+    weight: Floats
+    basis: Floats
+    shrink: Floats
 
-    def __call__(self, residual: Array) -> Array:
+    def __call__(self, residual: Floats) -> Floats:
         """Whiten residuals in units of sensor noise, (n,) or (n, k), to (u,) or (u, k)."""
         scaled = (residual[self.use].T * self.weight).T
         along = self.basis.T @ scaled
         return scaled - self.basis @ (along.T * self.shrink).T
 
 
-def whitening(tolerances: Array, inflation: Array, use: Mask) -> Whitening:
+def whitening(tolerances: Floats, inflation: Floats, use: Bools) -> Whitening:
     """Make C^(-1/2).
 
     Args:
@@ -58,7 +57,7 @@ def whitening(tolerances: Array, inflation: Array, use: Mask) -> Whitening:
     return Whitening(use, weight, basis, 1.0 - 1.0 / np.sqrt(1.0 + power))
 
 
-def inflation(remainder: Array, groups: NDArray[np.int64], limit: int = 100) -> Array:
+def inflation(remainder: Floats, groups: NDArray[np.int64], limit: int = 100) -> Floats:
     """How many readings count as one, by reading (n,), from each channel's autocorrelation.
 
     A remainder that wanders tells less than its number of readings; n / n_eff = 1 + 2 sum(rho),
@@ -85,7 +84,7 @@ def inflation(remainder: Array, groups: NDArray[np.int64], limit: int = 100) -> 
     return result
 
 
-def tolerated(tolerances: Array, spread: Array, use: Mask, residual: Array) -> Array:
+def tolerated(tolerances: Floats, spread: Floats, use: Bools, residual: Floats) -> Floats:
     """What tolerances most likely make of a residual (n,), inferred from the readings in use."""
     scaled = tolerances[use] / np.sqrt(spread[use])[:, None]
     right = scaled.T @ (residual[use] / np.sqrt(spread[use]))

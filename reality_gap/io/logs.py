@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.errors import StudyError
 from reality_gap.io.schema import Files, Line, StudyFile
 from reality_gap.io.tables import Table, read_header, read_table
 from reality_gap.io.yaml_reader import nearest
 from reality_gap.study.data import Episode, Reading
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 MIN_DURATION, MAX_DURATION = 0.5, 3600.0
 """Shortest and longest episode [s]."""
@@ -34,7 +32,7 @@ class Logs:
 
     study: StudyFile
     tables: dict[str, Table]
-    times: dict[str, Array]
+    times: dict[str, Floats]
 
 
 def read_episode(
@@ -117,7 +115,7 @@ def _missing(
     )
 
 
-def _time(study: StudyFile, table: Table) -> Array:
+def _time(study: StudyFile, table: Table) -> Floats:
     time = study.time.in_si(table.columns[study.time.columns[0]])
     empty = np.flatnonzero(np.isnan(time))
     if len(empty):
@@ -133,7 +131,7 @@ def _time(study: StudyFile, table: Table) -> Array:
     return time
 
 
-def _commands(logs: Logs, actuators: tuple[str, ...]) -> Array:
+def _commands(logs: Logs, actuators: tuple[str, ...]) -> Floats:
     table = next(iter(logs.tables.values()))
     lines = [logs.study.actuators[actuator] for actuator in actuators]
     rows = len(next(iter(table.columns.values())))

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.io.dimensions import actuator_units, sensor_units
 from reality_gap.study.data import Study
 from reality_gap.study.system import commanded
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 SAMPLES = 200
 """Postures at which the model is looked at, drawn evenly from the ranges of its joints."""
@@ -74,9 +72,9 @@ def doubts(study: Study) -> tuple[Doubt, ...]:
     )
 
 
-def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, str, Array]]:
+def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, str, Floats]]:
     """Sensors of positions that all can be sized: name, unit, values (n, components)."""
-    parts: dict[str, list[Array]] = {}
+    parts: dict[str, list[Floats]] = {}
     for i, channel in enumerate(study.channels):
         if channel.kind == "sensor":
             values = np.concatenate([episode.readings[i].value for episode in study.episodes])
@@ -92,7 +90,7 @@ def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, 
     return positions
 
 
-def _postures(model: mujoco.MjModel) -> tuple[Array, Array]:
+def _postures(model: mujoco.MjModel) -> tuple[Floats, Floats]:
     """Sensor data (k, nsensordata), actuator lengths (k, nactuator) over the model's postures."""
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
@@ -129,7 +127,7 @@ def _bounded(model: mujoco.MjModel, unit: str) -> bool:
     return bool(np.all(model.jnt_limited | hinges))
 
 
-def _compare(what: str, unit: str, values: Array, possible: Array) -> Doubt | None:
+def _compare(what: str, unit: str, values: Floats, possible: Floats) -> Doubt | None:
     sizes, range_ = np.linalg.norm(values, axis=1), np.linalg.norm(possible, axis=1)
     size, low, high = float(np.median(sizes)), float(range_.min()), float(range_.max())
     large, small = ("degrees", "radians") if unit == "rad" else ("millimetres", "metres")

@@ -15,12 +15,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-from numpy.typing import NDArray
 
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.io.tables import MAX_CELLS
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 MANY = 256
 """Elements from which on an array is a picture, a cloud or a map."""
@@ -51,7 +49,7 @@ class Topic:
         """The name as one word: file and columns begin with it."""
         return "_".join(part for part in self.name.split("/") if part)
 
-    def time(self, by_arrival: bool) -> Array:
+    def time(self, by_arrival: bool) -> Floats:
         """Time of each message (n,) [s]: the senders' stamps, if all have one."""
         stamps = np.array(self.stamp)
         return np.array(self.arrival) if by_arrival or np.isnan(stamps).any() else stamps
@@ -191,7 +189,7 @@ def _labels(message: Any) -> list[str]:
     return []
 
 
-def _write(path: Path, topic: Topic, time: Array) -> None:
+def _write(path: Path, topic: Topic, time: Floats) -> None:
     """The topic in the order of time; of messages of the same time, the last."""
     order = np.argsort(time, kind="stable")
     last = np.append(np.diff(time[order]) > 0, True)

@@ -6,15 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from reprlib import repr as short
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mjcf_sandbox.errors import short_name
 from reality_gap.errors import RealityGapError, StudyError
 from reality_gap.io.units import Unit, parse_unit, symbols_of
 from reality_gap.io.yaml_reader import Part, read_yaml
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,7 @@ class Line:
     offset: float = 0.0
     noise: float | None = None
 
-    def in_si(self, cells: Array) -> Array:
+    def in_si(self, cells: Floats) -> Floats:
         """Values in SI units of cells, any shape."""
         return self.unit.factor * (self.scale * cells + self.offset)
 

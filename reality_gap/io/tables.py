@@ -13,11 +13,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
-from numpy.typing import NDArray
 
 from reality_gap.errors import StudyError
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 MAX_BYTES = 1 << 29
 """Largest log [bytes]."""
@@ -45,7 +43,7 @@ class Table:
     """
 
     name: str
-    columns: dict[str, Array]
+    columns: dict[str, Floats]
     first: int
 
     def location(self, row: int) -> str:
@@ -178,7 +176,7 @@ def _parse_csv(
     )
 
 
-def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Array:
+def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Floats:
     if pa.types.is_binary(cells.type) or pa.types.is_string(cells.type):
         numbers = _parse_cells(cells.to_pylist(), name, column, first)
         empty = np.isnan(numbers)
@@ -196,7 +194,7 @@ def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Arra
     return numbers
 
 
-def _parse_cells(cells: list[bytes | str | None], name: str, column: str, first: int) -> Array:
+def _parse_cells(cells: list[bytes | str | None], name: str, column: str, first: int) -> Floats:
     """Floats of cells of which at least one is no plain number; NaN where empty."""
     numbers = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco import rollout
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Acting, Hook, Record
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 PROBE = "reality_gap/"
 """What the names of the sensors begin with that are added to look inside."""
@@ -59,7 +57,7 @@ class Task:
     """
 
     start: float
-    command: Array
+    command: Floats
     joints: Mapping[str, float]
     settle: float
 
@@ -95,7 +93,7 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[Acting]) -> Reco
     return record
 
 
-def _remember(model: mujoco.MjModel, data: mujoco.MjData, command: Array) -> None:
+def _remember(model: mujoco.MjModel, data: mujoco.MjData, command: Floats) -> None:
     """Fill the histories of delayed actuators: the first command was always given."""
     for i in np.flatnonzero(model.actuator_history[:, 0]):
         count = int(model.actuator_history[i, 0])
@@ -117,7 +115,7 @@ def _advance(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     running: Sequence[_Running],
-    command: Array,
+    command: Floats,
     record: Record | None,
 ) -> None:
     """Simulate a command (k, nu): in C where hooks act by the clock at most, else in Python."""
@@ -153,7 +151,7 @@ def _advance(
 
 def _wrenches(
     model: mujoco.MjModel, data: mujoco.MjData, acting: Sequence[_Running], steps: int
-) -> Array | None:
+) -> Floats | None:
     """What hooks that act by the clock do to all bodies at each step (k, 6 nbody).
 
     None if there are no hooks, or one that needs to see more than the clock.
@@ -172,8 +170,8 @@ def _wrenches(
 def _advance_in_c(
     model: mujoco.MjModel,
     data: mujoco.MjData,
-    command: Array,
-    wrenches: Array | None,
+    command: Floats,
+    wrenches: Floats | None,
     record: Record | None,
 ) -> None:
     data.qfrc_applied[:] = 0.0
@@ -198,7 +196,7 @@ def _advance_in_c(
     record.qvel[:] = at[:, 1 + model.nq : 1 + model.nq + model.nv]
 
 
-def _blank(model: mujoco.MjModel, time: Array) -> Record:
+def _blank(model: mujoco.MjModel, time: Floats) -> Record:
     k = len(time)
     return Record(
         time=time,

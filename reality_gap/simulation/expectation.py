@@ -7,9 +7,10 @@ import numpy as np
 
 from reality_gap.simulation.hypothesis import build
 from reality_gap.simulation.replay import replay
-from reality_gap.study.data import Array, Study
+from reality_gap.study.data import Study
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import look_at
+from reality_gap.types import Floats
 
 FAR = 20.0
 """A channel that moves so many times more, or less, than the replay makes no fault of a machine."""
@@ -71,7 +72,7 @@ def _spreads(study: Study) -> list[str]:
     return found
 
 
-def _spread(values: Array, episode: Array) -> float:
+def _spread(values: Floats, episode: Floats) -> float:
     """Standard deviation about the mean of each episode."""
     parts = [values[episode == e] for e in np.unique(episode)]
     return float(np.std(np.concatenate([part - part.mean() for part in parts])))

@@ -24,8 +24,7 @@ from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.replay import Replay
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import Measured, channel_noise
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 KEPT_POWER = 0.999
 """Share of an effort's power above its white noise that is kept: the rest is 3 % of it in RMS."""
@@ -53,10 +52,10 @@ class Motion:
         cutoff: of the low-pass of the efforts [Hz].
     """
 
-    time: Array
-    qpos: Array
-    qvel: Array
-    qacc: Array
+    time: Floats
+    qpos: Floats
+    qvel: Floats
+    qacc: Floats
     cutoff: float
 
 
@@ -136,7 +135,9 @@ def inverse_replay(plant: Plant, study: Study, measured: Measured) -> Replay:
     return Replay(prediction, tuple(records))
 
 
-def _run(plant: Plant, model: mujoco.MjModel, motion: Motion, start: float) -> tuple[Array, Record]:
+def _run(
+    plant: Plant, model: mujoco.MjModel, motion: Motion, start: float
+) -> tuple[Floats, Record]:
     """Effort of every degree of freedom (k, nv), and what the machine did; sensors are not read."""
     data = mujoco.MjData(model)
     time = start + motion.time
@@ -165,7 +166,7 @@ def _run(plant: Plant, model: mujoco.MjModel, motion: Motion, start: float) -> t
     return effort, record
 
 
-def _applied(model: mujoco.MjModel, data: mujoco.MjData, hooks: Sequence[Hook]) -> Array:
+def _applied(model: mujoco.MjModel, data: mujoco.MjData, hooks: Sequence[Hook]) -> Floats:
     """Generalized force of the hooks (nv,), called on a state whose positions are known."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -264,7 +265,7 @@ def _motion(
     return Motion(time[kept], qpos[kept], qvel[kept], qacc[kept], cutoff)
 
 
-def _still(motion: Motion, noise: Array, period: float) -> NDArray[np.bool_]:
+def _still(motion: Motion, noise: Floats, period: float) -> NDArray[np.bool_]:
     """Whether each joint stands, (k, nv): slower than its speed is known, or than `SLOW`."""
     band = POSITION_BAND * motion.cutoff
     speed_noise = noise * 2 * np.pi * np.sqrt(2 * period * band**3 / 3)
@@ -285,9 +286,9 @@ def _effort(motion: Motion, reading: Reading, still: NDArray[np.bool_], period: 
     return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
 
 
-def _step(time: Array) -> float:
+def _step(time: Floats) -> float:
     return float(time[1] - time[0])
 
 
-def _low_pass(effort: Array, cutoff: float, period: float) -> Array:
+def _low_pass(effort: Floats, cutoff: float, period: float) -> Floats:
     return sosfiltfilt(butter(4, 2 * cutoff * period, output="sos"), effort, axis=0)

@@ -8,16 +8,13 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Record
 from reality_gap.simulation.episode import Task, compile_with_probes, simulate
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import Measured
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from reality_gap.types import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -29,7 +26,7 @@ class Replay:
         records: one per episode.
     """
 
-    prediction: Array
+    prediction: Floats
     records: tuple[Record, ...]
 
 
@@ -78,14 +75,14 @@ def replay(plant: Plant, study: Study, measured: Measured, memory: Memory | None
     return Replay(measured.align(prediction), tuple(records))
 
 
-def _rows(model: mujoco.MjModel, episode: Episode) -> Indices:
+def _rows(model: mujoco.MjModel, episode: Episode) -> Ints:
     """The latest row of the episode's commands that acts within every step (k,)."""
     step = model.opt.timestep
     time = step * np.arange(int(np.ceil(episode.duration / step)) + 2)
     return (np.searchsorted(episode.time, time + step - 1e-9, side="left") - 1).clip(0)
 
 
-def _commands(episode: Episode, rows: Indices, step: float) -> Array:
+def _commands(episode: Episode, rows: Ints, step: float) -> Floats:
     """The mean command of every step (k, nu): a command may come in the middle of one."""
     command = episode.command[rows].copy()
     new = np.flatnonzero(np.diff(rows, prepend=rows[0]) > 0)
@@ -101,7 +98,7 @@ def _run(
     study: Study,
     episode: Episode,
     start: float,
-    rows: Indices,
+    rows: Ints,
     memory: Memory | None,
 ) -> Record:
     """Simulate one episode; time in the record and for hooks counts from the study's begin."""
@@ -118,7 +115,7 @@ def _run(
     return memory.recall(key, lambda: simulate(model, task, hooks))
 
 
-def _read(record: Record, episode: Episode, rows: Indices, time: Array, column: Indices) -> Array:
+def _read(record: Record, episode: Episode, rows: Ints, time: Floats, column: Ints) -> Floats:
     """Readings at ``time`` (m,), on a line through two steps under the same command."""
     step = record.time[1] - record.time[0]
     allowed = (np.searchsorted(episode.time, time - 1e-9, side="left") - 1).clip(0)

@@ -10,7 +10,6 @@ from functools import cached_property
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mjcf_sandbox.parent_watchdog import end_with_parent
 from reality_gap.causes import CATALOGUE, register
@@ -23,8 +22,8 @@ from reality_gap.simulation.replay import Memory, Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured
 from reality_gap.study.system import System, look_at
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 Part = tuple[Candidate, Values]
 Hypothesis = Sequence[Part]
 Tick = Callable[[], None]
@@ -87,7 +86,7 @@ class Replayer:
             raise StudyError(f"the model with {names} does not compile: {error}") from error
 
     @property
-    def drift(self) -> Array:
+    def drift(self) -> Floats:
         """What the model's time step does to its replay (n,) in SI units.
 
         A gap of the integrator, not of the model; Richardson's extrapolation from a half and a
@@ -96,12 +95,12 @@ class Replayer:
         return self._drifts[0]
 
     @property
-    def drift_error(self) -> Array:
+    def drift_error(self) -> Floats:
         """By how much the extrapolation has changed with the last halving (n,), in SI units."""
         return self._drifts[1]
 
     @cached_property
-    def _drifts(self) -> tuple[Array, Array]:
+    def _drifts(self) -> tuple[Floats, Floats]:
         study = self.system.study
         if study.inverse:
             return np.zeros(len(self.measured.value)), np.zeros(len(self.measured.value))
@@ -109,7 +108,7 @@ class Replayer:
         rough, fine = 2 * half - whole, 2 * quarter - half
         return np.nan_to_num(fine - whole), np.nan_to_num(fine - rough)
 
-    def _at_step(self, share: float) -> Array:
+    def _at_step(self, share: float) -> Floats:
         """What the study's model predicts at a share of its time step (n,)."""
         plant = self.machine([])
         plant.spec.option.timestep *= share
@@ -135,7 +134,7 @@ class Replayer:
                     found.append((Candidate(cause, beside, parameters), values))
         return found
 
-    def residual(self, hypothesis: Hypothesis) -> Array:
+    def residual(self, hypothesis: Hypothesis) -> Floats:
         """Measured minus replayed (n,), in units of sensor noise; nan where it diverged.
 
         The error of the time step is taken out.
@@ -155,7 +154,7 @@ class Replayer:
                 )
         return self._coarse
 
-    def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Array]:
+    def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Floats]:
         """The same of several hypotheses, in their order."""
         found = []
         for prediction in self._predictions(hypotheses, coarse):
@@ -163,7 +162,7 @@ class Replayer:
             self.tick()
         return found
 
-    def predictions(self, study: Study, hypotheses: Sequence[Hypothesis]) -> list[Array]:
+    def predictions(self, study: Study, hypotheses: Sequence[Hypothesis]) -> list[Floats]:
         """What each would read in another study of the same machine (n,), in units of noise."""
         readings, count = measured(study), len(hypotheses)
         if self._pool is None:
@@ -171,11 +170,11 @@ class Replayer:
         studies, locations = [study] * count, [readings] * count
         return list(self._pool.map(_predict_elsewhere, studies, locations, hypotheses))
 
-    def elsewhere(self, study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
+    def elsewhere(self, study: Study, readings: Measured, hypothesis: Hypothesis) -> Floats:
         """What one hypothesis would read in another study (n,), of which these are the readings."""
         return replay(self.machine(hypothesis), study, readings).prediction / readings.noise
 
-    def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Array]:
+    def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Floats]:
         if self._pool is None or len(hypotheses) < 2:
             return (self.look(hypothesis, coarse).prediction for hypothesis in hypotheses)
         return self._pool.map(_predict, hypotheses, [coarse] * len(hypotheses), chunksize=1)
@@ -196,11 +195,11 @@ def _open(study: Study, causes: Sequence[Cause]) -> None:
     _replayer = Replayer(study)
 
 
-def _predict(hypothesis: Hypothesis, coarse: bool) -> Array:
+def _predict(hypothesis: Hypothesis, coarse: bool) -> Floats:
     assert _replayer is not None
     return _replayer.look(hypothesis, coarse).prediction
 
 
-def _predict_elsewhere(study: Study, readings: Measured, hypothesis: Hypothesis) -> Array:
+def _predict_elsewhere(study: Study, readings: Measured, hypothesis: Hypothesis) -> Floats:
     assert _replayer is not None
     return _replayer.elsewhere(study, readings, hypothesis)

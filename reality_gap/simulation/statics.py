@@ -13,16 +13,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Record
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.study.data import Channel
 from reality_gap.study.static_poses import Moments
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from reality_gap.types import Floats, Ints
 
 APART = 1e6
 """Time between two moments [s], so that nothing changes from one to the next at any rate."""
@@ -41,11 +38,11 @@ class Balance:
         weight: (k, nv) of gravity and springs on the joints [N m or N].
     """
 
-    reading: Array
-    torque: Array
-    arms: Array
-    force: Array
-    weight: Array
+    reading: Floats
+    torque: Floats
+    arms: Floats
+    force: Floats
+    weight: Floats
 
 
 class Statics:
@@ -74,7 +71,7 @@ class Statics:
         )
         self._quaternions = _quaternions(channels, kinds)
 
-    def look(self, plant: Plant, qpos: Array) -> Balance:
+    def look(self, plant: Plant, qpos: Floats) -> Balance:
         """The machine with its joints at ``qpos`` (k, nq)."""
         record, weight, held, arms = self._location(plant.spec.compile(), qpos)
         for channel, actuator in self.forces:
@@ -93,7 +90,9 @@ class Statics:
         torque = weight + held + np.einsum("kuv,ku->kv", arms, force)
         return Balance(self._align(reading), torque, arms, force, weight)
 
-    def _location(self, model: mujoco.MjModel, qpos: Array) -> tuple[Record, Array, Array, Array]:
+    def _location(
+        self, model: mujoco.MjModel, qpos: Floats
+    ) -> tuple[Record, Floats, Floats, Floats]:
         """Record, weight, what constraints hold, and arms, with joints at ``qpos`` (k, nq)."""
         data, k = mujoco.MjData(model), len(qpos)
         record = Record(
@@ -124,7 +123,7 @@ class Statics:
             )
         return record, weight, held, arms
 
-    def _align(self, reading: Array) -> Array:
+    def _align(self, reading: Floats) -> Floats:
         """A quaternion and its negative are one: the one nearer to what was measured."""
         for four in self._quaternions:
             measured = self.moments.value[:, four]
@@ -134,7 +133,7 @@ class Statics:
 
 
 def _forces(
-    system: System, channels: Sequence[Channel], kinds: Indices
+    system: System, channels: Sequence[Channel], kinds: Ints
 ) -> tuple[tuple[int, int], ...]:
     """Channels that read the force of one actuator, with its index."""
     model, found = system.model, []
@@ -148,7 +147,7 @@ def _forces(
     return tuple(found)
 
 
-def _quaternions(channels: Sequence[Channel], kinds: Indices) -> list[Indices]:
+def _quaternions(channels: Sequence[Channel], kinds: Ints) -> list[Ints]:
     """Channels (4,) of each sensor that reads a whole quaternion."""
     turns = [int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT)]
     names = np.array([channel.sensor for channel in channels])

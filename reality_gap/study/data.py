@@ -9,14 +9,11 @@ from pathlib import Path
 from typing import Literal
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
 from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model
 from reality_gap.errors import StudyError
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 @dataclass(frozen=True)
@@ -44,8 +41,8 @@ class Channel:
 class Reading:
     """What one channel read in one episode: ``time`` (k,) [s] and ``value`` (k,) in SI units."""
 
-    time: Array
-    value: Array
+    time: Floats
+    value: Floats
 
 
 @dataclass(frozen=True)
@@ -61,8 +58,8 @@ class Episode:
     """
 
     name: str
-    time: Array
-    command: Array
+    time: Floats
+    command: Floats
     readings: tuple[Reading, ...]
     joints: Mapping[str, float] = field(default_factory=dict)
 

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.study.data import Reading, Study
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from reality_gap.types import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -26,14 +23,14 @@ class Measured:
         quaternions: (q, 4) indices of readings that are one quaternion.
     """
 
-    value: Array
-    noise: Array
-    channel: Indices
-    episode: Indices
-    time: Array
-    quaternions: Indices
+    value: Floats
+    noise: Floats
+    channel: Ints
+    episode: Ints
+    time: Floats
+    quaternions: Ints
 
-    def align(self, prediction: Array) -> Array:
+    def align(self, prediction: Floats) -> Floats:
         """Turn predicted quaternions to the measured side of the sphere: q and -q are one."""
         if len(self.quaternions):
             measured, predicted = self.value[self.quaternions], prediction[self.quaternions]
@@ -74,14 +71,14 @@ def measured(study: Study) -> Measured:
     )
 
 
-def channel_noise(study: Study) -> Array:
+def channel_noise(study: Study) -> Floats:
     """Standard deviation of one reading by channel (c,): as the study says, or from the log."""
     stated = [channel.noise for channel in study.channels]
     rough = rough_noise(study)
     return np.array([r if n is None else n for n, r in zip(stated, rough, strict=True)])
 
 
-def rough_noise(study: Study) -> Array:
+def rough_noise(study: Study) -> Floats:
     """Standard deviation of one reading by channel (c,), from the log alone."""
     count = range(len(study.channels))
     return np.array([_rough(tuple(e.readings[c] for e in study.episodes)) for c in count])

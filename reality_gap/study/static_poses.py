@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.study.data import Episode, Study
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from reality_gap.types import Floats, Ints
 
 WAIT = 0.5
 """How long a command must have been held before the machine counts as at rest [s]."""
@@ -34,10 +31,10 @@ class Moments:
         value: (k, c) mean readings by channel in SI units; nan where there were none.
     """
 
-    time: Array
-    episode: Indices
-    command: Array
-    value: Array
+    time: Floats
+    episode: Ints
+    command: Floats
+    value: Floats
 
     def __len__(self) -> int:
         return len(self.time)
@@ -66,7 +63,7 @@ def find_moments(study: Study) -> Moments:
     )
 
 
-def _held(episode: Episode, least: Array) -> list[tuple[float, float]]:
+def _held(episode: Episode, least: Floats) -> list[tuple[float, float]]:
     """Windows at the end of each time for which a command was held."""
     changed = np.any(np.abs(np.diff(episode.command, axis=0)) > least, axis=1)
     edges = [episode.time[0], *episode.time[1:][changed], episode.duration]
@@ -77,7 +74,7 @@ def _held(episode: Episode, least: Array) -> list[tuple[float, float]]:
     ]
 
 
-def _means(episode: Episode, begin: float, end: float) -> Array:
+def _means(episode: Episode, begin: float, end: float) -> Floats:
     """Mean of what each channel read in a window (c,)."""
     values = np.full(len(episode.readings), np.nan)
     for c, reading in enumerate(episode.readings):

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location, Parameter
@@ -28,8 +27,7 @@ from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import BLOCK, REPORT, TURN
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 def decided(
@@ -242,7 +240,7 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
     more: float, chance: float, study_folder: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def as_good(
-        replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Array, null: Array
+        replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Floats, null: Floats
     ) -> Remainder:
         [(candidate, values)] = hypothesis
         named = again(rule, fit(replayer, [(candidate, values)], rule.learn, null)).evidence

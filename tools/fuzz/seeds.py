@@ -104,7 +104,7 @@ def _log() -> dict[str, np.ndarray]:
 def checkpoints(folder: Path) -> None:
     """A map, a kept result of an experiment, and kept arrays of a diagnosis."""
     from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
-    from kengoro.files import write_json
+    from mjcf_sandbox.files import write_json
     from reality_gap.inference.checkpoint import Checkpoint
     from tools.fuzz.targets import KEY, RESULT
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from reality_gap.causes.base import Record
 from reality_gap.study.system import ActuatedTendon
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 def linear(model: mujoco.MjModel, actuator: int) -> bool:
@@ -20,7 +19,7 @@ def linear(model: mujoco.MjModel, actuator: int) -> bool:
     return gain in gains and bias in biases
 
 
-def pull(record: Record, tendon: ActuatedTendon) -> Array:
+def pull(record: Record, tendon: ActuatedTendon) -> Floats:
     """Tension that a wire's actuator gives (k,) [N]."""
     i = record.model.actuator(tendon.actuator).id
     return -record.model.actuator_gear[i, 0] * record.force[:, i]

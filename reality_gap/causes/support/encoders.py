@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Location, Record
 from reality_gap.causes.support.model_overrides import Extra
 from reality_gap.study.system import System, commanded
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 @dataclass(frozen=True)
@@ -68,14 +66,14 @@ def _of_joint(system: System, joint: str) -> Encoder:
     return Encoder("joint", joint, sensors, servos[0] if servos else "")
 
 
-def recorded(record: Record, encoder: Encoder) -> Array:
+def recorded(record: Record, encoder: Encoder) -> Floats:
     """Its true position along a record (k,) [m or rad]."""
     if encoder.kind == "tendon":
         return record.length[:, record.model.tendon(encoder.element).id]
     return record.qpos[:, record.model.joint(encoder.element).qposadr[0]]
 
 
-def add_to_reading(record: Record, encoder: Encoder, error: Array) -> None:
+def add_to_reading(record: Record, encoder: Encoder, error: Floats) -> None:
     """Add an error (k,) to what its sensors read."""
     for sensor in encoder.sensors:
         record.sensors[:, record.column(sensor)] += error
@@ -105,7 +103,7 @@ class Feedback:
         self.slope = model.actuator_biasprm[actuators, 1] * model.actuator_gear[actuators, 0]
         self._bias = Extra(model.actuator_biasprm[:, 0], np.array(actuators, dtype=np.int64))
 
-    def position(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    def position(self, model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
         """True positions (n,) [m or rad] before a step; a wire's length is carried on to now."""
         if not self._of_tendons:
             return data.qpos[self._elements]
@@ -115,7 +113,7 @@ class Feedback:
         here = self._elements
         return data.ten_length[here] + model.opt.timestep * data.ten_velocity[here]
 
-    def falsify(self, error: Array) -> None:
+    def falsify(self, error: Floats) -> None:
         """Let the actuators see positions that are wrong by ``error`` (n,), until the next call."""
         self._bias.write(self.slope * error[self._fed])
 

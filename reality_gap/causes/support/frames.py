@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from reality_gap.causes.base import Location, Parameter, Values
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 SHIFT, TURN = ("x", "y", "z"), ("rx", "ry", "rz")
 
@@ -59,7 +57,7 @@ def motion(shift: Parameter, turn: Parameter | None) -> tuple[Parameter, ...]:
     return tuple(Parameter(name, p.unit, p.scale, p.tolerance, p.low, p.high) for p, name in alike)
 
 
-def moved(pos: Array, quat: Array, values: Values) -> tuple[Array, Array]:
+def moved(pos: Floats, quat: Floats, values: Values) -> tuple[Floats, Floats]:
     """A pose moved by x, y, z and turned by the vector rx, ry, rz, all in its own axes.
 
     Args:
@@ -72,7 +70,7 @@ def moved(pos: Array, quat: Array, values: Values) -> tuple[Array, Array]:
     return pos + pose.apply(shift), (pose * turn).as_quat(scalar_first=True)
 
 
-def put(element: mujoco.MjsSite | mujoco.MjsCamera, pos: Array, quat: Array) -> None:
+def put(element: mujoco.MjsSite | mujoco.MjsCamera, pos: Floats, quat: Floats) -> None:
     """Put a site or camera at a pose on its body."""
     if element.frame is not None:
         element.set_frame(element.parent.add_frame())

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 PROBE = 0.1
 """How far a joint is moved to see which wires it pulls [rad or m]."""
@@ -47,7 +46,7 @@ def _moved_tendons(model: mujoco.MjModel, joints: tuple[str, ...]) -> NDArray[np
     return np.abs(changes).max(axis=1) > SEEN if changes else np.zeros((0, 0), bool)
 
 
-def _tendon_lengths(model: mujoco.MjModel, joints: Mapping[str, float]) -> Array:
+def _tendon_lengths(model: mujoco.MjModel, joints: Mapping[str, float]) -> Floats:
     data = mujoco.MjData(model)
     for name, offset in joints.items():
         data.qpos[model.joint(name).qposadr[0]] += offset

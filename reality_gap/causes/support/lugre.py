@@ -14,13 +14,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Location, Parameter, Values
+from reality_gap.causes.base import Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import typical_scales
 from reality_gap.causes.support.model_overrides import Extra
 from reality_gap.causes.support.new_elements import add_actuator
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 SOLREF = (0.004, 1.0)
 SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
@@ -43,10 +42,21 @@ STIFFNESS, DAMPING = 5, 6
 def bend(system: System, location: Location) -> Parameter:
     """The parameter of how far an element moves before it slips."""
     if location.kind == "tendon":
-        return Parameter("presliding", "m", 3e-5, 0.0, 3e-6, 1e-3, null=3e-5, idle=True)
+        return Parameter(
+            "presliding", "m", 3e-5, 0.0, 3e-6, 1e-3, null=3e-5, hints=SearchHints(shape=True)
+        )
     unit, travel = typical_scales.joint_travel(system, location)
     size = 3e-4 * travel
-    return Parameter("presliding", unit, size, 0.0, 0.1 * size, 30 * size, null=size, idle=True)
+    return Parameter(
+        "presliding",
+        unit,
+        size,
+        0.0,
+        0.1 * size,
+        30 * size,
+        null=size,
+        hints=SearchHints(shape=True),
+    )
 
 
 def bend_in(values: Values, system: System, location: Location) -> float:
@@ -138,7 +148,7 @@ class Brakes:
     def __init__(
         self, model: mujoco.MjModel, system: System, cause: str, location: Location
     ) -> None:
-        self._bristles: list[tuple[Extra, Array]] = []
+        self._bristles: list[tuple[Extra, Floats]] = []
         self._bend: NDArray[np.int64] | None = None
         if possible(system):
             names = [_name(system, cause, location, element) for element in location.elements]
@@ -155,7 +165,7 @@ class Brakes:
             at = np.array([model.joint(name).dofadr[0] for name in location.elements])
             self._levels = [Extra(model.dof_frictionloss, at)]
 
-    def ways(self, data: mujoco.MjData, velocity: Array, creep: float) -> Array:
+    def ways(self, data: mujoco.MjData, velocity: Floats, creep: float) -> Floats:
         """Which way each element slides, or slid before it came to rest (k,), -1 to 1.
 
         A wire at rest still hangs on bristles that are bent the way it came. Where there are none,
@@ -170,7 +180,7 @@ class Brakes:
             return np.sign(data.act[self._bend])
         return np.tanh(velocity / creep)
 
-    def press(self, force: float, factor: float | Array) -> None:
+    def press(self, force: float, factor: float | Floats) -> None:
         """Press bristles that were given ``force`` [N] so many times harder, one number or (k,)."""
         factor = np.maximum(factor, LEAST)
         for cells in self._levels:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 class Extra:
@@ -16,11 +16,11 @@ class Extra:
         cells: an index into it, or several (k,), each once.
     """
 
-    def __init__(self, values: Array, cells: int | NDArray[np.int64]) -> None:
+    def __init__(self, values: Floats, cells: int | NDArray[np.int64]) -> None:
         self._values, self._cells = values, cells
-        self._added: float | Array = 0.0
+        self._added: float | Floats = 0.0
 
-    def write(self, amount: float | Array) -> None:
+    def write(self, amount: float | Floats) -> None:
         """Let there be ``amount`` (one number, or (k,)) more than without, until the next call."""
         self._values[self._cells] += amount - self._added
         self._added = amount

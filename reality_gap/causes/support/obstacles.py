@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats.qmc import Halton
 
 from reality_gap.study.system import ActuatedTendon, System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 POSTURES = 64
 NEAR = 0.025
@@ -63,8 +62,8 @@ class Body:
     name: str
     body: int
     shape: str
-    pos: Array
-    quat: Array
+    pos: Floats
+    quat: Floats
     radius: float
     reach: float
 
@@ -85,7 +84,7 @@ class Obstacle:
     tendon: str
     between: tuple[str, str]
     over: Body
-    side: Array
+    side: Floats
     touching: float
     typical: float
     largest: float
@@ -139,7 +138,7 @@ class _Postures:
             sites.append(data.site_xpos.copy())
         self.bodies, self.turns, self.sites = np.array(bodies), np.array(turns), np.array(sites)
 
-    def seen_from(self, body: int, site: int) -> Array:
+    def seen_from(self, body: int, site: int) -> Floats:
         """A site in a body's frame (n, 3)."""
         return np.einsum(
             "nji,nj->ni", self.turns[:, body], self.sites[:, site] - self.bodies[:, body]
@@ -232,13 +231,13 @@ def _look(
     return Obstacle(tendon, between, over, side, touching, typical, allowed)
 
 
-def _axis(over: Body) -> Array:
+def _axis(over: Body) -> Floats:
     axis = np.empty(3)
     mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, 1.0]), over.quat)
     return axis
 
 
-def _planes(over: Body, a: Array, b: Array) -> Array:
+def _planes(over: Body, a: Floats, b: Floats) -> Floats:
     """Two unit vectors that span the plane of wrapping, at every posture (n, 2, 3)."""
     if over.shape == "cylinder":
         across = np.empty((2, 3))
@@ -250,7 +249,7 @@ def _planes(over: Body, a: Array, b: Array) -> Array:
     return np.stack([one, other / np.linalg.norm(other, axis=1)[:, None]], axis=1)
 
 
-def _astray(a: Array, b: Array, side: Array) -> NDArray[np.bool_]:
+def _astray(a: Floats, b: Floats, side: Floats) -> NDArray[np.bool_]:
     """Whether the straight line from a to b passes the origin on the side that is not ``side``."""
     ahead = np.arctan2(side[:, 1], side[:, 0])
     angles = [np.arctan2(p[:, 1], p[:, 0]) - ahead for p in (a, b)]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from reality_gap.report.formatting import percent, shown
 from reality_gap.report.plots.canvas import AFTER, BEFORE, MEASURED, figure
 from reality_gap.report.plots.signals import Signal, changed
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 BINS = 20
 PER_BIN = 25
 MOST_POINTS = 3000
@@ -36,7 +36,7 @@ class Quantity:
     """
 
     label: str
-    value: Array
+    value: Floats
     share: float
     readings: int
 
@@ -60,7 +60,7 @@ def constant_share(signal: Signal) -> float:
     return float(residual.mean() ** 2 / max(float(np.mean(residual**2)), 1e-30))
 
 
-def _quantities(signal: Signal, others: list[Signal], residual: Array) -> list[Quantity]:
+def _quantities(signal: Signal, others: list[Signal], residual: Floats) -> list[Quantity]:
     """Time, and of each kind the channel that the residual depends on most."""
     time = Quantity("time [s]", signal.time, _share(signal.time, residual), len(signal.time))
     found = [time]
@@ -78,7 +78,7 @@ def _quantities(signal: Signal, others: list[Signal], residual: Array) -> list[Q
     return found
 
 
-def _at(other: Signal, signal: Signal, value: Array, residual: Array, per: str = "") -> Quantity:
+def _at(other: Signal, signal: Signal, value: Floats, residual: Floats, per: str = "") -> Quantity:
     """Another channel as the extended model has it, which is free of noise."""
     factor, unit = shown(other.unit + per)
     interpolated = factor * np.interp(signal.time, other.time, value)
@@ -87,18 +87,18 @@ def _at(other: Signal, signal: Signal, value: Array, residual: Array, per: str =
     return Quantity(f"{name} [{unit}]", interpolated, share, len(other.time))
 
 
-def _rate(other: Signal) -> Array:
+def _rate(other: Signal) -> Floats:
     return np.gradient(other.after) / np.maximum(np.gradient(other.time), 1e-9)
 
 
-def _bins(value: Array) -> NDArray[np.int64]:
+def _bins(value: Floats) -> NDArray[np.int64]:
     """Bins of equal numbers of readings (k,), fewer where there are few readings."""
     count = max(2, min(BINS, len(value) // PER_BIN))
     edges = np.quantile(value, np.linspace(0.0, 1.0, count + 1)[1:-1])
     return np.searchsorted(edges, value)
 
 
-def _means(value: Array, residual: Array) -> tuple[Array, Array]:
+def _means(value: Floats, residual: Floats) -> tuple[Floats, Floats]:
     location = _bins(value)
     count = np.bincount(location, minlength=BINS)
     full = count > 0
@@ -106,7 +106,7 @@ def _means(value: Array, residual: Array) -> tuple[Array, Array]:
     return x, np.bincount(location, residual, minlength=BINS)[full] / count[full]
 
 
-def _share(value: Array, residual: Array) -> float:
+def _share(value: Floats, residual: Floats) -> float:
     """Of the varying part's power, what the means carry; less what those of noise would."""
     location = _bins(value)
     varying = residual - residual.mean()

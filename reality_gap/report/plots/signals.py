@@ -23,8 +23,8 @@ from reality_gap.report.plots.canvas import (
     label_rows,
     shade,
 )
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 BINS = 120
 MOST_ROWS = 24
 WORST = 3
@@ -46,14 +46,14 @@ class Signal:
     name: str
     unit: str
     noise: float
-    time: Array
+    time: Floats
     episode: NDArray[np.int64]
     split: NDArray[np.int64]
-    measured: Array
-    before: Array
-    after: Array
+    measured: Floats
+    before: Floats
+    after: Floats
 
-    def residual(self, which: str) -> Array:
+    def residual(self, which: str) -> Floats:
         """Measured minus "before" or "after" (k,), in units of the noise."""
         return (self.measured - getattr(self, which)) / self.noise
 
@@ -121,12 +121,12 @@ def residual_map(found: list[Signal]) -> Figure:
     return made
 
 
-def _binned(signal: Signal, which: str, end: float) -> Array:
+def _binned(signal: Signal, which: str, end: float) -> Floats:
     """RMS in each of the bins, at least 1; bins between two readings take that of the nearer."""
     location = np.minimum((signal.time / end * BINS).astype(int), BINS - 1)
     count = np.bincount(location, minlength=BINS)
     power = np.bincount(location, signal.residual(which) ** 2, minlength=BINS)
-    rms: Array = np.full(BINS, np.nan)
+    rms: Floats = np.full(BINS, np.nan)
     np.divide(power, count, out=rms, where=count > 0)
     centre = (np.arange(BINS) + 0.5) * end / BINS
     middle = (signal.time[1:] + signal.time[:-1]) / 2

@@ -17,7 +17,7 @@ from experiments.baselines.maps import (
     TermsAlike,
 )
 from jmm_agent.mapping.learner import Pairs
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from tests.jmm_agent.small_map import make_map, postures
 
 METHODS: dict[str, Callable[[Baselines, Pairs], CorrectedMap]] = {

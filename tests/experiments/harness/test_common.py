@@ -15,8 +15,8 @@ from experiments.harness.common import log_reported, make_summary, median_and_wo
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Picture, Table, png, write_report
 from experiments.harness.runner import run_tasks
-from kengoro.files import write_json
 from kengoro.trained_maps import nominal_model
+from mjcf_sandbox.files import write_json
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -118,7 +118,7 @@ def test_tasks_resume_and_do_not_depend_on_jobs(tmp_path: Path) -> None:
     (tmp_path / "one" / "t1.json").write_text("[" * 99_999)
     (tmp_path / "one" / "t2.json").write_text('{"key": "key", "seconds": "1", "result": 0}')
     (tmp_path / "one" / "t3.json").write_text("{ broken")
-    (tmp_path / "one" / "t3.json.1.tmp").write_text("{ begun")
+    (tmp_path / "one" / ".t3.1.part.json").write_text("{ begun")
     assert run_tasks(square, tasks, 1, tmp_path / "one", "key") == alone
     assert run_tasks(refuse, tasks, 1, tmp_path / "one", "key") == alone
     assert sorted(p.name for p in (tmp_path / "one").iterdir()) == [f"{n}.json" for n in tasks]

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kengoro.files import PART, remove_parts, write_bytes
 from kengoro.trained_maps import trained_map
+from mjcf_sandbox.files import PART, remove_parts, write_bytes
 
 ROOT = Path(__file__).resolve().parents[3]
 KILLS = int(os.environ.get("KENGORO_KILLS", "25"))
@@ -161,7 +161,7 @@ def test_killed_at_any_moment_it_ends_with_the_same_bits(
     usual, expected = time.monotonic() - begin, contents(calm)
 
     for _ in killed_runs(lambda: start(program, killed, *more), killed, usual, len(expected)):
-        found = {n: c for n, c in contents(killed).items() if not n.endswith(PART)}
+        found = {n: c for n, c in contents(killed).items() if PART not in n}
         assert found == expected
         for path in sorted(killed.rglob("*"), reverse=True):
             path.unlink() if path.is_file() else path.rmdir()
@@ -169,7 +169,7 @@ def test_killed_at_any_moment_it_ends_with_the_same_bits(
 
 def test_a_file_appears_whole_and_what_was_begun_is_removed(tmp_path: Path) -> None:
     write_bytes(tmp_path / "new" / "figure.png", b"png")
-    left = tmp_path / "new" / f"figure.png.1{PART}"
+    left = tmp_path / "new" / f".figure.1{PART}.png"
     left.write_bytes(b"p")
     (tmp_path / "new" / "somebodys.tmp").write_bytes(b"own")
     remove_parts(tmp_path / "new")

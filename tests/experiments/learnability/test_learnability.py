@@ -13,7 +13,7 @@ from experiments.learnability.observers import Variant
 from experiments.learnability.run import Args, conclude, error_deg, known_world, run_trial
 from experiments.learnability.trial import examine, floor, learn
 from experiments.robots.world import Body, Sizes, World
-from jmm_agent.nominal_model import Floats
+from jmm_agent.types import Floats
 from kengoro_env.departures import actual
 
 SEED = 1

@@ -27,7 +27,8 @@ from experiments.muscle_jacobian.tables import OURS, PAPER, RULE, STAGES, metric
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.training import train
-from jmm_agent.nominal_model import Floats, NominalModel
+from jmm_agent.nominal_model import NominalModel
+from jmm_agent.types import Floats
 from kengoro.arm import shuffled_postures
 from kengoro.trained_maps import ARM, nominal_model
 from kengoro_env.assets import asset_path

@@ -8,7 +8,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import AttachmentDisplacement, BoneWrapping
@@ -16,8 +15,8 @@ from kengoro_env.names import FINGER_JOINTS, GROUP_JOINTS, JOINTS
 from kengoro_env.postures import least_tension
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
+from kengoro_env.types import Floats
 
-Array = NDArray[np.float64]
 ARM = Path("mjcf/kengoro_arm/arm.xml")
 
 CENTRES = {  # joint centres in the frame of the bone before, Kengoro's size [m]
@@ -148,7 +147,7 @@ def test_the_arm_holds_itself_with_tensions_of_5_to_400_newtons(drawing: Nominal
     assert np.mean(held) >= 0.99
 
 
-def wrapped_arms(seed: int) -> Callable[[Array], Array]:
+def wrapped_arms(seed: int) -> Callable[[Floats], Floats]:
     """dl/dq (m, n) [m/rad] of a robot whose displaced wires wrap over its bones."""
     departures = (AttachmentDisplacement(sigma=0.004, seed=seed), BoneWrapping(scale=1.0))
     robot = Robot(asset_path(str(ARM)), departures)
@@ -157,7 +156,7 @@ def wrapped_arms(seed: int) -> Callable[[Array], Array]:
     velocity = [model.joint(joint).dofadr[0] for joint in robot.joints]
     tendons = [model.tendon(muscle).id for muscle in robot.muscles]
 
-    def arms(posture: Array) -> Array:
+    def arms(posture: Floats) -> Floats:
         data.qpos[position] = posture
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -171,7 +170,7 @@ def wrapped_arms(seed: int) -> Callable[[Array], Array]:
     return arms
 
 
-def steps(arms: Callable[[Array], Array], line: Array) -> Array:
+def steps(arms: Callable[[Floats], Floats], line: Floats) -> Floats:
     """Largest change (m, n) of each moment arm between neighbours on a line (k, n)."""
     return np.abs(np.diff([arms(q) for q in line], axis=0)).max(axis=0)
 
@@ -179,7 +178,7 @@ def steps(arms: Callable[[Array], Array], line: Array) -> Array:
 @pytest.mark.parametrize("joint", range(len(JOINTS)), ids=JOINTS)
 @pytest.mark.parametrize("robot", ["drawing", "wrapped"])
 def test_moment_arms_are_continuous(
-    drawing: NominalArm, robot: str, joint: int, wrapped: Callable[[Array], Array]
+    drawing: NominalArm, robot: str, joint: int, wrapped: Callable[[Floats], Floats]
 ) -> None:
     """On a grid 16 times as fine dl/dq changes at least 4 times less from point to point.
 
@@ -195,5 +194,5 @@ def test_moment_arms_are_continuous(
 
 
 @pytest.fixture(scope="module")
-def wrapped() -> Callable[[Array], Array]:
+def wrapped() -> Callable[[Floats], Floats]:
     return wrapped_arms(seed=0)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -19,8 +18,7 @@ from kengoro_env.robot.motors import Gains
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot, load_spec
 from kengoro_env.stepping.lift_monitor import LIFT_TIME, LiftMonitor, TrackedObject
-
-Array = NDArray[np.float64]
+from kengoro_env.types import Floats
 
 SCENE = asset_path("mjcf/kengoro_arm/can_grasp.xml")
 ARM = asset_path("mjcf/kengoro_arm/arm.xml")
@@ -68,8 +66,8 @@ def rig() -> mujoco.MjModel:
 
 def grasp(
     rig: mujoco.MjModel,
-    error: Sequence[float] | Array = (0.0, 0.0, 0.0),
-    tilt: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    error: Sequence[float] | Floats = (0.0, 0.0, 0.0),
+    tilt: Sequence[float] | Floats = (0.0, 0.0, 0.0),
     close: float = 1.0,
 ) -> tuple[LiftMonitor, mujoco.MjData]:
     """Approach, close, lift by 80 mm and hold, with the grip point displaced and the hand tilted.
@@ -132,7 +130,7 @@ def test_the_hand_opens_no_wider_than_120_mm(rig: mujoco.MjModel) -> None:
     data = mujoco.MjData(rig)
     mujoco.mj_forward(rig, data)
 
-    def tip(name: str) -> Array:
+    def tip(name: str) -> Floats:
         geom, half = data.geom(name), rig.geom(name).size[1]
         return geom.xpos + half * geom.xmat.reshape(3, 3)[:, 2]
 
@@ -263,18 +261,18 @@ class Reach:
         self.address = [self.model.joint(joint).qposadr[0] for joint in JOINTS]
         self.low, self.high = np.radians([RANGES_DEG[joint] for joint in JOINTS]).T
 
-    def hand(self, posture: Array) -> tuple[Array, Array]:
+    def hand(self, posture: Floats) -> tuple[Floats, Floats]:
         """Grip point (3,) and orientation of the hand (3, 3)."""
         self.data.qpos[self.address] = posture
         mujoco.mj_kinematics(self.model, self.data)
         grip, hand = self.data.site("grip"), self.data.body("hand")
         return grip.xpos.copy(), hand.xmat.reshape(3, 3).copy()
 
-    def __call__(self, grip: Array, near: Array, turn: Array | None = None) -> Array:
+    def __call__(self, grip: Floats, near: Floats, turn: Floats | None = None) -> Floats:
         """The posture near ``near`` (14,) that brings the grip point there, within the ranges."""
         span = self.high - self.low
 
-        def residual(posture: Array) -> Array:
+        def residual(posture: Floats) -> Floats:
             position, matrix = self.hand(posture)
             wrong = 3.0 * matrix[:2, 0] if turn is None else 10.0 * (matrix - turn).ravel()
             return np.concatenate([(position - grip) / 0.005, wrong, 0.2 * (posture - near) / span])

@@ -8,7 +8,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE, cause, register
 from reality_gap.causes.backlash import played
@@ -20,6 +19,7 @@ from reality_gap.simulation.replay import replay
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, look_at
+from reality_gap.types import Floats
 
 IDS = (
     "tendon_elasticity",
@@ -123,8 +123,6 @@ SCREW = """
 </mujoco>
 """
 
-Array = NDArray[np.float64]
-
 
 def elbow_study(folder: Path, duration: float = 1.5) -> Study:
     """Two logs of an elbow that swings, with tensions between their limits."""
@@ -209,14 +207,14 @@ def first_of_each_kind(system: System, mechanism: Cause) -> list[Candidate]:
 
 def towards_null(candidate: Candidate, share: float) -> dict[str, float]:
     """A share of each parameter's scale; what has starts, as an event's time, stays at one."""
-    held = [p for p in candidate.parameters if p.starts]
+    held = [p for p in candidate.parameters if p.hints.starts]
     values = {p.name: p.null + share * p.scale for p in candidate.parameters}
     if len(held) < len(candidate.parameters):
-        values |= {p.name: p.starts[len(p.starts) // 2] for p in held}
+        values |= {p.name: p.hints.starts[len(p.hints.starts) // 2] for p in held}
     return values
 
 
-def predict(system: System, *parts: tuple[Candidate, dict[str, float]]) -> Array:
+def predict(system: System, *parts: tuple[Candidate, dict[str, float]]) -> Floats:
     """The replay in units of the noise."""
     readings = measured(system.study)
     return replay(build(system, list(parts)), system.study, readings).prediction / readings.noise
@@ -291,7 +289,7 @@ def test_parameters_are_sound(systems: dict[str, System], id: str) -> None:
                 assert p.tolerance >= 0
                 assert p.low <= p.null <= p.high, f"{id} at {location}: {p}"
                 assert p.low <= p.null + p.scale <= p.high, f"{id} at {location}: {p}"
-                assert all(p.low <= start <= p.high for start in p.starts)
+                assert all(p.low <= start <= p.high for start in p.hints.starts)
 
 
 @pytest.mark.parametrize("id", ["backlash", "direction_dependent_friction", "force_scale"])

@@ -7,7 +7,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from reality_gap.causes import cause
@@ -15,8 +14,7 @@ from reality_gap.causes.base import Location, Record
 from reality_gap.simulation.hypothesis import Candidate, Plant, build
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, look_at
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 ASSETS = Path(__file__).parents[3] / "assets" / "mjcf" / "kengoro_arm"
 
@@ -139,7 +137,7 @@ def at(model: mujoco.MjModel, **joints: float) -> mujoco.MjData:
     return data
 
 
-def read(plant: Plant, sensor: str, **joints: float) -> Array:
+def read(plant: Plant, sensor: str, **joints: float) -> Floats:
     """What a sensor reads at a posture, effects included."""
     model = plant.spec.compile()
     data = at(model, **joints)
@@ -249,7 +247,7 @@ def test_a_part_of_a_link_is_heavier_alone(elbow: System) -> None:
     assert at(model).body("hand").xipos == pytest.approx(at(elbow.model).body("hand").xipos)
 
 
-def centre(data: mujoco.MjData, model: mujoco.MjModel) -> Array:
+def centre(data: mujoco.MjData, model: mujoco.MjModel) -> Floats:
     """Centre of mass of the crane's jib with its tip (3,) [m]."""
     bodies = [model.body(name).id for name in ("jib", "tip")]
     return np.average(data.xipos[bodies], axis=0, weights=model.body_mass[bodies])

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes.external_force import CAUSE, EACH
 from reality_gap.simulation.hypothesis import Candidate, build
@@ -15,13 +14,12 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import look_at
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 START, DURATION = 1.0, 0.5
 
 
-def moved(study: Study, note: str, start: float) -> list[Array]:
+def moved(study: Study, note: str, start: float) -> list[Floats]:
     """Times since their episode's begin [s] of the readings that a push changes, by episode."""
     with Replayer(study, 1) as replayer:
         location = next(p for p in CAUSE.locations(replayer.system) if p.note == note)
@@ -71,7 +69,7 @@ def test_a_push_by_the_clock_does_in_c_what_its_hook_does(lever_study: Study, no
     values = {"x": 3.0, "y": -2.0, "z": 1.0, "start": START, "duration": DURATION}
     push = Candidate(CAUSE, location, CAUSE.parameters(system, location))
 
-    def replayed(push: list[tuple[Candidate, dict[str, float]]], in_c: bool) -> Array:
+    def replayed(push: list[tuple[Candidate, dict[str, float]]], in_c: bool) -> Floats:
         plant = build(system, push)
         hooks = plant.effects.hooks
         assert all(h.wrenches is not None for h in hooks)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location
@@ -14,9 +13,8 @@ from reality_gap.causes.support import lugre
 from reality_gap.simulation.episode import Task, compile_with_probes, simulate
 from reality_gap.simulation.hypothesis import Candidate, Plant, acts_beside, build
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_TENDON, car, ramp
-
-Array = NDArray[np.float64]
 
 
 def by_direction(system: System, location: Location) -> Plant:
@@ -31,7 +29,7 @@ def by_direction(system: System, location: Location) -> Plant:
     return plant
 
 
-def driven(plant: Plant, load: Array) -> Array:
+def driven(plant: Plant, load: Floats) -> Floats:
     """Positions under a load (n,) [N]."""
     model = compile_with_probes(plant.spec, fuse=False)
     return simulate(model, Task(0.0, load[:, None], {}, 0.0), plant.effects.hooks).qpos[:, 0]
@@ -58,7 +56,7 @@ def test_at_rest_it_holds_as_in_the_direction_that_it_came(
     """The car slides, and comes to rest under a load."""
     system = car(tmp_path)
 
-    def position(*corners: float) -> Array:
+    def position(*corners: float) -> Floats:
         return driven(by_direction(system, location), ramp(*corners))
 
     forward, backward = position(0.0, 9.0, 5.4, 5.4), position(0.0, -3.0, -1.8, -1.8)

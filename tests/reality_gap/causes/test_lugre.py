@@ -7,14 +7,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import lugre
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_TENDON, Kind, car, ramp
-
-Array = NDArray[np.float64]
 
 LEVEL = 4.0
 ON_BOTH = Location("tendon", ("tendon", "rope"))
@@ -30,7 +28,7 @@ def braked(
     return spec
 
 
-def pull(model: mujoco.MjModel, load: Array) -> Array:
+def pull(model: mujoco.MjModel, load: Floats) -> Floats:
     """Positions of the car (k,) while the motor pulls with ``load`` (k,) [N]."""
     data, positions = mujoco.MjData(model), np.empty(len(load))
     for k, force in enumerate(load):
@@ -40,7 +38,7 @@ def pull(model: mujoco.MjModel, load: Array) -> Array:
     return positions
 
 
-def law(load: Array | float) -> Array:
+def law(load: Floats | float) -> Floats:
     """How far bristles bend under a load: F = level (1 - exp(-x / bend)), for x [m]."""
     return -BEND * np.log(1.0 - np.asarray(load) / LEVEL)
 

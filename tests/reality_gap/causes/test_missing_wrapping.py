@@ -7,7 +7,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes import cause
 from reality_gap.causes.base import Location
@@ -15,8 +14,6 @@ from reality_gap.causes.support import obstacles, tendon_paths
 from reality_gap.simulation.hypothesis import Candidate, Plant, build
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, look_at
-
-Array = NDArray[np.float64]
 
 ASSETS = Path(__file__).parents[3] / "assets" / "mjcf" / "kengoro_arm"
 

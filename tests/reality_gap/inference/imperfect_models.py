@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.forward_selection import Search, Settings, revise, search
 from reality_gap.inference.gauss_newton import Fit, fit
@@ -21,8 +21,8 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import CHOOSE, split
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 Answer = Callable[[float], float]
 
 STILL = """
@@ -45,7 +45,7 @@ def proportional(size: float) -> float:
 
 def candidate(
     id: str,
-    shape: Array,
+    shape: Floats,
     where: str = "rail",
     answer: Answer = proportional,
     low: float = -100.0,
@@ -64,7 +64,7 @@ def candidate(
         effects.readings.append(sense)
 
     cause = Cause(id, "", "", lambda s: (), lambda s, p: (), None, attach, sticky=sticky)
-    size = Parameter("size", "1", 1.0, 0, low, 100.0, afar=afar)
+    size = Parameter("size", "1", 1.0, 0, low, 100.0, hints=SearchHints(far_starts=afar))
     return Candidate(cause, Location("joint", (where,)), (size,))
 
 
@@ -80,7 +80,7 @@ def formed(usual: float) -> Candidate:
         effects.readings.append(sense)
 
     plain = candidate("formed", SHAPES[:, 0])
-    form = Parameter("form", "1", 1.0, 0, -100.0, 100.0, null=usual, idle=True)
+    form = Parameter("form", "1", 1.0, 0, -100.0, 100.0, null=usual, hints=SearchHints(shape=True))
     cause = replace(plain.cause, attach=attach)
     return replace(plain, cause=cause, parameters=(*plain.parameters, form))
 
@@ -94,7 +94,7 @@ class Case:
         chosen: whom to suspect.
     """
 
-    def __init__(self, folder: Path, error: Array, chosen: Sequence[Candidate]) -> None:
+    def __init__(self, folder: Path, error: Floats, chosen: Sequence[Candidate]) -> None:
         path = folder / "still.xml"
         path.write_text(STILL)
         value = error + np.random.default_rng(1).standard_normal(len(TIME))
@@ -125,7 +125,7 @@ class Case:
         return split(self.replayer.measured) <= CHOOSE
 
 
-def log_ratio(residual: Array, columns: Array) -> float:
+def log_ratio(residual: Floats, columns: Floats) -> float:
     """How much likelier a residual (n,) is with weights of the columns (n, p) than without."""
     wider = np.eye(len(residual)) + PRIOR**2 * columns @ columns.T
     power = residual @ residual - residual @ np.linalg.solve(wider, residual)

@@ -11,9 +11,9 @@ from scipy.stats import multivariate_normal
 
 from reality_gap.inference import evidence
 from reality_gap.inference.evidence import PRIOR, SIZES, complexity, fit_normal, occam
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
-Problem = tuple[Array, Array]
+Problem = tuple[Floats, Floats]
 
 
 @st.composite
@@ -25,7 +25,7 @@ def problems(draw: st.DrawFn) -> Problem:
     return columns, columns @ rng.normal(0.0, 2.0, p) + rng.standard_normal(n)
 
 
-def free(count: int) -> Array:
+def free(count: int) -> Floats:
     return np.full(count, np.inf)
 
 
@@ -33,7 +33,7 @@ def one_cause(count: int) -> NDArray[np.int64]:
     return np.zeros(count, dtype=np.int64)
 
 
-def log_ratio(columns: Array, residual: Array, deviation: float) -> float:
+def log_ratio(columns: Floats, residual: Floats, deviation: float) -> float:
     """How much likelier a residual is with normal weights of the columns than without [nats]."""
     noise = np.eye(len(residual))
     with_columns = noise + deviation**2 * columns @ columns.T
@@ -95,7 +95,7 @@ def test_a_bound_costs_evidence() -> None:
     assert free_to_fall.evidence > 0.0 > held.evidence
 
 
-def small_model() -> tuple[Array, Array, NDArray[np.int64], NDArray[np.bool_]]:
+def small_model() -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.bool_]]:
     """Information, theta, and to which of three causes each of five parameters belongs."""
     root = np.random.default_rng(0).standard_normal((8, 5)) * [0.3, 1.0, 3.0, 10.0, 1.0]
     theta, cause = np.array([0.1, -1.0, 0.3, 2.0, 5.0]), np.array([0, 1, 1, 2, -1])

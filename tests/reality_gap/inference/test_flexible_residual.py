@@ -7,7 +7,6 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
 from reality_gap.inference.flexible_residual import Bank, Learned, banks, learn
@@ -18,8 +17,7 @@ from reality_gap.simulation.synthetic import simulate
 from reality_gap.study.data import Episode, Reading, Study
 from reality_gap.study.splits import REPORT, split
 from reality_gap.study.system import System
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 COUNT = 60
 """Columns of a bank."""
@@ -38,16 +36,16 @@ def bank(replayer: Replayer) -> Bank:
     return Bank("by chance", columns / np.sqrt(np.mean(columns**2, axis=0)))
 
 
-def noise(replayer: Replayer, seed: int) -> Array:
+def noise(replayer: Replayer, seed: int) -> Floats:
     return np.random.default_rng(seed).standard_normal(len(replayer.measured.value))
 
 
-def plain(replayer: Replayer, residual: Array) -> NoiseModel:
+def plain(replayer: Replayer, residual: Floats) -> NoiseModel:
     """Without tolerances: every reading counts in full."""
     return noise_model(replayer.measured, residual, np.zeros((len(residual), 0)))
 
 
-def learned(replayer: Replayer, bank: Bank, residual: Array) -> Learned:
+def learned(replayer: Replayer, bank: Bank, residual: Floats) -> Learned:
     return learn(replayer, plain(replayer, residual), residual, bank)
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes import cause
 from reality_gap.diagnosis import Experiment
@@ -17,8 +16,8 @@ from reality_gap.inference.next_experiment import Apart, distances, halves, next
 from reality_gap.inference.screening import candidates, screen
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
+from reality_gap.types import Floats
 
-Array = NDArray[np.float64]
 TOLERANCE = 0.2
 """Of the zero of a tension sensor [N]."""
 
@@ -42,7 +41,7 @@ def test_an_experiment_has_to_promise_half_the_doubt(
 
 
 def one_candidate(
-    replayer: Replayer, null: Array, id: str, values: dict[str, float]
+    replayer: Replayer, null: Floats, id: str, values: dict[str, float]
 ) -> Alternatives:
     """A cause at the flexor by itself, which may as well not be there."""
     everyone = candidates(replayer.system, [cause(id)])

@@ -18,10 +18,10 @@ from reality_gap.inference.screening import screen
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
+from reality_gap.types import Floats
 from tests.reality_gap.inference.imperfect_models import (
     SHAPES,
     Answer,
-    Array,
     Case,
     candidate,
     crowd,
@@ -118,7 +118,7 @@ def test_where_a_line_promises_too_much_the_start_is_smaller(tmp_path: Path) -> 
 
     best = case.next()[0]
 
-    def power(residual: Array) -> float:
+    def power(residual: Floats) -> float:
         return float(np.mean(residual[case.learned] ** 2))
 
     assert power(overshot) > 100 * power(case.null)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes import cause
 from reality_gap.inference.screening import Sensitivity, candidates, screen, tolerances
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 
 class Look:
@@ -36,7 +34,7 @@ class Look:
     def group(self) -> Sensitivity:
         return next(s for s in self.found if len(s.candidate.location.elements) > 1)
 
-    def columns(self) -> list[Array]:
+    def columns(self) -> list[Floats]:
         """The tolerances but those of the time step."""
         return list(tolerances(self.replayer, self.found, self.null).T[2:])
 
@@ -115,7 +113,7 @@ def test_the_change_that_typical_faults_make(lever_study: Study) -> None:
 def test_what_looks_different_from_afar_is_looked_at_from_there_too(lever_study: Study) -> None:
     """An encoder that counts too little makes the servo hold its wire short: slopes differ."""
     look = Look(lever_study, "length_scale")
-    secants = look.found[0].candidate.parameters[0].secants
+    secants = look.found[0].candidate.parameters[0].hints.secants
     one = [s.columns[:, 0] for s in look.found if s.candidate == look.found[0].candidate]
 
     assert len(one) == 1 + len(secants) == 3

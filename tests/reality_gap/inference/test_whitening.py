@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from reality_gap.inference.whitening import inflation, tolerated, whitening
+from reality_gap.types import Bools, Floats
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-NominalModel = tuple[Array, Array, Mask]
+NominalModel = tuple[Floats, Floats, Bools]
 
 
 @st.composite
@@ -26,7 +24,7 @@ def drawings(draw: st.DrawFn) -> NominalModel:
     return tolerances, rng.uniform(1.0, 20.0, n), use
 
 
-def covariance(tolerances: Array, spread: Array) -> Array:
+def covariance(tolerances: Floats, spread: Floats) -> Floats:
     """D + N N' (n, n)."""
     return np.diag(spread) + tolerances @ tolerances.T
 
@@ -84,7 +82,7 @@ def test_without_tolerances_readings_count_by_their_inflation() -> None:
     np.testing.assert_allclose(white(residual), [1.0, 3.0 / 2.0, 4.0 / 4.0])
 
 
-def autoregressive(rho: float, count: int, seed: int) -> Array:
+def autoregressive(rho: float, count: int, seed: int) -> Floats:
     """x[k] = rho x[k-1] + noise, (count,)."""
     noise = np.random.default_rng(seed).standard_normal(count)
     values = np.empty(count)

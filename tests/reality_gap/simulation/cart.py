@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Location
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, look_at
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 CAR = """
 <mujoco>
@@ -62,7 +60,7 @@ def car(
     return look_at(Study("car", path, tuple(channels), (episode,)))
 
 
-def ramp(*corners: float, steps: int = 8000) -> Array:
+def ramp(*corners: float, steps: int = 8000) -> Floats:
     """From load to load, so slowly that the car is at rest on its bristles."""
     ends = np.arange(len(corners)) * steps
     return np.interp(np.arange(ends[-1]), ends, corners)

@@ -9,7 +9,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Effects
 from reality_gap.errors import StudyError
@@ -17,8 +16,7 @@ from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.inverse_dynamics import inverse_replay, prepare
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import measured
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 ARM = """
 <mujoco>
@@ -54,7 +52,7 @@ def rub(spec: mujoco.MjSpec) -> None:
     spec.joint("elbow").damping[0] = 0.4
 
 
-def move(seconds: float = 10.0) -> tuple[Array, Array, Array]:
+def move(seconds: float = 10.0) -> tuple[Floats, Floats, Floats]:
     """The arm with friction in closed loop, in fine steps: times, angles and torques at 1 kHz."""
     spec = mujoco.MjSpec.from_string(ARM)
     rub(spec)
@@ -76,13 +74,13 @@ def move(seconds: float = 10.0) -> tuple[Array, Array, Array]:
 
 
 @pytest.fixture(scope="module")
-def log() -> tuple[Array, Array, Array]:
+def log() -> tuple[Floats, Floats, Floats]:
     """One log for all tests."""
     return move()
 
 
 @pytest.fixture
-def study(log: tuple[Array, Array, Array], tmp_path: Path) -> Study:
+def study(log: tuple[Floats, Floats, Floats], tmp_path: Path) -> Study:
     """The drawing of the arm, without friction, and the log of the arm with friction."""
     path = tmp_path / "arm.xml"
     path.write_text(ARM, encoding="utf-8")
@@ -94,7 +92,7 @@ def study(log: tuple[Array, Array, Array], tmp_path: Path) -> Study:
     return Study("arm", path, CHANNELS, (episode,))
 
 
-def errors(study: Study, plant: Plant) -> Array:
+def errors(study: Study, plant: Plant) -> Floats:
     """RMS error of the predicted torque over the RMS of the measured, by joint."""
     prepared = prepare(study)
     values = measured(prepared)

@@ -8,7 +8,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap import causes
 from reality_gap.causes.base import Cause, Location, Parameter, Values
@@ -19,8 +18,7 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, look_at
-
-Array = NDArray[np.float64]
+from reality_gap.types import Floats
 
 CARRIAGE = """
 <mujoco>
@@ -48,7 +46,7 @@ def carriage(folder: Path, stiffness: float = 40.0, seconds: float = 2.0) -> Stu
     return Study("carriage", path, (channel,), (episode,), Initial(settle=0.1))
 
 
-def exact(study: Study, *parts: tuple[Candidate, dict[str, float]]) -> Array:
+def exact(study: Study, *parts: tuple[Candidate, dict[str, float]]) -> Floats:
     """What the machine reads without a time step (n,): the limit of ever finer ones."""
     fine = []
     for share in (1 / 64, 1 / 32):
@@ -58,7 +56,7 @@ def exact(study: Study, *parts: tuple[Candidate, dict[str, float]]) -> Array:
     return 2 * fine[0] - fine[1]
 
 
-def measure(study: Study, value: Array) -> Study:
+def measure(study: Study, value: Floats) -> Study:
     """The study with these readings (n,)."""
     episode = study.episodes[0]
     reading = Reading(episode.readings[0].time, value)
@@ -83,7 +81,7 @@ def replayer(study: Study) -> Replayer:
     return Replayer(study)
 
 
-def rms(values: Array) -> float:
+def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 

@@ -50,7 +50,7 @@ def predict(
     parts = []
     if candidate is not None:
         values = {
-            p.name: p.starts[0] if p.starts else p.null + share * p.scale
+            p.name: p.hints.starts[0] if p.hints.starts else p.null + share * p.scale
             for p in candidate.parameters
         }
         parts = [(candidate, values)]
