@@ -1,1 +1,1 @@
-"""Benchmarks: one module a measurement, each with a `main()` that prints it."""
+"""Benchmarks: each module is one measurement, and its `main()` prints the results."""

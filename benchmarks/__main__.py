@@ -1,4 +1,6 @@
-"""`python -m benchmarks NAME [NAME ...]` runs benchmarks; without a name it lists them."""
+"""Command line: `python -m benchmarks NAME [NAME ...]`; without a name it lists the benchmarks."""
+
+from __future__ import annotations
 
 import ast
 import importlib
@@ -9,7 +11,7 @@ FOLDER = Path(__file__).resolve().parent
 
 
 def names() -> list[str]:
-    """Names of the benchmarks: the modules of this folder that do not begin with an underscore."""
+    """Names of the benchmarks: modules of this folder without an underscore in front."""
     return sorted(path.stem for path in FOLDER.glob("*.py") if not path.stem.startswith("_"))
 
 
@@ -20,7 +22,14 @@ def summary(name: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Run the benchmarks named in `arguments`, in order; returns the exit code."""
+    """Run the named benchmarks in order.
+
+    Args:
+        arguments: names of benchmarks.
+
+    Returns:
+        The exit code: 0, or 2 if a name is unknown.
+    """
     available = names()
     if not arguments or {"-h", "--help"} & set(arguments):
         print("usage: python -m benchmarks NAME [NAME ...]\n")

@@ -1,8 +1,8 @@
-"""What a control step of the agent costs in CanGrasp with camera, and its parts.
+"""Time of a control step of the agent in CanGrasp with the camera, and of its parts.
 
-The agent moves a tuning robot's hand before its eyes and learns, both updaters on, on one core.
-Target: 1 ms in the median, 4 ms in the 99th percentile; the control period is 20 ms. On a busy
-machine the time on the CPU says more than the clock, which runs on while others have their turn.
+The agent moves the hand of an actual robot in front of the camera and learns with both updaters, on
+one core. Target: 1 ms in the median and 4 ms in the 99th percentile; the control period is 20 ms.
+The CPU time is shown as well as the wall-clock time, which other programs prolong.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ from jmm_agent.vision.observation_fit import (
     ObservationFitOptions,
     fit_observations,
 )
-from kengoro.arm import make_agent, make_env
+from kengoro.agents import make_agent
 from kengoro.hand_search import READY
+from kengoro.robots import make_env
 from kengoro.session import Session
 from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
@@ -40,54 +41,71 @@ from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.robot import Robot
 
 SEED = 1
+"""Seed of the robot, the agent and the postures."""
+
 POSTURES = 20
+"""Postures of the episode."""
+
 OBSERVATIONS = (5, 27, 60)
+"""Numbers of marker observations in a fit."""
+
 REPEATS = 200
+"""Timed calls of each part."""
+
 ARM = "mjcf/kengoro_arm/arm.xml"
 
 
-class Timed:
-    """An agent whose control steps are timed."""
+class TimedAgent:
+    """Agent whose control steps are timed.
+
+    Args:
+        agent: all other attributes are its attributes.
+
+    Attributes:
+        unchanged: times of the steps in which the map stayed the same [s].
+        updated: times of the steps in which an updater changed the map [s].
+        cpu: CPU times of all steps [s].
+    """
 
     def __init__(self, agent: Agent) -> None:
         self._agent = agent
-        self.quiet: list[float] = []
-        self.learned: list[float] = []
-        self.on_cpu: list[float] = []
+        self.unchanged: list[float] = []
+        self.updated: list[float] = []
+        self.cpu: list[float] = []
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._agent, name)
 
     def __setattr__(self, name: str, value: object) -> None:
-        own = name in ("_agent", "quiet", "learned", "on_cpu")
+        own = name in ("_agent", "unchanged", "updated", "cpu")
         object.__setattr__(self if own else self._agent, name, value)
 
     def step(self, readings: SensorReadings) -> Floats:
-        """`Agent.step`; steps that changed the map are kept apart."""
+        """Call `Agent.step` and record its time."""
         before = self._agent.map
-        begin, begin_on_cpu = perf_counter(), thread_time()
+        begin, cpu_begin = perf_counter(), thread_time()
         lengths = self._agent.step(readings)
-        self.on_cpu.append(thread_time() - begin_on_cpu)
-        taken = perf_counter() - begin
-        (self.quiet if self._agent.map is before else self.learned).append(taken)
+        self.cpu.append(thread_time() - cpu_begin)
+        seconds = perf_counter() - begin
+        (self.unchanged if self._agent.map is before else self.updated).append(seconds)
         return lengths
 
 
-def timed(work: Callable[[], object], repeats: int) -> list[float]:
-    """Times of some calls [s], after one that is not counted."""
+def times_of(work: Callable[[], object], repeats: int) -> list[float]:
+    """Times of repeated calls [s]; one more call before them is not counted."""
     work()
-    taken = []
+    times = []
     for _ in range(repeats):
         begin = perf_counter()
         work()
-        taken.append(perf_counter() - begin)
-    return taken
+        times.append(perf_counter() - begin)
+    return times
 
 
-def episode() -> tuple[Agent, Timed]:
-    """An agent after `POSTURES` postures of CanGrasp, and what its steps took."""
-    agent = make_agent(trained_map(), SEED)
-    timer = Timed(agent)
+def episode() -> tuple[Agent, TimedAgent]:
+    """Run `POSTURES` postures of CanGrasp; return the agent, and the times of its steps."""
+    agent = make_agent(SEED)
+    timer = TimedAgent(agent)
     env = make_env("CanGrasp", SEED)
     session = Session(env, timer, SEED, None, {"posture": np.array(READY)})  # type: ignore[arg-type]
     order = np.random.default_rng(SEED).permutation(len(posture_set()))
@@ -99,7 +117,7 @@ def episode() -> tuple[Agent, Timed]:
 
 
 def observations_of(agent: Agent, count: int) -> list[MarkerObservation]:
-    """Looks with the lengths of the actual robot at rest in its postures and the true poses."""
+    """Marker observations of the actual robot at rest, with measured lengths and true poses."""
     departures: tuple[Departure, ...] = actual(SEED)
     robot = Robot(asset_path(ARM), departures)
     rng = np.random.default_rng(SEED)
@@ -117,35 +135,43 @@ def observations_of(agent: Agent, count: int) -> list[MarkerObservation]:
 def main() -> None:
     """Print the table."""
     agent, timer = episode()
-    table = Table(title="The agent on one core [ms]")
-    for column in ("what", "calls", "median", "99th", "largest"):
-        table.add_column(column, justify="left" if column == "what" else "right")
+    table = Table(title="Agent on one core: times [ms]")
+    for column in ("part", "calls", "median", "99th percentile", "largest"):
+        table.add_column(column, justify="left" if column == "part" else "right")
 
-    def row(what: str, seconds: list[float]) -> None:
+    def row(part: str, seconds: list[float]) -> None:
         figures = (np.median(seconds), np.percentile(seconds, 99), np.max(seconds))
-        table.add_row(what, f"{len(seconds)}", *(f"{1e3 * figure:.2f}" for figure in figures))
+        table.add_row(part, f"{len(seconds)}", *(f"{1e3 * figure:.2f}" for figure in figures))
 
-    row("control step", timer.quiet + timer.learned)
-    row("  on the CPU", timer.on_cpu)
-    row("  the map stayed", timer.quiet)
-    row("  the map was moved", timer.learned)
+    row("control step", timer.unchanged + timer.updated)
+    row("  CPU time", timer.cpu)
+    row("  without update", timer.unchanged)
+    row("  with update", timer.updated)
     q = agent.joint_angles
     lengths = agent.map.lengths(q)
-    row("EKF update", timed(lambda: agent.estimator.update(lengths, 0.02), REPEATS))
-    row("map, lengths", timed(lambda: agent.map.lengths(q), REPEATS))
-    row("map, with Jacobian", timed(lambda: agent.map.lengths_and_jacobian(q), REPEATS))
+    row("EKF update", times_of(lambda: agent.estimator.update(lengths, 0.02), REPEATS))
+    row("map, lengths", times_of(lambda: agent.map.lengths(q), REPEATS))
+    row("map, with Jacobian", times_of(lambda: agent.map.lengths_and_jacobian(q), REPEATS))
     prior = MapPrior(trained_map(), posture_set(), PriorOptions())
-    sight = MarkerResidual(agent.kinematics, "eye", "marker_hand")
-    row("sight of one posture", timed(lambda: sight(q, np.eye(4)), REPEATS))
-    agent = make_agent(trained_map(), SEED)
+    marker_residual = MarkerResidual(agent.kinematics, "eye", "marker_hand")
+    row("marker residual", times_of(lambda: marker_residual(q, np.eye(4)), REPEATS))
+    agent = make_agent(SEED)
     limits, options = agent.kinematics.limits, ObservationFitOptions()
     observations = observations_of(agent, max(OBSERVATIONS))
     for count in OBSERVATIONS:
-        earlier = fit_observations(observations[: count - 1], prior, sight, limits, options).angles
+        earlier = fit_observations(
+            observations[: count - 1], prior, marker_residual, limits, options
+        ).angles
         start = np.vstack([earlier, observations[count - 1].guess])
 
         def fit(count: int = count, start: Floats = start) -> object:
-            return fit_observations(observations[:count], prior, sight, limits, options, start)
+            return fit_observations(
+                observations[:count], prior, marker_residual, limits, options, start
+            )
 
-        row(f"fit, {count} looks", timed(fit, 3))
+        row(f"fit of {count} observations", times_of(fit, 3))
     Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

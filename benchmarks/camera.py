@@ -1,9 +1,9 @@
-"""Frames a second of the head camera beside MuJoCo's renderer, and what markers lose by it.
+"""Frame rate of the head camera compared with MuJoCo's renderer, and errors of marker poses.
 
-Both draw the same robot from the same camera, 640 x 480, in turns: our painter, and
-`mujoco.Renderer` with MuJoCo's default quality (shadows, reflections, four samples a pixel). Each
-then shows the hand's marker in postures of the posture set. Target: ten times the rate, and the
-same error of the marker's pose.
+`kengoro_env.vision.rendering.Painter` and `mujoco.Renderer` with MuJoCo's default quality (shadows,
+reflections, four samples per pixel) alternately draw the same robot from the same camera, at 640 x
+480 pixels, in postures of the posture set. The hand's marker is detected in both pictures. Target:
+ten times the frame rate at the same error of the marker's pose.
 """
 
 from __future__ import annotations
@@ -34,12 +34,16 @@ from kengoro_env.robot.robot import Robot
 from kengoro_env.vision.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_renderer
 
 IDS = ("Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
+
 POSES, PER_POSE = 120, 2
+"""Postures, and frames of each posture; the faster frame counts."""
+
 DEFAULT_SAMPLES, DEFAULT_SHADOW = 4, 4096
+"""MuJoCo's default samples per pixel, and size of its shadow maps [pixels]."""
 
 
 class DefaultPainter:
-    """`mujoco.Renderer` of a robot's model, at the quality that MuJoCo gives who asks for none."""
+    """`mujoco.Renderer` of a robot's model at MuJoCo's default quality."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         plain = deepcopy(model)
@@ -48,7 +52,7 @@ class DefaultPainter:
         self._renderer = mujoco.Renderer(plain, HEIGHT, WIDTH)
 
     def draw(self, data: mujoco.MjData, camera: str) -> Image:
-        """What a camera sees, (480, 640, 3) uint8."""
+        """Draw the view of a camera, shape (480, 640, 3) uint8."""
         self._renderer.update_scene(data, camera)
         return self._renderer.render()
 
@@ -58,7 +62,7 @@ class DefaultPainter:
 
 
 def pose_marker_in_eye(robot: Robot) -> np.ndarray:
-    """True pose (4, 4) of the hand's marker in the head camera, as OpenCV turns its axes."""
+    """True pose of the hand's marker in the head camera, with OpenCV's axes, shape (4, 4)."""
     eye = robot.data.camera(EYE)
     pose_eye_in_world = np.eye(4)
     pose_eye_in_world[:3, :3], pose_eye_in_world[:3, 3] = eye.xmat.reshape(3, 3), eye.xpos
@@ -67,24 +71,24 @@ def pose_marker_in_eye(robot: Robot) -> np.ndarray:
 
 
 def timed(draw: Callable[[], Image]) -> tuple[float, Image]:
-    """The shortest time of some calls [s], and what the last one drew."""
-    taken = []
+    """Shortest time of `PER_POSE` calls [s], and the picture of the last one."""
+    times = []
     for _ in range(PER_POSE):
         begin = perf_counter()
         frame = draw()
-        taken.append(perf_counter() - begin)
-    return min(taken), frame
+        times.append(perf_counter() - begin)
+    return min(times), frame
 
 
-def compared(env_id: str, poses: int) -> tuple[dict[str, Tally], dict[str, float]]:
-    """What marker poses and how many frames a second each painter gives in one scene."""
+def compare(env_id: str, poses: int) -> tuple[dict[str, Tally], dict[str, float]]:
+    """Errors of marker poses, and frames per second, of each painter in one environment."""
     env = gym.make(env_id, camera=False).unwrapped
     assert isinstance(env, KengoroEnv)
     robot = env.robot
-    open_renderer(robot.model).close()  # finds the GL library that draws here
+    open_renderer(robot.model).close()  # selects a GL library that works
     painters: dict[str, Painter | DefaultPainter] = {
-        "ours": Painter(robot.model, quality=COARSE),
-        "MuJoCo's default": DefaultPainter(robot.model),
+        "Painter": Painter(robot.model, quality=COARSE),
+        "mujoco.Renderer": DefaultPainter(robot.model),
     }
     fovy = np.radians(robot.model.camera(EYE).fovy[0])
     detector = MarkerDetector(Camera.from_fovy(WIDTH, HEIGHT, fovy), {0: SIDE})
@@ -97,29 +101,31 @@ def compared(env_id: str, poses: int) -> tuple[dict[str, Tally], dict[str, float
         robot.reset(posture, rng)
         true = pose_marker_in_eye(robot)
         for name, painter in painters.items():
-            spent, frame = timed(lambda painter=painter: painter.draw(robot.data, EYE))  # type: ignore[misc]
-            seconds[name].append(spent)
+            shortest, frame = timed(lambda painter=painter: painter.draw(robot.data, EYE))  # type: ignore[misc]
+            seconds[name].append(shortest)
             tallies[name].add(detector.detect(frame), true)
     for painter in painters.values():
         painter.close()
-    return tallies, {name: 1.0 / float(np.median(spent)) for name, spent in seconds.items()}
+    return tallies, {name: 1.0 / float(np.median(times)) for name, times in seconds.items()}
 
 
 def main(poses: int = POSES) -> None:
     """Print the table."""
     cv2.setNumThreads(1)
-    table = Table(title=f"Head camera, {WIDTH} x {HEIGHT}, hand's marker in {poses} postures")
-    for column in ("scene", "painter", "frames/s", "times", "mm: median / 95 % / max"):
-        table.add_column(column, justify="left" if column in ("scene", "painter") else "right")
+    table = Table(title=f"Head camera, {WIDTH} x {HEIGHT} px, hand's marker in {poses} postures")
+    for column in ("environment", "painter", "frames/s", "ratio", "mm: median / 95 % / max"):
+        table.add_column(
+            column, justify="left" if column in ("environment", "painter") else "right"
+        )
     table.add_column("deg: median / 95 % / max", justify="right")
     table.add_column("missed", justify="right")
     for env_id in IDS:
-        tallies, rates = compared(env_id, poses)
-        slowest = rates["MuJoCo's default"]
+        tallies, rates = compare(env_id, poses)
+        reference = rates["mujoco.Renderer"]
         for name, tally in tallies.items():
             mm, deg, missed, *_ = tally.row()
             rate = rates[name]
-            table.add_row(env_id, name, f"{rate:.0f}", f"{rate / slowest:.1f}", mm, deg, missed)
+            table.add_row(env_id, name, f"{rate:.0f}", f"{rate / reference:.1f}", mm, deg, missed)
     Console(width=140).print(table)
 
 

@@ -1,9 +1,10 @@
-"""What an environment's step costs beside MuJoCo's own steps, for drawing and actual robot.
+"""Time of an environment's step compared with MuJoCo's own steps, for nominal and actual robot.
 
-Both do the same physics: raw is `mj_step` with the same number of substeps and the same commands.
-Medians of alternating rounds of the time that one core computes, so that other programs disturb
-little; with the camera, which draws on all cores, of the time that passes. Ratio and what is added
-are medians of those of each round with the one next to it, for cores change their pace.
+Both compute the same physics: "raw" is `mj_step` with the same number of substeps and the same
+commands. The rounds of both alternate. The times are medians of the CPU time of one thread, which
+other programs change little; with the camera, which draws on all cores, of the wall-clock time.
+"ratio" and "added" are medians over pairs of neighbouring rounds, because the clock rate of a core
+varies.
 """
 
 from __future__ import annotations
@@ -28,10 +29,11 @@ from kengoro_env.stepping.c_compiler import library
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")
 ROBOTS = (None, 0)
 ROUNDS, STEPS = 25, 40
+"""Rounds, and control steps of a round."""
 
 
 def rounds_us(env: KengoroEnv, clock: Callable[[], float]) -> tuple[Floats, Floats]:
-    """A clock's time of an `env.step` and of the same physics alone in each round [us]."""
+    """Time of an `env.step` and of the same physics alone in each round, by a clock [us]."""
     model, data = env.robot.model, env.robot.data
     substeps = round(CONTROL_PERIOD / model.opt.timestep)
     stepped, raw = [], []
@@ -54,8 +56,8 @@ def rounds_us(env: KengoroEnv, clock: Callable[[], float]) -> tuple[Floats, Floa
 
 def main() -> None:
     """Print the table."""
-    by = "NumPy" if library() is None else "compiled code"
-    table = Table(title=f"One control step of {1e3 * CONTROL_PERIOD:.0f} ms by {by} [us]")
+    code = "NumPy" if library() is None else "compiled code"
+    table = Table(title=f"One control step of {1e3 * CONTROL_PERIOD:.0f} ms, {code} [us]")
     for column in ("environment", "robot", "raw", "step", "ratio", "added", "step with camera"):
         table.add_column(column, justify="left" if column in ("environment", "robot") else "right")
     for env_id in IDS:
@@ -63,11 +65,11 @@ def main() -> None:
             env = gym.make(env_id, robot_seed=seed, camera=False).unwrapped
             assert isinstance(env, KengoroEnv)
             stepped, raw = rounds_us(env, thread_time)
-            seeing = "-"
+            camera_time = "-"
             if "Elbow" not in env_id:
                 with_camera = gym.make(env_id, robot_seed=seed).unwrapped
                 assert isinstance(with_camera, KengoroEnv)
-                seeing = f"{np.median(rounds_us(with_camera, perf_counter)[0]):.0f}"
+                camera_time = f"{np.median(rounds_us(with_camera, perf_counter)[0]):.0f}"
                 with_camera.close()
             table.add_row(
                 env_id,
@@ -76,6 +78,10 @@ def main() -> None:
                 f"{np.median(stepped):.0f}",
                 f"{np.median(stepped / raw):.3f}",
                 f"{np.median(stepped - raw):.1f}",
-                seeing,
+                camera_time,
             )
     Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,10 +1,15 @@
-"""How cost grows with the work: wires, environments, length of a log, number of causes.
+"""Growth of CPU time with the number of muscles, environments and causes, and the length of a log.
 
-Four panels in ``out/growth.png``, each with the exponent of a power law fitted to what was
-measured, and its 95 % interval. Wires: one robot, of which wires are left out or doubled, without
-gravity so that no joint falls to its stop. Environments: `make_vec` on one thread. Diagnoses: of
-the elbow with one hidden effect, on one core, without a look for the next experiment. All times are
-those on the CPU, which a busy machine changes less than the clock.
+The figure ``out/growth.png`` has four panels, each with the exponent of a fitted power law and its
+95 % interval:
+
+* muscles: control step of one robot, of which muscles are removed or copied; without gravity, so
+  that no joint falls to its stop.
+* environments: step of `make_vec` on one thread.
+* length of the log, causes: diagnosis of the elbow with one hidden effect, on one core, without the
+  proposal of the next experiment.
+
+CPU times depend less on other programs than wall-clock times.
 """
 
 from __future__ import annotations
@@ -42,35 +47,40 @@ SCENE = "mjcf/kengoro_arm/posture.xml"
 MUSCLES = (9, 18, 36, 72, 144)
 ENVIRONMENTS = (1, 4, 16, 64)
 ROUNDS, STEPS = 7, 10
+"""Rounds, and calls of a round, of the control steps and environment steps."""
 
 HIDDEN = Case("single", 32)
-"""A motor of the elbow lags."""
+"""Hidden effect of the diagnoses: lag of a motor of the elbow."""
 
 SECONDS = (2.5, 5.0, 10.0, 20.0)
+"""Lengths of the diagnosed logs [s]."""
+
 CAUSES = (3, 7, 14, 28)
+"""Numbers of causes of the diagnoses."""
+
 SHORT = 2.5
-"""Length of the log that is diagnosed with few causes and with many [s]."""
+"""Length of the log of the diagnoses with `CAUSES` [s]."""
 
 
-class Measured(NamedTuple):
-    """Times of the same work, much of it or little.
+class Measurement(NamedTuple):
+    """CPU times of a task at several sizes.
 
     Attributes:
-        work, unit: what grows, and what it is counted in.
-        cost: what the times are of.
-        sizes: how much work (k,).
-        times: how long it took on the CPU (k,) [s].
+        quantity, unit: what grows, and its unit.
+        task: task that is timed.
+        sizes: values of the quantity, shape (k,).
+        times: CPU times, shape (k,) [s].
     """
 
-    work: str
+    quantity: str
     unit: str
-    cost: str
+    task: str
     sizes: Sequence[float]
     times: Sequence[float]
 
 
 class PowerLaw(NamedTuple):
-    """time = factor size^exponent, with the 95 % interval of the exponent."""
+    """Power law: time = factor size^exponent; ``low`` and ``high`` bound the exponent (95 %)."""
 
     factor: float
     exponent: float
@@ -78,8 +88,13 @@ class PowerLaw(NamedTuple):
     high: float
 
     @classmethod
-    def of(cls, sizes: Sequence[float], times: Sequence[float]) -> PowerLaw:
-        """Least squares of the logarithms; at least three sizes."""
+    def fit(cls, sizes: Sequence[float], times: Sequence[float]) -> PowerLaw:
+        """Fit the logarithms by least squares.
+
+        Args:
+            sizes: shape (k,), k >= 3.
+            times: shape (k,) [s].
+        """
         line = linregress(np.log(sizes), np.log(times))
         half = float(t.ppf(0.975, len(sizes) - 2) * line.stderr)
         slope = float(line.slope)
@@ -91,20 +106,20 @@ class PowerLaw(NamedTuple):
 
 @dataclass(frozen=True)
 class Muscles:
-    """A robot with ``count`` wires: some of the drawing's, or all and copies beside them."""
+    """Departure: robot with ``count`` muscles, some nominal ones or all of them and copies."""
 
     count: int
 
     def edit(self, draft: Draft) -> None:
-        """See `kengoro_env.robot.draft.Departure`."""
-        spec, drawn = draft.spec, list(draft.tendons)
+        """Apply the departure to a draft."""
+        spec, nominal = draft.spec, list(draft.tendons)
         spec.option.gravity = np.zeros(3)
-        kept = {drawn[i * len(drawn) // self.count] for i in range(self.count)}
-        for name in set(drawn) - kept:
+        kept = {nominal[i * len(nominal) // self.count] for i in range(self.count)}
+        for name in set(nominal) - kept:
             spec.delete(spec.tendon(name))
             del draft.tendons[name]
-        for number in range(len(drawn), self.count):
-            original = spec.tendon(drawn[number % len(drawn)])
+        for number in range(len(nominal), self.count):
+            original = spec.tendon(nominal[number % len(nominal)])
             copy = spec.add_tendon(original.default(), name=f"{original.name}_{number}")
             for element in original.path:
                 copy.wrap_site(element.target.name)
@@ -112,19 +127,19 @@ class Muscles:
 
 
 def medians(works: Sequence[Callable[[], object]]) -> list[float]:
-    """Median CPU time of each work [s], all of them in turns."""
-    taken = np.empty((ROUNDS, len(works)))
+    """Median CPU time of each work [s]; the works alternate."""
+    times = np.empty((ROUNDS, len(works)))
     for round_ in range(ROUNDS):
         for number, work in enumerate(works):
             begin = process_time()
             for _ in range(STEPS):
                 work()
-            taken[round_, number] = (process_time() - begin) / STEPS
-    return [float(seconds) for seconds in np.median(taken, axis=0)]
+            times[round_, number] = (process_time() - begin) / STEPS
+    return [float(seconds) for seconds in np.median(times, axis=0)]
 
 
-def over_muscles() -> Measured:
-    """A control step of robots with few wires and many, its senses included."""
+def over_muscles() -> Measurement:
+    """Measure a control step with its sensor readings at each number of muscles."""
 
     def step_of(robot: Robot) -> Callable[[], object]:
         held = robot.target
@@ -138,11 +153,11 @@ def over_muscles() -> Measured:
 
     robots = [Robot(asset_path(SCENE), [Muscles(count)]) for count in MUSCLES]
     times = medians([step_of(robot) for robot in robots])
-    return Measured("muscles", "1", "a control step", MUSCLES, times)
+    return Measurement("muscles", "1", "a control step", MUSCLES, times)
 
 
-def over_environments() -> Measured:
-    """A step of few environments and of many, on one thread."""
+def over_environments() -> Measurement:
+    """Measure a step of all environments on one thread, at each number of environments."""
 
     def step_of(count: int) -> Callable[[], object]:
         envs = gym.make_vec("Kengoro/Posture-v0", count, threads=1)
@@ -152,51 +167,56 @@ def over_environments() -> Measured:
         return lambda: envs.step(actions)
 
     times = medians([step_of(count) for count in ENVIRONMENTS])
-    return Measured("environments", "1", "a step of all", ENVIRONMENTS, times)
+    return Measurement("environments", "1", "a step of all", ENVIRONMENTS, times)
 
 
 def diagnosis_time(seconds: float, count: int) -> float:
-    """How long the diagnosis of a log takes on the CPU [s].
+    """CPU time of the diagnosis of a log [s].
 
     Args:
         seconds: length of the log [s].
-        count: causes it may come from; that which is hidden is always among them.
+        count: number of causes; that of the hidden effect is always among them.
     """
     case = Case(HIDDEN.kind, HIDDEN.seed, seconds=seconds)
     names = sorted(CATALOGUE, key=lambda name: name != case.secret().effects[0].id)
-    chosen = [CATALOGUE[names[i * len(names) // count]] for i in range(count)]
+    causes = [CATALOGUE[names[i * len(names) // count]] for i in range(count)]
     with tempfile.TemporaryDirectory() as folder:
         write_case(Path(folder), case)
         study = load_study(Path(folder) / "STUDY.yaml")
         begin = process_time()
-        diagnose(study, causes=chosen, options=Options(suggest=False))
+        diagnose(study, causes=causes, options=Options(suggest=False))
         return process_time() - begin
 
 
-def over_seconds() -> Measured:
-    """A diagnosis of short logs and of long ones, with all causes."""
-    shown = track(SECONDS, "lengths of logs", transient=True)
-    times = [diagnosis_time(seconds, len(CATALOGUE)) for seconds in shown]
-    return Measured("length of the log", "s", "a diagnosis", SECONDS, times)
+def over_seconds() -> Measurement:
+    """Measure a diagnosis with all causes at each length of the log."""
+    lengths = track(SECONDS, "lengths of logs", transient=True)
+    times = [diagnosis_time(seconds, len(CATALOGUE)) for seconds in lengths]
+    return Measurement("length of the log", "s", "a diagnosis", SECONDS, times)
 
 
-def over_causes() -> Measured:
-    """A diagnosis with few causes and with many, of a short log."""
-    shown = track(CAUSES, "numbers of causes", transient=True)
-    times = [diagnosis_time(SHORT, count) for count in shown]
-    return Measured("causes", "1", "a diagnosis", CAUSES, times)
+def over_causes() -> Measurement:
+    """Measure a diagnosis of a short log at each number of causes."""
+    counts = track(CAUSES, "numbers of causes", transient=True)
+    times = [diagnosis_time(SHORT, count) for count in counts]
+    return Measurement("causes", "1", "a diagnosis", CAUSES, times)
 
 
-def draw(measured: Iterable[Measured], path: Path) -> None:
-    """Write the panels, whole or not at all."""
+def draw(measurements: Iterable[Measurement], path: Path) -> None:
+    """Draw the panels.
+
+    Args:
+        measurements: four, one for each panel.
+        path: PNG file, which is written whole or not at all; its folder is made.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(2, 2, figsize=(9, 6.4), layout="constrained")
-    for axis, one in zip(axes.flat, measured, strict=True):
-        law = PowerLaw.of(one.sizes, one.times)
+    for axis, one in zip(axes.flat, measurements, strict=True):
+        law = PowerLaw.fit(one.sizes, one.times)
         sizes = np.array(one.sizes)
         axis.loglog(sizes, law.factor * sizes**law.exponent, color="#999999", lw=1)
         axis.loglog(sizes, one.times, "o", color="#0072B2")
@@ -206,8 +226,8 @@ def draw(measured: Iterable[Measured], path: Path) -> None:
         axis.minorticks_off()
         axis.set(
             title=f"exponent {law}",
-            xlabel=f"{one.work} [{one.unit}]",
-            ylabel=f"CPU time of {one.cost} [s]",
+            xlabel=f"{one.quantity} [{one.unit}]",
+            ylabel=f"CPU time of {one.task} [s]",
         )
         axis.grid(alpha=0.3)
     write_bytes(path, png(figure))
@@ -215,19 +235,19 @@ def draw(measured: Iterable[Measured], path: Path) -> None:
 
 
 def main() -> None:
-    """Measure, draw and print."""
-    measured = [over_muscles(), over_environments(), over_seconds(), over_causes()]
-    draw(measured, OUT)
-    table = Table(title="How cost grows: CPU time ~ size^exponent, 95 % interval")
-    for column in ("time of", "with", "sizes", "CPU s", "exponent"):
+    """Measure, draw the figure and print the table."""
+    measurements = [over_muscles(), over_environments(), over_seconds(), over_causes()]
+    draw(measurements, OUT)
+    table = Table(title="CPU time ~ size^exponent, with the 95 % interval of the exponent")
+    for column in ("task", "quantity", "sizes", "CPU time [s]", "exponent"):
         table.add_column(column, justify="left")
-    for one in measured:
+    for one in measurements:
         sizes = ", ".join(f"{size:g}" for size in one.sizes)
         times = ", ".join(f"{seconds:.3g}" for seconds in one.times)
-        law = PowerLaw.of(one.sizes, one.times)
-        table.add_row(one.cost, one.work, sizes, times, str(law))
+        law = PowerLaw.fit(one.sizes, one.times)
+        table.add_row(one.task, one.quantity, sizes, times, str(law))
     Console().print(table)
-    print(f"Picture: {OUT}")
+    print(f"Figure: {OUT}")
 
 
 if __name__ == "__main__":

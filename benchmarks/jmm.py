@@ -1,4 +1,6 @@
-"""The joint-muscle mapping: training time, errors of lengths and Jacobians, microseconds a call."""
+"""Joint-muscle map: training time, errors of lengths and Jacobians, and time of a call."""
+
+from __future__ import annotations
 
 import time
 from collections.abc import Callable
@@ -12,7 +14,10 @@ from kengoro_env.assets import asset_path
 from kengoro_env.robot.nominal_model import NominalArm
 
 POSTURES = 1000
+"""Random postures at which the errors are computed."""
+
 CALLS = 300
+"""Timed calls."""
 
 
 def rms(array: NDArray[np.float64]) -> float:
@@ -21,37 +26,37 @@ def rms(array: NDArray[np.float64]) -> float:
 
 
 def microseconds(call: Callable[[], object]) -> tuple[float, float]:
-    """Median and 99th percentile of the time that one call takes."""
-    taken = np.empty(CALLS)
+    """Median and 99th percentile of the time of a call [us]."""
+    times = np.empty(CALLS)
     for k in range(CALLS):
         begin = time.perf_counter()
         call()
-        taken[k] = time.perf_counter() - begin
-    return float(np.median(taken) * 1e6), float(np.percentile(taken, 99) * 1e6)
+        times[k] = time.perf_counter() - begin
+    return float(np.median(times) * 1e6), float(np.percentile(times, 99) * 1e6)
 
 
 def main() -> None:
-    """Train on the arm's drawing and print the figures."""
+    """Train a map on the nominal model of the arm, and print errors and times."""
     source = NominalArm(asset_path("mjcf/kengoro_arm/arm.xml"))
-    drawing = nominal_model()
-    jmm, report = train(drawing, seed=0)
+    nominal = nominal_model()
+    jmm, report = train(nominal, seed=0)
     postures = np.random.default_rng(1).uniform(
-        drawing.lower, drawing.upper, (POSTURES, len(drawing.joints))
+        nominal.lower, nominal.upper, (POSTURES, len(nominal.joints))
     )
     true = np.array([source.moment_arms(posture) for posture in postures])
     analytic, quadratic = jmm.jacobian(postures), jmm.jacobian_quadratic(postures)
     error = jmm.lengths(postures) - source.lengths(postures)
 
-    print(f"Training: {report.seconds:.1f} s in all")
+    print(f"Training: {report.seconds:.1f} s")
     print("               RMSE mm               largest   Jacobian RMSE mm/rad")
     print("group       s  training  validation  error mm  true rms  analytic  quadratic")
     for group in jmm.groups:
-        of = report.groups[group.name]
+        training = report.groups[group.name]
         block = (slice(None), group.muscle_index[:, None], group.joint_index)
         largest = np.abs(error[:, group.muscle_index]).max()
         print(
-            f"{group.name:<9}{of.seconds:4.1f}  {1e3 * of.training_rmse:8.4f}"
-            f"  {1e3 * of.validation_rmse:10.4f}  {1e3 * largest:8.2f}"
+            f"{group.name:<9}{training.seconds:4.1f}  {1e3 * training.training_rmse:8.4f}"
+            f"  {1e3 * training.validation_rmse:10.4f}  {1e3 * largest:8.2f}"
             f"  {1e3 * rms(true[block]):8.2f}"
             f"  {1e3 * rms((analytic - true)[block]):8.2f}"
             f"  {1e3 * rms((quadratic - true)[block]):9.2f}"

@@ -1,7 +1,7 @@
-"""What many environments at once cost beside raw loops of mj_step, one a core.
+"""Time of a step of many environments compared with loops of `mj_step`, one loop per core.
 
-Both do the same physics on as many threads as there are cores: raw steps the same robots from the
-same states under the same commands. Medians of alternating rounds, without a camera.
+Both compute the same physics on as many threads as there are cores: "raw" steps the same robots
+from the same states with the same commands. Medians of alternating rounds, without a camera.
 """
 
 from __future__ import annotations
@@ -21,17 +21,20 @@ from rich.console import Console
 from rich.table import Table
 
 from kengoro_env.env import CONTROL_PERIOD
-from kengoro_env.stepping.compiled_fleet import cores
+from kengoro_env.stepping.choice import cores
 from kengoro_env.vector import KengoroVectorEnv
 
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0")
 ROBOTS = (None, 0)
 COUNTS = (1, 8, 64, 256)
+"""Numbers of environments."""
+
 ROUNDS, STEPS = 25, 20
+"""Rounds, and control steps of a round."""
 
 
 def medians_us(env: KengoroVectorEnv) -> tuple[float, float]:
-    """Medians of the time of a step of one environment of many, and of its physics alone [us]."""
+    """Median times of one environment's step among many, and of its physics alone [us]."""
     substeps = round(CONTROL_PERIOD / env.fleet.parts(0)[0].opt.timestep)
     actions = np.zeros((env.num_envs, len(env.muscles)), dtype=np.float32)
     stepped, raw = [], []
@@ -60,9 +63,8 @@ def medians_us(env: KengoroVectorEnv) -> tuple[float, float]:
 
 def main() -> None:
     """Print the table."""
-    title = f"One control step of one of many environments, on {cores()} cores [us]"
-    table = Table(title=title)
-    for column in ("environment", "robot", "environments", "raw", "step", "rate over raw's"):
+    table = Table(title=f"Control step, time per environment on {cores()} cores [us]")
+    for column in ("environment", "robot", "environments", "raw", "step", "rate / raw rate"):
         table.add_column(column, justify="left" if column in ("environment", "robot") else "right")
     for env_id in IDS:
         for seed in ROBOTS:
@@ -75,3 +77,7 @@ def main() -> None:
                 table.add_row(*row, f"{raw / stepped:.2f}")
                 env.close()
     Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

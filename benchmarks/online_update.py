@@ -1,9 +1,10 @@
-"""One online update of the map by the paper's rule: ours in numpy beside Adam in torch.
+"""Time of an online update of the map by the paper's rule, in NumPy and in torch.
 
-Both start from the same map and take the same batches of ten pairs, in turns on one core, with as
-many Adam steps on each. Torch is plain: four networks, one loss, one optimiser that is new in each
-update, as the rule's moments are; its weights stay its own, so that nothing is converted. In
-float64 both must end in the same numbers. Torch comes with the extra ``[rl]``.
+Both start from the same map, learn from the same batches of ten pairs, and do the same number of
+Adam steps on each batch, alternately on one core. The torch version has four networks, one loss,
+and a new optimiser in each update, because the rule resets Adam's moments as well. It keeps its own
+weights, so no time is spent on conversions of them. In float64 both must get the same weights.
+Torch comes with the extra ``[rl]``.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
+from jmm_agent.mapping.group_map import METRES
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.mapping.minibatch import MinibatchRule
 from kengoro.trained_maps import trained_map
@@ -31,25 +33,28 @@ if TYPE_CHECKING:
     import torch
 
 STEPS = (1, 10)
-"""Adam steps in an update: the fewest, and those of the rule."""
+"""Adam steps of an update: the smallest number, and that of the rule."""
 
 BATCH = 10
+"""Pairs of a batch."""
+
 COMPARED, TIMED = 10, 100
-"""Updates after which the numbers are compared, and those that are timed."""
+"""Updates after which the weights are compared, and further updates, which are timed."""
 
 SHIFT = 0.01
-"""Standard deviation of what the map has to learn of each length [m]."""
+"""Standard deviation of the change of each length that the map has to learn [m]."""
 
 WEIGHTS = ("W1", "b1", "W2", "b2")
+"""Weights of a group, in the order of torch's parameters."""
 
 
 class TorchMap:
-    """The four networks of a map as a torch user would write them, learning by Adam.
+    """Networks of a map in torch, which learn by Adam.
 
     Args:
-        start: the map that it begins as.
-        kind: "float32" or "float64".
-        steps: Adam steps in an update.
+        start: map whose weights are copied.
+        kind: precision, "float32" or "float64".
+        steps: Adam steps of an update.
         rate: Adam's step size.
     """
 
@@ -75,7 +80,11 @@ class TorchMap:
         return self._torch.tensor(array, dtype=self._kind)
 
     def update(self, batch: Pairs) -> None:
-        """Move the networks down the mean squared error [mm^2] of each group."""
+        """Reduce the mean squared error [mm^2] of each group.
+
+        Args:
+            batch: pairs of postures [rad] and lengths [m].
+        """
         torch = self._torch
         pairs = [
             (
@@ -96,7 +105,7 @@ class TorchMap:
             optimiser.step()
 
     def difference(self, ours: JointMuscleMap) -> float:
-        """Largest difference from the weights of ``ours``, whatever their unit."""
+        """Largest difference of a weight from that of ``ours``; the units of the weights differ."""
         return max(
             float(np.abs(parameter.detach().numpy() - getattr(group, name)).max())
             for group, network in zip(ours.groups, self.networks, strict=True)
@@ -105,66 +114,79 @@ class TorchMap:
 
 
 def batches(start: JointMuscleMap, count: int) -> list[Pairs]:
-    """Batches of pairs whose lengths are off the map's by a random `SHIFT`."""
+    """Batches of pairs whose lengths differ from the map's by normal noise of `SHIFT`.
+
+    Args:
+        start: the map.
+        count: number of batches.
+    """
     rng = np.random.default_rng(0)
-    made = []
+    pairs = []
     for _ in range(count):
         postures = posture_set()[rng.integers(len(posture_set()), size=BATCH)]
         lengths = start.lengths(postures)
         shifted = lengths + SHIFT * rng.standard_normal(lengths.shape)
-        made.append(Pairs(postures, shifted, np.full(BATCH, SHIFT)))
-    return made
+        pairs.append(Pairs(postures, shifted, np.full(BATCH, SHIFT)))
+    return pairs
 
 
 def measure(start: JointMuscleMap, steps: int) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """Times of an update [s] by who made it, in turns; and how far torch's weights are from ours
-    after `COMPARED` updates, by torch's precision."""
+    """Run both versions alternately.
+
+    Args:
+        start: map that both start from.
+        steps: Adam steps of an update.
+
+    Returns:
+        Times of the updates by version, "ours" or torch's precision [s]; largest difference of the
+        weights after `COMPARED` updates, by torch's precision.
+    """
     rule = MinibatchRule(steps=steps)
-    theirs = {kind: TorchMap(start, kind, steps, rule.rate) for kind in ("float64", "float32")}
-    nothing = Pairs.none(len(start.joints), len(start.muscles))
-    ours, apart = start, dict[str, float]()
-    seconds: dict[str, list[float]] = {"ours": [], **{kind: [] for kind in theirs}}
+    torch_maps = {kind: TorchMap(start, kind, steps, rule.rate) for kind in ("float64", "float32")}
+    no_pairs = Pairs.none(len(start.joints), len(start.muscles))
+    ours, differences = start, dict[str, float]()
+    seconds: dict[str, list[float]] = {"ours": [], **{kind: [] for kind in torch_maps}}
     for number, batch in enumerate(batches(start, COMPARED + TIMED), start=1):
         begin = perf_counter()
-        ours = rule.move(ours, nothing, batch)
+        ours = rule.move(ours, no_pairs, batch)
         seconds["ours"].append(perf_counter() - begin)
-        for kind, their in theirs.items():
+        for kind, torch_map in torch_maps.items():
             begin = perf_counter()
-            their.update(batch)
+            torch_map.update(batch)
             seconds[kind].append(perf_counter() - begin)
             if number == COMPARED:
-                apart[kind] = their.difference(ours)
-    return {who: taken[COMPARED:] for who, taken in seconds.items()}, apart
+                differences[kind] = torch_map.difference(ours)
+    return {version: times[COMPARED:] for version, times in seconds.items()}, differences
 
 
 def main() -> None:
-    """Print the table, or in one sentence that torch is missing."""
+    """Print the table; exit with a message if torch is missing."""
     try:
         import torch
     except ImportError:
         sys.exit("This benchmark needs torch, which is not installed: pip install 'kengoro[rl]'.")
     start = trained_map()
-    table = Table(title=f"One update of the map by {BATCH} pairs, torch {torch.__version__}")
-    heads = ("steps", "who", "median us", "99th us", "times ours", "difference")
+    table = Table(title=f"One update of the map with {BATCH} pairs, torch {torch.__version__}")
+    heads = ("steps", "version", "median us", "99th percentile us", "ratio", "difference")
     for head in heads:
-        table.add_column(head, justify="left" if head == "who" else "right")
+        table.add_column(head, justify="left" if head == "version" else "right")
     for steps in STEPS:
-        seconds, apart = measure(start, steps)
-        for who, taken in seconds.items():
-            ratio = np.median(np.divide(taken, seconds["ours"]))
+        seconds, differences = measure(start, steps)
+        for version, times in seconds.items():
+            ratio = np.median(np.divide(times, seconds["ours"]))
             table.add_row(
                 f"{steps}",
-                "numpy float64" if who == "ours" else f"torch {who}",
-                f"{1e6 * np.median(taken):.0f}",
-                f"{1e6 * np.percentile(taken, 99):.0f}",
-                "" if who == "ours" else f"{ratio:.2f}",
-                "" if who == "ours" else f"{apart[who]:.1e}",
+                "NumPy float64" if version == "ours" else f"torch {version}",
+                f"{1e6 * np.median(times):.0f}",
+                f"{1e6 * np.percentile(times, 99):.0f}",
+                "" if version == "ours" else f"{ratio:.2f}",
+                "" if version == "ours" else f"{differences[version]:.1e}",
             )
     Console().print(table)
-    print("Steps: of Adam in an update. Times ours: median of the ratios, update by update.")
     print(
-        f"Difference: largest of all weights (hidden in 1, output in mm) after {COMPARED} updates."
+        "Steps: Adam steps of an update. Ratio: median of time / time of NumPy, update by update."
     )
+    print(f"Difference: largest of all weights (hidden [1], output [mm]) after {COMPARED} updates.")
 
 
 if __name__ == "__main__":

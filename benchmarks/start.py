@@ -1,7 +1,7 @@
-"""How long a program waits for its first observation, beside Gymnasium's Humanoid.
+"""Time from the start of a program to its first observation, compared with Gymnasium's Humanoid.
 
-Each run is a fresh process that imports, makes an environment and resets it; the kinds take turns.
-Target: at most twice Humanoid's median, and no torch among what was imported.
+Each run is a new process that imports the packages, makes an environment and resets it; the
+environments alternate. Target: at most twice the median of Humanoid, and torch is not imported.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from rich.progress import track
 from rich.table import Table
 
 ROUNDS = 9
+"""Timed processes for each environment."""
 
 PROGRAM = """
 import json, sys, time
@@ -29,23 +30,19 @@ end = time.perf_counter()
 print(json.dumps([imported - begin, made - imported, end - made, "torch" in sys.modules]))
 """
 
-PEER = "Humanoid-v5"
+REFERENCE = "Humanoid-v5"
 OURS = "import gymnasium, kengoro_env"
 KINDS: dict[str, tuple[str, str, dict[str, bool]]] = {
-    PEER: ("import gymnasium", PEER, {}),
+    REFERENCE: ("import gymnasium", REFERENCE, {}),
     "Elbow": (OURS, "Kengoro/Elbow-v0", {}),
-    "Posture, no camera": (
-        "import gymnasium, kengoro_env",
-        "Kengoro/Posture-v0",
-        {"camera": False},
-    ),
+    "Posture, no camera": (OURS, "Kengoro/Posture-v0", {"camera": False}),
     "Posture": (OURS, "Kengoro/Posture-v0", {}),
     "CanGrasp": (OURS, "Kengoro/CanGrasp-v0", {}),
 }
 
 
 def start(kind: str) -> tuple[list[float], bool]:
-    """Seconds of import, make and reset in a fresh process, and whether it imported torch."""
+    """Times of import, make and reset in a new process [s], and whether it imported torch."""
     imports, env_id, arguments = KINDS[kind]
     program = PROGRAM.format(imports=imports, env_id=env_id, arguments=arguments)
     done = subprocess.run(
@@ -57,23 +54,23 @@ def start(kind: str) -> tuple[list[float], bool]:
 
 def main(rounds: int = ROUNDS) -> None:
     """Print the table."""
-    taken: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
+    times: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
     imported_torch = dict.fromkeys(KINDS, False)
     for kind in KINDS:
-        start(kind)  # reads the files once
+        start(kind)  # not counted: fills the disk cache
     for _ in track(range(rounds), "starting", console=Console(stderr=True)):
         for kind in KINDS:
             seconds, imported_torch[kind] = start(kind)
-            taken[kind].append(seconds)
-    table = Table(title=f"Seconds to the first observation, medians of {rounds} fresh processes")
-    for column in ("environment", "import", "make", "reset", "in all", "over Humanoid's", "torch"):
+            times[kind].append(seconds)
+    table = Table(title=f"Time to the first observation, medians of {rounds} new processes [s]")
+    for column in ("environment", "import", "make", "reset", "total", "ratio to Humanoid", "torch"):
         table.add_column(column, justify="left" if column == "environment" else "right")
-    whole = {kind: float(np.median(np.sum(seconds, axis=1))) for kind, seconds in taken.items()}
-    for kind, each in taken.items():
-        parts = [f"{part:.2f}" for part in np.median(each, axis=0)]
-        ratio = f"{whole[kind] / whole[PEER]:.2f}"
-        torch = "imported" if imported_torch[kind] else "no"
-        table.add_row(kind, *parts, f"{whole[kind]:.2f}", ratio, torch)
+    total = {kind: float(np.median(np.sum(seconds, axis=1))) for kind, seconds in times.items()}
+    for kind, seconds_of_kind in times.items():
+        parts = [f"{part:.2f}" for part in np.median(seconds_of_kind, axis=0)]
+        ratio = f"{total[kind] / total[REFERENCE]:.2f}"
+        torch = "imported" if imported_torch[kind] else "not imported"
+        table.add_row(kind, *parts, f"{total[kind]:.2f}", ratio, torch)
     Console().print(table)
 
 

@@ -1,6 +1,9 @@
-"""Experiments: the only place where the robot and the agent meet.
+"""Experiments: they reproduce the paper and evaluate the packages, from a checkout.
 
-``python -m experiments NAME --seeds A-B --out DIR`` runs one; each writes ``summary.json``,
-figures and ``report.html`` to its folder. A runner is a module with a dataclass ``Args`` (a
-subclass of `experiments.harness.common.Args`) and ``main(args) -> summary``.
+``python -m experiments NAME --seeds A-B --out DIR`` runs one. Most write ``summary.json``, figures
+and ``report.html`` to their folder.
+
+An experiment is a folder with a module ``run``, which has a dataclass ``Args`` of its options and a
+function ``main(args)``, and an entry in `experiments.__main__.RUNNERS`. Most experiments declare
+conditions on robots as an `Experiment`; `experiments.harness.experiment` explains how to write one.
 """

@@ -1,56 +1,67 @@
-"""`python -m experiments NAME --seeds A-B --out DIR` runs an experiment; `--help` lists them."""
+"""Command line: `python -m experiments NAME --seeds A-B --out DIR`; `--help` lists the names.
+
+A runner is a module ``experiments/NAME/run.py`` (with "_" for "-") that has:
+
+* ``Args``: a dataclass of the options, whose docstring is the help text. Most subclass
+  `experiments.harness.common.Args`;
+* ``main(args)``: runs the experiment. Expected errors are exceptions of the packages, such as
+  `ExperimentError`, whose message is printed as one sentence.
+"""
 
 from __future__ import annotations
 
 import importlib
 import os
 import sys
-from functools import partial
-from pathlib import Path
+from typing import NamedTuple
+
+
+class Runner(NamedTuple):
+    """Entry of the list of experiments.
+
+    Attributes:
+        description: for the list.
+        watchable: whether ``--view`` can show its robots.
+    """
+
+    description: str
+    watchable: bool = False
+
 
 RUNNERS = {
-    "initial-training": "the drawing is learned (sec. IV-A)",
-    "muscle-jacobian": "wavy or smooth moment arms (sec. IV-A)",
-    "antagonism-elbow": "wires that fight give way (IV-B)",
-    "vision-update": "the estimate comes to what is seen (IV-C)",
-    "posture-accuracy": "both updaters, new postures (IV-D)",
-    "can-grasping": "a can that was missed is grasped (sec. IV)",
-    "adaptation": "wires give, and learning makes up for it",
-    "ablation": "what each part is worth, and the paper's claims of it",
-    "baselines": "what others would learn from the same measurements",
-    "faults": "faults in the middle of learning are noticed and outlived",
-    "wrong-observations": "what wrong looks teach is noticed and undone",
-    "endurance": "hours of learning: the error stays where it came to",
-    "all": "every experiment of the paper, and one page of results",
-    "gap-to-skill": "a diagnosis of a minute's motion, as a map",
-    "gap-bench": "hidden effects, diagnosed: how often it is right",
-    "gap-calibrate": "how sure a diagnosis may be",
-    "record": "a log of a robot that moves, as a study for reality_gap",
-    "emps": "a measured drive: what a mass alone gets wrong of its force",
-    "davinci": "a measured cable drive: what its transmission does",
-    "remote-robot": "an agent drives a robot in another process",
-    "learn-posture": "reinforcement learning, from the reward alone",
-    "learnability": "what can be learned, from what, and the floor",
+    "initial-training": Runner("the map learns the nominal model (sec. IV-A)"),
+    "muscle-jacobian": Runner("smoothness of the map's moment arms (sec. IV-A)", True),
+    "antagonism-elbow": Runner("antagonistic muscles pull less after learning (sec. IV-B)"),
+    "vision-update": Runner("the estimate approaches the observation (sec. IV-C)", True),
+    "posture-accuracy": Runner("both updaters, tested on new postures (sec. IV-D)", True),
+    "can-grasping": Runner("a can that was missed is grasped (sec. IV)", True),
+    "adaptation": Runner("learning compensates for elongated muscles", True),
+    "ablation": Runner("contribution of each part, and the paper's claims", True),
+    "baselines": Runner("other methods, with the same measurements", True),
+    "faults": Runner("faults during learning are detected and do no harm"),
+    "wrong-observations": Runner("updates from wrong observations are detected and undone"),
+    "endurance": Runner("hours of learning: the error stays low"),
+    "all": Runner("every experiment of the paper, and one page of results"),
+    "gap-to-skill": Runner("a diagnosis of a minute's motion, as a map", True),
+    "gap-bench": Runner("hidden effects: how often the diagnosis is right"),
+    "gap-calibrate": Runner("calibration of the diagnosis's confidence"),
+    "record": Runner("a log of a moving robot, as a study for reality_gap"),
+    "emps": Runner("a measured drive: force that a mass alone does not explain"),
+    "davinci": Runner("a measured cable drive: structure of its transmission"),
+    "remote-robot": Runner("an agent drives a robot in another process"),
+    "learn-posture": Runner("reinforcement learning from the reward alone"),
+    "learnability": Runner("what can be learned from which data, and the lower bound"),
+    "reported": Runner("adds logged runs on reporting seeds to experiments/REPORTED.csv"),
 }
-"""One line for each experiment; its runner is ``experiments/NAME/run.py``."""
+"""Runners by name."""
 
-WATCHABLE = (
-    "muscle-jacobian",
-    "vision-update",
-    "posture-accuracy",
-    "can-grasping",
-    "adaptation",
-    "ablation",
-    "baselines",
-    "gap-to-skill",
-)
-"""Experiments whose agents move a robot before the eyes of who gives --view."""
+WATCHABLE = tuple(name for name, runner in RUNNERS.items() if runner.watchable)
 
 USAGE = "\n".join(
     [
         "usage: python -m experiments NAME --seeds A-B --out DIR [--jobs N] [OPTIONS]",
         "",
-        *(f"  {name:<20}{line}" for name, line in RUNNERS.items()),
+        *(f"  {name:<20}{runner.description}" for name, runner in RUNNERS.items()),
         "",
         "python -m experiments NAME --help lists the options of one.",
     ]
@@ -58,13 +69,16 @@ USAGE = "\n".join(
 
 
 def pin_threads() -> None:
-    """One thread for sums: the same seed gives the same bits. Numpy reads it when imported."""
+    """Use one thread for linear algebra, so that sums have the same bits on every run.
+
+    NumPy reads the variables when it is imported.
+    """
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
 
 
 def main(arguments: list[str]) -> int:
-    """Run the experiment named first in ``arguments`` with the rest; returns the exit code."""
+    """Run the experiment that the first argument names; returns the exit code."""
     if not arguments or arguments[0] in ("-h", "--help"):
         print(USAGE)
         return 0 if arguments else 2
@@ -75,28 +89,19 @@ def main(arguments: list[str]) -> int:
     pin_threads()
     import tyro
 
-    from experiments.harness.common import Args
     from experiments.harness.errors import ExperimentError
-    from experiments.harness.experiment import run_study
     from jmm_agent.errors import AgentError
     from kengoro_env.errors import KengoroError
     from reality_gap.errors import RealityGapError
 
     runner = importlib.import_module(f"experiments.{name.replace('-', '_')}.run")
-    program = f"python -m experiments {name}"
-    if hasattr(runner, "main"):
-        run, args = runner.main, tyro.cli(runner.Args, args=rest, prog=program)
-    else:
-        usual = Args(seeds="0-9", out=Path("out") / name)
-        told = runner.STUDY.introduction
-        run = partial(run_study, runner.STUDY)
-        args = tyro.cli(Args, args=rest, prog=program, default=usual, description=told)
+    args = tyro.cli(runner.Args, args=rest, prog=f"python -m experiments {name}")
     try:
         if getattr(args, "view", False) and name not in WATCHABLE:
             raise ExperimentError(
                 f"{name} cannot be watched: leave out --view. These can: {', '.join(WATCHABLE)}."
             )
-        run(args)
+        runner.main(args)
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         return 130

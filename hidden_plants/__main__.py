@@ -1,5 +1,4 @@
-"""``python -m hidden_plants detection-limits [--machine elbow] [--assets DIR] [--recompute ID
-...]``."""
+"""Command line: ``python -m hidden_plants detection-limits [--machine NAME] [--recompute ID]``."""
 
 from __future__ import annotations
 
@@ -12,15 +11,24 @@ from hidden_plants.mechanisms import MECHANISMS
 
 
 def main() -> None:
-    """Complete the table of detection limits: from nothing, an hour for each machine."""
+    """Complete the table of detection limits; an empty table takes an hour for each machine."""
     parser = argparse.ArgumentParser(prog="python -m hidden_plants")
     parser.add_argument("command", choices=["detection-limits"])
-    parser.add_argument("--machine", choices=MACHINES, default="elbow")
-    parser.add_argument("--assets", type=Path, default=ASSETS, help="folder of the drawings")
     parser.add_argument(
-        "--recompute", nargs="*", choices=sorted(MECHANISMS), default=[], metavar="ID"
+        "--machine", choices=MACHINES, default="elbow", help="machine whose limits are computed"
     )
-    parser.add_argument("--out", type=Path, default=TABLE, help="table to write")
+    parser.add_argument(
+        "--assets", type=Path, default=ASSETS, help="folder of elbow.xml and arm.xml"
+    )
+    parser.add_argument(
+        "--recompute",
+        nargs="*",
+        choices=sorted(MECHANISMS),
+        default=[],
+        metavar="ID",
+        help="effects whose limits are computed again",
+    )
+    parser.add_argument("--out", type=Path, default=TABLE, help="JSON file of the table")
     args = parser.parse_args()
     make_table(load(args.machine, args.assets), args.out, tuple(args.recompute))
 

@@ -1,4 +1,4 @@
-"""Motions of the whole arm: from posture to posture in front of the body, every wire tense."""
+"""Commanded motions of the whole arm: between postures in front of the body, all tendons taut."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hidden_plants.machine import BIAS, STIFFNESS, Machine
 from hidden_plants.types import Floats
 
 HOME = {"sh_pitch": -35.0, "sh_roll": -20.0, "elbow": 75.0, "sc_roll": -10.0, "ac_roll": -4.0}
-"""Where every episode of the arm begins [deg]; the other joints stand at zero."""
+"""Posture at which every episode of the arm begins [deg]; the other joints are at zero."""
 REACH = {
     "neck_yaw": 20.0,
     "neck_pitch": 10.0,
@@ -26,19 +26,19 @@ REACH = {
     "wrist_flex": 22.0,
     "wrist_dev": 9.0,
 }
-"""How far the postures of a motion lie from home [deg]."""
+"""Largest distance of a posture from `HOME` in each joint [deg]."""
 LEAST, MOST = 50.0, 330.0
-"""Tensions that a wire may be asked for [N]."""
+"""Bounds of the planned tensions [N]."""
 PREFERRED = (70.0, 160.0)
-"""Tensions that it is asked for where gravity leaves the choice [N]."""
-EVERY = 10
-"""Rows of commands from one balance of tensions to the next."""
+"""Range of the preferred tensions [N]; planned tensions differ to balance gravity."""
+BALANCE_PERIOD = 10
+"""Commands between two computations of balanced tensions, which are interpolated."""
 
 
 def arm_episodes(
     machine: Machine, motion: int, count: int, rows: int
 ) -> list[tuple[Floats, Floats]]:
-    """The episodes of a motion: home (joints,) [rad] and targets (rows, wires) [m] for each."""
+    """Plan episodes: initial posture (joints,) [rad] and target lengths (rows, tendons) [m]."""
     home = _angles(machine, HOME)
     return [
         (home, _targets(machine, np.random.default_rng([motion, k, 12]), home, rows))
@@ -51,21 +51,21 @@ def _angles(machine: Machine, degrees: dict[str, float]) -> Floats:
 
 
 def _targets(machine: Machine, rng: np.random.Generator, home: Floats, rows: int) -> Floats:
-    """A way over three or four postures, held for a moment at each."""
+    """Target lengths of a motion over three or four postures, with a short hold at each."""
     stops = int(rng.integers(3, 5))
     postures = [home] + [_posture(machine, rng, home) for _ in range(stops)]
-    wishes = rng.uniform(*PREFERRED, (stops + 1, len(machine.tendons)))
+    preferred = rng.uniform(*PREFERRED, (stops + 1, len(machine.tendons)))
     share = np.linspace(0.0, stops + 0.35, rows)
-    way = _eased(share, np.array(postures))
-    wish = _eased(share, wishes)
-    coarse = np.unique(np.append(np.arange(0, rows, EVERY), rows - 1))
-    held = _balance(machine, way[coarse], wish[coarse])[0]
+    path = _eased(share, np.array(postures))
+    tensions = _eased(share, preferred)
+    coarse = np.unique(np.append(np.arange(0, rows, BALANCE_PERIOD), rows - 1))
+    held = _balance(machine, path[coarse], tensions[coarse])[0]
     tension = np.stack([np.interp(np.arange(rows), coarse, column) for column in held.T], axis=1)
-    return machine.lengths(way) - (tension - BIAS) / STIFFNESS
+    return machine.lengths(path) - (tension - BIAS) / STIFFNESS
 
 
 def _eased(share: Floats, stops: Floats) -> Floats:
-    """From stop to stop, each reached at an integer of ``share`` and held for 0.35 after it."""
+    """Interpolate between stops; stop k is reached at ``share`` k and held until k + 0.35."""
     index = np.minimum(share.astype(int), len(stops) - 2)
     part = np.clip((share - index - 0.35) / 0.65, 0.0, 1.0)
     part = np.where(share >= len(stops) - 1, 1.0, part)
@@ -75,26 +75,32 @@ def _eased(share: Floats, stops: Floats) -> Floats:
 
 
 def _posture(machine: Machine, rng: np.random.Generator, home: Floats) -> Floats:
-    """A posture that wires can hold against gravity within their tensions."""
+    """A random posture that the tendons can hold against gravity within their tensions."""
     reach = _angles(machine, REACH)
     for _ in range(50):
         posture = home + reach * rng.uniform(-1.0, 1.0, len(home))
-        wish = np.full((1, len(machine.tendons)), float(np.mean(PREFERRED)))
-        if _balance(machine, posture[None], wish)[1] < 0.1:
+        preferred = np.full((1, len(machine.tendons)), float(np.mean(PREFERRED)))
+        if _balance(machine, posture[None], preferred)[1] < 0.1:
             return posture
-    raise ValueError("no posture near home can be held; the drawing has changed")
+    raise ValueError("no posture near home can be held by the tendons of this model")
 
 
-def _balance(machine: Machine, postures: Floats, wishes: Floats) -> tuple[Floats, float]:
-    """The tensions nearest to wishes (k, wires) [N] that hold postures (k, joints) [rad].
+def _balance(machine: Machine, postures: Floats, preferred: Floats) -> tuple[Floats, float]:
+    """Tensions nearest to the preferred ones that hold postures.
 
-    Also the largest torque that they lack [N m].
+    Args:
+        machine: nominal model.
+        postures: (k, joints) [rad].
+        preferred: tensions (k, tendons) [N].
+
+    Returns:
+        Tensions (k, tendons) [N] and the largest torque that remains unbalanced [N m].
     """
-    weight, held, lack = 100.0, np.empty_like(wishes), 0.0
+    weight, held, lack = 100.0, np.empty_like(preferred), 0.0
     arms, needs = -machine.moment_arms(postures), machine.gravity_torques(postures)
-    for tension, arm, need, wish in zip(held, arms, needs, wishes, strict=True):
-        matrix = np.vstack([weight * arm.T, 0.01 * np.eye(len(wish))])
-        goal = np.concatenate([weight * need, 0.01 * wish])
+    for tension, arm, need, wanted in zip(held, arms, needs, preferred, strict=True):
+        matrix = np.vstack([weight * arm.T, 0.01 * np.eye(len(wanted))])
+        goal = np.concatenate([weight * need, 0.01 * wanted])
         tension[:] = lsq_linear(matrix, goal, (LEAST, MOST), method="bvls").x
         lack = max(lack, float(np.abs(arm.T @ tension - need).max()))
     return held, lack

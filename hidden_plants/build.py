@@ -1,4 +1,4 @@
-"""From a drawing, mismatches and hidden effects to a machine that runs."""
+"""Builds a robot from a nominal machine, a mismatch and hidden effects."""
 
 from __future__ import annotations
 
@@ -14,18 +14,25 @@ from hidden_plants.secret import Effect
 
 
 def build(
-    machine: Machine, slip: Mismatch, effects: tuple[Effect, ...] = (), step: float = STEP
+    machine: Machine, mismatch: Mismatch, effects: tuple[Effect, ...] = (), step: float = STEP
 ) -> Robot:
-    """The machine with its mismatches and ``effects``; an amplitude of 0 does nothing at all."""
+    """Build the robot that the hidden effects act on.
+
+    Args:
+        machine: nominal model.
+        mismatch: small differences between the robot and the nominal model.
+        effects: hidden effects; those of amplitude 0 are skipped, so they change no bit.
+        step: physics step [s].
+    """
     acting = [effect for effect in effects if effect.amplitude != 0.0]
     reshaping = [
         (reshape, effect)
         for effect in acting
         if (reshape := mechanism_of(effect).reshape) is not None
     ]
-    own = copy.copy(bare_model(machine))
-    model = bare_spec(machine, reshaping).compile() if reshaping else own
-    robot = assemble(machine, model, slip, step)
+    edited = bare_spec(machine, reshaping).compile() if reshaping else None
+    model = edited or copy.copy(bare_model(machine))
+    robot = assemble(machine, model, mismatch, step)
     for effect in acting:
         tune = mechanism_of(effect).tune
         if tune is not None:

@@ -1,4 +1,4 @@
-"""The table of detection limits, made once by ``python -m hidden_plants detection_limits``."""
+"""Table of detection limits; ``python -m hidden_plants detection-limits`` computes it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TABLE = Path(__file__).with_name("detection_limits.json")
 
 @dataclass(frozen=True)
 class Row:
-    """The floors of one structure: by motion, infinite where it cannot be seen."""
+    """Detection limits of one structure, one for each motion; infinite where none is physical."""
 
     structure: Structure
     detection_limits: tuple[float, ...]
@@ -28,12 +28,12 @@ class Row:
 
 @lru_cache(maxsize=8)
 def rows(machine: str, path: Path = TABLE) -> tuple[Row, ...]:
-    """The table's rows of a machine."""
+    """Read the rows of a machine."""
     table = json.loads(path.read_text()) if path.is_file() else {}
     return tuple(
         Row(
             Structure(row["id"], tuple(row["elements"]), row["shape"]),
-            tuple(float("inf") if floor is None else floor for floor in row["limits"]),
+            tuple(float("inf") if limit is None else limit for limit in row["limits"]),
         )
         for row in table.get(machine, [])
     )
@@ -43,11 +43,17 @@ def make_table(
     machine: Machine,
     path: Path = TABLE,
     ids: tuple[str, ...] = (),
-    tell: Callable[[str], None] = print,
+    progress: Callable[[str], None] = print,
 ) -> None:
-    """Compute the floors that the table lacks, and those of ``ids`` anew.
+    """Compute the detection limits that the table lacks.
 
-    The table is written after every structure, so that a run that was cut off goes on.
+    The table is written after every structure, so that an interrupted run can be resumed.
+
+    Args:
+        machine: nominal model.
+        path: JSON file of the table.
+        ids: effects whose limits are computed again.
+        progress: called with one line after every structure.
     """
     table = json.loads(path.read_text()) if path.is_file() else {}
     known = {_key(row): row["limits"] for row in table.get(machine.name, [])}
@@ -61,17 +67,15 @@ def make_table(
     table[machine.name] = lines
     for motion in range(MOTIONS[machine.name]):
         for structure, line in zip(wanted, lines, strict=True):
-            detection_limits = line["limits"]
-            if len(detection_limits) > motion:
+            limits = line["limits"]
+            if len(limits) > motion:
                 continue
-            found = detection_limit_of(
-                machine, structure, motion, detection_limits[-1] if detection_limits else None
-            )
-            detection_limits.append(float(f"{found:.4g}") if found < float("inf") else None)
-            tell(f"motion {motion} {structure.id} {structure.elements}: {found:.3g}")
-            beside = path.with_suffix(".part")
-            beside.write_text(_text(table))
-            beside.replace(path)
+            found = detection_limit_of(machine, structure, motion, limits[-1] if limits else None)
+            limits.append(float(f"{found:.4g}") if found < float("inf") else None)
+            progress(f"motion {motion} {structure.id} {structure.elements}: {found:.3g}")
+            part = path.with_suffix(".part")
+            part.write_text(_text(table))
+            part.replace(path)
     rows.cache_clear()
 
 
@@ -80,7 +84,7 @@ def _key(row: dict) -> str:
 
 
 def _text(table: dict[str, list[dict]]) -> str:
-    """JSON with one structure a line."""
+    """JSON with one line for each structure."""
     parts = []
     for machine, lines in sorted(table.items()):
         body = ",\n".join("  " + json.dumps(line) for line in lines)

@@ -1,4 +1,4 @@
-"""The files of a study: CSV logs, and STUDY.yaml. Each is written whole or not at all."""
+"""Files of a study: logs in CSV and the text of STUDY.yaml."""
 
 from __future__ import annotations
 
@@ -28,10 +28,22 @@ def write_logs(
     readings: Readings,
     own_camera_file: bool,
 ) -> None:
-    """Write the commands to episode_<index>.csv, and the readings to sensors_<index>.csv.
+    """Write the commands to episode_<index>.csv and the readings to sensors_<index>.csv.
 
-    A camera with its own clock writes camera_<index>.csv; otherwise its cells are empty where it
-    did not look. Times are written to 0.1 ms.
+    The marker's pose goes to camera_<index>.csv if ``own_camera_file``, and else to columns of
+    sensors_<index>.csv that are empty in rows without a marker observation. Times are rounded to
+    0.1 ms.
+
+    Args:
+        folder: of the study.
+        index: of the episode.
+        machine: nominal model.
+        time: of the commands (n,) [s].
+        command: target lengths (n, tendons) [m].
+        sensor_time: of the readings of lengths and tensions (n,) [s].
+        camera_time: of the marker observations (m,) [s].
+        readings: by sensor, with noise.
+        own_camera_file: whether the camera has a clock of its own.
     """
     columns = {"time": _times(time)}
     for tendon, targets in zip(machine.tendons, command.T, strict=True):
@@ -42,17 +54,17 @@ def write_logs(
         columns[f"length_{tendon}"] = [f"{value:.6f}" for value in readings[f"length_{tendon}"]]
     for tendon in machine.tendons:
         columns[f"tension_{tendon}"] = [f"{value:.3f}" for value in readings[f"tension_{tendon}"]]
-    seen: dict[str, list[str]] = {}
+    marker: dict[str, list[str]] = {}
     for sensor, names in MARKER_COLUMNS.items():
         for name, values in zip(names, readings[sensor].T, strict=True):
-            seen[name] = [f"{value:.6f}" for value in values]
+            marker[name] = [f"{value:.6f}" for value in values]
     if own_camera_file:
-        _write_csv(folder / f"camera_{index}.csv", {"time": _times(camera_time), **seen})
+        _write_csv(folder / f"camera_{index}.csv", {"time": _times(camera_time), **marker})
     else:
-        look = np.searchsorted(sensor_time, camera_time)
-        for name, cells in seen.items():
+        observed = np.searchsorted(sensor_time, camera_time)
+        for name, cells in marker.items():
             columns[name] = [""] * len(sensor_time)
-            for row, cell in zip(look, cells, strict=True):
+            for row, cell in zip(observed, cells, strict=True):
                 columns[name][row] = cell
     _write_csv(folder / f"sensors_{index}.csv", columns)
 
@@ -74,7 +86,16 @@ def study_text(
     settle: float,
     own_camera_file: bool,
 ) -> str:
-    """STUDY.yaml of a study with so many episodes."""
+    """Text of STUDY.yaml.
+
+    Args:
+        machine: nominal model.
+        nuisance: its noise is written to the sensors.
+        episodes: number of episodes.
+        initial: joint positions at the start of every episode (joints,) [rad].
+        settle: settling time before every episode [s].
+        own_camera_file: whether the camera has files of its own.
+    """
     lines = [f"name: {machine.name} of a hidden plant", "model: model.xml", "episodes:"]
     for k in range(episodes):
         lines.append(f"  - commands: episode_{k}.csv")
@@ -98,8 +119,8 @@ def study_text(
     lines.append("initial:")
     lines.append("  joints:")
     lines += [
-        f"    {joint}: {float(place):.9g}"
-        for joint, place in zip(machine.joints, initial, strict=True)
+        f"    {joint}: {float(angle):.9g}"
+        for joint, angle in zip(machine.joints, initial, strict=True)
     ]
     lines.append(f"  settle: {settle:.1f}")
     return "\n".join(lines) + "\n"

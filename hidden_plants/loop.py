@@ -1,4 +1,4 @@
-"""The control loop of a real machine, one pass for each physics step."""
+"""Simulation of one episode: motor law, devices and friction at each physics step."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from hidden_plants.robot import Robot, State
 from hidden_plants.types import Floats
 
 SETTLE = 1.0
-"""How long the first command is held before an episode begins [s]."""
+"""Time for which the first command is held before an episode begins [s]."""
 BRISTLE = 2e-5
-"""Travel within which dry friction of a wire builds up [m]."""
+"""Travel over which the dry friction of a tendon builds up [m]."""
 STRIDE = 2
-"""Physics steps from one stored sample to the next."""
+"""Physics steps between two stored samples."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a machine is asked to do in one episode.
+    """Commands of one episode.
 
     Attributes:
-        time: of the commands (n,) [s], rising from 0; each is held until the next.
-        command: target lengths (n, wires) [m].
-        initial: joint positions at which the first command begins to act (joints,) [rad].
-        duration: [s].
-        start: where the episode begins in the log, episodes end to end [s].
+        time: of the commands (n,) [s], increasing from 0; each command holds until the next.
+        command: target lengths (n, tendons) [m].
+        initial: joint positions at the start of the settling time (joints,) [rad].
+        duration: of the episode [s].
+        start: of the episode in log time, episodes end to end [s].
     """
 
     time: Floats
@@ -39,13 +39,13 @@ class Task:
 
 @dataclass(frozen=True)
 class Trace:
-    """What really happened in one episode, on an even grid.
+    """True signals of one episode on a uniform grid.
 
     Attributes:
-        time: (k,) [s], from shortly before 0.
-        encoder: what the controllers were told (k, wires) [m].
-        tension: at the motors (k, wires) [N].
-        qpos: (k, joints) [rad].
+        time: (k,) [s], increasing from 0.
+        encoder: encoder readings without noise (k, tendons) [m].
+        tension: at the motors (k, tendons) [N].
+        qpos: joint positions (k, joints) [rad].
     """
 
     time: Floats
@@ -55,87 +55,47 @@ class Trace:
 
 
 def run_task(robot: Robot, task: Task) -> Trace:
-    """Let the machine settle under the first command, then do the task."""
-    model, machine = robot.model, robot.machine
-    data = mujoco.MjData(model)
+    """Let the robot settle under the first command, then perform the task."""
+    state = _initial_state(robot, task)
+    actuation = Actuation(robot, state)
+    model, data, step = robot.model, state.data, robot.step
+    encoder, motor, qpos = state.encoder, state.motor, data.qpos
+    settle, stored = round(SETTLE / step), []
+    for k, target in enumerate(_plan(robot, task)):
+        state.time = (k - settle) * step
+        state.log_time = task.start + max(0.0, state.time)
+        mujoco.mj_step1(model, data)
+        actuation(target)
+        if k >= settle and not (k - settle) % STRIDE:
+            stored.append(np.concatenate((encoder, motor, qpos)))
+        mujoco.mj_step2(model, data)
+    count = len(robot.machine.tendons)
+    time = STRIDE * step * np.arange(len(stored), dtype=np.float64)
+    return Trace(time, *np.split(np.array(stored), [count, 2 * count], axis=1))
+
+
+def _initial_state(robot: Robot, task: Task) -> State:
+    data = mujoco.MjData(robot.model)
     data.qpos[:] = task.initial
-    count = len(machine.tendons)
-    zero = machine.lengths(machine.model.qpos0)[0] + robot.offset
-    offset = zero - robot.scale * robot.zero_lengths()
-    plan = _plan(robot, task)
-    step, settle, steps = robot.step, round(SETTLE / robot.step), len(plan)
-    state = State(
-        model=model,
+    count = len(robot.machine.tendons)
+    return State(
+        model=robot.model,
         data=data,
         length=data.ten_length,
         velocity=data.ten_velocity,
         encoder=np.empty(count),
         motor=np.full(count, robot.bias),
         pull=np.empty(count),
-        step=step,
-    )
-    encode = [make() for make in robot.encode]
-    drive = [make() for make in robot.drive]
-    tug = [make() for make in robot.tug]
-    body = [make() for make in robot.body]
-    friction = TendonFriction(robot)
-    rows = (steps - settle) // STRIDE + 1
-    trace = np.empty((rows, 2 * count + model.nq))
-    row = 0
-    step1, step2 = mujoco.mj_step1, mujoco.mj_step2
-    encoder, motor, pull = state.encoder, state.motor, state.pull
-    control, applied, pushed = data.ctrl, data.qfrc_applied, data.xfrc_applied
-    length, scale, bias, cut = state.length, robot.scale, robot.bias, robot.cut
-    stiffness, gain, force_offset = robot.stiffness, robot.gain, robot.force_offset
-    multiply, add, subtract = np.multiply, np.add, np.subtract
-    maximum, minimum = np.maximum, np.minimum
-    for k in range(steps):
-        state.time = (k - settle) * step
-        state.log_time = task.start + max(0.0, state.time)
-        step1(model, data)
-        multiply(length, scale, encoder)
-        add(encoder, offset, encoder)
-        for act in encode:
-            act(state)
-        subtract(encoder, plan[k], motor)
-        multiply(motor, stiffness, motor)
-        add(motor, bias, motor)
-        maximum(motor, bias, out=motor)
-        minimum(motor, cut, out=motor)
-        for act in drive:
-            act(state)
-        multiply(motor, gain, motor)
-        add(motor, force_offset, motor)
-        pull[:] = motor
-        for act in tug:
-            act(state)
-        add(pull, friction(state), control)
-        if body:
-            applied[:] = 0.0
-            pushed[:] = 0.0
-            for act in body:
-                act(state)
-        if k >= settle and not (k - settle) % STRIDE:
-            stored = trace[row]
-            stored[:count] = encoder
-            stored[count : 2 * count] = motor
-            stored[2 * count :] = data.qpos
-            row += 1
-        step2(model, data)
-    return Trace(
-        time=STRIDE * step * np.arange(row, dtype=np.float64),
-        encoder=trace[:row, :count],
-        tension=trace[:row, count : 2 * count],
-        qpos=trace[:row, 2 * count :],
+        step=robot.step,
     )
 
 
 def _plan(robot: Robot, task: Task) -> Floats:
-    """The command of every physics step, settling included (steps, wires) [m].
+    """Target lengths of every physics step, settling time included (steps, tendons) [m].
 
-    A step takes the mean of the command from half a step before to half a step after, so that the
-    instant of a command does not snap to a step. There are a few steps more than the duration, so
-    that the last sample lies inside.
+    Each step takes the mean of the command over an interval of one step around it, so that the
+    instant of a command is not rounded to a step. The plan is a few steps longer than the duration,
+    so that the last sample lies inside it.
     """
     step = robot.step
     steps = round((SETTLE + task.duration) / step) + 2 * STRIDE
@@ -151,35 +111,88 @@ def _plan(robot: Robot, task: Task) -> Floats:
     return plan
 
 
-class TendonFriction:
-    """Dry friction of all wires: bristles that bend over `BRISTLE`, then slide (Dahl's model).
+class Actuation:
+    """From tendon lengths and targets to the forces of one physics step, in this order:
 
-    The level is that of the direction of motion, plus a share of the tension, as a capstan's. The
-    bending is integrated in closed form over a step of constant speed, so it is stable for any
-    stiffness. P. Dahl, "A solid friction model", Aerospace Corporation, 1968.
+    1. The encoders read scaled and shifted lengths; encoder devices change the readings.
+    2. The motor law gives the tension clip(bias + stiffness (reading - target), bias, cut); motor
+       devices change it, then gain and offset are applied.
+    3. Pull devices change the tension at the bone; dry friction is added.
+    4. Body devices apply further forces and torques.
+
+    An instance belongs to one episode, because devices have states.
+    """
+
+    def __init__(self, robot: Robot, state: State) -> None:
+        self._robot, self._state = robot, state
+        self._control = state.data.ctrl
+        self._applied, self._pushed = state.data.qfrc_applied, state.data.xfrc_applied
+        machine = robot.machine
+        zero = machine.lengths(machine.model.qpos0)[0] + robot.offset
+        self._offset = zero - robot.scale * robot.zero_lengths()
+        self._encoder_devices = [make() for make in robot.encoder_devices]
+        self._motor_devices = [make() for make in robot.motor_devices]
+        self._pull_devices = [make() for make in robot.pull_devices]
+        self._body_devices = [make() for make in robot.body_devices]
+        self._friction = TendonFriction(robot)
+
+    def __call__(self, target: Floats) -> None:
+        """Write the forces of this step; ``target``: lengths (tendons,) [m]."""
+        robot, state = self._robot, self._state
+        encoder, motor, pull = state.encoder, state.motor, state.pull
+        np.multiply(state.length, robot.scale, out=encoder)
+        encoder += self._offset
+        for act in self._encoder_devices:
+            act(state)
+        np.subtract(encoder, target, out=motor)
+        motor *= robot.stiffness
+        motor += robot.bias
+        np.maximum(motor, robot.bias, out=motor)
+        np.minimum(motor, robot.cut, out=motor)
+        for act in self._motor_devices:
+            act(state)
+        motor *= robot.gain
+        motor += robot.force_offset
+        pull[:] = motor
+        for act in self._pull_devices:
+            act(state)
+        np.add(pull, self._friction(state), out=self._control)
+        if self._body_devices:
+            self._applied[:] = 0.0
+            self._pushed[:] = 0.0
+        for act in self._body_devices:
+            act(state)
+
+
+class TendonFriction:
+    """Dry friction of all tendons: Dahl's model of bristles that bend over `BRISTLE`, then slide.
+
+    The level of sliding friction depends on the direction of motion, plus a share of the tension as
+    in a capstan. The bending is integrated in closed form over a step of constant speed, which is
+    stable for any stiffness. P. Dahl, "A solid friction model", Aerospace Corporation, 1968.
     """
 
     def __init__(self, robot: Robot) -> None:
-        self.out, self.inward = robot.friction_out, robot.friction_in
-        self.load = robot.load_friction if robot.load_friction.any() else None
-        self.one_way = bool(np.array_equal(self.out, self.inward))
-        self.force = np.zeros(len(self.out))
-        self.step = robot.step
-        self.rate = np.empty(len(self.out))
-        self.way = np.empty(len(self.out))
+        self._out, self._inward = robot.friction_out, robot.friction_in
+        self._load = robot.load_friction if robot.load_friction.any() else None
+        self._symmetric = bool(np.array_equal(self._out, self._inward))
+        self._force = np.zeros(len(self._out))
+        self._rate = -robot.step / BRISTLE
 
     def __call__(self, state: State) -> Floats:
-        """Friction (wires,) [N], positive where it adds to the pull."""
-        velocity, force, rate, way = state.velocity, self.force, self.rate, self.way
-        level = self.out if self.one_way else np.where(velocity > 0.0, self.out, self.inward)
-        if self.load is not None:
-            level = level + self.load * state.pull
-        np.sign(velocity, way)
-        np.abs(velocity, rate)
-        rate *= -self.step / BRISTLE
-        np.exp(rate, rate)
-        way *= level
-        force -= way
-        force *= rate
-        force += way
-        return force
+        """Friction (tendons,) [N], positive where it adds to the pull."""
+        velocity = state.velocity
+        level = self._out
+        if not self._symmetric:
+            level = np.where(velocity > 0.0, self._out, self._inward)
+        if self._load is not None:
+            level = level + self._load * state.pull
+        end = np.sign(velocity)
+        end *= level
+        decay = np.abs(velocity)
+        decay *= self._rate
+        np.exp(decay, out=decay)
+        self._force -= end
+        self._force *= decay
+        self._force += end
+        return self._force

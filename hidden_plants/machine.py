@@ -1,4 +1,4 @@
-"""The drawing of a machine: the model that whoever diagnoses is given, and its parts by name."""
+"""Nominal model of a machine: the model that the diagnosis gets, and the names of its parts."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from hidden_plants.types import Floats
 
 MACHINES = ("elbow", "arm")
 ASSETS = Path("assets/mjcf/kengoro_arm")
-"""Where the drawings are, seen from the root of the repository."""
+"""Folder of elbow.xml and arm.xml, relative to the root of the repository."""
 
 STIFFNESS = 30e3
-"""Gain of the stiffness control of every wire [N/m]."""
+"""Gain of the stiffness control of every tendon [N/m]."""
 BIAS = 30.0
-"""Tension of a wire that is longer than its target asks for [N]."""
+"""Tension that the motor holds at and below the target length [N]."""
 CUT = 500.0
-"""Largest tension of a motor [N]."""
+"""Upper limit of a motor's tension [N]."""
 TENDON_DAMPING = 150.0
-"""Damping of every wire's path [N s/m]."""
+"""Damping of every tendon's path [N s/m]."""
 
 MARKER = "marker_hand"
 HAND = "hand"
@@ -31,18 +31,18 @@ CAMERAS = {"elbow": "outside", "arm": "eye"}
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """What the drawing says.
+    """Nominal model of a machine.
 
     Attributes:
         name: "elbow" or "arm".
-        xml: the honest drawing, with actuators and sensors, as MJCF.
-        model: it, compiled; read-only by agreement.
-        wires: names of the tendons, in the order of the actuators.
+        xml: MJCF of the nominal model with actuators and sensors.
+        model: the compiled ``xml``; callers must not modify it.
+        tendons: names of the tendons, in the order of the actuators.
         joints: names of the joints, in the order of ``qpos``.
-        sites: names of the sites that wires run over.
-        paths: the sites of each wire, in order.
+        sites: names of the sites on the tendons' paths.
+        paths: names of the sites of each tendon, in order.
         bodies: names of the bodies that move.
-        camera: name of the camera that sees the marker.
+        camera: name of the camera that observes the marker.
     """
 
     name: str
@@ -56,23 +56,24 @@ class Machine:
     camera: str
 
     def spec(self) -> mujoco.MjSpec:
-        """The drawing, to be edited."""
+        """A new spec of the nominal model, to be edited."""
         return mujoco.MjSpec.from_string(self.xml)
 
     def lengths(self, qpos: Floats) -> Floats:
-        """Lengths of the wires (k, wires) [m] at joint positions ``qpos`` (k, joints) [rad]."""
+        """Tendon lengths (k, tendons) [m] at joint positions ``qpos`` (k, joints) [rad]."""
         return _lengths(self.model, np.atleast_2d(qpos))
 
     def moment_arms(self, qpos: Floats) -> Floats:
-        """d length / d joint, (k, wires, joints) [m], at postures ``qpos`` (k, joints) [rad]."""
+        """Moment arms dl/dq (k, tendons, joints) [m/rad] at ``qpos`` (k, joints) [rad]."""
         step = 1e-5
         columns = []
         for turn in np.eye(qpos.shape[1]) * step:
-            columns.append((self.lengths(qpos + turn) - self.lengths(qpos - turn)) / (2.0 * step))
+            difference = self.lengths(qpos + turn) - self.lengths(qpos - turn)
+            columns.append(difference / (2.0 * step))
         return np.stack(columns, axis=2)
 
     def gravity_torques(self, qpos: Floats) -> Floats:
-        """The torques (k, joints) [N m] that the wires must give to hold ``qpos`` (k, joints)."""
+        """Torques (k, joints) [N m] that hold ``qpos`` (k, joints) [rad] against gravity."""
         data = mujoco.MjData(self.model)
         torques = np.zeros((len(qpos), self.model.nv))
         for torque, posture in zip(torques, qpos, strict=True):
@@ -98,14 +99,20 @@ def _lengths(model: mujoco.MjModel, qpos: Floats) -> Floats:
 
 @lru_cache(maxsize=8)
 def load(name: str, assets: Path) -> Machine:
-    """Read the drawing of ``name`` from the folder that holds elbow.xml and arm.xml."""
+    """Read a nominal model and add its motors and sensors.
+
+    Args:
+        name: one of `MACHINES`.
+        assets: folder of elbow.xml and arm.xml.
+
+    Raises:
+        ValueError: the name is unknown, or the file is missing.
+    """
     if name not in MACHINES:
-        raise ValueError(f"no machine {name!r}; there are: {', '.join(MACHINES)}")
+        raise ValueError(f"unknown machine {name!r}; valid are: {', '.join(MACHINES)}")
     path = assets / f"{name}.xml"
     if not path.is_file():
-        raise ValueError(
-            f"no drawing at {path}; assets must be the folder of elbow.xml and arm.xml"
-        )
+        raise ValueError(f"no model at {path}; assets must be the folder of elbow.xml and arm.xml")
     spec = mujoco.MjSpec.from_file(str(path))
     _strip(spec)
     tendons = tuple(tendon.name for tendon in spec.tendons)
@@ -128,9 +135,9 @@ def load(name: str, assets: Path) -> Machine:
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Leave out pictures, and the joints of the fingers, which no wire moves."""
-    for picture in [*spec.textures, *spec.materials]:
-        spec.delete(picture)
+    """Remove textures and materials, and the joints of the fingers, which no tendon moves."""
+    for element in [*spec.textures, *spec.materials]:
+        spec.delete(element)
     for geom in spec.geoms:
         geom.material = ""
     for joint in list(spec.joints):

@@ -1,4 +1,4 @@
-"""What the machines are asked to do: smooth and rich motions, planned with the drawing."""
+"""Commanded motions: smooth and informative, planned with the nominal model."""
 
 from __future__ import annotations
 
@@ -11,23 +11,29 @@ from hidden_plants.machine import BIAS, STIFFNESS, Machine
 from hidden_plants.types import Floats
 
 PERIOD = 0.020
-"""From one command to the next [s]."""
+"""Period of the commands [s]."""
 MOTIONS = {"elbow": 4, "arm": 1}
-"""How many motions the library of each machine holds, those that floors are known for."""
+"""Number of motions in the library of each machine; detection limits are known for these."""
 EPISODE = {"elbow": 4.0, "arm": 5.0}
-"""Length of one episode [s]."""
+"""Duration of one episode [s]."""
 LOW, HIGH = np.deg2rad(14.0), np.deg2rad(106.0)
+"""Bounds of the elbow's commanded angle [rad]."""
 HOME = np.deg2rad(60.0)
-"""Where every episode of the elbow begins [rad]."""
+"""Angle at which every episode of the elbow begins [rad]."""
 
 
 @lru_cache(maxsize=16)
 def episodes(machine: Machine, motion: int, seconds: float) -> tuple[tuple[Floats, Floats], ...]:
-    """The episodes of a motion: each the posture where it begins (joints,) [rad] and the targets.
+    """Plan the episodes of a motion.
 
-    All episodes of a motion begin at the same posture.
+    Args:
+        machine: nominal model.
+        motion: index in the library.
+        seconds: duration of all episodes [s], rounded to whole episodes.
 
-    Targets (n, wires) [m] are given every `PERIOD`; the last one is given a period before the end.
+    Returns:
+        For each episode the initial posture (joints,) [rad], the same for all, and the target
+        lengths (n, tendons) [m], one row every `PERIOD`.
     """
     count = max(1, round(seconds / EPISODE[machine.name]))
     rows = round(EPISODE[machine.name] / PERIOD)
@@ -58,12 +64,12 @@ def _waves(rng: np.random.Generator, time: Floats) -> Floats:
 
 
 def _holds(rng: np.random.Generator, time: Floats) -> Floats:
-    """Ramps with holds between them; neighbours lie apart."""
+    """Ramps between holds at angles that lie apart."""
     return _through(rng, time, times=np.array([0.25, 0.95, 1.25, 1.95, 2.25, 2.95, 3.25, 3.85]))
 
 
 def _fast(rng: np.random.Generator, time: Floats) -> Floats:
-    """Quick strokes of 2 to 3 rad/s, turned at once."""
+    """Fast strokes of 2 to 3 rad/s without pauses."""
     stroke = rng.uniform(0.50, 0.62)
     return _through(rng, time, times=0.2 + np.repeat(np.arange(6.0), 2) * stroke, far=True)
 
@@ -71,13 +77,13 @@ def _fast(rng: np.random.Generator, time: Floats) -> Floats:
 def _steps(rng: np.random.Generator, time: Floats) -> Floats:
     """Small steps on a slow wave."""
     angle = 0.8 * np.sin(2.0 * np.pi * 0.3 * time + rng.uniform(0.0, 2.0 * np.pi))
-    for at in np.arange(0.5, 3.9, 0.5):
-        angle = angle + rng.uniform(0.05, 0.11) * rng.choice([-1.0, 1.0]) * (time > at)
+    for instant in np.arange(0.5, 3.9, 0.5):
+        angle = angle + rng.uniform(0.05, 0.11) * rng.choice([-1.0, 1.0]) * (time > instant)
     return _fit(angle)
 
 
 def _through(rng: np.random.Generator, time: Floats, times: Floats, far: bool = False) -> Floats:
-    """A smooth way from stop to stop: it rests between ``times[1::2]`` and ``times[2::2]``."""
+    """A smooth motion between stops, at rest from ``times[1::2]`` to ``times[2::2]``."""
     stops = len(times) // 2 + 1
     side, shift = rng.integers(2), rng.uniform(0.0, 0.4 if far else 0.2)
     high = (0.45, 0.6) if far else (0.6, 0.8)
@@ -87,19 +93,22 @@ def _through(rng: np.random.Generator, time: Floats, times: Floats, far: bool = 
     ]
     angle = np.full(len(time), height[0])
     for k in range(stops - 1):
-        end = times[2 * k + 1] if not far else (times[2 * k + 2] if 2 * k + 2 < len(times) else 4.0)
+        end = times[2 * k + 1]
+        if far:
+            end = times[2 * k + 2] if 2 * k + 2 < len(times) else 4.0
         share = np.clip((time - times[2 * k]) / (end - times[2 * k]), 0.0, 1.0)
         angle += (height[k + 1] - height[k]) * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return LOW + (HIGH - LOW) * angle
 
 
 def _fit(angle: Floats) -> Floats:
+    """Scale the motion to the whole range of angles."""
     low, high = float(angle.min()), float(angle.max())
     return LOW + (HIGH - LOW) * (angle - low) / (high - low)
 
 
 def _cocontraction(rng: np.random.Generator, time: Floats) -> Floats:
-    """Wished tensions of biceps, brachialis and triceps (n, 3) [N], each on its own way."""
+    """Preferred tensions of biceps, brachialis and triceps (n, 3) [N], which vary independently."""
     frequency = rng.uniform(0.15, 0.6, (2, 3))
     phase = rng.uniform(0.0, 2.0 * np.pi, (2, 3))
     wave = np.sin(2.0 * np.pi * frequency[0] * time[:, None] + phase[0])
@@ -109,7 +118,7 @@ def _cocontraction(rng: np.random.Generator, time: Floats) -> Floats:
 
 
 def _balanced(machine: Machine, angle: Floats, tension: Floats) -> Floats:
-    """The nearest tensions to the wished ones that hold gravity, within 50 to 250 N (n, 3)."""
+    """Tensions (n, 3) [N] nearest to the preferred that balance gravity, cut to 50 to 250 N."""
     table = np.linspace(LOW, HIGH, 47)[:, None]
     arms = -machine.moment_arms(table)[:, :, 0]
     arm = np.stack([np.interp(angle, table[:, 0], column) for column in arms.T], axis=1)

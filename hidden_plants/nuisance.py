@@ -1,4 +1,4 @@
-"""What every honest drawing is off by, and what every sensor adds."""
+"""Nuisance: small mismatches between every robot and its nominal model, and sensor noise."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ class Nuisance:
 
     Attributes:
         mass: of every body, relative [1].
-        site: of every site of a wire, each axis [m].
-        friction: of every wire, from 0 to this [N].
-        encoder_offset: of every wire [m].
-        tension_offset: of every wire's tension sensor [N].
+        site: of every site of a tendon, each axis [m].
+        friction: dry friction of every tendon, uniform from 0 to this [N].
+        encoder_offset: of every tendon [m].
+        tension_offset: of every tension sensor [N].
         damping: of every joint, relative [1].
         gain: of every motor, relative [1].
         camera_shift, camera_turn: of the camera's mounting, each axis [m], [rad].
         marker_shift: of the marker on the hand, each axis [m].
         encoder_noise, tension_noise: of one reading [m], [N].
-        marker_noise, marker_turn_noise: of one look, each axis [m], [rad].
-        jitter: half width of the sampling instant [s].
+        marker_noise, marker_turn_noise: of one marker observation, each axis [m], [rad].
+        jitter: half width of the sampling instants [s].
     """
 
     mass: float = 0.005
@@ -47,18 +47,18 @@ class Nuisance:
     jitter: float = 1e-3
 
     def scaled(self, factor: float) -> Nuisance:
-        """All mismatches and noises times ``factor``, the jitter excepted."""
+        """Multiply all mismatches and noises by ``factor``; the jitter stays."""
         names = [field.name for field in fields(self) if field.name != "jitter"]
         values = {name: getattr(self, name) * factor for name in names}
         return Nuisance(**values, jitter=self.jitter)
 
 
 class Mismatch(NamedTuple):
-    """One machine's departures from its drawing; units as in `Nuisance`.
+    """Differences between one robot and its nominal model; units as in `Nuisance`.
 
-    ``mass`` (bodies,), ``site`` (sites, 3), ``friction``, ``encoder_offset``, ``tension_offset``,
-    ``gain`` (wires,), ``damping`` (joints,), ``camera_shift``, ``camera_turn``, ``marker_shift``
-    (3,).
+    Shapes: ``mass`` (bodies,); ``site`` (sites, 3); ``friction``, ``encoder_offset``,
+    ``tension_offset`` and ``gain`` (tendons,); ``damping`` (joints,); ``camera_shift``,
+    ``camera_turn`` and ``marker_shift`` (3,).
     """
 
     mass: Floats
@@ -89,13 +89,19 @@ def _shapes(machine: Machine) -> dict[str, tuple[int, ...]]:
     }
 
 
-def size(machine: Machine) -> int:
-    """How many numbers describe a mismatch."""
+def mismatch_size(machine: Machine) -> int:
+    """Number of parameters of a mismatch."""
     return sum(int(np.prod(shape)) for shape in _shapes(machine).values())
 
 
-def mismatch(machine: Machine, nuisance: Nuisance, unit: Floats) -> Mismatch:
-    """The mismatch at ``unit`` (`size`,), each number in [-1, 1] and 0 in the middle."""
+def mismatch_at(machine: Machine, nuisance: Nuisance, unit: Floats) -> Mismatch:
+    """Scale unit parameters to a mismatch.
+
+    Args:
+        machine: nominal model.
+        nuisance: half widths.
+        unit: parameters (`mismatch_size`,), each in [-1, 1]; 0 is the mean.
+    """
     parts, start = {}, 0
     for name, shape in _shapes(machine).items():
         count = int(np.prod(shape))
@@ -107,6 +113,6 @@ def mismatch(machine: Machine, nuisance: Nuisance, unit: Floats) -> Mismatch:
     return Mismatch(**parts)
 
 
-def draw_mismatch(machine: Machine, nuisance: Nuisance, rng: np.random.Generator) -> Mismatch:
-    """A mismatch drawn uniformly."""
-    return mismatch(machine, nuisance, rng.uniform(-1.0, 1.0, size(machine)))
+def sample_mismatch(machine: Machine, nuisance: Nuisance, rng: np.random.Generator) -> Mismatch:
+    """Sample a mismatch uniformly."""
+    return mismatch_at(machine, nuisance, rng.uniform(-1.0, 1.0, mismatch_size(machine)))

@@ -1,9 +1,10 @@
-"""How large an effect must be before an oracle sees it, who knows everything but the mismatches.
+"""Detection limits: the smallest amplitude of an effect that an ideal detector finds.
 
-The oracle knows the true structure of the effect, its direction, the noise, and how the mismatches
-are distributed, but not their values. With the difference dy that the effect makes in all readings,
-d^2 = dy' C^-1 dy, where C is the noise's covariance plus that of the mismatches, the latter from
-finite differences of the plant in every mismatch. The detection floor is the amplitude where d = 5.
+The ideal detector, the oracle, knows the structure and direction of the effect, the noise, and the
+distribution of the mismatches, but not the values of the mismatches. Let dy be the change of all
+readings by the effect. Its detectability is d with d^2 = dy' C^-1 dy, where C is the covariance of
+the noise plus that of the mismatches; the latter comes from finite differences of the simulation in
+every mismatch. The detection limit is the amplitude where d = 5.
 """
 
 from __future__ import annotations
@@ -21,30 +22,34 @@ from hidden_plants.machine import ASSETS, Machine, load
 from hidden_plants.mechanisms import mechanism_of
 from hidden_plants.mechanisms.mechanism import Structure
 from hidden_plants.motion import EPISODE, PERIOD, episodes
-from hidden_plants.nuisance import Nuisance, mismatch, size
-from hidden_plants.readings import clean_readings
+from hidden_plants.nuisance import Nuisance, mismatch_at, mismatch_size
+from hidden_plants.readings import clean_readings, noise_of
 from hidden_plants.robot import Readings
 from hidden_plants.secret import Effect
-from hidden_plants.study import CAMERA_EVERY, LATE
+from hidden_plants.study import CAMERA_EVERY, SENSOR_DELAY
 from hidden_plants.types import Floats
 
 THRESHOLD = 5.0
-"""The d at which an effect counts as seen."""
+"""Value of d at the detection limit."""
 SECONDS = {"elbow": 20.0, "arm": 15.0}
-"""Length of the logs that floors are stated for [s]."""
+"""Length of the logs that detection limits are computed for [s]."""
 STEP, COARSE = 0.001, 0.002
-"""Physics steps of the oracle's runs [s], of effects and of mismatches: only differences count."""
+"""Physics steps [s] of simulations with effects and with mismatches.
+
+They are coarser than those of a study: only differences between simulations matter.
+"""
 SPREAD = 3.0**-0.5
 """Standard deviation of a uniform number in [-1, 1]."""
 
 
 @dataclass(frozen=True)
 class Background:
-    """What the oracle knows of one motion without the effect.
+    """Readings of one motion without an effect, and their change with the mismatches.
 
     Attributes:
-        middle: whitened readings of the machine with all mismatches in their middle (k,).
-        slopes: their change with every mismatch by one standard deviation (k, m), single precision.
+        middle: whitened readings of the robot with all mismatches at their mean (k,).
+        slopes: change of the readings per standard deviation of each mismatch (k, m), in single
+            precision.
         inner: (I + slopes' slopes)^-1 (m, m), so that C^-1 = I - slopes inner slopes'.
     """
 
@@ -53,7 +58,7 @@ class Background:
     inner: Floats
 
     def distance(self, readings: Floats) -> float:
-        """d of whitened readings (k,)."""
+        """Detectability d of whitened readings (k,)."""
         change = readings - self.middle
         known = (change.astype(np.float32) @ self.slopes).astype(np.float64)
         return max(float(change @ change - known @ self.inner @ known), 0.0) ** 0.5
@@ -66,24 +71,27 @@ def whitened(
     effects: tuple[Effect, ...] = (),
     step: float = STEP,
 ) -> Floats:
-    """All readings of a motion without noise, over their noise, in one row.
+    """Simulate a motion and divide all readings by their noise.
 
     Args:
-        machine: the drawing.
-        motion: of the library.
-        unit: the mismatches (`nuisance.size`,), each in [-1, 1].
-        effects: hidden.
-        step: of the physics [s].
+        machine: nominal model.
+        motion: index in the library.
+        unit: mismatches (`nuisance.mismatch_size`,), each in [-1, 1].
+        effects: hidden effects.
+        step: physics step [s].
+
+    Returns:
+        Readings over their standard deviations, of all sensors and episodes (k,).
     """
     nuisance = Nuisance()
-    slip = mismatch(machine, nuisance, unit)
+    mismatch = mismatch_at(machine, nuisance, unit)
     parts: list[Floats] = []
     for k, (initial, targets) in enumerate(episodes(machine, motion, SECONDS[machine.name])):
         time = PERIOD * np.arange(len(targets), dtype=np.float64)
         task = Task(time, targets, initial, EPISODE[machine.name], k * EPISODE[machine.name])
-        robot = build(machine, slip, effects, step)
+        robot = build(machine, mismatch, effects, step)
         readings = clean_readings(
-            robot, run_task(robot, task), time + LATE, time[::CAMERA_EVERY] + LATE
+            robot, run_task(robot, task), time + SENSOR_DELAY, time[::CAMERA_EVERY] + SENSOR_DELAY
         )
         parts += _over_noise(readings, nuisance)
     return np.concatenate(parts)
@@ -92,22 +100,16 @@ def whitened(
 def _over_noise(readings: Readings, nuisance: Nuisance) -> list[Floats]:
     rows = []
     for name, values in readings.items():
-        if name == "marker_orientation":
-            deviation = 0.5 * nuisance.marker_turn_noise
-        elif name == "marker_position":
-            deviation = nuisance.marker_noise
-        elif name.startswith("length"):
-            deviation = nuisance.encoder_noise
-        else:
-            deviation = nuisance.tension_noise
-        rows.append(values.ravel() / deviation)
+        # A small rotation changes the quaternion by half its angle.
+        unit = 0.5 if name == "marker_orientation" else 1.0
+        rows.append(values.ravel() / (unit * noise_of(name, nuisance)))
     return rows
 
 
 @lru_cache(maxsize=4)
 def background(machine: Machine, motion: int) -> Background:
-    """What the oracle knows of a motion; one run of the plant for every mismatch."""
-    units = np.eye(size(machine), dtype=np.float64)
+    """Compute the background of a motion, with one simulation for every mismatch."""
+    units = np.eye(mismatch_size(machine), dtype=np.float64)
     middle = whitened(machine, motion, 0.0 * units[0])
     start = whitened(machine, motion, 0.0 * units[0], step=COARSE)
     slopes = np.empty((len(middle), len(units)), dtype=np.float32)
@@ -120,23 +122,27 @@ def background(machine: Machine, motion: int) -> Background:
 def detection_limit_of(
     machine: Machine, structure: Effect | Structure, motion: int, guess: float | None = None
 ) -> float:
-    """The amplitude at which the oracle's d is 5; infinite where no physical one reaches it.
+    """Search the amplitude at which d is `THRESHOLD`, to 5 % of d.
 
     Args:
-        machine: the drawing.
-        structure: its amplitude, if it has one, does not matter.
-        motion: of the library.
-        guess: an amplitude to start from.
+        machine: nominal model.
+        structure: where and in which shape the effect acts; the amplitude of an `Effect` is
+            ignored.
+        motion: index in the library.
+        guess: first amplitude of the search.
+
+    Returns:
+        The amplitude in the unit of the mechanism; infinite if no physical amplitude reaches d.
     """
-    mechanism, seen = mechanism_of(structure), background(machine, motion)
+    mechanism, known = mechanism_of(structure), background(machine, motion)
     shape = structure.parameters if isinstance(structure, Effect) else structure.shape
     low, high = 0.0, float("inf")
     bound = min(mechanism.bound, shape.get("most", mechanism.bound))
     amplitude = min(guess or mechanism.typical, bound)
-    middle = np.zeros(size(machine))
+    middle = np.zeros(mismatch_size(machine))
     for _ in range(8):
         effect = mechanism.effect(Structure(structure.id, structure.elements, shape), amplitude)
-        distance = seen.distance(whitened(machine, motion, middle, (effect,)))
+        distance = known.distance(whitened(machine, motion, middle, (effect,)))
         if abs(distance / THRESHOLD - 1.0) < 0.05:
             break
         if distance < THRESHOLD:
@@ -146,16 +152,26 @@ def detection_limit_of(
         else:
             high = amplitude
         step = min(max(THRESHOLD / max(distance, 1e-3), 0.01), 100.0)
-        wished = min(amplitude * step, bound)
-        if not low < wished < high:
-            wished = float(np.sqrt(low * high))
-        amplitude = wished
+        following = min(amplitude * step, bound)
+        if not low < following < high:
+            following = float(np.sqrt(low * high))
+        amplitude = following
     return amplitude
 
 
 def detection_limit(
     effect: Effect, motion: int, machine: str = "elbow", assets: Path = ASSETS
 ) -> float:
-    """The factor on the effect's amplitude at which the oracle sees it (d = 5) in a motion."""
-    drawing = load(machine, assets)
-    return detection_limit_of(drawing, effect, motion, effect.amplitude) / effect.amplitude
+    """Compute the ratio of the detection limit to an effect's amplitude.
+
+    Args:
+        effect: of nonzero amplitude.
+        motion: index in the library.
+        machine: "elbow" or "arm".
+        assets: folder of elbow.xml and arm.xml.
+
+    Returns:
+        The factor by which the amplitude has to be multiplied to get the detection limit.
+    """
+    nominal = load(machine, assets)
+    return detection_limit_of(nominal, effect, motion, effect.amplitude) / effect.amplitude

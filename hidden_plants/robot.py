@@ -1,4 +1,4 @@
-"""A real machine: the drawing with mismatches and hidden effects, ready to be run."""
+"""Robot: the nominal model with mismatches and hidden effects, ready for simulation."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from hidden_plants.secret import Effect
 from hidden_plants.types import Floats
 
 STEP = 0.0005
-"""Physics step [s], a quarter of the drawing's."""
+"""Physics step [s], a quarter of the nominal model's step."""
 
 
 @dataclass
 class State:
-    """What the devices of a machine share at one physics step.
+    """Signals that the devices of a robot read and change at one physics step.
 
     Attributes:
-        model, data: of MuJoCo; positions and velocities are up to date.
-        time: since the episode's first command [s], negative while it settles.
-        log_time: since the first command of the first episode [s], episodes end to end; it stands
-            still while the machine settles.
-        length, velocity: of the wires' paths (wires,) [m], [m/s].
-        encoder: what the controller is told (wires,) [m].
-        motor: tension at the motor (wires,) [N]; that of the step before while ``encode`` runs.
-        pull: what pulls at the bone (wires,) [N].
-        step: of the physics [s].
+        model, data: MuJoCo's; positions and velocities are up to date.
+        length, velocity: of the tendons' paths (tendons,) [m], [m/s].
+        encoder: encoder readings, the controller's input (tendons,) [m].
+        motor: tension at the motor (tendons,) [N]; while encoder devices run, the tension of the
+            previous step.
+        pull: tension at the bone (tendons,) [N].
+        step: physics step [s].
+        time: time since the first command of the episode [s], negative while the robot settles.
+        log_time: time since the first command of the first episode [s], episodes end to end; it
+            is constant while the robot settles.
     """
 
     model: mujoco.MjModel
@@ -48,31 +49,35 @@ class State:
 
 Reshape = Callable[[mujoco.MjSpec, Effect], None]
 Device = Callable[[State], None]
-Maker = Callable[[], Device]
+DeviceFactory = Callable[[], Device]
 Readings = dict[str, Floats]
-ReadingEffect = Callable[[Readings, "Robot"], None]
+SensorEffect = Callable[[Readings, "Robot"], None]
 
 
 @dataclass
 class Robot:
-    """A machine under construction; mechanisms write into it.
+    """Parameters and devices of the simulated robot; mechanisms modify them.
 
     Attributes:
-        machine: the drawing.
-        model: the true machine.
-        scale, offset: encoder = scale * (length - at zero) + length of the drawing at zero +
-            offset (wires,) [1], [m].
-        stiffness, bias, cut: of the motor law (wires,).
-        gain, force_offset: real tension = gain * asked + offset (wires,) [1], [N].
-        friction_out, friction_in: dry friction of a wire that lengthens, shortens (wires,) [N].
-        load_friction: dry friction per tension (wires,) [1].
-        tension_scale, tension_offset: of the tension's reading (wires,) [1], [N].
-        command_delay: of every wire's commands (wires,) [s].
-        step: of the physics [s].
-        sensor_delay: by the name of a sensor [s].
-        encode, drive, tug, body: makers of devices, one device for each episode: they change what
-            the encoder reads, what the motor gives, what pulls at the bone, and act on the bones.
-        senses: change the readings of an episode, after it.
+        machine: nominal model.
+        model: model of the robot.
+        scale, offset: of the encoders (tendons,) [1], [m]:
+            encoder = scale * (length - length at zero) + nominal length at zero + offset.
+        stiffness, bias, cut: of the motor law (tendons,) [N/m], [N], [N].
+        gain, force_offset: tension = gain * commanded tension + offset (tendons,) [1], [N].
+        friction_out, friction_in: dry friction of a tendon that lengthens or shortens
+            (tendons,) [N].
+        load_friction: dry friction per tension (tendons,) [1].
+        tension_scale, tension_offset: of the tension readings (tendons,) [1], [N].
+        command_delay: delay of the commands (tendons,) [s].
+        step: physics step [s].
+        sensor_delay: delay of readings by sensor name [s].
+        encoder_devices: change the encoder readings. This list and the next three hold factories
+            that make one device for each episode; the devices run at each physics step.
+        motor_devices: change the tension at the motor.
+        pull_devices: change the tension at the bone.
+        body_devices: apply forces to bodies and torques to joints.
+        sensor_effects: change all readings of an episode after its simulation.
     """
 
     machine: Machine
@@ -92,23 +97,23 @@ class Robot:
     command_delay: Floats
     step: float = STEP
     sensor_delay: dict[str, float] = field(default_factory=dict)
-    encode: list[Maker] = field(default_factory=list)
-    drive: list[Maker] = field(default_factory=list)
-    tug: list[Maker] = field(default_factory=list)
-    body: list[Maker] = field(default_factory=list)
-    senses: list[ReadingEffect] = field(default_factory=list)
+    encoder_devices: list[DeviceFactory] = field(default_factory=list)
+    motor_devices: list[DeviceFactory] = field(default_factory=list)
+    pull_devices: list[DeviceFactory] = field(default_factory=list)
+    body_devices: list[DeviceFactory] = field(default_factory=list)
+    sensor_effects: list[SensorEffect] = field(default_factory=list)
 
     def tendon(self, name: str) -> int:
-        """Index of a wire."""
+        """Index of a tendon."""
         return self.machine.tendons.index(name)
 
     def zero_lengths(self) -> Floats:
-        """Lengths of the true paths where the encoders were zeroed, at ``qpos0`` (wires,) [m]."""
+        """Path lengths of the robot at ``qpos0``, where the encoders are zeroed (tendons,) [m]."""
         return path_lengths(self.model, self.model.qpos0)
 
 
 def path_lengths(model: mujoco.MjModel, qpos: Floats) -> Floats:
-    """True lengths of the wires' paths at a posture (wires,) [m]."""
+    """Lengths of the tendons' paths at joint positions ``qpos`` (tendons,) [m]."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(model, data)
@@ -116,9 +121,13 @@ def path_lengths(model: mujoco.MjModel, qpos: Floats) -> Floats:
 
 
 def bare_spec(machine: Machine, reshape: Sequence[tuple[Reshape, Effect]] = ()) -> mujoco.MjSpec:
-    """The drawing with plain motors, this package's step and integrator, and no sensors.
+    """Spec of the nominal model with plain motors and without sensors.
 
-    ``reshape`` are applied in order while it has no actuators.
+    It has this module's physics step and an implicit integrator.
+
+    Args:
+        machine: nominal model.
+        reshape: edits of the spec with their effects, applied in order before motors are added.
     """
     spec = machine.spec()
     for element in [*spec.sensors, *spec.actuators]:
@@ -135,45 +144,47 @@ def bare_spec(machine: Machine, reshape: Sequence[tuple[Reshape, Effect]] = ()) 
 
 @lru_cache(maxsize=4)
 def bare_model(machine: Machine) -> mujoco.MjModel:
-    """`bare_spec`, compiled; read-only by agreement."""
+    """The compiled `bare_spec`; callers must not modify it."""
     return bare_spec(machine).compile()
 
 
-def assemble(machine: Machine, model: mujoco.MjModel, slip: Mismatch, step: float = STEP) -> Robot:
-    """A robot with mismatches and no effects; ``model`` is written into."""
+def assemble(
+    machine: Machine, model: mujoco.MjModel, mismatch: Mismatch, step: float = STEP
+) -> Robot:
+    """Build a robot with mismatches and without effects; modifies ``model``."""
     model.opt.timestep = step
-    for name, factor in zip(machine.bodies, slip.mass, strict=True):
+    for name, factor in zip(machine.bodies, mismatch.mass, strict=True):
         body = model.body(name).id
         model.body_mass[body] *= 1.0 + factor
         model.body_inertia[body] *= 1.0 + factor
-    for name, shift in zip(machine.sites, slip.site, strict=True):
+    for name, shift in zip(machine.sites, mismatch.site, strict=True):
         model.site_pos[model.site(name).id] += shift
-    model.dof_damping[:] *= 1.0 + slip.damping
-    model.site_pos[model.site(MARKER).id] += slip.marker_shift
-    move_camera(model, machine.camera, slip.camera_shift, slip.camera_turn)
+    model.dof_damping[:] *= 1.0 + mismatch.damping
+    model.site_pos[model.site(MARKER).id] += mismatch.marker_shift
+    move_camera(model, machine.camera, mismatch.camera_shift, mismatch.camera_turn)
     count = len(machine.tendons)
     return Robot(
         machine=machine,
         model=model,
         scale=np.ones(count),
-        offset=slip.encoder_offset.copy(),
+        offset=mismatch.encoder_offset.copy(),
         stiffness=np.full(count, STIFFNESS),
         bias=np.full(count, BIAS),
         cut=np.full(count, CUT),
-        gain=1.0 + slip.gain,
+        gain=1.0 + mismatch.gain,
         force_offset=np.zeros(count),
-        friction_out=slip.friction.copy(),
-        friction_in=slip.friction.copy(),
+        friction_out=mismatch.friction.copy(),
+        friction_in=mismatch.friction.copy(),
         load_friction=np.zeros(count),
         tension_scale=np.ones(count),
-        tension_offset=slip.tension_offset.copy(),
+        tension_offset=mismatch.tension_offset.copy(),
         command_delay=np.zeros(count),
         step=step,
     )
 
 
 def move_camera(model: mujoco.MjModel, camera: str, shift: Floats, turn: Floats) -> None:
-    """Shift the camera in its body's frame [m] and turn it about its own axes [rad]."""
+    """Shift a camera in the frame of its body [m] and turn it about its own axes [rad]."""
     index = model.camera(camera).id
     model.cam_pos[index] += shift
     angle = float(np.linalg.norm(turn))

@@ -1,4 +1,4 @@
-"""What is hidden: effects, each with its elements, its parameters and one amplitude."""
+"""Records of what is hidden in a machine, and the ids of all effects."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ CATALOGUE = (
     "camera_mounting",
     "camera_focal",
 )
-"""The causes that whoever diagnoses knows by name."""
+"""Effects that the diagnosis knows by name."""
 
 OUTSIDE = (
     "cogging_torque",
@@ -46,7 +46,7 @@ OUTSIDE = (
     "catching_tendon",
     "cover_stiffness",
 )
-"""Effects that are in nobody's catalogue."""
+"""Effects outside of the diagnosis's catalogue."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Effect:
     Attributes:
         id: of `CATALOGUE` or `OUTSIDE`.
         elements: names of tendons, joints, sites, bodies or sensors, as in the model.
-        parameters: in SI units; names and meaning stand with the mechanism of this id.
-        amplitude: its size in the unit of its mechanism; 0 does nothing.
+        parameters: in SI units; the module of the mechanism documents names and meaning.
+        amplitude: size of the effect in the unit of its mechanism; 0 has no effect.
     """
 
     id: str
@@ -68,17 +68,17 @@ class Effect:
 
 @dataclass(frozen=True)
 class Secret:
-    """What is hidden in one machine.
+    """All effects hidden in one machine.
 
     Attributes:
         effects: none, one or two.
-        motion: which motion of the library the floors of its amplitudes belong to.
+        motion: index of the motion in the library that the machine performs.
         kind: "single", "pair", "null" or "outside".
-        redrawn: effects that were drawn first, but whose floor was too high to show them within
-            what is physical.
+        resampled: number of effects that were sampled and rejected, because no physical amplitude
+            is detectable in this motion.
     """
 
     effects: tuple[Effect, ...] = ()
     motion: int = 0
     kind: str = "null"
-    redrawn: int = 0
+    resampled: int = 0

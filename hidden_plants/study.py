@@ -1,4 +1,4 @@
-"""Writes the study of a real machine: logs, the honest drawing, and STUDY.yaml; never the truth."""
+"""Writer of studies: logs, nominal model and STUDY.yaml of a robot with hidden effects."""
 
 from __future__ import annotations
 
@@ -9,38 +9,38 @@ import numpy as np
 
 from hidden_plants.build import build
 from hidden_plants.logs import study_text, write_logs
-from hidden_plants.loop import SETTLE, Task, Trace, run_task
+from hidden_plants.loop import SETTLE, Task, run_task
 from hidden_plants.machine import ASSETS, Machine, load
 from hidden_plants.motion import EPISODE, PERIOD, episodes
-from hidden_plants.nuisance import Mismatch, Nuisance, draw_mismatch
+from hidden_plants.nuisance import Nuisance, sample_mismatch
 from hidden_plants.readings import clean_readings, noisy_readings, postures
 from hidden_plants.robot import Readings
 from hidden_plants.secret import Effect, Secret
 from hidden_plants.types import Floats
 
 CAMERA_EVERY = 5
-"""Rows of the log from one look of the camera to the next, 10 Hz."""
-LATE = 0.010
-"""How long after a command the sensors are read, half a period: a command makes tensions jump."""
+"""Rows of the log between two marker observations, so that the camera has 10 Hz."""
+SENSOR_DELAY = 0.010
+"""Delay of the readings after the commands [s]: half a period, as tensions jump at a command."""
 
 
 @dataclass(frozen=True)
 class EpisodeTruth:
-    """One episode as it really was.
+    """True signals of one episode.
 
     Attributes:
         time: of the commands (n,) [s].
-        sensor_time: of the readings of the wires (n,) [s].
-        camera_time: of the camera's looks (m,) [s].
-        command: target lengths (n, wires) [m].
+        sensor_time: of the readings of lengths and tensions (n,) [s].
+        camera_time: of the marker observations (m,) [s].
+        command: target lengths (n, tendons) [m].
         clean: readings without noise, by sensor: lengths [m] and tensions [N] (n,),
             marker_position (m, 3) [m], marker_orientation (m, 4).
-        noisy: what was written.
-        baseline: readings without noise of the same machine without the hidden effects; empty if
-            it was not asked for.
-        qpos: true joint positions at ``sensor_time`` (n, joints) [rad].
+        noisy: readings with noise, as written to the logs.
+        baseline: readings without noise of the same robot without the hidden effects; empty if
+            not requested.
+        qpos: joint positions at ``sensor_time`` (n, joints) [rad].
         start: of the episode in log time, episodes end to end [s].
-        duration: [s].
+        duration: of the episode [s].
     """
 
     time: Floats
@@ -57,13 +57,13 @@ class EpisodeTruth:
 
 @dataclass(frozen=True)
 class Truth:
-    """What whoever diagnoses must not see.
+    """Truth about a study, which the diagnosis must not get.
 
     Attributes:
         secret: the hidden effects.
         seed: of mismatches, noise and jitter.
         machine: "elbow" or "arm".
-        episodes: as they were, in the order of the log.
+        episodes: true signals, in the order of the log.
     """
 
     secret: Secret
@@ -74,7 +74,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Plant:
-    """One real machine: a drawing, effects, and the seed of everything random in it."""
+    """One robot: nominal model, hidden effects, and the seed of its mismatch, noise and jitter."""
 
     machine: Machine
     effects: tuple[Effect, ...]
@@ -84,32 +84,45 @@ class Plant:
 
     @property
     def own_camera_file(self) -> bool:
-        """Whether the camera writes a file of its own, with times of its own."""
+        """Whether the camera has a clock and a file of its own."""
         return bool(np.random.default_rng([self.seed, 4]).integers(2))
 
 
 def perform(
     plant: Plant, index: int, initial: Floats, targets: Floats, time: Floats, start: float
 ) -> EpisodeTruth:
-    """Let the plant do one episode: ``targets`` (n, wires) [m] given about at ``time`` (n,) [s]."""
+    """Simulate one episode of the plant.
+
+    Args:
+        plant: robot and seed.
+        index: of the episode, for the random numbers.
+        initial: joint positions at the start of the settling time (joints,) [rad].
+        targets: commanded lengths (n, tendons) [m].
+        time: nominal instants of the commands (n,) [s]; the true ones have jitter.
+        start: of the episode in log time [s].
+
+    Returns:
+        The true signals.
+    """
     rng = np.random.default_rng([plant.seed, 2, index])
     nuisance = plant.nuisance
     duration = float(time[-1]) + PERIOD
-    late = rng.uniform(-nuisance.jitter, nuisance.jitter, len(time))
-    true_time = np.maximum.accumulate(np.where(time > 0.0, time + late, 0.0))
-    sensor_time = time + LATE + rng.uniform(-nuisance.jitter, nuisance.jitter, len(time))
+    jitter = rng.uniform(-nuisance.jitter, nuisance.jitter, len(time))
+    true_time = np.maximum.accumulate(np.where(time > 0.0, time + jitter, 0.0))
+    sensor_time = time + SENSOR_DELAY + rng.uniform(-nuisance.jitter, nuisance.jitter, len(time))
     camera_time = sensor_time[::CAMERA_EVERY]
     if plant.own_camera_file:
-        looks = np.arange(0.013, duration - 0.02, CAMERA_EVERY * PERIOD)
-        camera_time = looks + rng.uniform(-nuisance.jitter, nuisance.jitter, len(looks))
-    slip = draw_mismatch(plant.machine, nuisance, np.random.default_rng([plant.seed, 1]))
+        clock = np.arange(0.013, duration - 0.02, CAMERA_EVERY * PERIOD)
+        camera_time = clock + rng.uniform(-nuisance.jitter, nuisance.jitter, len(clock))
+    mismatch = sample_mismatch(plant.machine, nuisance, np.random.default_rng([plant.seed, 1]))
     task = Task(true_time, targets, initial, duration, start)
-    clean, trace = _do(plant.machine, slip, plant.effects, task, sensor_time, camera_time)
-    baseline = clean
-    if plant.effects and not plant.baseline:
-        baseline = {}
-    elif plant.effects:
-        baseline = _do(plant.machine, slip, (), task, sensor_time, camera_time)[0]
+    robot = build(plant.machine, mismatch, plant.effects)
+    trace = run_task(robot, task)
+    clean = clean_readings(robot, trace, sensor_time, camera_time)
+    baseline = clean if not plant.effects else {}
+    if plant.effects and plant.baseline:
+        robot = build(plant.machine, mismatch)
+        baseline = clean_readings(robot, run_task(robot, task), sensor_time, camera_time)
     noise = np.random.default_rng([plant.seed, 3, index])
     return EpisodeTruth(
         time=true_time,
@@ -125,19 +138,6 @@ def perform(
     )
 
 
-def _do(
-    machine: Machine,
-    slip: Mismatch,
-    effects: tuple[Effect, ...],
-    task: Task,
-    sensor_time: Floats,
-    camera_time: Floats,
-) -> tuple[Readings, Trace]:
-    robot = build(machine, slip, effects)
-    trace = run_task(robot, task)
-    return clean_readings(robot, trace, sensor_time, camera_time), trace
-
-
 def write_study(
     folder: Path,
     secret: Secret,
@@ -148,31 +148,34 @@ def write_study(
     nuisance: Nuisance | None = None,
     baseline: bool = True,
 ) -> Truth:
-    """Run the machine with the secret in it and write its study into ``folder``.
+    """Simulate a robot with hidden effects and write its study.
 
-    Writes model.xml, episode_*.csv (commands), sensors_*.csv, camera_*.csv if the camera has its
-    own clock, and STUDY.yaml last. The truth is returned only.
+    Writes episode_*.csv (commands), sensors_*.csv, camera_*.csv if the camera has its own clock,
+    model.xml, and STUDY.yaml last.
 
     Args:
-        folder: made if it is missing.
-        secret: the hidden effects, and the motion of the library that is done.
-        seed: of mismatches, noise and jitter; same seed, same bytes.
+        folder: of the study; created if missing.
+        secret: hidden effects, and the motion of the library.
+        seed: of mismatches, noise and jitter; the same seed gives the same bytes.
         machine: "elbow" or "arm".
-        assets: the folder of elbow.xml and arm.xml.
+        assets: folder of elbow.xml and arm.xml.
         seconds: length of the log [s], rounded to whole episodes.
-        nuisance: how far machine and sensors are off; the usual amount if not given.
-        baseline: whether the truth holds the same machine without its effects.
+        nuisance: sizes of mismatches and noise; the defaults of `Nuisance` if None.
+        baseline: whether to simulate the same robot without hidden effects, too.
+
+    Returns:
+        The truth, which is not written to the folder.
     """
-    drawing = load(machine, assets)
-    plant = Plant(drawing, secret.effects, seed, nuisance or Nuisance(), baseline)
+    nominal = load(machine, assets)
+    plant = Plant(nominal, secret.effects, seed, nuisance or Nuisance(), baseline)
     folder.mkdir(parents=True, exist_ok=True)
     done: list[EpisodeTruth] = []
-    plans = episodes(drawing, secret.motion, seconds)
+    plans = episodes(nominal, secret.motion, seconds)
     for k, (initial, targets) in enumerate(plans):
         time = PERIOD * np.arange(len(targets), dtype=np.float64)
         done.append(perform(plant, k, initial, targets, time, k * EPISODE[machine]))
         _write_logs(folder, plant, k, done[-1])
-    (folder / "model.xml").write_text(drawing.xml)
+    (folder / "model.xml").write_text(nominal.xml)
     _write_study_file(folder, plant, len(done), plans[0][0])
     return Truth(secret, seed, machine, tuple(done))
 
@@ -187,25 +190,31 @@ def run(
     assets: Path = ASSETS,
     nuisance: Nuisance | None = None,
 ) -> EpisodeTruth:
-    """The same robot does one more motion, appended to the study in ``folder`` as an episode.
+    """Simulate one more motion of the same robot and append it to its study as an episode.
 
-    It starts at the posture where all episodes of the study start; the first command is held until
-    it rests.
+    It starts at the initial posture of the study's episodes; the first command is held during the
+    settling time.
 
     Args:
         folder: of a study that `write_study` wrote with the same secret, seed and nuisance.
         secret, seed, machine, assets, nuisance: as for `write_study`.
-        time: of the commands (n,) [s], rising from 0.
-        command: target lengths (n, wires) [m], in the order of the model's actuators.
+        time: of the commands (n,) [s], increasing from 0.
+        command: target lengths (n, tendons) [m], in the order of the model's actuators.
+
+    Returns:
+        The true signals of the motion.
+
+    Raises:
+        ValueError: ``folder`` holds no study.
     """
-    drawing = load(machine, assets)
-    plant = Plant(drawing, secret.effects, seed, nuisance or Nuisance(), baseline=False)
+    nominal = load(machine, assets)
+    plant = Plant(nominal, secret.effects, seed, nuisance or Nuisance(), baseline=False)
     if not (folder / "STUDY.yaml").is_file():
-        raise ValueError(f"no study in {folder}; write_study makes one")
+        raise ValueError(f"no study in {folder}; write one with write_study")
     logs = sorted(folder.glob("episode_*.csv"))
     ends = [float(np.loadtxt(log, delimiter=",", skiprows=1, usecols=0)[-1]) for log in logs]
     start = sum(round(end / PERIOD) * PERIOD + PERIOD for end in ends)
-    initial = episodes(drawing, secret.motion, EPISODE[machine])[0][0]
+    initial = episodes(nominal, secret.motion, EPISODE[machine])[0][0]
     done = perform(plant, len(logs), initial, np.asarray(command), np.asarray(time), start)
     _write_logs(folder, plant, len(logs), done)
     _write_study_file(folder, plant, len(logs) + 1, initial)

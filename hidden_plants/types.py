@@ -1,4 +1,4 @@
-"""Types of arrays."""
+"""Type of float arrays."""
 
 from __future__ import annotations
 

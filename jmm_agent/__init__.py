@@ -1,4 +1,8 @@
-"""The agent: learns the joint-muscle mapping of a tendon-driven robot and moves it.
+"""Agent that learns the joint-muscle mapping of a tendon-driven robot online, and moves the robot.
 
-Importing the package imports nothing heavy; take what is needed from its modules.
+The public names below are imported when they are first used; ``__init__.pyi`` lists them.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""What a robot, real or simulated, must be able to do for an agent to drive it."""
+"""Interface of a robot, real or simulated, and the control loop that an agent drives it with."""
 
 from __future__ import annotations
 
@@ -14,24 +14,29 @@ from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
 
 ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals that ask a process to end; Ctrl-C is an exception already."""
+"""Signals that ask a process to end, besides SIGINT, which Python raises as an exception."""
 
 
 class Driver(Protocol):
-    """A robot on its own clock, which the agent follows."""
+    """A robot with its own clock, which the agent follows."""
 
     def read(self) -> SensorReadings:
-        """Wait for the next control period, and say what is felt and seen.
+        """Wait for the next control period, and return its sensor readings.
 
-        Time [s] increases from call to call; the newest camera frame may be an old one, its
-        ``frame_time`` tells.
+        Returns:
+            Readings whose time [s] increases from call to call. Their camera frame is the newest
+            one, and may be old, see ``frame_time``.
         """
 
     def write(self, target_lengths: Floats) -> None:
-        """Command target muscle lengths (m,) [m], as the encoders call them, until the next."""
+        """Command target muscle lengths until the next call.
+
+        Args:
+            target_lengths: (m,) [m], from the same zero as the measured lengths.
+        """
 
     def stop(self) -> None:
-        """Leave the robot so that it can be left alone: called in the end, whatever happened."""
+        """Bring the robot into a safe state; called in the end, also after an error."""
 
 
 def drive(
@@ -42,21 +47,21 @@ def drive(
 ) -> None:
     """Let an agent drive a robot for some time of the robot's clock.
 
-    Call it again for the next posture (`Agent.go`); `Driver.stop` is left to the caller for when
-    all is done, but is called here if anything goes wrong. SIGTERM and SIGHUP count as such: the
-    robot is stopped, and SystemExit ends the process. That needs the main thread, where Python
-    handles signals; a handler of the caller's own is left in its place.
+    Call it again for the next posture (`Agent.go`). The caller calls `Driver.stop` at the very end;
+    here it is called after any error. SIGTERM and SIGHUP count as errors in the main thread, where
+    Python handles signals: the robot is stopped, and SystemExit ends the process. A handler that
+    the caller has installed stays in place.
 
     Args:
-        agent: the mind.
+        agent: the agent.
         driver: the robot.
-        seconds: how long [s].
-        watch: called with what was felt and commanded, after every step.
+        seconds: duration [s].
+        watch: called with the readings and the target lengths (m,) [m] after every step.
 
     Raises:
-        AgentError: the robot's senses cannot be used; it was stopped.
-        SystemExit: the process was asked to end; the robot was stopped. Its code is 128 and the
-            signal's number, as a shell reports it.
+        AgentError: the readings cannot be used; the robot was stopped.
+        SystemExit: a signal asked the process to end; the robot was stopped. The exit code is 128
+            plus the signal's number, as in a shell.
     """
     begin: float | None = None
     with _endings_raised():
@@ -76,7 +81,7 @@ def drive(
 
 @contextmanager
 def _endings_raised() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise SystemExit where they would end the process; the first one only."""
+    """Let the first SIGTERM or SIGHUP raise SystemExit, unless the caller handles it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

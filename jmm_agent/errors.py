@@ -1,5 +1,5 @@
-"""The root of everything that `jmm_agent` raises on purpose."""
+"""Root of all errors that `jmm_agent` raises on purpose."""
 
 
 class AgentError(ValueError):
-    """Bad input to the agent, said in one sentence: what was wrong, where, what would be valid."""
+    """Input that the agent cannot use: what was wrong, where, and what would be valid."""

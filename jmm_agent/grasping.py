@@ -1,7 +1,8 @@
-"""From a can that was seen to the postures that grasp and lift it (paper, sec. IV).
+"""Plans postures that grasp and lift a can (paper, sec. IV).
 
-The can's pose comes from the camera and the estimated neck. The hand comes from its open side,
-thumb up, palm beside the can; how it is turned about the can's axis is left to the joints.
+The pose of the can is known from the camera and the estimated angles of the neck. The hand
+approaches with its open side first, thumb up and palm beside the can. Its rotation about the can's
+axis is chosen by inverse kinematics.
 """
 
 from __future__ import annotations
@@ -18,20 +19,20 @@ from jmm_agent.types import Floats
 
 @dataclass(frozen=True)
 class GraspOptions:
-    """How a can is approached.
+    """Geometry of a grasp.
 
     Attributes:
         grip_site: the frame whose origin is brought to the can's axis.
         grip_depth: how far below the can's top marker it is gripped [m].
-        approach: direction in the hand's frame in which the hand comes; (3,).
-        standoff: distance from which it comes [m].
-        lift: how high the can is lifted [m].
-        points: postures on the straight way, at both ends included.
-        tolerance: largest offset of a planned point from where it should be [m].
+        approach: direction in which the hand approaches, in its own frame (3,).
+        standoff: distance from the can at which the approach begins [m].
+        lift: height by which the can is lifted [m].
+        points: number of postures on each straight path, both ends included.
+        tolerance: largest offset of a posture from the path if the can is reachable [m].
         tilt_weight: weight of a radian of tilt against a metre of offset [m/rad].
         rest_weight: weight of a radian away from `rest` against a metre of offset [m/rad].
-        stiff: joints that move a third as willingly as the others.
-        rest: comfortable angles by joint [rad]; joints left out rest at zero.
+        stiff: joints whose `rest_weight` is three times that of the others.
+        rest: preferred angle of each joint [rad]; zero for joints left out.
     """
 
     grip_site: str = "grip"
@@ -54,14 +55,14 @@ class GraspOptions:
 
 
 class GraspPlan(NamedTuple):
-    """Ways to grasp a can; angles [rad], the neck turned to the can.
+    """Plan to grasp a can, the camera pointed at it.
 
     Attributes:
-        grip: where the grip point goes in the world (3,) [m].
-        approach: postures (K, n) from the stand-off to the can.
-        lift: postures (K, n) from the can upwards.
-        reachable: whether inverse kinematics came close enough to every point of both.
-        worst: largest offset of a point that was planned from where it should be [m].
+        grip: position of the grip point in the world (3,) [m].
+        approach: postures (K, n) [rad] from the stand-off to the can.
+        lift: postures (K, n) [rad] from the can upwards.
+        reachable: whether all postures are within tolerance of their paths.
+        worst: largest offset of a posture from its path [m].
     """
 
     grip: Floats
@@ -75,9 +76,13 @@ class GraspPlanner:
     """Plans grasps by inverse kinematics.
 
     Args:
-        kinematics: of head and arm.
+        kinematics: of head and arm, n joints.
         camera: the camera's frame.
         neck: names of the joints that turn the camera.
+        options: geometry of the grasp; the defaults if left out.
+
+    Raises:
+        AgentError: the options name an unknown joint.
     """
 
     def __init__(
@@ -95,23 +100,42 @@ class GraspPlanner:
         unknown = [joint for joint in rest if joint not in kinematics.joints]
         if unknown:
             raise AgentError(f"Grasp: unknown joint {unknown[0]!r}; joints: {kinematics.joints}.")
-        willing = np.array([3.0 if joint in options.stiff else 1.0 for joint in kinematics.joints])
-        self._precision = (options.rest_weight * willing) ** 2
+        stiffness = np.array(
+            [3.0 if joint in options.stiff else 1.0 for joint in kinematics.joints]
+        )
+        self._precision = (options.rest_weight * stiffness) ** 2
         self._rest = np.array([rest.get(joint, 0.0) for joint in kinematics.joints])
 
     def marker_in_world(self, pose_marker_in_camera: Floats, q: Floats) -> Floats:
-        """Pose (4, 4) in the world of a marker seen from the posture ``q`` (n,) [rad]."""
-        return self._kinematics.pose(self._camera, q) @ pose_marker_in_camera
-
-    def look_at(self, point: Floats, q: Floats) -> Floats:
-        """``q`` (n,) [rad] with the neck turned such that the camera looks at a point (3,) [m]."""
-        return self._kinematics.look_at(self._camera, point, q, self._neck).q
-
-    def plan(self, pose_can: Floats, q: Floats) -> GraspPlan:
-        """Ways to a can whose top marker has the pose ``pose_can`` (4, 4) in the world.
+        """Pose of a marker in the world.
 
         Args:
-            q: present angles (n,) [rad]; the neck's are where the search for its turn starts.
+            pose_marker_in_camera: (4, 4).
+            q: joint angles (n,) [rad] at which it was seen.
+
+        Returns:
+            Pose (4, 4).
+        """
+        return self._kinematics.pose(self._camera, q) @ pose_marker_in_camera
+
+    def point_camera(self, point: Floats, q: Floats) -> Floats:
+        """Turn the neck until the camera points at a point.
+
+        Args:
+            point: in the world (3,) [m].
+            q: joint angles (n,) [rad]; those outside the neck stay.
+
+        Returns:
+            Joint angles (n,) [rad].
+        """
+        return self._kinematics.point_camera(self._camera, point, q, self._neck).q
+
+    def plan(self, pose_can: Floats, q: Floats) -> GraspPlan:
+        """Plan the approach to a can and its lift.
+
+        Args:
+            pose_can: pose of the marker on top of the can in the world (4, 4).
+            q: present joint angles (n,) [rad]; the camera is turned from those of the neck.
         """
         options = self._options
         up = np.array([0.0, 0.0, 1.0])
@@ -120,25 +144,37 @@ class GraspPlanner:
         at_can, error = self._reach(grip, _upright(np.array([1.0, 0.0, 0.0])), start, turn=0.0)
         turned = self._kinematics.pose(options.grip_site, at_can)[:3, :3]
         rotation = _upright(-turned[:, 2])
-        way = rotation @ (np.array(options.approach) / np.linalg.norm(options.approach))
+        direction = rotation @ (np.array(options.approach) / np.linalg.norm(options.approach))
         shares = np.linspace(0.0, 1.0, options.points)
-        coming = grip - options.standoff * shares[:, None] * way
-        back, back_error = self._line(coming, rotation, at_can)
-        rising = grip + options.lift * shares[:, None] * up
-        lift, lift_error = self._line(rising, rotation, at_can)
+        path = grip - options.standoff * shares[:, None] * direction
+        back, back_error = self._line(path, rotation, at_can)
+        path = grip + options.lift * shares[:, None] * up
+        lift, lift_error = self._line(path, rotation, at_can)
         worst = max(error, back_error, lift_error)
-        approach = np.array([self.look_at(grip, point) for point in back[::-1]])
-        lift = np.array([self.look_at(grip, point) for point in lift])
+        approach = np.array([self.point_camera(grip, point) for point in back[::-1]])
+        lift = np.array([self.point_camera(grip, point) for point in lift])
         return GraspPlan(grip, approach, lift, worst <= options.tolerance, worst)
 
     def hover(self, pose_can: Floats, offset: Floats, q: Floats) -> Floats:
-        """A posture (n,) [rad] with the grip point ``offset`` (3,) [m] off the can's grip point."""
+        """Posture with the grip point beside a can.
+
+        Args:
+            pose_can: pose of the marker on top of the can in the world (4, 4).
+            offset: from the grip point of the can, in the world (3,) [m].
+            q: present joint angles (n,) [rad]; the camera is turned from those of the neck.
+
+        Returns:
+            Joint angles (n,) [rad], the camera pointed at the hand.
+        """
         grip = pose_can[:3, 3] - self._options.grip_depth * np.array([0.0, 0.0, 1.0])
         start = np.where(self._arm, self._rest, q)
         forward = _upright(np.array([1.0, 0.0, 0.0]))
-        return self.look_at(grip + offset, self._reach(grip + offset, forward, start, turn=0.0)[0])
+        return self.point_camera(
+            grip + offset, self._reach(grip + offset, forward, start, turn=0.0)[0]
+        )
 
     def _line(self, points: Floats, rotation: Floats, start: Floats) -> tuple[Floats, float]:
+        """Postures (K, n) [rad] along points (K, 3) [m], and their largest offset [m]."""
         postures, worst = [], 0.0
         for point in points:
             start, error = self._reach(point, rotation, start, turn=1.0)
@@ -149,7 +185,10 @@ class GraspPlanner:
     def _reach(
         self, point: Floats, rotation: Floats, start: Floats, turn: float
     ) -> tuple[Floats, float]:
-        """Posture with the grip at a point; ``turn`` weighs its turn about the can's axis."""
+        """Posture (n,) [rad] with the grip at a point (3,) [m], and its offset [m].
+
+        ``turn`` weighs the rotation about the can's axis.
+        """
         options = self._options
         target = np.eye(4)
         target[:3, :3], target[:3, 3] = rotation, point
@@ -167,7 +206,7 @@ class GraspPlanner:
 
 
 def _upright(forward: Floats) -> Floats:
-    """Orientation of a hand with its thumb up and its fingers along ``forward``, made level."""
+    """Orientation (3, 3) of a hand, thumb up and fingers along ``forward`` made horizontal."""
     fingers = np.array([forward[0], forward[1], 0.0])
     fingers /= np.linalg.norm(fingers)
     up = np.array([0.0, 0.0, 1.0])

@@ -1,16 +1,16 @@
 """Joint angles from muscle lengths: extended Kalman filter (Kawaharazuka et al. 2018, sec. II-D).
 
-The paper predicts by how much the wires moved and corrects by how long they are:
+The paper predicts with the change of the muscle lengths and corrects with the lengths:
 
     theta_k|k-1 = theta_k-1 + B (l_k - l_k-1) + w_k,     B = inverse of G(theta)        (state)
     l_k         = f(theta_k) + e_k                                              (observation)
 
-Both use the same measured l_k, hence the same noise e_k, and l_k-1 brings e_k-1 along. Whoever
-takes them for independent counts one measurement twice. Augment the state by the last noise:
-(theta_k-1, e_k-1). Given l_k-1 = f(theta_k-1) + e_k-1 the noise is known as soon as theta is:
-its estimate is the residual r_k-1 = l_k-1 - f(theta_k-1|k-1) and its error is -G eps_k-1, where
-eps = theta - estimate. So the augmented filter needs no larger state. With v_k the motion
-and w_k what a straight step misses of a curved map:
+Both use the same measured l_k, hence the same noise e_k, and l_k-1 contains e_k-1. A filter that
+takes them as independent counts one measurement twice. Augment the state by the last noise:
+(theta_k-1, e_k-1). Given l_k-1 = f(theta_k-1) + e_k-1, theta determines the noise: its estimate
+is the residual r_k-1 = l_k-1 - f(theta_k-1|k-1), and the error of this estimate is -G eps_k-1,
+where eps = theta - estimate. So the augmented filter needs no larger state. With the motion v_k,
+and w_k for the error of a linear step on a curved map:
 
     theta_k|k-1 = theta_k-1|k-1 + B (l_k - l_k-1 + r_k-1)
                 = theta_k-1|k-1 + B (l_k - f(theta_k-1|k-1))
@@ -19,12 +19,12 @@ and w_k what a straight step misses of a curved map:
     cov(eps_k|k-1, e_k) = -B R = M
     S = G P G' + G M + M' G' + R,   K = (P G' + M) S^-1,   P_k = P - K (G P + M')
 
-(filterpy's `update_correlated`). B = V G' (G V G' + R)^-1 is the inverse of G for wires with noise
-R and joints that move by V in a step; it stays bounded where wires lose sight of a joint. Lengths
-are divided by their noise and rotated into the range of G (n numbers, for the filter) and its
-complement (m - n numbers, "the wires contradict each other"). No movement of the joints reaches
-the complement, so there the innovation is N(0, 1) whatever the motion: it is what the normalised
-innovation squared (NIS) is taken of, with m - n degrees of freedom.
+(filterpy's `update_correlated`). B = V G' (G V G' + R)^-1 is the inverse of G for muscles with
+noise R and joints that move by V in a step; it stays bounded where the moment arms of a joint
+vanish. Lengths are divided by their noise and rotated into the range of G (n numbers, for the
+filter) and its complement (m - n numbers, by which the muscles contradict each other). No movement
+of the joints reaches the complement, so the innovation is N(0, 1) there for any motion. The
+normalised innovation squared (NIS) is computed in the complement, with m - n degrees of freedom.
 """
 
 from __future__ import annotations
@@ -43,11 +43,18 @@ from jmm_agent.mapping.length_map import LengthMap
 from jmm_agent.types import Floats
 
 DOUBTED_NOISE = 1e4
-"""Noise of a length that is not believed, in units of the encoder's."""
+"""Noise of a length that is in doubt, in units of the encoder noise."""
 
 
 class Estimate(NamedTuple):
-    """One estimate: `q` (n,) [rad], `covariance` (n, n) [rad^2], `nis` with `dof` (0: no check)."""
+    """One estimate.
+
+    Attributes:
+        q: joint angles (n,) [rad].
+        covariance: of the joint angles (n, n) [rad^2].
+        nis: normalised innovation squared.
+        dof: its degrees of freedom; 0 if there are no more muscles than joints.
+    """
 
     q: Floats
     covariance: Floats
@@ -56,7 +63,14 @@ class Estimate(NamedTuple):
 
 
 class Consistency(NamedTuple):
-    """Mean NIS over the window, the band it lies in if map and noise are right, and whether."""
+    """Consistency of measured lengths with the map and the noise.
+
+    Attributes:
+        value: mean NIS over the window.
+        low: lower end of the band in which the mean lies if map and noise are right.
+        high: upper end of that band.
+        consistent: whether the mean lies in the band.
+    """
 
     value: float
     low: float
@@ -76,13 +90,13 @@ class JointEstimator:
     """Extended Kalman filter over n joints and m stacked muscles (module docstring).
 
     Args:
-        length_map: the map f, of all groups stacked or of some muscles.
-        limits: lowest and highest angle of each joint, shape (n, 2) [rad].
-        options: noise and limits.
-        q: start, shape (n,) [rad]; zeros if left out.
+        length_map: the map f.
+        limits: lowest and highest angle of each joint (n, 2) [rad].
+        options: noise levels and limits.
+        q: joint angles at the start (n,) [rad]; zeros if left out.
 
     Raises:
-        EstimatorError: shapes do not fit, or something is not finite.
+        EstimatorError: shapes do not fit, or a number is not finite.
     """
 
     def __init__(
@@ -106,24 +120,24 @@ class JointEstimator:
 
     @property
     def q(self) -> Floats:
-        """Current estimate, shape (n,) [rad]."""
+        """Estimated joint angles (n,) [rad]."""
         return self._filter.x[:, 0].copy()
 
     @property
     def covariance(self) -> Floats:
-        """Covariance of the current estimate, shape (n, n) [rad^2]."""
+        """Covariance of the estimate (n, n) [rad^2]."""
         return self._filter.P.copy()
 
     @property
     def lengths(self) -> Floats:
-        """Muscle lengths (m,) [m] that the map expects at the current estimate."""
+        """Muscle lengths (m,) [m] by the map at the estimate."""
         return self._here.lengths * self._noise
 
     @property
     def consistency(self) -> Consistency | None:
-        """Whether measured lengths agree with the map within the noise, over the last updates.
+        """Consistency of the last updates.
 
-        None before the first update, and where there are no more muscles than joints.
+        None before the first update, and if there are no more muscles than joints.
         """
         if not self._nis or self._dof == 0:
             return None
@@ -132,10 +146,14 @@ class JointEstimator:
         return Consistency(value, low, high, low <= value <= high)
 
     def reset(self, q: ArrayLike, covariance: ArrayLike | None = None) -> None:
-        """Start anew at `q` (n,) [rad] with `covariance` (n, n) [rad^2], or with `initial_std`.
+        """Start again at a posture.
+
+        Args:
+            q: joint angles (n,) [rad]; clipped into the limits.
+            covariance: of the joint angles (n, n) [rad^2]; that of `initial_std` if left out.
 
         Raises:
-            EstimatorError: wrong shape, not finite, or a covariance that is none.
+            EstimatorError: wrong shape, not finite, or not a covariance.
         """
         n = self._low.size
         start = np.array(q, dtype=float)
@@ -160,7 +178,10 @@ class JointEstimator:
         self._nis.clear()
 
     def set_map(self, length_map: LengthMap) -> None:
-        """Use another map of the same muscles from now on; calls `invalidate`.
+        """Use another map of the same muscles, and `invalidate` the estimate.
+
+        Args:
+            length_map: the map f.
 
         Raises:
             EstimatorError: the map does not fit; the old one stays.
@@ -173,7 +194,11 @@ class JointEstimator:
             raise
 
     def invalidate(self) -> None:
-        """The map has changed: be less sure of the estimate, by `invalidation_std`."""
+        """Widen the covariance by `invalidation_std`, because the map has changed.
+
+        Raises:
+            EstimatorError: the map has another number of muscles, or returns unusable numbers.
+        """
         here = self._linearise(self._filter.x[:, 0])
         if here.basis.shape != self._here.basis.shape:
             raise EstimatorError("Estimator: the new map has another number of muscles.")
@@ -182,13 +207,18 @@ class JointEstimator:
         self._nis.clear()
 
     def doubt(self, muscles: NDArray[np.bool_]) -> None:
-        """Leave the lengths of some muscles (m,) out of the estimate, until called again.
+        """Leave the lengths of some muscles out of the estimate, until the next call.
+
+        Args:
+            muscles: which muscles (m,).
 
         Raises:
-            EstimatorError: wrong shape; the same muscles are doubted as before.
+            EstimatorError: wrong shape; nothing is changed.
         """
         if muscles.shape != self._here.lengths.shape:
             raise EstimatorError(f"Estimator: doubts must be of shape {self._here.lengths.shape}.")
+        if not self._doubted and not muscles.any():
+            return
         noise = self.options.encoder_noise * np.where(muscles, DOUBTED_NOISE, 1.0)
         if np.array_equal(noise, np.broadcast_to(self._noise, noise.shape)):
             return
@@ -198,16 +228,20 @@ class JointEstimator:
         self._nis.clear()
 
     def _count_freedom(self) -> None:
-        """Degrees of freedom that the joints leave to the lengths that are believed."""
+        """Count the degrees of freedom that the joints leave to the lengths without doubt."""
         muscles, joints = self._here.basis.shape
         self._dof = max(0, muscles - self._doubted - joints)
 
     def update(self, lengths: ArrayLike, dt: float) -> Estimate:
-        """Take measured muscle lengths (m,) [m], `dt` [s] after the last ones.
+        """Update the estimate with measured lengths.
+
+        Args:
+            lengths: measured muscle lengths (m,) [m].
+            dt: time since the last ones [s].
 
         Raises:
-            EstimatorError: wrong shape, not finite, `dt` not positive, or a map that gives no
-                usable numbers; the estimate stays what it was.
+            EstimatorError: wrong shape, not finite, `dt` not positive, or a map that returns
+                unusable numbers; the estimate is unchanged.
         """
         measured = np.asarray(lengths, dtype=float)
         m = self._here.lengths.size
@@ -255,19 +289,19 @@ class JointEstimator:
         return Estimate(self.q, self.covariance, nis, self._dof)
 
     def _linearise(self, q: Floats) -> _Linearised:
-        """The map and its range at `q`, in units of the encoder noise."""
+        """The map and its range at q (n,) [rad], in units of the encoder noise."""
         lengths, jacobian = self._map.lengths_and_jacobian(q)
         if lengths.ndim != 1 or jacobian.shape != (lengths.size, q.size):
             raise EstimatorError(
-                f"the map gives shapes {lengths.shape} and {jacobian.shape} for {q.size} joints."
+                f"the map returns shapes {lengths.shape} and {jacobian.shape} for {q.size} joints."
             )
         if not (np.isfinite(lengths).all() and np.isfinite(jacobian).all()):
-            raise EstimatorError("the map gives lengths or moment arms that are not finite.")
+            raise EstimatorError("the map returns lengths or moment arms that are not finite.")
         basis, reduced = np.linalg.qr(jacobian / self._noise[..., None])
         return _Linearised(lengths / self._noise, basis, reduced)
 
     def _into_limits(self, q: Floats, covariance: Floats) -> Floats:
-        """The likeliest posture inside the box: the other joints follow by the covariance."""
+        """The likeliest posture in the limits; the other joints follow by the covariance."""
         outside = (q < self._low) | (q > self._high)
         if not outside.any():
             return q
@@ -279,7 +313,7 @@ class JointEstimator:
 
 @lru_cache(maxsize=4096)
 def _band(count: int, dof: int, confidence: float) -> tuple[float, float]:
-    """Band of the mean of `count` chi-squared numbers with `dof` degrees of freedom."""
+    """Band of the mean of ``count`` chi-squared numbers with ``dof`` degrees of freedom."""
     half = 0.5 * count * dof
     tail = 0.5 * (1.0 - confidence)
     return (

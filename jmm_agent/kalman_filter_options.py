@@ -1,4 +1,4 @@
-"""How sure the estimator is of what."""
+"""Noise levels and limits of the joint estimator."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from jmm_agent.errors import AgentError
 
 
 class EstimatorError(AgentError):
-    """The estimator was given something unusable; its estimate is what it was before."""
+    """Input that the estimator cannot use; its estimate is unchanged."""
 
 
 @dataclass(frozen=True)
 class EstimatorOptions:
-    """How sure the filter is of what.
+    """Noise levels and limits of the filter.
 
     Attributes:
-        encoder_noise: standard deviation of a measured length, R [m].
-        motion_noise: how far joints move, V [rad/sqrt(s)]; smaller averages more and lags more.
-        process_noise: error of the state equation, mostly curvature, Q [rad/sqrt(s)].
-        initial_std: of each joint at the start [rad].
-        invalidation_std: added to each joint when the map has changed [rad].
-        limit_margin: how far outside its limits an estimate may be [rad].
+        encoder_noise: standard deviation of a measured length, sqrt(R) [m].
+        motion_noise: how far joints move, sqrt(V) [rad/sqrt(s)]; a smaller value averages more and
+            lags more.
+        process_noise: error of the state equation, mostly by curvature, sqrt(Q) [rad/sqrt(s)].
+        initial_std: standard deviation of each joint at the start [rad].
+        invalidation_std: standard deviation added to each joint when the map has changed [rad].
+        limit_margin: how far outside its limits a joint angle may be [rad].
         window: number of updates over which consistency is judged.
-        confidence: of the chi-squared band.
+        confidence: probability that a consistent filter is inside the chi-squared band.
     """
 
     encoder_noise: float = 2e-4

@@ -1,4 +1,4 @@
-"""The drawing: what is known of the robot before it moves (Kawaharazuka et al. 2018, sec. II-A)."""
+"""Nominal model: the geometric model that the first map is trained on (paper, sec. II-A)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,24 @@ from numpy.typing import NDArray
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats, Ints
 
-ZERO_TOLERANCE = 1e-6  # [m] lengths at q = 0
-CROSS_TOLERANCE = 1e-9  # [m] change of a length under a joint that the wire does not cross
+ZERO_TOLERANCE = 1e-6
+"""Largest length at q = 0 [m]."""
+CROSS_TOLERANCE = 1e-9
+"""Largest change of a length with a joint that the muscle does not cross [m]."""
 
 
 class NominalModelError(AgentError):
-    """The drawing of the robot contradicts itself."""
+    """A nominal model that contradicts itself."""
 
 
 class GroupTopology(NamedTuple):
-    """One group: its name, the joints that its muscles cross, and its muscles, as indices."""
+    """One group of muscles.
+
+    Attributes:
+        name: of the group.
+        joint_index: indices of the joints that its muscles cross.
+        muscle_index: indices of its muscles.
+    """
 
     name: str
     joint_index: Ints
@@ -30,19 +38,20 @@ class GroupTopology(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class NominalModel:
-    """Joints, wires and the lengths they have in the drawing.
+    """Joints, muscles and muscle lengths of a robot, by its geometric model.
 
     Attributes:
         joints: names of the n joints.
-        lower, upper: joint limits [rad], shape (n,).
+        lower: lower joint limits (n,) [rad].
+        upper: upper joint limits (n,) [rad].
         muscles: names of the m muscles.
-        crosses: whether muscle i crosses joint j, shape (m, n).
+        crosses: whether muscle i crosses joint j (m, n).
         lengths: maps postures (B, n) [rad] to muscle lengths (B, m) [m] relative to q = 0.
         groups: the joints that each group owns, groups in proximal-to-distal order; every joint
-            is owned once.
+            is owned by one group.
 
     Raises:
-        DrawingError: names or shapes do not match, or `lengths` contradicts `crosses`.
+        NominalModelError: names or shapes do not match, or `lengths` contradicts `crosses`.
     """
 
     joints: tuple[str, ...]
@@ -67,7 +76,7 @@ class NominalModel:
             array = np.array(getattr(self, field), dtype=kind)
             if array.shape != shape:
                 raise NominalModelError(
-                    f"Drawing: {field} has shape {array.shape}, but {shape} fits."
+                    f"Nominal model: {field} has shape {array.shape}, but {shape} fits."
                 )
             array.setflags(write=False)
             object.__setattr__(self, field, array)
@@ -78,10 +87,10 @@ class NominalModel:
         self._check_lengths()
 
     def topology(self) -> tuple[GroupTopology, ...]:
-        """Groups with all joints their muscles cross (sec. II-A), proximal to distal.
+        """Groups with all joints that their muscles cross (sec. II-A), proximal to distal.
 
-        A muscle belongs to the most distal group of which it crosses an own joint; a group's
-        joints are all joints that its muscles cross, so the shoulder's include the scapula's.
+        A muscle belongs to the most distal group of which it crosses an owned joint. The joints of
+        a group are all joints that its muscles cross; those of the shoulder include the scapula's.
         """
         owner = {joint: rank for rank, owned in enumerate(self.groups.values()) for joint in owned}
         rank_of_joint = np.array([owner[joint] for joint in self.joints])
@@ -98,8 +107,8 @@ class NominalModel:
         if not good.all():
             j = int(np.flatnonzero(~good)[0])
             raise NominalModelError(
-                f"Drawing: joint {self.joints[j]!r} has limits [{self.lower[j]}, {self.upper[j]}], "
-                "but they must be finite, lower below upper."
+                f"Nominal model: joint {self.joints[j]!r} has limits [{self.lower[j]}, "
+                f"{self.upper[j]}], but they must be finite, lower below upper."
             )
 
     def _check_groups(self) -> None:
@@ -107,25 +116,26 @@ class NominalModel:
         for joint in owned:
             if joint not in self.joints:
                 raise NominalModelError(
-                    f"Drawing: a group owns the unknown joint {joint!r}; joints are "
+                    f"Nominal model: a group owns the unknown joint {joint!r}; joints are "
                     f"{list(self.joints)}."
                 )
         for joint in self.joints:
             if owned.count(joint) != 1:
                 raise NominalModelError(
-                    f"Drawing: joint {joint!r} is owned by {owned.count(joint)} groups, but each "
-                    "joint must be owned by exactly one."
+                    f"Nominal model: joint {joint!r} is owned by {owned.count(joint)} groups, but "
+                    "each joint must be owned by exactly one."
                 )
         for name, crossed in zip(self.muscles, self.crosses.sum(axis=1), strict=True):
             if crossed == 0:
-                raise NominalModelError(f"Drawing: muscle {name!r} crosses no joint.")
+                raise NominalModelError(f"Nominal model: muscle {name!r} crosses no joint.")
         for name, crossed in zip(self.joints, self.crosses.sum(axis=0), strict=True):
             if crossed == 0:
-                raise NominalModelError(f"Drawing: joint {name!r} is crossed by no muscle.")
+                raise NominalModelError(f"Nominal model: joint {name!r} is crossed by no muscle.")
         for group in self.topology():
             if group.muscle_index.size == 0:
                 raise NominalModelError(
-                    f"Drawing: group {group.name!r} has no muscle; merge it with its neighbour."
+                    f"Nominal model: group {group.name!r} has no muscle; merge it with its "
+                    "neighbour."
                 )
 
     def _check_lengths(self) -> None:
@@ -136,29 +146,31 @@ class NominalModel:
         lengths = np.asarray(self.lengths(postures))
         if lengths.shape != (n + 2, m):
             raise NominalModelError(
-                f"Drawing: lengths of {n + 2} postures have shape {lengths.shape}, but "
+                f"Nominal model: lengths of {n + 2} postures have shape {lengths.shape}, but "
                 f"{(n + 2, m)} is needed."
             )
         if not np.isfinite(lengths).all():
-            raise NominalModelError("Drawing: lengths are not finite inside the joint limits.")
+            raise NominalModelError(
+                "Nominal model: lengths are not finite inside the joint limits."
+            )
         worst = int(np.abs(lengths[0]).argmax())
         if abs(lengths[0, worst]) > ZERO_TOLERANCE:
             raise NominalModelError(
-                f"Drawing: muscle {self.muscles[worst]!r} has length {lengths[0, worst]} m at "
-                "q = 0, but lengths must be relative to q = 0."
+                f"Nominal model: muscle {self.muscles[worst]!r} has length {lengths[0, worst]} m "
+                "at q = 0, but lengths must be relative to q = 0."
             )
         change = np.abs(lengths[2:] - lengths[1]).T
         wrong = np.argwhere((change > CROSS_TOLERANCE) & ~self.crosses)
         if wrong.size:
             i, j = wrong[0]
             raise NominalModelError(
-                f"Drawing: muscle {self.muscles[i]!r} changes with joint {self.joints[j]!r}, but "
-                "`crosses` says that it does not cross it."
+                f"Nominal model: muscle {self.muscles[i]!r} changes with joint {self.joints[j]!r}, "
+                "but `crosses` is False for them."
             )
 
 
 def _check_names(field: str, names: tuple[str, ...]) -> None:
     if not names or len(set(names)) != len(names):
         raise NominalModelError(
-            f"Drawing: {field} must be at least one and all different: {names}."
+            f"Nominal model: {field} must be at least one and all different: {names}."
         )

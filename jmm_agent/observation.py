@@ -1,4 +1,4 @@
-"""What a robot tells the agent."""
+"""Sensor readings of one control step, the only data that reach the agent."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ import numpy as np
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 
+CONTROL_PERIOD = 0.02
+"""Time between two control steps [s], assumed where there are no earlier readings."""
+
 
 class SensorReadings(NamedTuple):
-    """What the robot feels and sees at one moment; nothing else reaches the agent.
+    """Sensor readings of the robot at one moment.
 
     Attributes:
-        time: now [s].
+        time: time of the readings [s].
         lengths: measured muscle lengths (m,) [m].
         tensions: measured muscle tensions (m,) [N].
         frame: newest camera frame (H, W, 3) uint8, or None.
-        frame_time: when that frame was taken [s].
+        frame_time: time at which that frame was taken [s].
     """
 
     time: float
@@ -27,19 +30,19 @@ class SensorReadings(NamedTuple):
     frame: np.ndarray | None = None
     frame_time: float = -np.inf
 
-    def checked(self, after: float, muscles: int, guarded: bool) -> SensorReadings:
-        """The same with copies of the numbers, which may be kept.
+    def checked(self, after: float, muscles: int, gaps: bool = False) -> SensorReadings:
+        """The readings with copies of lengths and tensions.
 
         Args:
-            after: time of the senses before [s].
-            muscles: number of lengths and of tensions.
-            guarded: whether a guard takes care of what is not finite, as long as one length is.
+            after: time of the readings before [s]; these must be later.
+            muscles: number of lengths and of tensions, m.
+            gaps: whether lengths and tensions may be not finite, but for one length.
 
         Raises:
-            AgentError: they are of the wrong shape, not finite, or not later.
+            AgentError: the readings are of the wrong shape, not finite or not later.
         """
-        lengths = _numbers("lengths", self.lengths, muscles, 1 if guarded else muscles)
-        tensions = _numbers("tensions", self.tensions, muscles, 0 if guarded else muscles)
+        lengths = _numbers("lengths", self.lengths, muscles, 1 if gaps else muscles)
+        tensions = _numbers("tensions", self.tensions, muscles, 0 if gaps else muscles)
         if not (np.isfinite(self.time) and self.time > after):
             raise AgentError(
                 f"Agent: time must be finite and later than {after} s, got {self.time} s."

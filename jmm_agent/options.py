@@ -13,13 +13,21 @@ from jmm_agent.updaters import AntagonismOptions, VisionOptions
 
 @dataclass(frozen=True)
 class AgentOptions:
-    """Everything that can be set; the defaults are what the experiments use.
+    """Options of an `Agent`; the defaults are those of the experiments.
 
     Attributes:
-        learn_antagonism, learn_vision: which updaters run.
-        hand_marker, can_marker: ids of the markers.
-        camera, marker_site: frames of the kinematics.
-        prior, batch, settling, antagonism, vision, estimator: of the parts.
+        learn_antagonism: whether the Antagonism Updater learns (sec. III-B).
+        learn_vision: whether the Vision Updater learns (sec. III-C).
+        hand_marker: id of the marker on the hand.
+        can_marker: id of the marker on the can.
+        camera: frame of the camera in the kinematics.
+        marker_site: site of the hand's marker in the kinematics.
+        prior: prior of the map's error.
+        batch: what is learned beside a new pair.
+        settling: when lengths count as settled.
+        antagonism: options of the Antagonism Updater.
+        vision: options of the Vision Updater.
+        estimator: noise levels and limits of the joint estimator.
     """
 
     learn_antagonism: bool = True

@@ -1,4 +1,4 @@
-"""When the muscle lengths have come to rest: the moment at which a pair is worth learning."""
+"""Detects when the muscle lengths have settled (paper, sec. III-B)."""
 
 from __future__ import annotations
 
@@ -11,29 +11,31 @@ import numpy as np
 from jmm_agent.types import Floats
 
 ROUNDING = 1e-3
-"""Share of the window by which time stamps may fall short of it: they are rounded."""
+"""Share of the window by which rounded time stamps may fall short of it."""
 NOISES = 6.0
 """Standard deviations of the encoder noise by which a length at rest may change."""
 SAMPLES = 200
 """Newest samples from which the encoder noise is estimated."""
 FEWEST = 50
-"""Samples without which it is not."""
+"""Least number of samples for that estimate."""
 ORDER = 8
-"""Of the differences between successive samples that show the noise. Motion has next to none of
-this order; of a swing, five samples a period leave 3 % of the amplitude, ten leave 0.02 %."""
+"""Order of the differences between successive samples that show the noise.
+
+Motion has almost no differences of this order: 3 % of the amplitude of a swing with five samples in
+a period, 0.02 % with ten."""
 MEDIAN = 0.6745
 """Median of the absolute value of a normal variable, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class SettlingOptions:
-    """When lengths count as settled.
+    """Thresholds of settling.
 
     Attributes:
-        window: how long the lengths must have been still [s].
-        change: how little they may change over the window [m]; noisier encoders are allowed
-            `NOISES` standard deviations of their own noise, half of ``release`` at most.
-        release: how far they must move before they can settle anew [m].
+        window: time for which the lengths must have been still [s].
+        change: largest change over the window [m]; encoders with more noise may change by `NOISES`
+            standard deviations of it, but by less than half of ``release``.
+        release: change that ends a rest [m].
     """
 
     window: float = 0.4
@@ -42,10 +44,16 @@ class SettlingOptions:
 
 
 class SettlingDetector:
-    """Says once per settling that the lengths have come to rest (paper, sec. III-B).
+    """Detects once per rest that the lengths have settled.
 
-    Samples may come at any rate up to one per window, evenly or not. A sample that is not newer
-    than the one before is skipped, and after a gap longer than the window observation begins anew.
+    Samples may arrive at any rate, regularly or not. A sample that is not newer than the one before
+    is skipped; after a gap longer than the window, the samples before it are dropped.
+
+    Args:
+        options: thresholds.
+
+    Attributes:
+        since: time from which the lengths have been at rest [s]; infinite while they move.
     """
 
     def __init__(self, options: SettlingOptions) -> None:
@@ -54,16 +62,23 @@ class SettlingDetector:
         self._recent: deque[Floats] = deque(maxlen=SAMPLES)
         self._rest: Floats | None = None
         self.since = np.inf
-        """Time from which the lengths have been at rest [s]; infinite while they move."""
 
     def reset(self) -> None:
-        """Forget where the lengths were, as at the start of an episode, but not their noise."""
+        """Forget the lengths, as at the start of an episode, but not their noise."""
         self._history.clear()
         self._rest = None
         self.since = np.inf
 
     def update(self, time: float, lengths: Floats) -> bool:
-        """Take lengths (m,) [m] at ``time`` [s]; True at the moment when they have settled."""
+        """Add one sample.
+
+        Args:
+            time: of the sample [s].
+            lengths: measured muscle lengths (m,) [m].
+
+        Returns:
+            True once per rest, when the lengths have settled.
+        """
         options = self._options
         if self._history and time <= self._history[-1][0]:
             return False
@@ -83,14 +98,14 @@ class SettlingDetector:
         return True
 
     def _trim(self, time: float) -> bool:
-        """Drop samples that the window does not need; whether the others cover it."""
+        """Drop samples from before the window; whether the others cover it."""
         begin = time - self._options.window * (1.0 - ROUNDING)
         while len(self._history) > 1 and self._history[1][0] <= begin:
             self._history.popleft()
         return self._history[0][0] <= begin
 
     def _still(self, lengths: Floats) -> bool:
-        """Whether the window holds no other lengths than these, within the noise of encoders."""
+        """Whether all lengths in the window equal these, within the noise of the encoders."""
         still, most = self._options.change, self._options.release / 2.0
         if np.abs(lengths - self._history[0][1]).max() >= most:
             return False
@@ -102,9 +117,9 @@ class SettlingDetector:
         return bool(np.all(change <= np.maximum(still, NOISES * self._noise())))
 
     def _noise(self) -> Floats:
-        """Standard deviation (m,) [m] of each encoder, from high differences of its readings.
+        """Standard deviation (m,) [m] of each encoder, from differences of its readings.
 
-        The median is not moved by the jerks of a motion.
+        A median, so that jerks of a motion do not matter.
         """
         if len(self._recent) < FEWEST:
             return np.zeros(len(self._recent[0]))

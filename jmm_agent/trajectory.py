@@ -1,4 +1,4 @@
-"""The way through postures to a target."""
+"""Trajectory through postures to a target."""
 
 from __future__ import annotations
 
@@ -10,15 +10,22 @@ from jmm_agent.types import Floats
 
 
 class Trajectory(NamedTuple):
-    """Joint angles (K, n) [rad] to pass, evenly in time from ``start`` [s] for ``duration`` [s]."""
+    """Path through postures, at rest at both ends.
+
+    Attributes:
+        points: joint angles (K, n) [rad] to pass, K > 1, straight lines between them.
+        start: time at the first point [s].
+        duration: time from the first to the last point [s].
+    """
 
     points: Floats
     start: float
     duration: float
 
     def at(self, time: float) -> Floats:
-        """Joint angles (n,) [rad] at a time [s]: at rest at both ends."""
+        """Joint angles (n,) [rad] at a time [s]."""
         share = np.clip((time - self.start) / self.duration, 0.0, 1.0) if self.duration else 1.0
-        place = share * share * (3.0 - 2.0 * share) * (len(self.points) - 1)
-        first = min(int(place), len(self.points) - 2)
-        return self.points[first] + (place - first) * (self.points[first + 1] - self.points[first])
+        position = share * share * (3.0 - 2.0 * share) * (len(self.points) - 1)
+        first = min(int(position), len(self.points) - 2)
+        before, after = self.points[first], self.points[first + 1]
+        return before + (position - first) * (after - before)

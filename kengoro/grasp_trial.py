@@ -1,8 +1,8 @@
-"""The can-grasping experiment on one robot (paper, sec. IV, last subsection).
+"""Can-grasping trial of one robot (paper, sec. IV, last subsection).
 
-Kengoro looks at a can, reaches for it and misses; moves its hand before its eyes and learns;
-approaches again; looks once more at its arm; grasps the can and lifts it. After every
-approach but the last a person puts the can back where it stood.
+The robot finds a can, reaches for it and misses. It moves its hand in view of its camera, learns
+and approaches again. If it misses again, it observes its hand near the can, until it grasps the can
+and lifts it. After every approach but the last the can is put back where it stood.
 """
 
 from __future__ import annotations
@@ -20,7 +20,16 @@ from kengoro.session import CLOSED, OPEN, Session
 
 @dataclass
 class Approach:
-    """One approach: distance of the grip point to its target before closing [m], and success."""
+    """One approach to the can.
+
+    Attributes:
+        start: when it began [s].
+        distance: true distance of the grip point from its target before the fingers close [m].
+        can_distance: true distance of the grip point from the can then [m].
+        grasped: whether the can was lifted and held.
+        target: where the grip point should be, shape (3,) [m].
+        max_tension: largest true tension during the approach [N].
+    """
 
     start: float
     distance: float
@@ -32,7 +41,14 @@ class Approach:
 
 @dataclass
 class Trial:
-    """What the experiment brought; ``plan`` is that of the last approach."""
+    """Result of a trial.
+
+    Attributes:
+        approaches: in order.
+        postures: number of postures at which the hand was observed.
+        notes: why an approach was not made, for people.
+        plan: of the last approach; None before the first.
+    """
 
     approaches: list[Approach] = field(default_factory=list)
     postures: int = 0
@@ -41,13 +57,14 @@ class Trial:
 
 
 class GraspTrial:
-    """Runs the experiment in a session.
+    """Runs a trial in a session.
 
     Args:
-        session: CanGrasp with an agent.
-        planner: of the agent's own kinematics.
-        library: postures (N, n) [rad] to move the hand before the eyes.
+        session: of the task CanGrasp.
+        planner: with the agent's own kinematics.
+        library: postures with the hand in view, shape (N, n) [rad].
         rng: chooses postures.
+        options: sizes and durations.
     """
 
     def __init__(
@@ -64,17 +81,17 @@ class GraspTrial:
         self.trial = Trial()
 
     def run(self) -> Trial:
-        """The whole experiment, to the first success after learning or the last approach.
+        """Run the trial until a grasp succeeds after learning, or to the last approach.
 
-        A can that was grasped by chance before learning is let go, and the experiment goes on.
+        A can that is grasped before anything was learned is released, and the trial goes on.
         """
         options = self._options
         for number in range(options.approaches):
             if number == 1:
-                self._session.stage = "moves its hand before its eyes"
+                self._session.stage = "moves its hand in view"
                 self._explore(self._random_postures(options.postures))
             elif number > 1:
-                self._session.stage = "looks once more at its arm"
+                self._session.stage = "observes its hand near the can"
                 self._explore(self._near_postures())
             self._session.stage = f"approach {number + 1}"
             grasped = self._approach()
@@ -91,16 +108,18 @@ class GraspTrial:
             self.trial.postures += 1
 
     def _random_postures(self, count: int) -> list[Floats]:
-        """Postures of the library, each as far as possible from those before, of a few drawn."""
+        """Postures of the library, each the farthest from those before among a few samples."""
         chosen: list[Floats] = []
         while len(chosen) < count:
-            drawn = self._library[self._rng.integers(len(self._library), size=5)]
-            away = [min((float(np.linalg.norm(q - c)) for c in chosen), default=0.0) for q in drawn]
-            chosen.append(drawn[int(np.argmax(away))])
+            samples = self._library[self._rng.integers(len(self._library), size=5)]
+            nearest = [
+                min((float(np.linalg.norm(q - c)) for c in chosen), default=0.0) for q in samples
+            ]
+            chosen.append(samples[int(np.argmax(nearest))])
         return chosen
 
     def _near_postures(self) -> list[Floats]:
-        """Postures above and beside the can, away from it."""
+        """Postures above and beside the can."""
         if self._can is None:
             return self._random_postures(self._options.near)
         postures = []
@@ -109,10 +128,10 @@ class GraspTrial:
             postures.append(self._planner.hover(self._can, offset, self._session.agent.target))
         return postures
 
-    def _look_for_can(self) -> Floats | None:
-        """Turn the head until the can is seen; pose of its marker in the world (4, 4)."""
+    def _find_can(self) -> Floats | None:
+        """Turn the head until the can is in view; the pose of its marker in the world, (4, 4)."""
         agent, options = self._session.agent, self._options
-        towards = self._planner.look_at(np.array(options.table_point), np.array(options.ready))
+        towards = self._planner.point_camera(np.array(options.table_point), np.array(options.ready))
         self._session.move(towards, options.move)
         for offset in [(0.0, 0.0), *scan_offsets(options)]:
             turned = towards.copy()
@@ -120,7 +139,7 @@ class GraspTrial:
             self._session.move(turned, options.turn, options.patience)
             pose = self._can_in_view()
             if pose is not None:
-                centred = self._planner.look_at(pose[:3, 3], agent.target)
+                centred = self._planner.point_camera(pose[:3, 3], agent.target)
                 self._session.move(centred, options.turn, options.patience)
                 again = self._can_in_view()
                 return pose if again is None else again
@@ -133,14 +152,14 @@ class GraspTrial:
         if session.readings.frame_time < still_since:
             return None
         agent = session.agent
-        marker = agent.look(session.readings).get(agent.options.can_marker)
+        marker = agent.detect_markers(session.readings).get(agent.options.can_marker)
         if marker is None:
             return None
         return self._planner.marker_in_world(marker.pose_marker_in_camera, agent.joint_angles)
 
     def _approach(self) -> bool:
         session = self._session
-        self._can = pose = self._look_for_can()
+        self._can = pose = self._find_can()
         if pose is None:
             self.trial.notes.append(f"{session.stage}: the can was not found")
             return False
@@ -154,7 +173,7 @@ class GraspTrial:
         return self.grasp(plan)
 
     def _let_go(self) -> None:
-        """Open the hand and take it away; a person puts the can back."""
+        """Open the hand and retract it; the can is put back."""
         session, options = self._session, self._options
         session.fingers = OPEN
         session.wait(0.5)
@@ -162,7 +181,11 @@ class GraspTrial:
         session.world.put_can_back()
 
     def grasp(self, plan: GraspPlan) -> bool:
-        """Reach for the can, close the fingers and lift; whether the can was lifted for good."""
+        """Reach for the can, close the fingers and lift; whether the can was lifted and held.
+
+        Args:
+            plan: postures of the approach and of the lift.
+        """
         session, options = self._session, self._options
         start = session.time
         session.move(plan.approach[0], options.move)
@@ -179,7 +202,7 @@ class GraspTrial:
         return approach.grasped
 
     def _measure(self, plan: GraspPlan, start: float) -> Approach:
-        """What a bystander measures before the fingers close; the agent never sees it."""
+        """True distances before the fingers close; the agent never gets them."""
         truth, log = self._session.truth, self._session.log
         hand = truth["hand_pose"][:3, 3]
         first = int(np.searchsorted(log.time, start))
@@ -191,3 +214,25 @@ class GraspTrial:
             target=plan.grip,
             max_tension=float(np.max(log.tensions[first:])),
         )
+
+
+def outcome_sentences(
+    distances: Sequence[float], grasped: Sequence[bool], observations: int, duration: float
+) -> list[str]:
+    """Result of a trial in three sentences, or in one if there was no approach.
+
+    Args:
+        distances: of the grip point from its target before the fingers close, in each approach [m].
+        grasped: whether the can was lifted, in each approach.
+        observations: number of marker observations from which the agent learned.
+        duration: from the first approach to the last [s].
+    """
+    if not distances:
+        return ["The robot made no approach to the can."]
+    first = "grasped the can by chance" if grasped[0] else "missed the can"
+    last = "grasped and lifted the can" if grasped[-1] else "missed the can again"
+    return [
+        f"In its first approach the robot {first}: its hand was {1e3 * distances[0]:.0f} mm off.",
+        f"It then learned from {observations} observations of its hand in {duration:.0f} s.",
+        f"In approach {len(distances)} it {last}, with its hand {1e3 * distances[-1]:.0f} mm off.",
+    ]

@@ -1,4 +1,4 @@
-"""Looking for the hand: the head turns until its marker is in view."""
+"""Search for the hand: the head turns until the hand's marker is in view."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from jmm_agent.types import Floats
 from kengoro.session import Session
 
 READY = tuple(radians(angle) for angle in (-15, 10, 0, -8, 0, -3, 0, 5, -32, -50, 95, 0, 0, 0))
-"""The arm beside the body, the hand out of view; the head towards the table [rad]."""
+"""Posture with the arm beside the body, out of view, and the head towards the table [rad]."""
 
 
 @dataclass(frozen=True)
 class TrialOptions:
-    """How the experiment runs.
+    """Sizes and durations of a can-grasping trial.
 
     Attributes:
-        approaches: number of approaches at most.
-        postures: number of postures before the eyes, between the first two approaches.
+        approaches: largest number of approaches.
+        postures: number of postures in view of the camera, between the first two approaches.
         near: number of postures near the can, before each later approach.
-        move: duration of a movement from posture to posture [s].
-        patience: longest wait for rest and for a look [s].
+        move: duration of a movement between postures [s].
+        patience: longest wait for rest and for a marker observation [s].
         turn: duration of a turn of the head [s].
-        reach: duration of the way from the stand-off to the can [s].
-        ready: joint angles of an arm that is out of the camera's way [rad].
-        table_point: where the head is turned to find the can (3,) [m].
-        scan: how far the head is turned when it is not there, (yaw, pitch) [rad].
+        reach: duration of the path from the stand-off point to the can [s].
+        ready: joint angles with the arm out of view, shape (n,) [rad].
+        table_point: point that the camera is turned to when it looks for the can, shape (3,) [m].
+        scan: largest turns of the head in a search, (yaw, pitch) [rad].
     """
 
     approaches: int = 4
@@ -42,7 +42,13 @@ class TrialOptions:
 
 
 def find_hand(session: Session, posture: Floats, options: TrialOptions) -> None:
-    """Turn the head from a posture (n,) [rad] until the hand's marker is in view, if it is not."""
+    """Turn the head until the hand's marker is in view, unless it is already.
+
+    Args:
+        session: whose agent looks for its hand.
+        posture: joint angles that the head turns from, shape (n,) [rad].
+        options: durations and range of the search.
+    """
     agent = session.agent
     for offset in scan_offsets(options):
         if agent.options.hand_marker in agent.markers:
@@ -53,7 +59,7 @@ def find_hand(session: Session, posture: Floats, options: TrialOptions) -> None:
 
 
 def scan_offsets(options: TrialOptions) -> list[tuple[float, float]]:
-    """Turns of the head to look around, (yaw, pitch) [rad]."""
+    """Turns of the head that a search tries in this order, (yaw, pitch) [rad]."""
     yaw, pitch = options.scan
     sides = [(0.0, pitch), (0.0, -pitch), (yaw, 0.0), (-yaw, 0.0)]
     return [*sides, (yaw, pitch), (-yaw, pitch), (yaw, -pitch), (-yaw, -pitch)]

@@ -1,6 +1,6 @@
-"""What an agent writes down while it moves a robot: commands, lengths, tensions, looks at its hand.
+"""Recordings of a moving robot: commands, lengths, tensions and marker observations.
 
-Nothing else is known to it: no true joint angles, and nothing of how the robot was made.
+A recording holds nothing that the agent does not get: no true joint angles and no departures.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.types import Floats
 from jmm_agent.vision.marker_detector import MarkerDetector
-from kengoro.arm import CAMERA, HAND, NO_END, SIDES, make_env
 from kengoro.errors import UsageError
-from kengoro.nominal_model import MARKER
+from kengoro.robots import CAMERA, HAND, NO_END, SIDES, make_env
+from kengoro.study_model import MARKER
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
 from kengoro_env.departures.sensors import EYE
@@ -24,35 +24,40 @@ from kengoro_env.names import JOINTS
 from kengoro_env.robot.nominal_model import NominalArm
 
 SETTLE = 2.0
-"""The first command is held so long before the log begins [s]."""
+"""How long the first command is held before the recording begins [s]."""
 
 
 @dataclass(frozen=True)
 class Arm:
-    """A part of the robot that is recorded: its task in `kengoro_env`, and the scene of it."""
+    """What is recorded.
+
+    Attributes:
+        task: of the environment, as in `make_env`.
+        scene: MJCF file of its nominal model.
+    """
 
     task: str
     scene: Path
 
 
 def whole_arm() -> Arm:
-    """Head and arm, 36 wires, with a camera."""
+    """Head and arm with 36 muscles and the camera."""
     return Arm("Posture", asset_path("mjcf/kengoro_arm/posture.xml"))
 
 
 def elbow() -> Arm:
-    """The elbow with its three wires, without a camera."""
+    """The elbow with its three muscles, without a camera."""
     return Arm("Elbow", asset_path("mjcf/kengoro_arm/elbow.xml"))
 
 
 @dataclass(frozen=True)
 class Tour:
-    """Postures that are visited one after the other.
+    """Postures to visit in order.
 
     Attributes:
-        postures: (K, n) [rad]; the tour begins at the first.
+        postures: shape (K, n) [rad]; the tour starts at the first.
         move: duration of each movement [s].
-        hold: how long the arm stays at each [s].
+        hold: how long the arm stays at each posture [s].
     """
 
     postures: Floats
@@ -61,11 +66,11 @@ class Tour:
 
     @property
     def duration(self) -> float:
-        """Until the stay at the last posture is over [s]."""
+        """Duration to the end of the stay at the last posture [s]."""
         return self.hold + (len(self.postures) - 1) * (self.move + self.hold)
 
     def at(self, time: float) -> Floats:
-        """Posture (n,) [rad] to be at: at rest at both ends of each movement."""
+        """Commanded posture at a time [s], shape (n,) [rad]; movements start and end at rest."""
         leg, since = divmod(max(time, 0.0) - self.hold, self.move + self.hold)
         first = min(max(int(leg), -1), len(self.postures) - 1)
         if first < 0 or first == len(self.postures) - 1:
@@ -77,16 +82,17 @@ class Tour:
 
 @dataclass(frozen=True)
 class Recording:
-    """One episode; all lengths are as the robot's encoders call them, 0 where they were zeroed.
+    """One recorded episode. Lengths are encoder readings: 0 where the encoders were zeroed.
 
     Attributes:
-        time: (k,) [s] from the begin of the log, one control period apart.
-        command: (k, m) target lengths [m] from each time on.
-        lengths: (k, m) [m] measured at each time.
-        tensions: (k, m) [N] measured at each time.
-        start: joint angles (n,) [rad] at which the agent believes to begin.
-        look_time: (c,) [s] when each frame was taken in which the hand's marker was found.
-        markers: (c, 4, 4) pose of the marker in the camera: x right, y down, z forward.
+        time: shape (k,) [s] from the start, one control period apart.
+        command: target lengths from each time on, shape (k, m) [m].
+        lengths: measured at each time, shape (k, m) [m].
+        tensions: measured at each time, shape (k, m) [N].
+        start: joint angles at which the agent believes to start, shape (n,) [rad].
+        observation_time: when the frames with the hand's marker were taken, shape (c,) [s].
+        markers: pose of the marker in the camera in these frames, shape (c, 4, 4): x right, y down,
+            z forward.
     """
 
     time: Floats
@@ -98,21 +104,24 @@ class Recording:
     markers: Floats = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
 
-def record(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
-    """Move a robot by commands from the drawing, and note what it feels and sees.
+def record_episode(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
+    """Move a robot by commands from its nominal model, and record its sensor readings.
 
     Args:
-        arm: what is moved.
-        robot: seed of an actual robot; None for the drawing.
-        tour: where it is sent.
-        seed: of its sensors' noise.
+        arm: what is recorded.
+        robot: seed of an actual robot; None for the nominal model.
+        tour: postures to visit.
+        seed: of the sensor noise.
+
+    Raises:
+        UsageError: the environment ended the episode.
     """
     env = make_env(arm.task, robot, max_episode_steps=NO_END)
     world = env.unwrapped
     if not isinstance(world, KengoroEnv):
         raise UsageError(f"A recording needs a Kengoro environment, not {world}.")
     start = tour.at(0.0)
-    drawing, eye = NominalArm(arm.scene), _Eye(tour)
+    nominal, markers = NominalArm(arm.scene), _MarkerLog(tour)
     observation, _ = env.reset(seed=seed, options={"posture": start, "target": start})
     settling = round(SETTLE / CONTROL_PERIOD)
     time: list[float] = []
@@ -121,14 +130,14 @@ def record(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
     tensions: list[Floats] = []
     for step in range(-settling, round(tour.duration / CONTROL_PERIOD)):
         now = step * CONTROL_PERIOD
-        action = world.lengths_to_action(drawing.lengths(tour.at(now))[0])
+        action = world.lengths_to_action(nominal.lengths(tour.at(now))[0])
         if step >= 0:
             time.append(round(now, 6))
             command.append(world.action_to_lengths(action))
             lengths.append(observation["lengths"])
             tensions.append(observation["tensions"])
             if "frame" in observation:
-                eye.look(observation["frame"], float(observation["frame_time"][0]) - SETTLE)
+                markers.observe(observation["frame"], float(observation["frame_time"][0]) - SETTLE)
         observation, _, ended, _, info = env.step(action)
         if ended:
             raise UsageError(f"The recording ended at {now:.2f} s: {info.get('reason')}.")
@@ -139,16 +148,16 @@ def record(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
         lengths=np.array(lengths),
         tensions=np.array(tensions),
         start=start,
-        observation_time=np.array(eye.times),
-        markers=np.array(eye.markers).reshape(-1, 4, 4),
+        observation_time=np.array(markers.times),
+        markers=np.array(markers.poses).reshape(-1, 4, 4),
     )
 
 
-class _Eye:
-    """Finds the hand's marker in frames.
+class _MarkerLog:
+    """Poses of the hand's marker in the frames of a recording.
 
-    The corners of a marker that is small or faces the camera fit two poses; the one nearer to
-    that of the commanded posture is taken.
+    The corners of a marker that is small or faces the camera fit two poses; the one nearer to the
+    commanded posture is taken.
     """
 
     def __init__(self, tour: Tour) -> None:
@@ -157,10 +166,10 @@ class _Eye:
         self._detector = MarkerDetector(CAMERA, SIDES)
         self._newest = -np.inf
         self.times: list[float] = []
-        self.markers: list[Floats] = []
+        self.poses: list[Floats] = []
 
-    def look(self, frame: np.ndarray, time: float) -> None:
-        """Note the marker's pose in a frame, unless it is not there or the frame is not new."""
+    def observe(self, frame: np.ndarray, time: float) -> None:
+        """Add the marker's pose in a frame, if the frame is new and the marker is found."""
         time = round(time, 6)
         if time < 0.0 or time == self._newest:
             return
@@ -169,4 +178,4 @@ class _Eye:
         found = self._detector.detect(frame, {HAND: expected}).poses.get(HAND)
         if found is not None:
             self.times.append(time)
-            self.markers.append(found.pose_marker_in_camera)
+            self.poses.append(found.pose_marker_in_camera)

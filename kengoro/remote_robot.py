@@ -1,15 +1,20 @@
-"""A robot in another process, which an agent drives through a socket.
+"""Reference driver: an agent drives a robot in another process through a socket.
 
-An example of `jmm_agent.driver.Driver`: the simulated robot knows no agent, the agent no simulator,
-and between them go lengths, tensions and frames one way, target lengths the other. A driver of a
-real robot has the same three methods. The simulated one waits for each command.
+`RemoteRobot` is a `jmm_agent.driver.Driver`, with the same three methods as the driver of a real
+robot: sensor readings and frames come in, target lengths go out. The simulated robot waits for each
+command.
+
+A message is the length of its head (4 bytes, big endian), the head in JSON, and as many bytes of a
+frame as the head says.
 """
 
 from __future__ import annotations
 
 import json
-import multiprocessing
+import os
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -22,21 +27,21 @@ from kengoro.errors import UsageError
 
 HOST = "127.0.0.1"
 PATIENCE = 60.0
-"""How long either side waits for the other [s]."""
+"""How long each side waits for the other [s]."""
 
 
 class RemoteRobot:
-    """The robot as seen from the agent's process: a `Driver`.
+    """Driver of a robot that `serve` runs in another process on this computer.
 
     Args:
-        port: where `serve` listens on this machine.
+        port: that the robot listens on.
     """
 
     def __init__(self, port: int) -> None:
         self._line = socket.create_connection((HOST, port), PATIENCE)
 
     def read(self) -> SensorReadings:
-        """Wait for what is felt and seen."""
+        """Wait for the next sensor readings."""
         head, body = _receive(self._line)
         shape = head["frame"]
         frame = np.frombuffer(body, np.uint8).reshape(shape) if shape else None
@@ -48,20 +53,21 @@ class RemoteRobot:
         _send(self._line, {"target_lengths": [float(x) for x in target_lengths]})
 
     def stop(self) -> None:
-        """Say goodbye, if that was not done."""
+        """End the connection, on which the robot stops; may be called again."""
         with self._line, suppress(OSError):
             _send(self._line, {"target_lengths": None})
 
 
 def serve(task: str, seed: int | None, listener: socket.socket) -> None:
-    """Be a robot for whoever calls: feel, wait for a command, obey; until they say goodbye.
+    """Run a simulated robot for the first client, until it ends the connection.
 
     Args:
-        task: of the environment, as "Posture".
-        seed: of the actual robot, and of its sensors' noise; None for the drawing.
-        listener: bound and listening.
+        task: of the environment, such as "Posture".
+        seed: of the actual robot and of its sensor noise; None for the nominal model.
+        listener: socket that is bound and listens.
     """
-    from kengoro.arm import NO_END, make_env
+    listener.settimeout(PATIENCE)
+    from kengoro.robots import NO_END, make_env
     from kengoro_env.env import KengoroEnv
 
     line, _ = listener.accept()
@@ -70,7 +76,7 @@ def serve(task: str, seed: int | None, listener: socket.socket) -> None:
     assert isinstance(world, KengoroEnv)
     observation, _ = env.reset(seed=seed or 0)
     step = 0
-    # Who hangs up without goodbye is gone, too.
+    # A client may also end without a last message.
     with line, env, suppress(ConnectionError):
         line.settimeout(PATIENCE)
         while True:
@@ -93,20 +99,35 @@ def serve(task: str, seed: int | None, listener: socket.socket) -> None:
 
 @contextmanager
 def robot_process(task: str, seed: int | None) -> Iterator[RemoteRobot]:
-    """A robot in a process of its own."""
-    with socket.create_server((HOST, 0)) as listener:
-        process = multiprocessing.get_context("spawn").Process(
-            target=serve, args=(task, seed, listener), daemon=True
-        )
-        process.start()
-        robot = RemoteRobot(listener.getsockname()[1])
-    try:
-        yield robot
-    except ConnectionError as error:
-        raise UsageError(f"The robot's process has hung up: {error}.") from error
-    finally:
-        robot.stop()
-        process.join(PATIENCE)
+    """A simulated robot in a process of its own, and its driver.
+
+    Args:
+        task: of the environment, such as "Posture".
+        seed: of the actual robot; None for the nominal model.
+
+    Raises:
+        UsageError: the process of the robot ended.
+    """
+    # Not multiprocessing, which imports the caller's script again in the new process.
+    process = subprocess.Popen(
+        [sys.executable, "-m", __name__, task, *([] if seed is None else [str(seed)])],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        stdout=subprocess.PIPE,
+    )
+    with process:
+        assert process.stdout is not None
+        port = process.stdout.readline()
+        if not port:
+            raise UsageError(f"The process of the robot ended at its start, with task {task!r}.")
+        robot = RemoteRobot(int(port))
+        try:
+            yield robot
+        except ConnectionError as error:
+            raise UsageError(
+                f"The process of the robot has ended the connection: {error}."
+            ) from error
+        finally:
+            robot.stop()
 
 
 def _send(line: socket.socket, head: dict[str, Any], body: bytes = b"") -> None:
@@ -124,6 +145,17 @@ def _exactly(line: socket.socket, count: int) -> bytes:
     while len(parts) < count:
         part = line.recv(count - len(parts))
         if not part:
-            raise ConnectionError("the other process has hung up")
+            raise ConnectionError("the other process has ended the connection")
         parts += part
     return bytes(parts)
+
+
+def main(task: str, seed: str | None = None) -> None:
+    """Print the port of a simulated robot, and run the robot for one client."""
+    with socket.create_server((HOST, 0)) as listener:
+        print(listener.getsockname()[1], flush=True)
+        serve(task, None if seed is None else int(seed), listener)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,8 +1,7 @@
-"""A robot and a mind together: the loop that every experiment runs.
+"""Session: the control loop of one episode, with the truth kept from the agent.
 
-The environment's ``info`` holds the truth. It is stripped here, before the agent: the agent gets
-`SensorReadings` and nothing else, and the truth goes to the log. Faults that a guarded agent
-notices are added to it as ``info["faults"]``.
+The environment's ``info`` holds the truth. Only `SensorReadings` reach the agent; the truth goes to
+the log. Faults that a guarded agent names are added to ``info["faults"]``.
 """
 
 from __future__ import annotations
@@ -18,27 +17,30 @@ import numpy as np
 
 from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import faults_for_info
+from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
 from kengoro.errors import UsageError
 from kengoro_env.env import KengoroEnv
 
 OPEN, CLOSED = -1.0, 1.0
+"""Commands of the fingers."""
 
 
-class EpisodeEndedError(Exception):
-    """The episode ended before the experiment did."""
+class EpisodeEndedError(RuntimeError):
+    """The environment ended the episode."""
 
 
 @dataclass
 class Log:
-    """What happened, by control step; and by look.
+    """History of a session, with an entry for each control step and each marker observation.
 
     Attributes:
-        time: [s].
-        tensions: true tensions (m,) [N].
-        target, true, estimate: joint angles (n,) [rad].
-        look_time, look_error: time of each look [s], theta_est - theta_ik (n,) [rad].
+        time: at each step [s].
+        tensions: true tensions at each step, shape (m,) [N].
+        target, true, estimate: joint angles at each step, shape (n,) [rad].
+        observation_time: of each marker observation [s].
+        observation_error: theta_est - theta_ik at each observation, shape (n,) [rad].
     """
 
     time: list[float] = field(default_factory=list)
@@ -50,21 +52,21 @@ class Log:
     observation_error: list[Floats] = field(default_factory=list)
 
 
-_onlooker: ContextVar[Callable[[Session], None] | None] = ContextVar("onlooker", default=None)
+_viewer: ContextVar[Callable[[Session], None] | None] = ContextVar("viewer", default=None)
 
 
 @contextmanager
-def observed_by(onlooker: Callable[[Session], None]) -> Iterator[None]:
-    """Sessions that begin here show themselves to ``onlooker`` after every step.
+def shown_by(viewer: Callable[[Session], None]) -> Iterator[None]:
+    """Within this context every new session calls ``viewer`` after each step.
 
-    Experiments make their sessions deep inside; so none has to pass the onlooker on. It must not
-    change anything.
+    Code that makes sessions deep inside need not hand the viewer on. A viewer must not change the
+    session.
     """
-    token = _onlooker.set(onlooker)
+    token = _viewer.set(viewer)
     try:
         yield
     finally:
-        _onlooker.reset(token)
+        _viewer.reset(token)
 
 
 class Session:
@@ -72,13 +74,19 @@ class Session:
 
     Args:
         env: a Kengoro environment.
-        agent: its mind.
+        agent: controls the robot.
         seed: of the episode.
-        watch: called with the session after every step, for videos and progress.
-        options: of the reset.
+        watch: called with the session after every step, for films and progress.
+        options: of `env.reset`.
 
     Attributes:
-        stage: what the robot is doing, in a few words, for those who watch.
+        stage: what the robot is doing, in a few words, for viewers.
+        fingers: command of the fingers, `OPEN` or `CLOSED`.
+        observation, truth: of the environment after the last step.
+        log: history of the episode.
+
+    Raises:
+        UsageError: the environment is not one of Kengoro's.
     """
 
     def __init__(
@@ -93,7 +101,7 @@ class Session:
             raise UsageError(f"A session needs a Kengoro environment, not {env.unwrapped}.")
         self.env, self.world = env, env.unwrapped
         self.agent, self.log = agent, Log()
-        self._watch, self._onlooker = watch, _onlooker.get()
+        self._watch, self._viewer = watch, _viewer.get()
         self.stage = ""
         self.fingers = OPEN
         self._seen: object = None
@@ -103,7 +111,7 @@ class Session:
 
     @property
     def readings(self) -> SensorReadings:
-        """What the agent gets."""
+        """What the agent is given: sensor readings, and nothing of the truth."""
         observation = self.observation
         frame_time = float(observation["frame_time"][0]) if "frame" in observation else -np.inf
         return SensorReadings(
@@ -124,23 +132,23 @@ class Session:
         return self._steps * self._period
 
     def step(self) -> None:
-        """One control period.
+        """Run one control period.
 
         Raises:
-            EpisodeEndedError: the environment says that the episode is over.
+            EpisodeEndedError: the environment ended the episode.
         """
         self.agent.hand_is_free = self.fingers == OPEN
         lengths = self.agent.step(self.readings)
         action = self.world.lengths_to_action(lengths, self.fingers)
         self.observation, _, ended, cut, self.truth = self.env.step(action)
         self._steps += 1
-        if self.agent.guard is not None:
+        if not isinstance(self.agent.guard, NullGuard):
             self.truth["faults"] = faults_for_info(self.agent.faults)
         self._write()
         if self._watch is not None:
             self._watch(self)
-        if self._onlooker is not None:
-            self._onlooker(self)
+        if self._viewer is not None:
+            self._viewer(self)
         if ended or cut:
             raise EpisodeEndedError(str(self.truth.get("reason", "the time is up")))
 
@@ -157,14 +165,19 @@ class Session:
             log.observation_error.append(self.agent.seen.error)
 
     def wait(self, duration: float) -> None:
-        """Let ``duration`` [s] pass."""
+        """Step until ``duration`` [s] has passed."""
         for _ in range(round(duration / self._period)):
             self.step()
 
     def move(self, postures: Floats, duration: float, patience: float = 0.0) -> None:
-        """Move through postures within ``duration`` [s], then wait up to ``patience`` [s] for rest.
+        """Move through postures, then wait until the robot is at rest.
 
-        Rest means that the lengths have settled and what was to be learned from them is learned.
+        At rest the lengths have settled, and what is to be learned from them is learned.
+
+        Args:
+            postures: joint angles, shape (K, n) or (n,) [rad].
+            duration: of the movement [s].
+            patience: longest wait for rest [s].
         """
         self.agent.go(postures, duration)
         self.wait(duration)

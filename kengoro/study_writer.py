@@ -1,6 +1,6 @@
-"""A recording as a study for `reality_gap`: ``STUDY.yaml``, ``model.xml`` and the logs.
+"""Writer of studies for `reality_gap`: ``STUDY.yaml``, ``model.xml`` and logs of recordings.
 
-Each episode has a ``log_0.csv`` and, with a camera, a ``camera_0.csv``, which has times of its own.
+Each episode has a ``log_N.csv`` and, with a camera, a ``camera_N.csv`` with its own times.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from jmm_agent.types import Floats
-from kengoro.nominal_model import (
+from kengoro.recording import SETTLE, Recording
+from kengoro.study_model import (
     MARKER_ORIENTATION,
     MARKER_POSITION,
     length_sensor,
@@ -24,38 +25,50 @@ from kengoro.nominal_model import (
     tension_sensor,
     zero_lengths,
 )
-from kengoro.recording import SETTLE, Arm, Recording
 from kengoro_env.robot.nominal_model import NominalArm
 from mjcf_sandbox.files import write_text
 
 LENGTH_NOISE, TENSION_NOISE = 1e-4, 1.0
-"""Standard deviation of a reading of encoders [m] and tension sensors [N], as their makers say."""
+"""Standard deviation of a reading of the encoders [m] and of the tension sensors [N]."""
 
 MARKER_NOISE, TURN_NOISE = 2e-4, 1e-3
-"""The same of the marker's position [m], and of each number of its quaternion: see
-`python -m benchmarks marker_pose`."""
+"""Standard deviation of the marker's position [m], and of each number of its quaternion
+(`python -m benchmarks marker_pose`)."""
 
 STILL = 0.002
-"""A tension sensor on a wire also feels its motor's viscous drag, 150 N s/m, which the model's
-sensor does not: while a wire moves faster than this [m/s] its cell is left empty."""
+"""Speed of a tendon [m/s] above which its tension is left out of the log: the sensor also measures
+the viscous drag of the motor, 150 N s/m, which the sensor of the model does not."""
 
 WINDOW = 5
-"""Control periods before and after, over which that speed is taken."""
+"""Number of control periods before and after a reading over which that speed is taken."""
 
 POSITION = ("marker_x", "marker_y", "marker_z")
 TURN = ("marker_qw", "marker_qx", "marker_qy", "marker_qz")
 
 
-def write_study(out: Path, name: str, arm: Arm, recordings: Sequence[Recording]) -> Path:
-    """Write model, logs and, last, ``STUDY.yaml`` to a folder; returns the path of the latter."""
-    spec, drawing = study_model(arm.scene), NominalArm(arm.scene)
+def write_study(
+    out: Path | str, name: str, scene: Path | str, recordings: Sequence[Recording]
+) -> Path:
+    """Write recordings as a study.
+
+    Args:
+        out: folder of the study.
+        name: of the study, for people.
+        scene: MJCF file of the nominal model of the recorded robot.
+        recordings: one for each episode.
+
+    Returns:
+        Path of ``STUDY.yaml``, which is written last.
+    """
+    out, scene = Path(out), Path(scene)
+    spec, nominal = study_model(scene), NominalArm(scene)
     write_text(out / "model.xml", spec.to_xml())
     for number, recording in enumerate(recordings):
-        write_text(out / f"log_{number}.csv", _log_table(recording, drawing.muscles))
+        write_text(out / f"log_{number}.csv", _log_table(recording, nominal.muscles))
         if len(recording.observation_time):
             write_text(out / f"camera_{number}.csv", _camera_table(recording))
     path = out / "STUDY.yaml"
-    study = study_content(name, drawing, zero_lengths(spec, drawing.muscles), recordings)
+    study = study_content(name, nominal, zero_lengths(spec, nominal.muscles), recordings)
     write_text(path, yaml.safe_dump(study, sort_keys=False, width=120))
     return path
 
@@ -63,13 +76,13 @@ def write_study(out: Path, name: str, arm: Arm, recordings: Sequence[Recording])
 def study_content(
     name: str, arm: NominalArm, zero: Floats, recordings: Sequence[Recording]
 ) -> dict[str, Any]:
-    """What ``STUDY.yaml`` holds.
+    """Content of ``STUDY.yaml``.
 
     Args:
-        name: for people.
+        name: of the study, for people.
         arm: names of joints and muscles.
-        zero: the drawing's wire lengths (m,) [m] where the robot calls them zero.
-        recordings: one an episode.
+        zero: tendon lengths of the nominal model where the encoders read zero, shape (m,) [m].
+        recordings: one for each episode.
     """
     offset = {muscle: round(float(at), 9) for muscle, at in zip(arm.muscles, zero, strict=True)}
     sensors: dict[str, Any] = {}
@@ -127,7 +140,12 @@ def _log_table(recording: Recording, muscles: Sequence[str]) -> str:
 
 
 def speed(lengths: Floats, time: Floats) -> Floats:
-    """How fast each wire moves (k, m) [m/s], by its lengths (k, m) [m] before and after."""
+    """Speed of each tendon at each time, shape (k, m) [m/s].
+
+    Args:
+        lengths: shape (k, m) [m].
+        time: shape (k,) [s].
+    """
     index = np.arange(len(time))
     before, after = np.maximum(index - WINDOW, 0), np.minimum(index + WINDOW, len(time) - 1)
     span = np.maximum(time[after] - time[before], 1e-9)
@@ -144,8 +162,14 @@ def _camera_table(recording: Recording) -> str:
 
 
 def in_model_axes(markers: Floats) -> tuple[Floats, Floats]:
-    """Positions (c, 3) [m] and quaternions (c, 4), w first, in MuJoCo's camera axes: x right, y
-    up, z backwards; from poses (c, 4, 4) in OpenCV's: x right, y down, z forward."""
+    """Marker poses in MuJoCo's camera axes: x right, y up, z backwards.
+
+    Args:
+        markers: poses in OpenCV's axes (x right, y down, z forward), shape (c, 4, 4).
+
+    Returns:
+        Positions, shape (c, 3) [m], and quaternions with w first, shape (c, 4).
+    """
     flip = np.diag([1.0, -1.0, -1.0])
     position = markers[:, :3, 3] @ flip
     turn = Rotation.from_matrix(flip @ markers[:, :3, :3]).as_quat(scalar_first=True)

@@ -18,9 +18,12 @@ MAP_SEED = 0
 
 
 def nominal_model(scene: Path | None = None) -> NominalModel:
-    """What the agent is told of the robot in ``scene`` (the arm if left out).
+    """Nominal model of a robot for the agent: names, limits, topology and lengths.
 
-    The map has a group for each of the arm's; of another robot's joints it has one for all.
+    The muscles of Kengoro's arm are mapped in its four groups, those of another robot in one.
+
+    Args:
+        scene: MJCF file of the robot; Kengoro's arm if left out.
     """
     arm = NominalArm(asset_path(ARM) if scene is None else scene)
     groups = {"all": arm.joints}
@@ -33,7 +36,7 @@ def nominal_model(scene: Path | None = None) -> NominalModel:
 
 
 def default_cache() -> Path:
-    """Folder of trained maps in the user's cache folder."""
+    """Default folder of trained maps, in the user's cache folder."""
     return user_cache_path("kengoro")
 
 
@@ -42,8 +45,13 @@ def trained_map(
     progress: Callable[[str, float], None] | None = None,
     scene: Path | None = None,
 ) -> JointMuscleMap:
-    """The map of the drawing of ``scene`` (the arm if left out), read from ``cache_dir`` or trained
-    and kept there."""
+    """Joint-muscle map of a nominal model, read from a file or trained and kept there.
+
+    Args:
+        cache_dir: folder of trained maps; the user's cache folder if left out.
+        progress: called with the name of a group and the share done, 0 to 1.
+        scene: MJCF file of the robot; Kengoro's arm if left out.
+    """
     from jmm_agent.mapping.training import load_or_train
 
     folder = default_cache() if cache_dir is None else cache_dir

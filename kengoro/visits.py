@@ -1,7 +1,7 @@
-"""Postures that a robot visited: what was wanted, true, estimated and seen; and the errors.
+"""Visits of postures: target, true, estimated and observed joint angles, and their errors.
 
-There are two definitions of error, and they need not agree. The paper's is estimate against seen,
-what a real robot can measure. The true one is target against true, what only a simulation knows.
+There are two definitions of error, which need not agree. The paper's is estimate against observed,
+which a real robot can measure. The true one is target against true, which only a simulation knows.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ ERRORS = {
     "estimate_true": "estimate - true",
     "estimate_target": "estimate - target",
 }
-"""Pairs of angles that are compared, and how they are called."""
+"""Pairs of angles that are compared, with their titles in tables."""
 
 Visits = dict[str, list[Any]]
-"""By `ANGLES` joint angles [rad] a visit, n numbers each, "seen" None where no marker was seen; and
-`max_tension` [N], `time` [s] when it ended."""
+"""A list for each key, with an entry for each visit: joint angles of each of `ANGLES` (n numbers,
+[rad]; "seen" is None without a marker observation), `max_tension` [N], `time` of its end [s]."""
 
 
 def no_visits() -> Visits:
-    """Visits before the first."""
+    """No visits yet."""
     return {key: [] for key in (*ANGLES, "max_tension", "time")}
 
 
@@ -46,39 +46,36 @@ def visit(
     visits: Visits | None = None,
     move: float = 2.0,
     patience: float = 2.0,
-    look: bool = True,
+    search: bool = True,
 ) -> Visits:
-    """Move to a posture, come to rest, look at the hand; what was found is added to ``visits``.
+    """Move to a posture, come to rest, observe the hand, and add the result to ``visits``.
 
-    What is wanted, true and estimated is that at rest, before the head turns to find the hand and
-    before the map is moved by what is seen.
+    Target, true and estimated angles are those at rest, before the head turns to find the hand and
+    before the observation moves the map.
 
     Args:
         session: of the Posture task.
         target: joint angles (n,) [rad].
         visits: what was found so far.
         move: duration of the movement [s].
-        patience: longest wait for rest and a look [s].
-        look: whether the head is turned where the hand is not in view.
+        patience: longest wait for rest and an observation [s].
+        search: whether the head turns to find a hand that is not in view.
     """
     visits = no_visits() if visits is None else visits
     log, begin, half = session.log, len(session.log.time), session.time + move / 2
     session.move(target, move, patience)
-    observations = int(
-        np.searchsorted(log.observation_time, half)
-    )  # those before are of the posture it left
+    # Observations before the middle of the movement are of the posture that it left.
+    first = int(np.searchsorted(log.observation_time, half))
     rest = len(log.time) - 1
-    if (
-        len(log.observation_time) > observations
-    ):  # the step before the look: learning moves estimate and arm
-        rest = max(0, int(np.searchsorted(log.time, log.observation_time[observations])) - 1)
-    elif look:
+    if len(log.observation_time) > first:
+        # The step before the observation: learning moves the estimate and the arm.
+        rest = max(0, int(np.searchsorted(log.time, log.observation_time[first])) - 1)
+    elif search:
         find_hand(session, target, TrialOptions())
     estimate, seen = log.estimate[rest], None
-    if (
-        len(log.observation_time) > observations
-    ):  # the head may have turned, so the error counts, not the angles
-        seen = estimate - log.observation_error[observations]
+    if len(log.observation_time) > first:
+        # The head may have turned since, so the error counts, not the observed angles.
+        seen = estimate - log.observation_error[first]
     for key, angles in zip(ANGLES, (target, log.true[rest], estimate, seen), strict=True):
         visits[key].append(None if angles is None else np.round(angles, 6).tolist())
     visits["max_tension"].append(round(float(np.max(log.tensions[begin:])), 1))
@@ -87,8 +84,10 @@ def visit(
 
 
 def gaps(visits: Visits, pair: str) -> Floats:
-    """Differences (K, n) [rad] of a pair of `ERRORS`; visits where the hand was not seen are left
-    out where it is compared with."""
+    """Differences of a pair of `ERRORS`, shape (K, n) [rad].
+
+    Pairs with "seen" leave out visits without a marker observation.
+    """
     one, other = pair.split("_")
     both = zip(visits[one], visits[other], strict=True)
     found = [np.subtract(a, b) for a, b in both if a is not None and b is not None]
@@ -96,13 +95,13 @@ def gaps(visits: Visits, pair: str) -> Floats:
 
 
 def rmse_deg(visits: Visits, pair: str, joints: Ints | None = None) -> Floats:
-    """RMSE_joint (K,) [deg] of each visit: root mean square over (some) joints."""
+    """RMSE_joint of each visit, shape (K,) [deg]: root mean square over all or some joints."""
     gap = np.degrees(gaps(visits, pair))
     return np.sqrt(np.mean(np.square(gap if joints is None else gap[:, joints]), axis=1))
 
 
 def hand_mm(visits: Visits, pair: str) -> Floats:
-    """Distance_hand (K,) [mm] of each visit, between the grip points of a pair of `ERRORS`."""
+    """Distance_hand of each visit, shape (K,) [mm]: between the grip points of a pair."""
     one, other = pair.split("_")
     both = zip(visits[one], visits[other], strict=True)
     found = [
@@ -114,7 +113,7 @@ def hand_mm(visits: Visits, pair: str) -> Floats:
 
 
 def grip(q: Floats) -> Floats:
-    """Grip point (3,) [m] of the drawing at joint angles (n,) [rad]."""
+    """Grip point of the nominal model at joint angles (n,) [rad], shape (3,) [m]."""
     return _kinematics().pose("grip", q)[:3, 3]
 
 
@@ -124,7 +123,7 @@ def _kinematics() -> ArmKinematics:
 
 
 def group_joints() -> dict[str, Ints]:
-    """Indices of all joints, and of those that each group owns."""
+    """Indices of all joints, and of the joints of each group."""
     own = {name: np.array([JOINTS.index(j) for j in js]) for name, js in GROUP_JOINTS.items()}
     return {"all": np.arange(len(JOINTS)), **own}
 
@@ -132,7 +131,7 @@ def group_joints() -> dict[str, Ints]:
 def errors(visits: Visits) -> dict[str, float]:
     """Medians over visits: ``PAIR_deg`` and ``PAIR_mm`` of all `ERRORS`, ``max_tension_N``.
 
-    A pair that was never found, such as what is seen when nothing was, is left out.
+    A pair without any visit, such as one with "seen" when the marker was never found, is left out.
     """
     result = {}
     for pair in ERRORS:
@@ -145,13 +144,13 @@ def errors(visits: Visits) -> dict[str, float]:
 
 
 def error_rows(columns: Mapping[str, Sequence[Mapping[str, float]]]) -> list[list[object]]:
-    """Rows of a table of `errors`: for each, median (worst) over the robots of each column."""
+    """Rows of a table of `errors`: median (worst) over the robots of each column."""
     rows: list[list[object]] = []
-    names = {f"{pair}_{unit}": f"{told} [{unit}]" for unit in ("deg", "mm")
-             for pair, told in ERRORS.items()}  # fmt: skip
-    for key, told in {**names, "max_tension_N": "largest tension [N]"}.items():
+    names = {f"{pair}_{unit}": f"{title} [{unit}]" for unit in ("deg", "mm")
+             for pair, title in ERRORS.items()}  # fmt: skip
+    for key, title in {**names, "max_tension_N": "largest tension [N]"}.items():
         cells = [_cell([e[key] for e in column if key in e]) for column in columns.values()]
-        rows.append([told, *cells])
+        rows.append([title, *cells])
     return rows
 
 

@@ -1,20 +1,24 @@
 """Kengoro's arm as Gymnasium environments.
 
 Importing this package registers ``Kengoro/CanGrasp-v0``, ``Kengoro/Posture-v0`` and
-``Kengoro/Elbow-v0``, and lets MuJoCo draw without a display; `kengoro_env.env.KengoroEnv` says
-what they take and give.
+``Kengoro/Elbow-v0``, and chooses a GL library that needs no display; `KengoroEnv` documents actions
+and observations. The public names below are imported when they are first used; ``__init__.pyi``
+lists them.
 """
 
 import gymnasium
+import lazy_loader
 
 from kengoro_env.vision import gl_backend
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 gl_backend.choose()
 
 _ENTRY_POINT = "kengoro_env.env:KengoroEnv"
-_MANY = "kengoro_env.vector:KengoroVectorEnv"
+_VECTOR_ENTRY_POINT = "kengoro_env.vector:KengoroVectorEnv"
 
-# 4 approaches of 15 s and 60 postures of 4 s, and as much again to look and to settle.
+# Twice 4 approaches of 15 s and 60 postures of 4 s, so that there is time to observe and to settle.
 gymnasium.register(
     "Kengoro/CanGrasp-v0", _ENTRY_POINT, max_episode_steps=20_000, kwargs={"task": "can_grasp"}
 )
@@ -25,5 +29,5 @@ for _id, _task in (("Kengoro/Posture-v0", "posture"), ("Kengoro/Elbow-v0", "elbo
         _ENTRY_POINT,
         max_episode_steps=1000,
         kwargs={"task": _task},
-        vector_entry_point=_MANY,
+        vector_entry_point=_VECTOR_ENTRY_POINT,
     )

@@ -1,23 +1,19 @@
-"""Where the assets are: beside this package in a checkout, inside it in an installed wheel."""
+"""Paths of the assets: beside this package in a checkout, inside it in an installed wheel."""
 
 from pathlib import Path
 
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import AssetError
 
 _PACKAGE = Path(__file__).resolve().parent
 _IN_WHEEL = _PACKAGE / "assets_data"
 _IN_CHECKOUT = _PACKAGE.parent / "assets"
 
 
-class AssetError(KengoroError):
-    """An asset is missing, or its name leads out of the assets folder."""
-
-
 def assets_root() -> Path:
-    """Absolute path of the folder that holds the assets.
+    """Absolute path of the assets folder.
 
     Raises:
-        AssetError: neither the wheel's nor the checkout's folder exists.
+        AssetError: the folder exists neither in a wheel nor in a checkout.
     """
     for root in (_IN_WHEEL, _IN_CHECKOUT):
         if root.is_dir():
@@ -29,12 +25,14 @@ def assets_root() -> Path:
 
 
 def asset_path(name: str) -> Path:
-    """Absolute path of the file or folder `name`, relative to assets/, with forward slashes.
+    """Absolute path of an asset.
 
-    Example: `asset_path("mjcf/kengoro_arm/arm.xml")`.
+    Args:
+        name: path of a file or folder relative to assets/, with forward slashes, such as
+            ``"mjcf/kengoro_arm/arm.xml"``.
 
     Raises:
-        AssetError: it does not exist, or `name` is absolute or leads out of the folder.
+        AssetError: the asset does not exist, or ``name`` leads out of the folder.
     """
     root = assets_root()
     path = (root / name).resolve()

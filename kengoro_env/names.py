@@ -1,6 +1,6 @@
-"""Names of the arm's joints and of the four groups, in the order used everywhere.
+"""Names of the arm's joints and of their four groups, in the order of all arrays.
 
-Muscles are not listed here: their names and order are those of the tendons in ``arm.xml``.
+Muscles have the names and the order of the tendons in ``arm.xml``.
 """
 
 GROUP_JOINTS: dict[str, tuple[str, ...]] = {
@@ -9,10 +9,10 @@ GROUP_JOINTS: dict[str, tuple[str, ...]] = {
     "shoulder": ("sh_pitch", "sh_roll", "sh_yaw", "elbow"),
     "forearm": ("radioulnar", "wrist_flex", "wrist_dev"),
 }
-"""Joints that each group owns, from proximal to distal (paper, sec. II-A and IV)."""
+"""Joints of each group, from proximal to distal (paper, sec. II-A and IV)."""
 
 JOINTS: tuple[str, ...] = tuple(joint for joints in GROUP_JOINTS.values() for joint in joints)
-"""The 14 joints of head and arm; fingers are not among them."""
+"""The 14 joints of head and arm, without the fingers."""
 
 FINGER_JOINTS: tuple[str, ...] = (
     "finger_proximal",

@@ -1,17 +1,17 @@
-"""The posture set: postures in front of the body that the drawn arm can hold and the eye can see.
+"""Posture set: postures in front of the body that the arm can hold and the camera can see.
 
-Postures decide what can be learned: over the whole box of joint ranges joints hang at their stops
-and wires saturate. As the paper did, each posture was checked for feasibility (sec. IV). A posture
-belongs to the set when, on the drawing,
+Postures determine what can be learned: in most of the box of joint ranges, joints rest at their
+stops and muscles saturate. As in the paper (sec. IV), each posture was checked for feasibility. A
+posture belongs to the set if, in the nominal model,
 
-* every joint is `STOP_MARGIN` or more away from its stops,
-* a tension set of 5 to `TENSION_LIMIT` N holds it against gravity (linear programme),
-* each joint has in both directions some wire with a moment arm of `MOMENT_ARM` or more,
-* under stiffness control it sags by no more than `SAG` (root mean square over the joints),
-* the hand is in front of the body, its fingertips above the table, and its marker is in the
+* every joint is at least `STOP_MARGIN` away from its stops,
+* tensions of 5 to `TENSION_LIMIT` N hold it against gravity (linear programme),
+* each joint has, in both directions, a muscle with a moment arm of at least `MOMENT_ARM`,
+* under stiffness control it sags by less than `SAG` (root mean square over the joints),
+* the hand is in front of the body, its fingertips are above the table, and its marker is in the
   camera's frame, turned from it by at most `MARKER_TILT`.
 
-``python -m kengoro_env.postures`` draws the set anew and writes it to the assets.
+``python -m kengoro_env.postures`` samples the set again and writes it to the assets.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from kengoro_env.robot.robot import Robot
 from kengoro_env.types import Floats
 from mjcf_sandbox.files import whole_file
 
-STOP_MARGIN = radians(3.0)
-TENSION_LIMIT = 150.0
-MOMENT_ARM = 0.012
-SAG = radians(3.0)
-MARKER_TILT = radians(55.0)
-FRAME_MARGIN = 50.0
-TABLE_CLEARANCE = 0.05
-TABLE_HEIGHT = -0.38
+STOP_MARGIN = radians(3.0)  # [rad]
+TENSION_LIMIT = 150.0  # [N]
+MOMENT_ARM = 0.012  # [m]
+SAG = radians(3.0)  # [rad]
+MARKER_TILT = radians(55.0)  # [rad]
+FRAME_MARGIN = 50.0  # distance of the marker from the edge of the frame [pixels]
+TABLE_CLEARANCE = 0.05  # height of the fingertips above the table [m]
+TABLE_HEIGHT = -0.38  # [m]
 
 RANGES_DEG: dict[str, tuple[float, float]] = {
     "neck_yaw": (-45, 20),
@@ -54,19 +54,20 @@ RANGES_DEG: dict[str, tuple[float, float]] = {
     "wrist_flex": (-38, 38),
     "wrist_dev": (-14, 19),
 }
-"""Box from which postures are drawn [deg], uniformly but for the shoulder's pitch.
-
-The neck is turned to the hand."""
+"""Box from which postures are sampled [deg], uniformly except for the shoulder's pitch; the neck is
+turned to the hand."""
 
 
 def least_tension(arms: Floats, gravity: Floats, least: float = 5.0, most: float = 400.0) -> float:
-    """Smallest largest tension [N] in ``least..most`` that holds a posture; inf if there is none.
+    """Largest tension [N] of the tensions that hold a posture, minimised; inf: none hold it.
 
     Args:
-        arms: dl/dq (m, n) [m/rad].
-        gravity: torques (n,) [N m] with which gravity bends the joints.
+        arms: moment arms dl/dq (m, n) [m/rad].
+        gravity: torques of gravity on the joints (n,) [N m].
+        least: smallest tension of a muscle [N].
+        most: largest tension of a muscle [N].
     """
-    from scipy.optimize import linprog  # takes 0.3 s, and only drawing the set anew needs it
+    from scipy.optimize import linprog  # imported here because the import takes 0.3 s
 
     tendons, joints = arms.shape
     answer = linprog(
@@ -82,11 +83,11 @@ def least_tension(arms: Floats, gravity: Floats, least: float = 5.0, most: float
 
 
 class PostureChecker:
-    """Says whether postures (14,) [rad] belong to the set; draws candidates for it."""
+    """Samples candidates for the posture set, and checks postures (14,) [rad]."""
 
     def __init__(self) -> None:
         scene = asset_path("mjcf/kengoro_arm/arm.xml")
-        self.drawing = NominalArm(scene)
+        self.nominal = NominalArm(scene)
         self.robot = Robot(scene)
         self._low, self._high = np.radians([RANGES_DEG[joint] for joint in JOINTS]).T
         model = self.robot.model
@@ -96,19 +97,19 @@ class PostureChecker:
         self._tips = [model.geom(name).id for name in ("index_distal", "ring_distal")]
 
     def candidate(self, rng: np.random.Generator) -> Floats:
-        """A posture from the box, its neck turned to where the hand is, roughly."""
+        """Sample a posture from the box, with the neck turned roughly to the hand."""
         share = rng.uniform(size=len(JOINTS))
-        pitch = JOINTS.index("sh_pitch")  # its extremes are accepted rarely: draw them more often
+        pitch = JOINTS.index("sh_pitch")  # extremes are accepted rarely: sample them more often
         share[pitch] = rng.beta(0.6, 0.6)
         posture = self._low + share * (self._high - self._low)
-        self._place(posture)
+        self._set_posture(posture)
         hand = self.robot.data.site("marker_hand").xpos - self.robot.model.body("neck_yaw_link").pos
         posture[0] = np.arctan2(hand[1], hand[0]) + rng.normal(0.0, radians(6.0))
         down = np.arctan2(0.188 - hand[2], np.hypot(hand[0], hand[1]) - 0.095)
         posture[1] = down - radians(30.0) + rng.normal(0.0, radians(5.0))
         return posture
 
-    def _place(self, posture: Floats) -> None:
+    def _set_posture(self, posture: Floats) -> None:
         self.robot.data.qpos[:] = 0.0
         for joint, angle in zip(JOINTS, posture, strict=True):
             self.robot.data.joint(joint).qpos[0] = angle
@@ -116,8 +117,8 @@ class PostureChecker:
         mujoco.mj_camlight(self.robot.model, self.robot.data)
 
     def seen(self, posture: Floats) -> bool:
-        """Whether the hand is in front, above the table, and its marker faces the camera."""
-        self._place(posture)
+        """Whether the hand is in front of the body and above the table, with its marker in view."""
+        self._set_posture(posture)
         data = self.robot.data
         marker, eye = data.site("marker_hand"), data.camera("eye")
         view = marker.xpos - eye.xpos
@@ -140,29 +141,29 @@ class PostureChecker:
 
     def inside(self, posture: Floats) -> bool:
         """Whether every joint is away from its stops."""
-        low, high = self.drawing.lower + STOP_MARGIN, self.drawing.upper - STOP_MARGIN
+        low, high = self.nominal.lower + STOP_MARGIN, self.nominal.upper - STOP_MARGIN
         return bool(np.all(posture > low) and np.all(posture < high))
 
     def strong(self, posture: Floats) -> bool:
-        """Whether each joint has a wire with a good moment arm in both directions."""
-        arms = self.drawing.moment_arms(posture)
+        """Whether each joint has, in both directions, a muscle with a sufficient moment arm."""
+        arms = self.nominal.moment_arms(posture)
         return bool(np.all(np.minimum(arms.max(axis=0), -arms.min(axis=0)) >= MOMENT_ARM))
 
     def holds(self, posture: Floats) -> bool:
-        """Whether a tension set of 5 to `TENSION_LIMIT` N holds the posture."""
-        arms, gravity = self.drawing.moment_arms(posture), self.drawing.gravity(posture)
+        """Whether tensions of 5 to `TENSION_LIMIT` N hold the posture."""
+        arms, gravity = self.nominal.moment_arms(posture), self.nominal.gravity(posture)
         return least_tension(arms, gravity, most=TENSION_LIMIT) <= TENSION_LIMIT
 
     def sag(self, posture: Floats) -> float:
-        """How far the drawing hangs below the posture under stiffness control [rad], RMS."""
-        target = self.drawing.lengths(posture)[0]
+        """Error of the nominal model under stiffness control [rad], root mean square."""
+        target = self.nominal.lengths(posture)[0]
         self.robot.reset(posture, np.random.default_rng(0))
         for _ in range(75):
             self.robot.step(target)
         return float(np.sqrt(np.mean((self.robot.joint_angles - posture) ** 2)))
 
     def accepts(self, posture: Floats) -> bool:
-        """Whether the posture belongs to the set; cheap conditions first."""
+        """Whether the posture belongs to the set. Cheap conditions come first."""
         return (
             self.inside(posture)
             and self.seen(posture)
@@ -182,7 +183,12 @@ def posture_set() -> Floats:
 
 
 def main(count: int = 1000, seed: int = 0) -> None:
-    """Draw the posture set anew and write it, in degrees with two decimals."""
+    """Sample the posture set again and write it, in degrees with two decimals.
+
+    Args:
+        count: number of postures.
+        seed: seed of the candidates.
+    """
     checker, rng = PostureChecker(), np.random.default_rng(seed)
     rows: list[Floats] = []
     tried = 0
@@ -194,7 +200,7 @@ def main(count: int = 1000, seed: int = 0) -> None:
     folder = asset_path("mjcf/kengoro_arm/arm.xml").parents[2] / "postures"
     with whole_file(folder / "kengoro_arm.csv") as path:
         np.savetxt(path, rows, fmt="%.2f", delimiter=",", header=",".join(JOINTS), comments="")
-    print(f"{count} postures accepted of {tried} drawn")
+    print(f"{count} postures accepted of {tried} sampled")
     for joint, (low, high) in zip(JOINTS, np.percentile(rows, [5, 95], axis=0).T, strict=True):
         print(f"{joint:12s} {low:7.1f} .. {high:6.1f} deg, span {high - low:5.1f}")
 

@@ -1,15 +1,15 @@
-"""Bounded spaces of the environments, and the affine map between actions and lengths.
+"""Bounds of the environments' spaces, and the affine map between actions and lengths.
 
-An entry of an action in [-1, 1] maps to a wire's target length by
+An entry of an action in [-1, 1] commands the target length of a muscle
 
-    length = low + (action + 1) / 2 * (high - low)
+    length = low + (action + 1) / 2 * (high - low),
 
-where low and high are the least and the largest length that the drawing's wire takes over the box
-of joint ranges, and `MARGIN` more: a real robot's lengths were zeroed elsewhere. Actions are
-float32, as learning libraries send them: one step of it is at most 0.04 micrometres of wire.
+where low and high are the smallest and the largest length of the muscle in the nominal model over
+the box of joint ranges, minus and plus `MARGIN`, because a real robot is zeroed in another posture.
+Actions are float32, as learning libraries send them: one step of it is at most 0.04 micrometres.
 
-Bounds are an asset, so that no start waits for them; after a change of the arm's model
-``python -m kengoro_env.spaces`` writes them anew.
+The bounds are an asset, because computing them takes long. After a change of the arm's model
+``python -m kengoro_env.spaces`` recomputes them.
 """
 
 from __future__ import annotations
@@ -18,65 +18,68 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kengoro_env.assets import asset_path, assets_root
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import InvalidActionError
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.types import Floats
 from mjcf_sandbox.files import write_json
 
 MARGIN = 0.06
-"""How far beyond the drawing's range a length may be [m]."""
+"""Length beyond the range of the nominal model that a space allows [m]."""
 
 TENSION_RANGE = 1000.0
-"""What a tension sensor reads at most [N]: twice what a motor pulls with."""
+"""Largest reading of a tension sensor [N]: twice the largest tension of a motor."""
 
 LATEST = 86_400.0
-"""What a frame's clock shows at most [s]."""
+"""Largest time of a frame [s]."""
 
 SAMPLES = 2000
+"""Number of postures from which bounds are computed."""
 
 BOUNDS = "bounds.json"
-"""The asset with least and largest length [m] of each wire of each of `SCENES`."""
+"""Asset with the smallest and the largest length [m] of each muscle in each of `SCENES`."""
 
 SCENES = tuple(f"mjcf/kengoro_arm/{name}.xml" for name in ("can_grasp", "posture", "elbow"))
-"""Those that a task has."""
-
-
-class InvalidActionError(KengoroError):
-    """An action of the wrong shape, not finite, or out of [-1, 1]."""
+"""Scenes of the tasks."""
 
 
 @dataclass(frozen=True)
 class LengthBounds:
-    """Bounds of the wires' lengths (m,) [m], and the map from and to actions (m,) in [-1, 1]."""
+    """Bounds of the muscles' lengths, and the map between lengths and actions.
+
+    Attributes:
+        low: smallest lengths (m,) [m].
+        high: largest lengths (m,) [m].
+    """
 
     low: Floats
     high: Floats
 
     @cached_property
     def _middle(self) -> Floats:
-        """Half way from low to high (m,) [m]: what an action of 0 commands."""
+        """Lengths that an action of 0 commands (m,) [m]."""
         return (self.low + self.high) / 2.0
 
     @cached_property
     def _half(self) -> Floats:
-        """Half the way from low to high (m,) [m]: what an action of 1 moves a target by."""
+        """Change of the lengths from an action of 0 to one of 1 (m,) [m]."""
         return (self.high - self.low) / 2.0
 
     @cached_property
     def most_tension(self) -> Floats:
-        """What the tension sensors read at most (m,) [N]."""
+        """Largest readings of the tension sensors (m,) [N]."""
         most = np.full(self.low.shape, TENSION_RANGE)
         most.setflags(write=False)
         return most
 
     def layout(self) -> dict[str, Floats]:
-        """Arrays (m,) by their names in control_step.c."""
+        """Values of the fields of ``Step`` in control_step.c, arrays (m,)."""
         return {
             "half": self._half,
             "middle": self._middle,
@@ -86,12 +89,12 @@ class LengthBounds:
         }
 
     def to_action(self, lengths: Floats) -> NDArray[np.float32]:
-        """The action that commands ``lengths`` (m,) [m]; lengths out of bounds are cut."""
+        """Action that commands lengths (m,) [m]; lengths out of bounds are clipped."""
         share = (lengths - self.low) / (self.high - self.low)
         return np.clip(2.0 * share - 1.0, -1.0, 1.0).astype(np.float32)
 
     def to_lengths(self, action: Floats) -> Floats:
-        """The lengths (m,) [m] that an action (m,), in float64, commands, to rounding."""
+        """Lengths (m,) [m] that an action (m,), in float64, commands, up to rounding."""
         lengths: Floats = action * self._half
         lengths += self._middle
         return lengths
@@ -99,18 +102,18 @@ class LengthBounds:
 
 @cache
 def length_bounds(scene: str) -> LengthBounds:
-    """Bounds of the lengths of the wires of ``scene``, one of `SCENES`, in its order of them."""
+    """Bounds for a scene of `SCENES`, in the order of its muscles."""
     shipped = json.loads(asset_path(BOUNDS).read_text(encoding="utf-8"))[scene]
     low, high = np.array(list(shipped.values())).T.copy()
     return _fixed(low, high)
 
 
-def computed_bounds(drawing: NominalArm) -> LengthBounds:
-    """Bounds for an arm, from postures all over and at the corners of the box of joint ranges."""
+def computed_bounds(nominal: NominalArm) -> LengthBounds:
+    """Bounds for an arm, from postures in and at the corners of the box of joint ranges."""
     rng = np.random.default_rng(0)
-    share = rng.uniform(size=(SAMPLES, len(drawing.joints)))
+    share = rng.uniform(size=(SAMPLES, len(nominal.joints)))
     share[::2] = np.round(share[::2])
-    lengths = drawing.lengths(drawing.lower + share * (drawing.upper - drawing.lower))
+    lengths = nominal.lengths(nominal.lower + share * (nominal.upper - nominal.lower))
     return _fixed(lengths.min(axis=0) - MARGIN, lengths.max(axis=0) + MARGIN)
 
 
@@ -121,7 +124,7 @@ def _fixed(low: Floats, high: Floats) -> LengthBounds:
 
 
 def box(low: object, high: object, shape: tuple[int, ...]) -> spaces.Box:
-    """A float64 box."""
+    """A box of float64 between two bounds that broadcast to ``shape``."""
     low, high = (np.broadcast_to(np.asarray(bound, dtype=float), shape) for bound in (low, high))
     return spaces.Box(low.copy(), high.copy(), dtype=np.float64)
 
@@ -132,7 +135,11 @@ def _ones(count: int) -> Floats:
 
 
 def checked_action(action: object, entries: Sequence[str]) -> Floats:
-    """The action as an array, float64, with an entry for each of ``entries``.
+    """The action as an array (k,) of float64 within [-1, 1].
+
+    Args:
+        action: the action.
+        entries: names of its k entries.
 
     Raises:
         InvalidActionError: wrong shape, or an entry that is not a number in [-1, 1].
@@ -148,24 +155,35 @@ def checked_action(action: object, entries: Sequence[str]) -> Floats:
             f"an action must have the shape ({len(entries)},), one entry a muscle"
             f"{' and one for the fingers' if entries[-1] == 'fingers' else ''}, got {array.shape}"
         )
-    within = np.abs(array) <= _ones(array.size)
-    if b"\0" in within.tobytes():  # some are not, in a quarter of the time that NumPy takes
-        first = np.flatnonzero(~within)[0]
-        raise InvalidActionError(
-            f"entry {first} of the action ({entries[first]}) is {array[first]:g}: every entry must "
-            "be a finite number within [-1, 1]"
-        )
+    check_actions(array, entries)
     return array
 
 
+def check_actions(actions: NDArray[np.floating[Any]], entries: Sequence[str]) -> None:
+    """Check the values of an action (k,), or of the actions of many environments (count, k).
+
+    Raises:
+        InvalidActionError: an entry is not a finite number in [-1, 1].
+    """
+    within = np.abs(actions) <= _ones(actions.shape[-1])
+    if b"\0" not in within.tobytes():  # a quarter of the time of within.all()
+        return
+    *row, first = np.argwhere(~within)[0]
+    environment = f"environment {row[0]}: " if row else ""
+    raise InvalidActionError(
+        f"{environment}entry {first} of the action ({entries[first]}) is "
+        f"{actions[(*row, first)]:g}: every entry must be a finite number within [-1, 1]"
+    )
+
+
 def main() -> None:
-    """Compute the bounds of all scenes anew and write them."""
+    """Recompute the bounds of all scenes and write them to the asset."""
     found = {}
     for scene in SCENES:
-        drawing = NominalArm(asset_path(scene))
-        bounds = computed_bounds(drawing)
+        nominal = NominalArm(asset_path(scene))
+        bounds = computed_bounds(nominal)
         pairs = np.column_stack([bounds.low, bounds.high]).tolist()
-        found[scene] = dict(zip(drawing.muscles, pairs, strict=True))
+        found[scene] = dict(zip(nominal.muscles, pairs, strict=True))
     write_json(assets_root() / BOUNDS, found)
 
 

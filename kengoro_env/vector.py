@@ -1,4 +1,4 @@
-"""Many environments at once: what ``gymnasium.make_vec`` makes of Posture and Elbow."""
+"""Vector environment: what ``gymnasium.make_vec`` creates for Posture and Elbow."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from kengoro_env.env import METADATA, KengoroEnv
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, InvalidActionError
 from kengoro_env.robot.draft import Departure
-from kengoro_env.robot.motors import DEFAULT_GAINS, Gains
-from kengoro_env.robot.robot import DivergedError
-from kengoro_env.spaces import InvalidActionError, checked_action
-from kengoro_env.stepping.compiled_fleet import fleet_of
-from kengoro_env.stepping.fleet import BatchResult
+from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
+from kengoro_env.spaces import check_actions
+from kengoro_env.stepping.choice import steps_of_many
+from kengoro_env.stepping.report import Report
 from kengoro_env.tasks.reach import Reach, judged
 from kengoro_env.types import Bools, Floats
 
@@ -33,30 +32,31 @@ MANY: dict[str, Any] = {
 
 
 class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]]):
-    """``num_envs`` times `KengoroEnv` without a camera, stepped on all cores.
+    """Several `KengoroEnv` without a camera, stepped on all cores.
 
-    By compiled code, or by `mujoco.batch` where there is no compiler, which is slower for few
-    environments. Bit for bit what as many single ones give, whatever the number of threads; an
-    environment that ended is reset by the next step (`AutoresetMode.NEXT_STEP`). Observations,
-    actions and infos are those of `KengoroEnv` with an axis of environments before theirs.
+    Compiled code steps the robots, or `mujoco.batch` where there is no compiler, which is slower
+    for few environments. The results have the bits of as many single environments, for any number
+    of threads. The next step resets an environment that ended (`AutoresetMode.NEXT_STEP`).
+    Observations, actions and infos are those of `KengoroEnv` with a leading axis of environments.
 
     Args:
-        num_envs: how many.
+        num_envs: number of environments.
         task: "posture" or "elbow".
-        robot_seed: the actual robot of this seed, in all of them; None for the drawing.
-        departures: what else makes the robot depart from its drawing; not with ``robot_seed``.
-        camera: must be False: frames are drawn one after the other; ``vectorization_mode="async"``
-            has them.
-        gains: muscle stiffness control.
-        max_episode_steps: after so many steps an episode is truncated; None: never.
-        threads: how many threads step; 0: as many as pay, at most one a core.
+        robot_seed: seed of the actual robot, the same in all environments; None: the nominal model.
+        departures: departures from the nominal model; only without ``robot_seed``.
+        camera: must be False; use ``vectorization_mode="async"`` for environments with a camera.
+        gains: gains of muscle stiffness control.
+        max_episode_steps: number of steps after which an episode is truncated; None: never.
+        threads: number of threads; 0: as many as pay, at most one per core.
 
     Attributes:
-        fleet: the simulated robots; `parts` gives model and data of one of them, for reading.
-        muscles, joints: names, in the order of (num_envs, m) and (num_envs, n) arrays.
+        fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
+            ``i``, to read from.
+        muscles: names of the muscles, in the order of (num_envs, m) arrays.
+        joints: names of the joints, in the order of (num_envs, n) arrays.
 
     Raises:
-        KengoroError: in one sentence, what was wrong and what would be valid.
+        KengoroError: an argument cannot be used; see `kengoro_env.errors` for the classes.
     """
 
     metadata = MANY
@@ -73,15 +73,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         threads: int = 0,
     ) -> None:
         if camera:
-            raise KengoroError(
-                "many environments at once have no camera: leave camera out, or ask for "
+            raise ArgumentError(
+                "a vector environment has no camera: leave camera out, or ask for "
                 'vectorization_mode="async"'
             )
         if num_envs < 1:
-            raise KengoroError(f"num_envs must be 1 or more, got {num_envs}")
+            raise ArgumentError(f"num_envs must be 1 or more, got {num_envs}")
         self._env = KengoroEnv(task, robot_seed, departures, camera=False, gains=gains)
         if not isinstance(self._env.task, Reach):
-            raise KengoroError("only posture and elbow can be many at once")
+            raise ArgumentError("only the tasks posture and elbow have a vector environment")
         self._task = self._env.task
         self.num_envs = num_envs
         self.single_action_space = self._env.action_space
@@ -89,11 +89,11 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.muscles, self.joints = self._env.muscles, self._env.joints
-        self.fleet = fleet_of(self._env.robot, self._env.bounds, num_envs, threads)
+        self.fleet = steps_of_many(self._env.robot, self._env.bounds, num_envs, threads)
         self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
-        self._until = np.full(num_envs, np.inf)  # when each one's target makes way for another
+        self._until = np.full(num_envs, np.inf)  # time of the next target [s]
         self._steps = np.zeros(num_envs, dtype=int)
         self._ended = np.ones(num_envs, dtype=bool)
 
@@ -106,9 +106,13 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         """Start an episode in each environment.
 
         Args:
-            seed: of the first, the others follow; or one for each.
-            options: of `KengoroEnv.reset`, for all of them; ``reset_mask`` (num_envs,) bool: reset
-                these only.
+            seed: seed of the first environment, to which each other adds its index; or a seed per
+                environment.
+            options: options of `KengoroEnv.reset` for all environments; ``reset_mask``
+                (num_envs,) bool: which environments to reset.
+
+        Raises:
+            KengoroError: an argument has the wrong length or value.
         """
         options = dict(options or {})
         which = options.pop("reset_mask", np.ones(self.num_envs, dtype=bool))
@@ -117,14 +121,14 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         else:
             seeds = list(seed)
         if len(seeds) != self.num_envs or np.shape(which) != (self.num_envs,):
-            raise KengoroError(
+            raise ArgumentError(
                 f"seed and reset_mask must have an entry for each of {self.num_envs} environments"
             )
         if not self._tasks and not np.all(which):
-            raise KengoroError("the first reset must be one of all environments")
+            raise EpisodeError("the first reset must be one of all environments")
         for i in np.flatnonzero(which):
             self._begin(int(i), seeds[i], options)
-        return self._told(which)
+        return self._results(which)
 
     def _begin(self, i: int, seed: int | None, options: dict[str, Any]) -> None:
         env = self._env
@@ -151,25 +155,33 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observations, NDArray[Any], NDArray[Any], NDArray[Any], Infos]:
-        """Hold the commanded lengths (num_envs, m) for `CONTROL_PERIOD`, and reset who ended."""
+        """Hold the commanded lengths for `CONTROL_PERIOD`; reset environments that had ended.
+
+        Args:
+            actions: entries in [-1, 1] (num_envs, m).
+
+        Raises:
+            InvalidActionError: an action is not valid; nothing has moved.
+            EpisodeError: no episode has begun.
+        """
         checked = self._checked(actions)
         if not self._tasks:
-            raise KengoroError("there is no episode to step (none has begun): call reset")
+            raise EpisodeError("there is no episode to step (none has begun): call reset")
         fleet, begins = self.fleet, self._ended.copy()
-        told = fleet.step(checked, ~begins, self._observed["target"])
-        diverged = told.diverged
+        report = fleet.step(checked, self._observed["target"], ~begins)
+        diverged = np.asarray(report.diverged)
         moved = ~begins & ~diverged
-        outcomes = map(judged, told.errors.tolist(), told.tensions.tolist())
+        outcomes = map(judged, report.error.tolist(), report.tension.tolist())
         rewards, successes = zip(*outcomes, strict=True)
         reward = np.where(moved, rewards, 0.0)
-        self._observe(told, moved, np.array(successes))
+        self._observe(report, moved, np.array(successes))
         self._steps += 1
         truncated = moved & (self._steps >= self._most)
         for i in np.flatnonzero(begins):
             self._begin(int(i), None, {})
         self._ended = diverged | truncated
         self._known["success"][diverged] = False
-        observed, infos = self._told(np.ones(self.num_envs, dtype=bool))
+        observed, infos = self._results(np.ones(self.num_envs, dtype=bool))
         if diverged.any():
             infos["reason"] = np.full(self.num_envs, None, dtype=object)
             infos["reason"][diverged] = str(DivergedError())
@@ -183,40 +195,36 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
                 f"actions must have the shape {self.action_space.shape}, one row an environment "
                 f"and one column a muscle, got {array.shape}"
             )
-        for i in np.flatnonzero(~(np.abs(array) <= 1.0).all(axis=1)):
-            try:
-                checked_action(array[i], self.muscles)
-            except InvalidActionError as error:
-                raise InvalidActionError(f"environment {i}: {error}") from None
+        check_actions(array, self.muscles)
         return array
 
-    def _observe(self, told: BatchResult, moved: Bools, success: Bools) -> None:
-        """Write what those that moved sense, and the truth about them."""
-        for i in np.flatnonzero(moved & (told.truth["time"] >= self._until)):
+    def _observe(self, report: Report, moved: Bools, success: Bools) -> None:
+        """Take over the report of the environments that moved, and set new targets."""
+        for i in np.flatnonzero(moved & (report.truth["time"] >= self._until)):
             task = self._tasks[i]
-            task.go_on()
+            task.next_target()
             self._observed["target"][i], self._until[i] = task.goal, task.until
-        truth = told.truth | {"success": success}
-        if moved.all():  # as nearly always: what is new replaces what was known
-            self._observed |= told.observation
+        truth = report.truth | {"success": success}
+        if moved.all():  # the usual case
+            self._observed |= report.observation
             self._known |= truth
             return
-        for arrays, news in ((self._observed, told.observation), (self._known, truth)):
+        for arrays, news in ((self._observed, report.observation), (self._known, truth)):
             _write(arrays, moved, {name: values[moved] for name, values in news.items()})
 
-    def _told(self, which: Bools) -> tuple[Observations, Infos]:
-        """Copies of what is observed by now and of the truth, which is known of ``which``."""
+    def _results(self, which: Bools) -> tuple[Observations, Infos]:
+        """Copies of observations and infos; infos of environments not in ``which`` are 0."""
         infos: Infos = {}
-        everybody = which.all()
+        complete = which.all()
         for name, values in self._known.items():
             shape = (self.num_envs,) + (1,) * (values.ndim - 1)
-            told = values if everybody else np.where(which.reshape(shape), values, 0)
-            infos[name] = told.astype(values.dtype)
+            shown = values if complete else np.where(which.reshape(shape), values, 0)
+            infos[name] = shown.astype(values.dtype)
             infos[f"_{name}"] = which.copy()
         return {name: values.copy() for name, values in self._observed.items()}, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free what the template holds."""
+        """Close the environment that resets happen in."""
         self._env.close()
 
 

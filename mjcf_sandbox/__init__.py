@@ -1,6 +1,6 @@
-"""Files that strangers wrote: looked at before anybody opens what they name, tried behind a fence.
+"""Sandbox for untrusted files: checks the paths that they name, and reads them in a worker process.
 
-MuJoCo's compiler and the readers of bags trust their input: a hostile file makes them crash, hang,
-fill the memory, or read files that are none of its business. This package knows no other one, and
-is quick to import: so what ends workers whose parent was killed is here, too.
+MuJoCo's compiler and readers of bags trust their input: a hostile file can make them crash, hang,
+fill the memory or read files elsewhere. This package imports none of our packages and is quick to
+import, so it also has the parent watchdog of worker processes and the atomic writer of files.
 """

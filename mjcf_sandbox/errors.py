@@ -1,18 +1,18 @@
-"""What is wrong with a stranger's file."""
+"""Errors of untrusted files."""
 
 
 class UntrustedFileError(Exception):
-    """A file that is refused; the message goes on from the file's name: "is no XML"."""
+    """A file that is refused; the message continues the file's name, such as "is not XML"."""
 
 
 class SandboxError(UntrustedFileError):
-    """The reader of a file crashed, or took too much time or memory."""
+    """The reader of a file crashed, or exceeded its limits of time or memory."""
 
 
 LONGEST = 200
-"""Characters of a file's name that are repeated."""
+"""Largest number of characters of a file's name in a message."""
 
 
 def short_name(name: str) -> str:
-    """A file's name that fits into a sentence."""
+    """A file's name, shortened for a message."""
     return name if len(name) <= LONGEST else f"{name[:LONGEST]}..."

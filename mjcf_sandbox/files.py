@@ -1,7 +1,6 @@
-"""Files that are written whole or not at all.
+"""Atomic writes: a reader finds the old content of a file or the new one, never a part.
 
-A file is written beside its place under a hidden name, flushed to the disk, and then renamed, so
-that a reader finds the old content or the new one, never a part.
+A file is written beside its path under a hidden name, flushed to the disk, and then renamed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Models: which files they name, and whether MuJoCo survives them."""
+"""Checks of MJCF models: the files that they name, and whether MuJoCo can compile them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from mjcf_sandbox import sandbox
 from mjcf_sandbox.errors import UntrustedFileError, short_name
 
 LIMITS = sandbox.Limits(seconds=10.0, cpu=4, memory=2 << 30)
-"""Models of arms with dozens of meshes need a tenth of it."""
+"""Ten times what a model of an arm with dozens of meshes needs."""
 MAX_BYTES = 64 << 20
-"""Largest file of XML [bytes]."""
+"""Largest size of an XML file [bytes]."""
 
 INCLUDE, ATTACH = "include", "model"
-"""Elements whose ``file`` is more of the model, and another model."""
+"""Elements whose ``file`` is a part of the model, and another model."""
 DIRS = {"texture": ("texturedir", "assetdir")}
 OTHER_DIRS = ("meshdir", "assetdir")
-"""Attributes of ``compiler`` that say from where an element's files are looked for."""
+"""Attributes of ``compiler`` with the folder of an element's files."""
 
 TOKEN = re.compile(
     r"""(?P<comment><!--.*?-->)|<\?.*?\?>|<[^!?<>"'](?:"[^"<]*"|'[^'<]*'|[^"'<>])*>|[^<]+""",
@@ -29,36 +29,40 @@ TOKEN = re.compile(
 )
 """A comment, a declaration, a tag or text."""
 
-_survived: set[str] = set()
+_compiled: set[str] = set()
 
 
 def check_model(model: Path, folders: Sequence[Path]) -> None:
-    """Refuse a model that names files outside of folders, or that MuJoCo cannot stand.
+    """Refuse a model that names files outside of folders, or that MuJoCo cannot compile.
 
-    It is compiled in a process of its own, unless the same bytes were compiled before.
+    A worker process compiles the model, unless the same bytes were compiled before.
 
     Args:
         model: an MJCF file.
-        folders: where all that it names must lie, or below.
+        folders: folders in or below which all files of the model must lie.
 
     Raises:
-        StrangeFileError: says why.
+        UntrustedFileError: the model is refused.
     """
     found = hashlib.sha256()
     for file in named_files(model, folders):
         if file.is_file():
             found.update(f"{file.name} {file.stat().st_size}\n".encode() + file.read_bytes())
     key = found.hexdigest()
-    if key not in _survived:
+    if key not in _compiled:
         sandbox.run("mjcf_sandbox.trial_compile", [str(model.absolute())], LIMITS)
-        _survived.add(key)
+        _compiled.add(key)
 
 
 def named_files(model: Path, folders: Sequence[Path]) -> list[Path]:
     """The model and every file that it includes, attaches or loads; some may not exist.
 
+    Args:
+        model: an MJCF file.
+        folders: folders in or below which all files must lie.
+
     Raises:
-        StrangeFileError: one lies outside of ``folders``, is no XML, or attaches itself.
+        UntrustedFileError: a file lies elsewhere, is not XML, or attaches itself.
     """
     found: dict[Path, None] = {}
     _add_model(model.absolute(), tuple(folder.resolve() for folder in folders), found, ())
@@ -68,13 +72,13 @@ def named_files(model: Path, folders: Sequence[Path]) -> list[Path]:
 def _add_model(
     model: Path, folders: Sequence[Path], found: dict[Path, None], above: tuple[Path, ...]
 ) -> None:
-    """Add a model's files to ``found``; ``above`` are the models that attach it."""
+    """Add the files of a model to ``found``; ``above`` are the models that attach it."""
     above = (*above, model.resolve())
     elements = list(_elements(model, folders, found))
     compilers = [element for element in elements if element.tag == "compiler"]
     for element in elements:
         dirs = DIRS.get(element.tag, OTHER_DIRS)
-        places = {compiler.get(key) for compiler in compilers for key in dirs} - {None}
+        subfolders = {compiler.get(key) for compiler in compilers for key in dirs} - {None}
         for attribute, name in element.attrib.items():
             if not attribute.startswith("file") or element.tag == INCLUDE:
                 continue
@@ -85,8 +89,8 @@ def _add_model(
                 if part.is_file() and part not in found:
                     _add_model(part, folders, found, above)
                 continue
-            for place in places or {""}:
-                found[_inside(model.parent, place or "", name, folders)] = None
+            for subfolder in subfolders or {""}:
+                found[_inside(model.parent, subfolder or "", name, folders)] = None
     for compiler in compilers:
         for key in ("meshdir", "texturedir", "assetdir"):
             _inside(model.parent, "", compiler.get(key, ""), folders)
@@ -95,10 +99,10 @@ def _add_model(
 def _elements(
     model: Path, folders: Sequence[Path], found: dict[Path, None]
 ) -> Iterator[ElementTree.Element]:
-    """All elements of a model and of what it includes, which is named from the model's folder."""
-    waiting, seen = [model], set()
-    while waiting:
-        file = waiting.pop()
+    """All elements of a model and of its includes, whose paths start from the model's folder."""
+    pending, seen = [model], set()
+    while pending:
+        file = pending.pop()
         if file in seen or not file.is_file():
             continue
         seen.add(file)
@@ -106,25 +110,25 @@ def _elements(
         for element in _parse(file).iter():
             yield element
             if element.tag == INCLUDE and element.get("file"):
-                waiting.append(_inside(model.parent, "", element.get("file", ""), folders))
+                pending.append(_inside(model.parent, "", element.get("file", ""), folders))
 
 
-def _inside(base: Path, place: str, name: str, folders: Sequence[Path]) -> Path:
-    """The file ``name`` in ``place``.
+def _inside(base: Path, subfolder: str, name: str, folders: Sequence[Path]) -> Path:
+    """Path of the file ``name`` in a subfolder of ``base``.
 
-    MuJoCo takes both kinds of slashes, and resolves ``..`` before it follows links.
+    MuJoCo accepts both kinds of slashes, and resolves ``..`` before it follows links.
 
     Raises:
-        StrangeFileError: it lies outside of ``folders``.
+        UntrustedFileError: the file lies outside of ``folders``.
     """
-    written = Path(place.replace("\\", "/"), name.replace("\\", "/"))
+    written = Path(subfolder.replace("\\", "/"), name.replace("\\", "/"))
     path = Path(os.path.normpath(base / written))
     try:
         ends = (path.resolve(), (base / written).resolve())
-        path.is_file()  # which says whether a name is too long
+        path.is_file()  # raises for a name that is too long
     except (OSError, RuntimeError, ValueError) as error:
         raise UntrustedFileError(
-            f"names {short_name(name)!r}, which is no path of a file"
+            f"names {short_name(name)!r}, which is not a valid path of a file"
         ) from error
     if not all(any(end.is_relative_to(folder) for folder in folders) for end in ends):
         raise UntrustedFileError(
@@ -134,10 +138,10 @@ def _inside(base: Path, place: str, name: str, folders: Sequence[Path]) -> Path:
 
 
 def _parse(file: Path) -> ElementTree.Element:
-    """The root of an XML file.
+    """The root element of an XML file.
 
-    MuJoCo's own parser takes what XML forbids, so that it could see elements that are none here:
-    whatever the two might read differently is refused, but for two hyphens in a comment.
+    MuJoCo's parser accepts more than XML allows and could see elements that Python's does not. So
+    text that the two might read differently is refused, except two hyphens in a comment.
     """
     if file.stat().st_size > MAX_BYTES:
         raise UntrustedFileError(f"cannot be read: {file.name} has more than {MAX_BYTES >> 20} MiB")
@@ -151,7 +155,7 @@ def _parse(file: Path) -> ElementTree.Element:
     if end != len(text):
         line = text.count("\n", 0, end) + 1
         raise UntrustedFileError(
-            f"cannot be read: {file.name}, line {line}, is no XML without a DTD"
+            f"cannot be read: {file.name}, line {line}, is not XML, or has a DTD"
         )
     try:
         return ElementTree.fromstring("".join(kept))

@@ -1,4 +1,4 @@
-"""Worker processes end with the one that started them, even if that one was killed."""
+"""Parent watchdog: a worker process ends with its parent, even if the parent is killed."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import threading
 
 
 def end_with_parent() -> None:
-    """Let this worker end as soon as its parent has; for the start of a worker.
+    """Start a thread that ends this worker process when its parent ends.
 
-    A worker of a pool whose parent was killed would wait for its next task for ever.
+    Without it, a worker of a pool whose parent is killed waits for its next task for ever.
     """
     parent = multiprocessing.parent_process()
     if parent is None:

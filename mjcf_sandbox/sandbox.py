@@ -1,4 +1,4 @@
-"""A process of its own for work on a stranger's file, with limits of time and memory."""
+"""Sandbox: a worker process for untrusted files, with limits of time and memory."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ START = (
     "import json, sys; task = json.loads(sys.argv[1]); sys.path[:] = task.pop('path'); "
     "from mjcf_sandbox.worker import main; main(**task)"
 )
-"""The child finds modules where its parent does, and nowhere else."""
+"""Program of the worker, which finds modules where its parent does and nowhere else."""
 REASON, PROGRESS = "reason", "progress"
-"""Files in the child's folder: why it refuses, and how far it is."""
+"""Names of files in the worker's folder: the reason of a refusal, and the progress."""
 STARTING = 60.0
-"""How long its imports may take on a busy machine [s]."""
+"""Largest time of the worker's imports, on a busy machine [s]."""
 TICK = 0.02
-"""How often the child is looked at [s]."""
+"""Time between two checks of the worker [s]."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """How much a child may take.
+    """Limits of a worker.
 
     Attributes:
-        seconds: without any progress, after its imports [s].
-        cpu: of all its threads together, after its imports [s]; None for as much as it likes.
-        memory: beyond what its imports need [bytes].
+        seconds: time without progress, after the imports [s].
+        cpu: CPU time of all threads, after the imports [s]; None: no limit.
+        memory: memory beyond that of the imports [bytes].
     """
 
     seconds: float
@@ -47,22 +47,22 @@ def run(
     module: str,
     arguments: Sequence[str],
     limits: Limits,
-    tell: Callable[[float], None] = lambda share: None,
+    on_progress: Callable[[float], None] = lambda share: None,
 ) -> None:
-    """Call ``main(*arguments)`` of a module in a process of its own.
+    """Call ``main(*arguments)`` of a module in a worker process.
 
-    It runs in an empty folder, and what it prints is lost. It tells its progress, and refuses its
-    file, as `mjcf_sandbox.worker` says.
+    The worker runs in an empty folder, and its output is discarded. It calls
+    `mjcf_sandbox.worker.report_progress`, and refuses a file by raising `UntrustedFileError`.
 
     Args:
         module: name of the module.
-        arguments: paths must be absolute.
-        limits: beyond which it is killed.
-        tell: called with the share that is done, 0 to 1, whenever it changes.
+        arguments: arguments of its ``main``; paths must be absolute.
+        limits: limits beyond which the worker is killed.
+        on_progress: called with the share of the work that is done, 0 to 1, when it changes.
 
     Raises:
-        FenceError: it crashed or went beyond the limits.
-        StrangeFileError: it refused the file.
+        SandboxError: the worker crashed or exceeded its limits.
+        UntrustedFileError: the worker refused the file.
     """
     path = [os.path.abspath(folder) for folder in sys.path]
     task = {
@@ -73,42 +73,45 @@ def run(
         "memory": limits.memory,
     }
     with tempfile.TemporaryDirectory(prefix="mjcf_sandbox-") as name:
-        child = subprocess.Popen(
+        worker = subprocess.Popen(
             [sys.executable, "-c", START, json.dumps(task)],
             cwd=name,
-            env={**os.environ, "MUJOCO_GL": "disabled"},  # nothing is drawn there
+            env={**os.environ, "MUJOCO_GL": "disabled"},  # a worker renders nothing
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
         try:
-            _wait(child, Path(name) / PROGRESS, limits.seconds, tell)
+            _wait(worker, Path(name) / PROGRESS, limits.seconds, on_progress)
         finally:
-            child.kill()
-            child.wait()
-        if child.returncode:
+            worker.kill()
+            worker.wait()
+        if worker.returncode:
             reason = Path(name) / REASON
             if reason.is_file():
                 raise UntrustedFileError(reason.read_text(encoding="utf-8"))
-            raise SandboxError(_reason(child.returncode, limits))
+            raise SandboxError(_reason(worker.returncode, limits))
 
 
 def _wait(
-    child: subprocess.Popen[bytes], progress: Path, seconds: float, tell: Callable[[float], None]
+    worker: subprocess.Popen[bytes],
+    progress: Path,
+    seconds: float,
+    on_progress: Callable[[float], None],
 ) -> None:
-    """Until the child ends; refused when it stands still for too long."""
+    """Wait for the worker; raise `SandboxError` after too much time without progress."""
     share, moved = None, time.monotonic()
-    while child.poll() is None:
+    while worker.poll() is None:
         if progress.exists() and (found := progress.stat().st_size / 1000) != share:
             share, moved = found, time.monotonic()
-            tell(share)
+            on_progress(share)
         if time.monotonic() - moved > (STARTING if share is None else seconds):
             raise SandboxError(f"takes longer than {seconds:g} s to read")
         time.sleep(TICK)
 
 
 def _reason(code: int, limits: Limits) -> str:
-    """Why the child failed, by its exit code."""
+    """Reason why the worker failed, from its exit code."""
     if code == -getattr(signal, "SIGXCPU", 0):
         return f"takes longer than {limits.cpu} s to read"
     if code < 0:

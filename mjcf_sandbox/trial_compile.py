@@ -1,4 +1,4 @@
-"""Behind the fence: compile a model and compute its forces once."""
+"""Work of a sandbox worker: compile a model and compute its forces once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from mjcf_sandbox.errors import UntrustedFileError
 
 
 def main(path: str) -> None:
-    """Refuse a model in MuJoCo's own words, if it is not MuJoCo that breaks."""
+    """Compile a model.
+
+    Args:
+        path: absolute path of an MJCF file.
+
+    Raises:
+        UntrustedFileError: the model does not compile, with MuJoCo's message.
+    """
     try:
         model = mujoco.MjSpec.from_file(path).compile()
         mujoco.mj_forward(model, mujoco.MjData(model))

@@ -1,9 +1,10 @@
-"""What runs behind the fence: limits, then the work."""
+"""Worker process of the sandbox: sets its limits, then does the work."""
 
 from __future__ import annotations
 
 import importlib
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -15,11 +16,18 @@ if sys.platform != "win32":
 
 
 def main(module: str, arguments: list[str], cpu: int | None, memory: int) -> None:
-    """Call ``main(*arguments)`` of a module; what it refuses is written down for the parent."""
+    """Call ``main(*arguments)`` of a module; write its reason for the parent if it refuses a file.
+
+    Args:
+        module: name of the module.
+        arguments: arguments of its ``main``.
+        cpu: limit of CPU time [s]; None: no limit.
+        memory: limit of memory beyond the present use [bytes].
+    """
     reason = Path(REASON).resolve()
     work = importlib.import_module(module).main
     _limit(cpu, memory)
-    tell(0.0)
+    report_progress(0.0)
     try:
         work(*arguments)
     except UntrustedFileError as error:
@@ -27,14 +35,14 @@ def main(module: str, arguments: list[str], cpu: int | None, memory: int) -> Non
         sys.exit(1)
 
 
-def tell(share: float) -> None:
-    """How much is done, 0 to 1: the parent looks at the size of a file, in thousandths."""
+def report_progress(share: float) -> None:
+    """Report the share of the work that is done, 0 to 1, as the size of a file in thousandths."""
     with Path(PROGRESS).open("ab") as file:
-        file.write(b"." * (round(1000 * share) - file.tell()))
+        file.write(b"." * (round(1000 * share) - os.fstat(file.fileno()).st_size))
 
 
 def _limit(cpu: int | None, memory: int) -> None:
-    """Let the system end this process when it takes too much; Windows has no such limits."""
+    """Set the system's limits of this process; Windows has none."""
     if sys.platform == "win32":
         return
     if cpu is not None:

@@ -1,28 +1,17 @@
-"""What a simulation gets wrong: the cause by its name, the model extended by it, and the gain.
+"""Reality gap: names what a MuJoCo model gets wrong, from logs of the machine.
 
-`diagnose` compares a MuJoCo model with measurements of the machine that it stands for.
+A study is a model with logs. A diagnosis compares replays of the model with the logs and has one of
+three verdicts: nothing is wrong, named causes with parameters and confidences, or a difference that
+no known cause explains.
+
+    from reality_gap import diagnose, load_study
+
+    diagnosis = diagnose(load_study("STUDY.yaml"))
+    print(diagnosis.sentence)
+
+The public names are imported when they are first used; ``__init__.pyi`` lists them.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from reality_gap.causes import CATALOGUE, cause, register
-from reality_gap.diagnosis import Diagnosis, Verdict
-from reality_gap.errors import RealityGapError, StudyError
-from reality_gap.inference.verdict import Options
-from reality_gap.io.loader import load_study
-from reality_gap.pipeline import diagnose
-from reality_gap.study.data import Study
-
-__all__ = [
-    "CATALOGUE",
-    "Diagnosis",
-    "Options",
-    "RealityGapError",
-    "Study",
-    "StudyError",
-    "Verdict",
-    "cause",
-    "diagnose",
-    "load_study",
-    "register",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

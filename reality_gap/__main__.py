@@ -1,4 +1,4 @@
-"""What a simulation gets wrong, from measured data: diagnose, check, init, unpack."""
+"""Command line of reality_gap: the console script ``reality-gap``, or ``python -m reality_gap``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 import os
 import sys
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,39 +19,45 @@ if TYPE_CHECKING:
 
     from reality_gap.diagnosis import Diagnosis
 
+SCRIPT, DISTRIBUTION = "reality-gap", "kengoro"
+DESCRIPTION = """Find out from logs what a MuJoCo model of a machine gets wrong.
 
-@dataclass(frozen=True)
-class Diagnose:
-    """Find out what a study's model gets wrong; writes verdict.json, extended.xml, report.html."""
-
-    study: tyro.conf.Positional[Path]
-    """STUDY.yaml: model, logs, and which column is what."""
-    out: Path
-    """Folder to write to; made whole or not at all."""
-    jobs: int = os.cpu_count() or 1
-    """Number of processes."""
-    tolerance: float = 1.0
-    """How much more than usual an honest drawing of this machine may be off: 3 for a rough one."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """Say in sentences what is wrong with a study, before anything is computed."""
-
-    study: tyro.conf.Positional[Path]
-    """STUDY.yaml: model, logs, and which column is what."""
+The usual order is: init, check, diagnose. --version prints the version.
+"""
 
 
 @dataclass(frozen=True)
 class Init:
-    """Write a study to edit, with columns guessed by their names."""
+    """Draft a STUDY.yaml, with columns guessed from their names."""
 
     model: tyro.conf.Positional[Path]
     """MJCF file of the machine."""
     logs: tyro.conf.Positional[tuple[Path, ...]]
-    """CSV or Parquet files, one or more."""
+    """One or more CSV or Parquet files."""
     out: Path = Path("STUDY.yaml")
-    """Where to write; the model and the logs must lie in its folder or below."""
+    """File to write; the model and the logs must be in its folder or in folders below."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Check a study: print errors and suspicious data, without a diagnosis."""
+
+    study: tyro.conf.Positional[Path]
+    """STUDY.yaml: the model, the logs and the meaning of their columns."""
+
+
+@dataclass(frozen=True)
+class Diagnose:
+    """Diagnose a study: write verdict.json, report.html and the extended model."""
+
+    study: tyro.conf.Positional[Path]
+    """STUDY.yaml: the model, the logs and the meaning of their columns."""
+    out: Path
+    """Folder to write; it must not exist, be empty, or hold an earlier diagnosis."""
+    jobs: int = os.cpu_count() or 1
+    """Number of processes."""
+    tolerance: float = 1.0
+    """Factor of all tolerances of the model; larger for a rough model, such as 3."""
 
 
 @dataclass(frozen=True)
@@ -60,96 +67,99 @@ class Unpack:
     bag: tyro.conf.Positional[Path]
     """A .bag file, the folder of a ROS 2 bag, or an .mcap file."""
     out: Path
-    """Folder to make."""
+    """Folder to create."""
     topics: tuple[str, ...] = ()
-    """Which topics; by default all that hold numbers."""
+    """Names of topics; by default all topics with numbers."""
     arrival: bool = False
-    """Take the time at which messages were recorded, not that of their stamps."""
+    """Use the time at which messages were recorded instead of their stamps."""
+
+
+@dataclass(frozen=True)
+class Causes:
+    """List the causes that a diagnosis considers, with their parameters."""
 
 
 Command = (
-    Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
+    Annotated[Init, tyro.conf.subcommand("init")]
     | Annotated[Check, tyro.conf.subcommand("check")]
-    | Annotated[Init, tyro.conf.subcommand("init")]
+    | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
     | Annotated[Unpack, tyro.conf.subcommand("unpack")]
+    | Annotated[Causes, tyro.conf.subcommand("causes")]
 )
 
 
-def diagnose(command: Diagnose, console: Console) -> None:
-    """Diagnose a study, write what was found, and print the verdict."""
-    from rich.progress import Progress
-
-    from reality_gap.check import check_study
-    from reality_gap.inference.checkpoint import forget
-    from reality_gap.inference.verdict import Options
-    from reality_gap.io.loader import load_study
-    from reality_gap.pipeline import diagnose as find
-    from reality_gap.report.files import check_out, write_diagnosis
-    from reality_gap.simulation.episode import silence
-
-    if command.jobs < 1:
-        raise StudyError(f"--jobs is a number of processes, 1 or more, not {command.jobs}")
-    if not 0.0 < command.tolerance < math.inf:
-        raise StudyError(f"--tolerance is a factor above 0, 1 as usual, not {command.tolerance}")
-    check_out(command.out)
-    silence()
-    study = load_study(command.study)
-    for sentence in check_study(study):
-        _say(console, f"note: {sentence}")
-    work = command.out.absolute().with_name(f".{command.out.name}.work")
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
-        diagnosis = find(
-            study,
-            jobs=command.jobs,
-            options=Options(tolerance=command.tolerance),
-            progress=lambda share, what: bar.update(task, completed=share, description=what),
-            work=work,
-        )
-    write_diagnosis(diagnosis, study, command.out)
-    forget(work)
-    _show(diagnosis, console)
-    _say(console, f"See {command.out / 'report.html'}")
-
-
-def check(command: Check, console: Console) -> None:
-    """Print what is wrong with a study, or that nothing is."""
-    from reality_gap.check import check_study, summary, unjudged
-    from reality_gap.io.loader import load_study
-    from reality_gap.simulation.episode import silence
-
-    silence()
-    study = load_study(command.study)
-    sentences = check_study(study)
-    lines = list(sentences)
-    if not sentences:
-        lines.append(f"nothing wrong with this study: {summary(study)}")
-    missing = unjudged(study)
-    if missing:
-        lines.append(
-            "cannot be judged, as neither model nor log has what they act on: " + ", ".join(missing)
-        )
-    for line in lines:
-        _say(console, line)
-
-
 def init(command: Init, console: Console) -> None:
-    """Write a draft of a study, never over a file that exists."""
+    """Write a draft of a study; an existing file is not overwritten."""
     from mjcf_sandbox.files import write_text
     from reality_gap.io.template import draft_study
 
     out = command.out
     if out.exists():
-        raise StudyError(f"{out} exists and is left alone; give another --out")
+        raise StudyError(f"{out} exists and is not overwritten; choose another --out")
     if not out.parent.is_dir():
-        raise StudyError(f"there is no folder {out.parent} to write {out.name} to")
-    text = draft_study(command.model, command.logs, out.parent)
-    write_text(out, text)
-    _say(console, f"wrote {out}; edit it, then: python -m reality_gap check {out}")
+        raise StudyError(f"there is no folder {out.parent} for {out.name}; create it first")
+    write_text(out, draft_study(command.model, command.logs, out.parent))
+    _print(console, f"wrote {out}; edit it, then run: {_program()} check {out}")
+
+
+def check(command: Check, console: Console) -> None:
+    """Print what is suspicious in a study, or its size if nothing is."""
+    from reality_gap.check import causes_without_location, check_study, summary
+    from reality_gap.io.loader import load_study
+    from reality_gap.simulation.episode import silence
+
+    silence()
+    study = load_study(command.study)
+    lines = list(check_study(study)) or [f"nothing is wrong with this study: {summary(study)}"]
+    missing = causes_without_location(study)
+    if missing:
+        lines.append(
+            f"cannot be diagnosed with this model and log: {', '.join(missing)}; they have no "
+            "element or sensor to act on"
+        )
+    for line in lines:
+        _print(console, line)
+
+
+def diagnose(command: Diagnose, console: Console) -> None:
+    """Diagnose a study, write the results and print the verdict."""
+    from rich.progress import Progress
+
+    from reality_gap import pipeline
+    from reality_gap.check import check_study
+    from reality_gap.inference.checkpoint import forget
+    from reality_gap.inference.verdict import Options
+    from reality_gap.io.loader import load_study
+    from reality_gap.report.files import check_out, write_diagnosis
+    from reality_gap.simulation.episode import silence
+
+    if command.jobs < 1:
+        raise StudyError(f"--jobs must be at least 1, not {command.jobs}")
+    if not 0.0 < command.tolerance < math.inf:
+        raise StudyError(f"--tolerance must be above 0 and finite, not {command.tolerance}")
+    check_out(command.out)
+    silence()
+    study = load_study(command.study)
+    for sentence in check_study(study):
+        _print(console, f"note: {sentence}")
+    work = command.out.absolute().with_name(f".{command.out.name}.work")
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("reading", total=1.0)
+        diagnosis = pipeline.diagnose(
+            study,
+            jobs=command.jobs,
+            options=Options(tolerance=command.tolerance),
+            progress=lambda share, text: bar.update(task, completed=share, description=text),
+            work=work,
+        )
+    write_diagnosis(diagnosis, study, command.out)
+    forget(work)
+    _print_verdict(diagnosis, console)
+    _print(console, f"report: {command.out / 'report.html'}")
 
 
 def unpack(command: Unpack, console: Console) -> None:
-    """Write a bag's topics as CSV files."""
+    """Write the topics of a bag as CSV files."""
     from rich.progress import Progress
 
     from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
@@ -164,25 +174,34 @@ def unpack(command: Unpack, console: Console) -> None:
             lambda share: bar.update(task, completed=share),
         )
     for path in paths:
-        _say(console, f"wrote {command.out / path.name}")
-    _say(console, f"now: python -m reality_gap init MODEL {command.out}/*.csv")
+        _print(console, f"wrote {command.out / path.name}")
+    _print(console, f"next: {_program()} init MODEL {command.out}/*.csv")
 
 
-def _say(console: Console, line: str) -> None:
-    """Print a line as it is; names in it may be anybody's."""
-    console.print(one_line(line), markup=False, highlight=False)
+def causes(console: Console) -> None:
+    """Print the catalogue of causes."""
+    from reality_gap.report.catalogue import describe_catalogue
+
+    for line in describe_catalogue():
+        _print(console, line)
 
 
-def _show(diagnosis: Diagnosis, console: Console) -> None:
-    """The verdict, and its causes as a table."""
+def _print(console: Console, line: str) -> None:
+    """Print a line as it is: names in it may come from untrusted files."""
+    indent = line[: len(line) - len(line.lstrip(" "))]
+    console.print(indent + one_line(line.strip(" ")), markup=False, highlight=False)
+
+
+def _print_verdict(diagnosis: Diagnosis, console: Console) -> None:
+    """Print the sentence of a verdict, and its causes as a table."""
     from rich.table import Table
 
-    from reality_gap.report.formatting import number, percent, shown
+    from reality_gap.report.formatting import number, probability, shown
 
-    _say(console, diagnosis.sentence)
+    _print(console, diagnosis.sentence)
     if not diagnosis.causes:
         return
-    table = Table("cause", "where", "parameters (95 % interval)", "confidence", "or else")
+    table = Table("cause", "location", "parameters (95 % interval)", "confidence", "equivalent")
     for cause in diagnosis.causes:
         parameters = []
         for name, estimate in cause.parameters.items():
@@ -195,45 +214,69 @@ def _show(diagnosis: Diagnosis, console: Console) -> None:
             cause.candidate.cause.title,
             one_line(str(cause.candidate.location)),
             "\n".join(parameters),
-            percent(cause.confidence),
+            probability(cause.confidence),
             ", ".join(cause.equivalent),
         )
     console.print(table, markup=False)
 
 
-def main(arguments: list[str]) -> int:
-    """Run one of the commands; returns the exit code, 2 with one sentence for a wrong study."""
-    # One thread for sums: the same seed gives the same bits. Numpy reads it when imported.
+def _program() -> str:
+    """Return the command by which this program was started."""
+    return SCRIPT if Path(sys.argv[0]).stem == SCRIPT else "python -m reality_gap"
+
+
+def _version() -> str:
+    try:
+        return f"{SCRIPT} {version(DISTRIBUTION)}"
+    except PackageNotFoundError:
+        return f"{SCRIPT}: {DISTRIBUTION} is not installed, so that its version is unknown"
+
+
+def _run(command: Command, console: Console) -> None:
+    match command:
+        case Init():
+            init(command, console)
+        case Check():
+            check(command, console)
+        case Diagnose():
+            diagnose(command, console)
+        case Unpack():
+            unpack(command, console)
+        case Causes():
+            causes(console)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a sub-command.
+
+    Args:
+        arguments: those of the command line by default.
+
+    Returns:
+        Exit code: 0, 2 after an error, which is printed in one line, or 130 after Ctrl-C.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
+        print(_version())
+        return 0
+    # With one thread, sums have the same order and equal seeds give equal bits. NumPy reads these
+    # variables when it is imported.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
-    command = tyro.cli(
-        Command,
-        args=arguments,
-        prog="python -m reality_gap",
-        description=__doc__,
-    )
+    command = tyro.cli(Command, args=arguments, prog=_program(), description=DESCRIPTION)
     from rich.console import Console
 
-    console = Console(soft_wrap=True)
     try:
-        match command:
-            case Diagnose():
-                diagnose(command, console)
-            case Check():
-                check(command, console)
-            case Init():
-                init(command, console)
-            case Unpack():
-                unpack(command, console)
+        _run(command, Console(soft_wrap=True))
     except (RealityGapError, OSError) as error:
         print(one_line(str(error)), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        more = "; the same command goes on from there" if isinstance(command, Diagnose) else ""
-        print(f"interrupted{more}", file=sys.stderr)
+        advice = "; run the same command to continue" if isinstance(command, Diagnose) else ""
+        print(f"interrupted{advice}", file=sys.stderr)
         return 130
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""What is suspicious in a study that can be read: sentences, each with advice."""
+"""Check: warnings on suspicious studies, each in one sentence with advice."""
 
 from __future__ import annotations
 
@@ -9,35 +9,34 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes import CATALOGUE
-from reality_gap.io.plausibility import doubts
+from reality_gap.io.plausibility import scale_warnings
 from reality_gap.io.validation import actuator_names
-from reality_gap.simulation.expectation import surprises
+from reality_gap.simulation.expectation import implausible_channels
 from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import channel_noise
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 from reality_gap.types import Floats
 
 QUIET = 3.0
-"""A channel whose standard deviation is below so many times its noise hardly moves."""
+"""Ratio of a channel's standard deviation to its noise below which it hardly moves."""
 
 WRONG_NOISE = 20.0
-"""How many times off a noise must be to be called wrong."""
+"""Ratio of the stated to the estimated noise, or the inverse, above which it is wrong."""
 
 FEW = 20
-"""Readings of a channel over all episodes that are called few."""
+"""Number of readings of a channel over all episodes below which they are too few."""
 
 COARSE = 8
-"""Different values of a channel that are called few."""
+"""Number of different values of a channel below which its sensor is coarse."""
 
-MOVING = ("coulomb_friction", "viscous_friction", "direction_dependent_friction", "backlash")
-"""Causes that show in motion only."""
+NEEDS_MOTION = ("coulomb_friction", "viscous_friction", "direction_dependent_friction", "backlash")
+"""Ids of causes that show in motion only."""
 
 
 def check_study(study: Study) -> tuple[str, ...]:
-    """What a person should look at before a diagnosis; empty if nothing is suspicious."""
-    units = tuple(doubt.sentence for doubt in doubts(study))
+    """Return warnings to consider before a diagnosis; empty if nothing is suspicious."""
     return (
-        *units,
+        *(warning.sentence for warning in scale_warnings(study)),
         *_clocks(study),
         *_copies(study),
         *_commands(study),
@@ -45,18 +44,18 @@ def check_study(study: Study) -> tuple[str, ...]:
         *_noise(study),
         *_quiet(study),
         *_beginnings(study),
-        *surprises(study),
+        *implausible_channels(study),
     )
 
 
-def unjudged(study: Study) -> tuple[str, ...]:
-    """Ids of the causes that have nothing in this model and these channels to act on."""
-    system = look_at(study)
+def causes_without_location(study: Study) -> tuple[str, ...]:
+    """Return the ids of the causes that have no element in this model and log to act on."""
+    system = compile_system(study)
     return tuple(cause.id for cause in CATALOGUE.values() if not cause.locations(system))
 
 
 def summary(study: Study) -> str:
-    """How much there is: "3 episodes, 20 s, 9 channels, 18000 readings"."""
+    """Return the size of a study, such as "3 episodes, 20 s, 9 channels, 18000 readings"."""
     readings = sum(len(r.time) for episode in study.episodes for r in episode.readings)
     counts = [
         f"{count} {noun}{'s' * (count != 1)}"
@@ -79,12 +78,12 @@ def _clocks(study: Study) -> list[str]:
         end = float(episode.time[-1])
         if len(episode.time) > 1 and episode.duration > end + max(1.0, 0.5 * end):
             found.append(
-                f"{episode.name}: readings go on to {episode.duration:.3g} s, but commands end at "
-                f"{end:.3g} s; the last one is held"
+                f"{episode.name}: readings continue until {episode.duration:.3g} s, but commands "
+                f"end at {end:.3g} s; the last command is held"
             )
         found += [
-            f"{episode.name}: no rows between {begin:.3g} and {stop:.3g} s; if the machine was "
-            "stopped there, make it two episodes"
+            f"{episode.name}: no rows between {begin:.3g} and {stop:.3g} s; if the recording was "
+            "stopped there, split it into two episodes"
             for begin, stop in _gaps(episode.time)[:3]
         ]
     return found
@@ -103,14 +102,14 @@ def _copies(study: Study) -> list[str]:
     for one, other in combinations(study.episodes, 2):
         if _same(one, other):
             found.append(
-                f"{one.name} and {other.name} hold the same readings, so that neither tests what "
-                "is learned from the other; remove one"
+                f"{one.name} and {other.name} have the same readings, so that one cannot test "
+                "what is fitted to the other; remove one of them"
             )
     values = [_values(study, i) for i in range(len(study.channels))]
     for i, j in combinations(range(len(values)), 2):
         if np.array_equal(values[i], values[j]) and np.ptp(values[i]) > 0.0:
             names = f"{study.channels[i].name} and {study.channels[j].name}"
-            found.append(f"{names} hold the same numbers; is one the wrong column?")
+            found.append(f"{names} have the same values; check their columns")
     return found
 
 
@@ -130,21 +129,24 @@ def _commands(study: Study) -> list[str]:
         outside = np.mean((commands[:, i] < low) | (commands[:, i] > high))
         if model.actuator_ctrllimited[i] and outside > 0.0:
             found.append(
-                f"the command of {name} leaves the model's ctrlrange ({low:.3g} to {high:.3g}) in "
-                f"{100.0 * outside:.3g} % of the rows, where the model cuts it"
+                f"the command of {name} exceeds the model's ctrlrange ({low:.3g} to {high:.3g}) in "
+                f"{100.0 * outside:.3g} % of the rows, where the model clips it"
             )
         if all(np.ptp(episode.command[:, i]) == 0.0 for episode in study.episodes):
             still.append(name)
     if model.nu and len(still) == model.nu:
-        found.append("no command ever changes; what moves the machine tells most about it")
+        found.append("no command ever changes; a log with motion contains more information")
     elif still:
         found.append(f"the command of {', '.join(still)} never changes")
-    turns = False
+    reverses = False
     for episode in study.episodes:
         steps = np.sign(np.diff(episode.command, axis=0))
-        turns = turns or any(1.0 in column and -1.0 in column for column in steps.T)
-    if model.nu > len(still) and not turns:
-        found.append("no command turns back, so friction and backlash can hardly be told apart")
+        reverses = reverses or any(1.0 in column and -1.0 in column for column in steps.T)
+    if model.nu > len(still) and not reverses:
+        found.append(
+            "no command reverses its direction, so that friction and backlash can hardly be "
+            "distinguished"
+        )
     return found
 
 
@@ -156,49 +158,51 @@ def _channels(study: Study) -> list[str]:
         if len(values) < FEW:
             found.append(f"{channel.name} has only {len(values)} readings")
         elif different == 1:
-            advice = "" if channel.noise else "; its noise cannot be estimated, so give it"
+            advice = "" if channel.noise else "; its noise cannot be estimated, so state it"
             found.append(f"{channel.name} never changes{advice}")
         elif different < COARSE:
-            found.append(f"{channel.name} takes only {different} different values: a coarse sensor")
+            found.append(f"{channel.name} has only {different} different values: a coarse sensor")
         for episode in study.episodes:
             reading = episode.readings[i].value
             if different > 1 and len(reading) >= FEW and np.ptp(reading) == 0.0:
                 found.append(
-                    f"{channel.name} reads the same throughout {episode.name}, but not elsewhere; "
-                    "was it connected?"
+                    f"{channel.name} is constant in {episode.name}, but not in other episodes; "
+                    "check that it was connected"
                 )
     return found
 
 
 def _noise(study: Study) -> list[str]:
-    """Noise that is given in another unit: a servo's own jerks may be called noise five times."""
+    """Warn of a stated noise that differs so much from the log that its unit may be wrong."""
     large, small = [], []
-    shown, coarser = _shown_noise(study, 1), _shown_noise(study, 2)
-    for i, (channel, fine, rough) in enumerate(zip(study.channels, shown, coarser, strict=True)):
-        # Steps of a coarse sensor hide its noise.
+    estimated, thinned = _estimated_noise(study, 1), _estimated_noise(study, 2)
+    for i, (channel, fine, rough) in enumerate(
+        zip(study.channels, estimated, thinned, strict=True)
+    ):
+        # The steps of a coarse sensor hide its noise.
         if channel.noise is None or fine <= 1e-5 * float(np.ptp(_values(study, i))):
             continue
         text = (
-            f"the noise given for {channel.name} is {channel.noise:.2g} {channel.unit}, but the "
+            f"the noise of {channel.name} is stated as {channel.noise:.2g} {channel.unit}, but the "
             f"log shows about {fine:.2g} {channel.unit}"
         )
         if channel.noise > WRONG_NOISE * fine:
             large.append(text)
-        # Where motion, not noise, makes the differences, they grow with the time between them.
+        # If the differences come from motion, they grow with the time between readings.
         elif fine > WRONG_NOISE * channel.noise and rough < 2.0 * fine:
             small.append(text)
     found = []
-    for texts, question in (
-        (large, "is it in the unit of its line, and was the log filtered?"),
-        (small, "is it in the unit of its line?"),
+    for texts, advice in (
+        (large, "check that it is in the unit of its line and that the log was not filtered"),
+        (small, "check that it is in the unit of its line"),
     ):
-        more = f" (and {len(texts) - 1} more channels alike)" if len(texts) > 1 else ""
-        found += [f"{text}{more}; {question}" for text in texts[:1]]
+        more = f" (similar for {len(texts) - 1} more)" if len(texts) > 1 else ""
+        found += [f"{text}{more}; {advice}" for text in texts[:1]]
     return found
 
 
-def _shown_noise(study: Study, stride: int) -> Floats:
-    """Noise by channel as the log shows it, from every reading or every second one."""
+def _estimated_noise(study: Study, stride: int) -> Floats:
+    """Return the noise of each channel as estimated from every reading or every second one."""
     thinned = tuple(
         replace(
             episode,
@@ -213,7 +217,7 @@ def _shown_noise(study: Study, stride: int) -> Floats:
 
 
 def _quiet(study: Study) -> list[str]:
-    """Sensors no component of which moves by more than its noise."""
+    """Warn of sensors none of whose components moves by more than its noise."""
     noise = channel_noise(study)
     loudest: dict[str, tuple[float, str]] = {}
     for i, channel in enumerate(study.channels):
@@ -225,17 +229,17 @@ def _quiet(study: Study) -> list[str]:
     quiet = {name: text for name, (ratio, text) in loudest.items() if ratio < QUIET}
     if len(quiet) == len(loudest):
         return [
-            "too quiet: no channel moves by more than its noise, so this log can tell of offsets "
-            f"at most, and not of {', '.join(MOVING)} or any other cause that shows in motion"
+            "too quiet: no channel moves by more than its noise, so this log can show offsets at "
+            f"most, but not {', '.join(NEEDS_MOTION)} or any other cause that shows in motion"
         ]
     return [
-        f"{name} hardly moves ({text}); what shows in it alone cannot be judged"
+        f"{name} hardly moves ({text}); causes that show in this sensor alone cannot be judged"
         for name, text in quiet.items()
     ]
 
 
 def _beginnings(study: Study) -> list[str]:
-    """Where the study says that joints begin, against their ranges and their first readings."""
+    """Warn of initial joint positions that contradict the joint's range or its first reading."""
     model = study.spec().compile()
     jointpos = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
     read = {
@@ -252,13 +256,13 @@ def _beginnings(study: Study) -> list[str]:
             if model.jnt_limited[joint.id] and not low - slack <= position <= high + slack:
                 found.append(
                     f"{episode.name} begins with {name} at {position:.3g}, outside its range in "
-                    f"the model ({low:.3g} to {high:.3g})"
+                    f"the model, {low:.3g} to {high:.3g}"
                 )
             if name in read and len(episode.readings[read[name]].value) > 1:
                 values = episode.readings[read[name]].value
                 if abs(values[0] - position) > max(0.5 * float(np.ptp(values)), 1e-3):
                     found.append(
                         f"{episode.name} begins with {name} at {position:.3g}, but its first "
-                        f"reading is {values[0]:.3g}; joints: first_reading takes that"
+                        f"reading is {values[0]:.3g}; 'joints: first_reading' uses the reading"
                     )
     return found

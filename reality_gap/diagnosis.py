@@ -1,4 +1,4 @@
-"""What a diagnosis says: the verdict, its evidence, and the model that it extends."""
+"""Diagnosis: the verdict, its evidence, and the extended model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from reality_gap.types import Floats
 
 
 class Verdict(Enum):
-    """What the data say of the model."""
+    """Kind of the result.
+
+    ``NOTHING_WRONG``: the data show no error of the model. ``NAMED``: causes explain the gap.
+    ``UNEXPLAINED``: there is a gap that no known cause explains.
+    """
 
     NOTHING_WRONG = "nothing_wrong"
     NAMED = "named"
@@ -24,7 +28,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter's value with its 95 % interval, in SI units."""
+    """Value of a parameter with its 95 % interval in SI units."""
 
     value: float
     low: float
@@ -34,17 +38,18 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FittedCandidate:
-    """A suspect that was fitted fully.
+    """A candidate that was fitted.
 
     Attributes:
-        suspect: the cause and its place.
-        values: fitted parameters.
-        score: log predictive probability of the choose split over the model without it [nats].
-        confidence: probability that it is (one of) the right causes; of the step it was in. Those
-            of a step leave room for nobody, and for what is `Diagnosis.unmodelled`.
-        step: 0 in the search for the first cause, 1 for the second, ...
-        chosen: whether it is in the verdict.
-        evidence: log marginal likelihood over the hypothesis without it [nats].
+        candidate: the cause and its location.
+        values: fitted parameters in SI units.
+        score: gain in log likelihood of the selection split by a fit to the fit split [nats].
+        confidence: probability that it is a right cause. The sum over a step may be below 1; the
+            rest is that of no cause at all, and of causes that are not in the catalogue (see
+            `Diagnosis.unmodelled`).
+        step: index of the cause in whose place it was tried.
+        chosen: whether it is that cause.
+        evidence: log marginal likelihood relative to the hypothesis without it [nats].
     """
 
     candidate: Candidate
@@ -58,14 +63,14 @@ class FittedCandidate:
 
 @dataclass(frozen=True)
 class NamedCause:
-    """A cause in the verdict.
+    """A cause of the verdict.
 
     Attributes:
-        suspect: the cause and its place.
-        parameters: by name.
+        candidate: the cause and its location.
+        parameters: estimates by name.
         confidence: calibrated probability that this cause is right.
-        equivalent: ids of causes that these data cannot tell from it.
-        elsewhere: other places where the same cause would do the same.
+        equivalent: ids of causes that these data cannot distinguish from it.
+        elsewhere: other locations where the same cause has the same effect.
     """
 
     candidate: Candidate
@@ -75,8 +80,12 @@ class NamedCause:
     elsewhere: tuple[Location, ...] = ()
 
     def foremost(self, most: int = 8) -> tuple[str, ...]:
-        """Names of the parameters in their order; of more than ``most``, those that are farthest
-        from doing nothing, the farthest first."""
+        """Return the names of the parameters in their order.
+
+        Args:
+            most: if there are more parameters, so many with the largest deviations from their null
+                values, relative to their scales, are returned, the largest first.
+        """
         known = [p for p in self.candidate.parameters if p.name in self.parameters]
         if len(known) > most:
             far = {p.name: abs((self.parameters[p.name].value - p.null) / p.scale) for p in known}
@@ -86,7 +95,7 @@ class NamedCause:
 
 @dataclass(frozen=True)
 class Gain:
-    """What an extension gains on held-out readings, with its 95 % interval."""
+    """Gain of an extended model on readings that it was not fitted to, with its 95 % interval."""
 
     value: float
     low: float
@@ -95,15 +104,16 @@ class Gain:
 
 @dataclass(frozen=True)
 class Trace:
-    """One channel in one episode, for pictures and tables.
+    """Signals of one channel in one episode.
 
     Attributes:
         channel, episode: names.
-        unit: SI.
-        split: by sample (k,): 0 fit, 1 choose, 2 report.
-        time, measured, before, after: (k,); before and after are replays of the model and of the
-            extended model.
+        unit: SI unit of the values.
+        split: split of each reading, shape (k,): 0 fit, 1 selection, 2 report.
         noise: standard deviation of one reading.
+        time: time of each reading, shape (k,) [s].
+        measured: readings, shape (k,).
+        before, after: replays of the nominal and of the extended model, shape (k,).
     """
 
     channel: str
@@ -119,11 +129,11 @@ class Trace:
 
 @dataclass(frozen=True)
 class Dependence:
-    """How much of the remainder a quantity explains, held out.
+    """A quantity that explains a part of the remainder on the report split.
 
     Attributes:
-        quantity: "tension of biceps", "velocity sign of elbow", "angle of elbow", "time", ...
-        channel: where it shows most.
+        quantity: name of the quantity, such as "force of biceps", "position of elbow" or "time".
+        channel: channel in which it explains most.
         fraction: explained share of the remainder's power, 0 to 1.
     """
 
@@ -134,14 +144,15 @@ class Dependence:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A motion that would tell the remaining rivals apart.
+    """A motion that would separate the remaining hypotheses.
 
     Attributes:
-        title, sentence: for people: what to do, and which rivals it separates.
-        time, command: (n,) [s], (n, nu), within the range of what was commanded in the study.
-        separation: mean distance of the others from the likeliest rival, by how likely they are,
-            on the data at hand and on it [standard deviations of the noise];
-            ``separation_before``: on the data at hand alone.
+        title, sentence: what to do, and which hypotheses it separates.
+        time: times of the commands, shape (n,) [s].
+        command: commands within the range of those of the study, shape (n, nu).
+        separation, separation_before: mean distance of the other hypotheses from the likeliest,
+            weighted by their probabilities, with and without this experiment, in standard
+            deviations of the noise.
     """
 
     title: str
@@ -154,33 +165,37 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The outcome of a diagnosis; what `verdict.json` holds, and what the report draws.
+    """Result of a diagnosis.
 
     Attributes:
-        study: its name.
-        verdict: see `Verdict`; ``sentence`` says it to people, with advice.
-        causes: the one that explains most first; empty unless the verdict is "named".
-        rivals: every suspect that was fitted, best first in each step.
-        nameless: probability that what is wrong is none of the causes: a learned residual, which is
-            no name, was put in their place. None where no cause was found.
-        rms_before, rms_after, noise_floor: RMS of the whitened residual on the report split, of the
-            user's model and of the extended one; the same unless the verdict is "named".
-        gain: (before - after) / (before - floor); None when before is not surely above the floor,
-            or where causes are named whose gain is not surely above zero in the RMS.
-        likelihood_gain: how much likelier the named causes make the report split, given tolerances
-            and the other splits [nats]; None where nothing or groups are named.
-        unexplained_fraction: of the power above the floor, what the best of the causes leave, 0 to
-            1, whether they are named or not.
-        explainable_fraction: of the power above the floor, what a learned residual, which is no
-            name, would explain on held-out data: the upper bound.
-        depends_on: of what remains, strongest first.
-        next_experiment: None where there is nothing to tell apart, or no motion is likely to.
-        not_judged: causes that this motion says nothing about, with the reason.
+        study: name of the study.
+        verdict: kind of the result.
+        sentence: what the verdict means, with advice.
+        causes: the named causes, the one that explains most first; empty unless the verdict is
+            "named".
+        fitted_candidates: all candidates that were fitted, best first in each step.
+        rms_before, rms_after, noise_floor: RMS of the residual on the report split in units of
+            noise, of the nominal model, of the extended model, and of the noise alone. The first
+            two are equal unless the verdict is "named".
+        gain: (rms_before - rms_after) / (rms_before - noise_floor); None if ``rms_before`` is not
+            surely above the floor, or if causes are named whose gain in the RMS is not surely above
+            zero.
+        unexplained_fraction: share of the power above the floor that the best causes leave, whether
+            they are named or not, 0 to 1.
+        explainable_fraction: share of the power above the floor that the best causes and a learned
+            residual together explain on the report split; an upper bound.
+        depends_on: quantities that explain most of the remainder, strongest first.
+        next_experiment: an experiment that is likely to halve the remaining doubt; None if there is
+            none.
+        not_judged: ids of causes on which this study does not decide, each with the reason.
         traces: measured and replayed signals.
-        effects: what `extended.xml` cannot hold, with its values.
-        extended_xml: the user's model with the named mechanisms in it.
-        seconds: how long it took.
-        measures: the numbers that the verdict was decided on.
+        effects: named causes with effects that ``extended_xml`` cannot express, with their values.
+        extended_xml: the nominal model with the named causes.
+        seconds: duration of the diagnosis [s].
+        measures: numbers on which the verdict was decided.
+        unmodelled: probability that the cause is not in the catalogue; None if no cause was found.
+        likelihood_gain: gain in log likelihood of the report split by the named causes, given the
+            tolerances and the other splits [nats]; None if no single causes are named.
     """
 
     study: str
@@ -204,67 +219,3 @@ class Diagnosis:
     measures: Mapping[str, float] = field(default_factory=dict)
     unmodelled: float | None = None
     likelihood_gain: Gain | None = None
-
-
-MANY = 8
-"""Elements of a place with a note that are not listed."""
-
-
-def sentence(diagnosis: Diagnosis) -> str:
-    """What the verdict means and what to do about it."""
-    if diagnosis.verdict is Verdict.NOTHING_WRONG:
-        return (
-            "Nothing is wrong with the model as far as these data can tell: what differs is noise "
-            "and what every honest drawing is off by."
-        )
-    if diagnosis.verdict is Verdict.UNEXPLAINED:
-        return (
-            "Something is wrong that none of the known causes explains: "
-            f"{diagnosis.unexplained_fraction:.0%} of the difference remains after the best of "
-            f"them. {_hint(diagnosis)}"
-        )
-    return " ".join(_named(cause) for cause in diagnosis.causes) + _rest(diagnosis)
-
-
-def _named(cause: NamedCause) -> str:
-    foremost = cause.foremost()
-    numbers = ", ".join(
-        f"{name.replace('_', ' ')} {e.value:.4g} {e.unit} [{e.low:.4g}, {e.high:.4g}]"
-        for name, e in ((name, cause.parameters[name]) for name in foremost)
-    )
-    more = len(cause.parameters) - len(foremost)
-    if more:
-        numbers += f" and {more} that are smaller"
-    other = (
-        f"; these data cannot tell it from {', '.join(cause.equivalent)}"
-        if cause.equivalent
-        else ""
-    )
-    title, location = cause.candidate.cause.title, cause.candidate.location
-    where = location.note if len(location.elements) > MANY and location.note else str(location)
-    return (
-        f"{title[0].upper()}{title[1:]} at {where}: {numbers} "
-        f"(confidence {cause.confidence:.0%}{other})."
-    )
-
-
-def _rest(diagnosis: Diagnosis) -> str:
-    if diagnosis.gain is None:
-        likelihood = diagnosis.likelihood_gain
-        if likelihood is None or likelihood.low <= 0.0:
-            return ""
-        return (
-            f" With it in the model, readings that were not used to find it are likelier by "
-            f"{likelihood.value:.0f} nats [{likelihood.low:.0f}, {likelihood.high:.0f}]."
-        )
-    return (
-        f" With it in the model, {diagnosis.gain.value:.0%} of the avoidable error is gone on "
-        "readings that were not used to find it."
-    )
-
-
-def _hint(diagnosis: Diagnosis) -> str:
-    if not diagnosis.depends_on:
-        return "It follows none of the quantities that were looked at."
-    first = diagnosis.depends_on[0]
-    return f"It shows most in {first.channel} and goes with the {first.quantity}."

@@ -1,29 +1,35 @@
-"""What goes wrong with a study, in one sentence for the person who wrote it."""
+"""Errors of reality_gap: each message is one line that says what is wrong and what is valid."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 LONGEST = 2000
-"""Characters of a sentence: names may be of any length."""
+"""Largest number of characters in a message; names of files and columns may be longer."""
 
 
-class RealityGapError(Exception):
-    """Root of this package's errors."""
+class RealityGapError(ValueError):
+    """Base class of all errors that reality_gap raises on purpose."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
 
 
 class StudyError(RealityGapError):
-    """A study, model or log that cannot be used; says what, where, and what would be valid."""
+    """A study, model or log that cannot be used, or a wrong argument."""
 
 
-class UnknownNameError(StudyError):
-    """A name that the model or the catalogue of causes does not have."""
+class UnknownNameError(StudyError, KeyError):
+    """A name that is not in the model or not in the catalogue of causes.
+
+    Args:
+        kind: what the name should denote, such as "cause".
+        name: the unknown name.
+        known: the valid names.
+    """
 
     def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
-        super().__init__(kind, name, tuple(known))  # which is what a process sends to another
+        super().__init__(kind, name, tuple(known))  # the arguments that pickle passes on
 
     def __str__(self) -> str:
         kind, name, known = self.args
@@ -31,7 +37,7 @@ class UnknownNameError(StudyError):
 
 
 def one_line(text: str) -> str:
-    """For a terminal: whatever names of columns and files hold, no line breaks and no commands."""
+    """Make text from untrusted files safe to print: one line without control characters."""
     line = " ".join(text.splitlines())
     if len(line) > LONGEST:
         line = f"{line[:LONGEST]} ..."

@@ -10,6 +10,10 @@ from hypothesis import settings
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
+# Chooses MUJOCO_GL, which mujoco reads when it is imported: so no test depends on whether another
+# test has imported kengoro_env before.
+import kengoro_env  # noqa: E402, F401
+
 settings.register_profile("kengoro", deadline=None, derandomize=True)
 settings.load_profile("kengoro")
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,30 +17,15 @@ from experiments.__main__ import RUNNERS
 from kengoro.trained_maps import trained_map
 from reality_gap.causes import CATALOGUE, joint_stiffness
 from reality_gap.causes.support import elements
+from tests.snippets import blocks
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-SKIP = "<!-- no test: "
-"""A comment that begins so, right before a block, says why the block cannot run here."""
-
 SLOW = ("own_robot.md",)
 """Pages whose code takes longer than 20 s."""
 
 TABLE = re.compile(r"<!-- (results/\S+\.json): (.+) -->\n((?:\|.*\n)+)")
 """A table of a result: file, title, rows."""
-
-
-def blocks(page: Path) -> Iterator[tuple[int, str]]:
-    """Number of the line before each block of Python, and its code."""
-    lines = page.read_text(encoding="utf-8").splitlines()
-    start = None
-    for number, line in enumerate(lines):
-        if line == "```python":
-            start = number + 1
-        elif line == "```" and start is not None:
-            if not (start > 1 and lines[start - 2].startswith(SKIP)):
-                yield start, "\n".join(lines[start:number])
-            start = None
 
 
 def small_study() -> dict[str, Any]:
@@ -81,15 +67,15 @@ GIVEN: dict[str, Callable[[], dict[str, Any]]] = {
 """What the blocks of a page find beside themselves, where it is the user's own."""
 
 
-def learned_and_named(namespace: dict[str, Any], said: str) -> None:
+def learned_and_named(namespace: dict[str, Any], output: str) -> None:
     """It missed before it learned and not after, and the cause was named."""
-    lines = [line.split() for line in said.splitlines()]
-    drawn, learned = (
+    lines = [line.split() for line in output.splitlines()]
+    before, learned = (
         [float(line[1]) for line in lines if line[0] == learning] for learning in ("False", "True")
     )
-    assert (len(drawn), len(learned)) == (5, 4)
-    assert max(learned) < 0.3 < 1.0 < max(drawn)
-    assert "Displaced attachment at lift_1" in said
+    assert (len(before), len(learned)) == (5, 4)
+    assert max(learned) < 0.3 < 1.0 < max(before)
+    assert "Displaced attachment at lift_1" in output
     code = [line for _, block in blocks(ROOT / "docs/own_robot.md") for line in block.splitlines()]
     assert sum(bool(line.strip()) for line in code) < 60  # as promised
 
@@ -122,7 +108,7 @@ def test_python_in_the_documentation_runs(
     monkeypatch.chdir(tmp_path)
     name = page.relative_to(ROOT).as_posix()
     code = list(blocks(page))
-    if any("trained_map" in block for _, block in code):  # trained once for all tests
+    if any("make_agent" in block for _, block in code):  # trained once for all tests
         maps = request.config.cache.mkdir("maps")
         trained_map(maps)
         monkeypatch.setattr("kengoro.trained_maps.default_cache", lambda: maps)
@@ -168,14 +154,21 @@ def test_tables_of_results_are_those_of_the_files() -> None:
             tables = [*summary.get("tables", []), *filter(None, [summary.get("table")])]
             (table,) = (table for table in tables if table["title"] == title)
             rows = [table["head"], ["---"] * len(table["head"]), *table["rows"]]
-            said = [line.strip("|").split("|") for line in shown.splitlines()]
-            assert [[cell.strip() for cell in row] for row in said] == rows, f"{page}: {title}"
+            output = [line.strip("|").split("|") for line in shown.splitlines()]
+            assert [[cell.strip() for cell in row] for row in output] == rows, f"{page}: {title}"
             found += 1
     assert found
 
 
-def test_every_experiment_has_its_place_in_the_documentation() -> None:
+def test_every_experiment_is_documented() -> None:
     page = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
     assert [
         name for name in RUNNERS if not re.search(rf"`{name}`|^## .*\b{name}\b", page, re.M)
     ] == []
+
+
+@pytest.mark.parametrize(("page", "most"), [("README.md", 3), ("docs/own_robot.md", 8)])
+def test_few_imports_suffice(page: str, most: int) -> None:
+    code = "\n".join(block for _, block in blocks(ROOT / page))
+    nodes = ast.walk(ast.parse(code))
+    assert sum(isinstance(node, ast.Import | ast.ImportFrom) for node in nodes) <= most

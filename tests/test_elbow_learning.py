@@ -1,7 +1,7 @@
 """The whole loop on the elbow: estimate, settle, learn, command. The error falls by learning only.
 
 In place of a camera the test hands the true elbow angle with 0.5 deg of noise to the Vision
-Updater, as a look that shows this one angle.
+Updater, as a pose that shows this one angle.
 """
 
 from __future__ import annotations
@@ -52,16 +52,16 @@ class Outcome(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def drawing() -> NominalModel:
+def nominal() -> NominalModel:
     return nominal_model(asset_path("mjcf/kengoro_arm/elbow.xml"))
 
 
 @pytest.fixture(scope="module")
-def drawn(drawing: NominalModel) -> JointMuscleMap:
-    return train(drawing, 0, Recipe(hidden=100, samples=3000, steps=400))[0]
+def nominal_map(nominal: NominalModel) -> JointMuscleMap:
+    return train(nominal, 0, Recipe(hidden=100, samples=3000, steps=400))[0]
 
 
-def sight(q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def residual(q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Error and Jacobian of an angle against a "pose" that holds it at [0, 3]."""
     slope = np.zeros((6, 1))
     slope[0] = 1.0
@@ -71,18 +71,18 @@ def sight(q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class Loop:
     """A robot and a mind for one joint."""
 
-    def __init__(self, drawing: NominalModel, drawn: JointMuscleMap, learning: bool) -> None:
+    def __init__(self, nominal: NominalModel, nominal_map: JointMuscleMap, learning: bool) -> None:
         env = gym.make("Kengoro/Elbow-v0", robot_seed=SEED).unwrapped
         assert isinstance(env, KengoroEnv)
         self.env = env
-        limits = np.column_stack([drawing.lower, drawing.upper])
+        limits = np.column_stack([nominal.lower, nominal.upper])
         rng = np.random.default_rng(SEED)
-        prior = MapPrior(drawn, rng.uniform(*limits.T, (200, 1)), PriorOptions())
-        self.learner = Learner(drawn, limits, RidgeRule(prior), BatchOptions(), rng)
+        prior = MapPrior(nominal_map, rng.uniform(*limits.T, (200, 1)), PriorOptions())
+        self.learner = Learner(nominal_map, limits, RidgeRule(prior), BatchOptions(), rng)
         self.antagonism = AntagonismUpdater(self.learner, AntagonismOptions())
         options = VisionOptions(observations=ObservationFitOptions(position_noise=NOISE))
-        self.vision = VisionUpdater(self.learner, prior, sight, limits, options)
-        self.estimator = JointEstimator(drawn, limits)
+        self.vision = VisionUpdater(self.learner, prior, residual, limits, options)
+        self.estimator = JointEstimator(nominal_map, limits)
         self.settling = SettlingDetector(SettlingOptions())
         self.learning, self.steps, self.noise, self.at = learning, 0, rng, 0.5
         self.observation, self.truth = env.reset(seed=SEED, options={"posture": [self.at]})
@@ -101,11 +101,11 @@ class Loop:
 
     def learn(self, lengths: np.ndarray, command: np.ndarray) -> None:
         self.antagonism.settled(self.estimator.q, lengths, self.vision.pairs)
-        look = np.eye(4)
-        look[0, 3] = self.truth["joint_angles"][0] + NOISE * self.noise.standard_normal()
+        pose = np.eye(4)
+        pose[0, 3] = self.truth["joint_angles"][0] + NOISE * self.noise.standard_normal()
         tensions = self.observation["tensions"]
         estimate = self.estimator.q
-        self.vision.seen(look, estimate, lengths, command, tensions, self.antagonism.pairs)
+        self.vision.seen(pose, estimate, lengths, command, tensions, self.antagonism.pairs)
         self.estimator.set_map(self.learner.map)
 
     def move(self, angle: float) -> tuple[float, float]:
@@ -128,8 +128,8 @@ class Loop:
         return np.sqrt(np.mean(errors**2, axis=0))
 
 
-def run(drawing: NominalModel, drawn: JointMuscleMap, learning: bool) -> Outcome:
-    loop = Loop(drawing, drawn, learning)
+def run(nominal: NominalModel, nominal_map: JointMuscleMap, learning: bool) -> Outcome:
+    loop = Loop(nominal, nominal_map, learning)
     before, _ = loop.test()
     for angle in POSTURES:
         loop.move(angle)
@@ -139,9 +139,9 @@ def run(drawing: NominalModel, drawn: JointMuscleMap, learning: bool) -> Outcome
 
 
 def test_the_error_falls_to_a_third_by_learning(
-    drawing: NominalModel, drawn: JointMuscleMap
+    nominal: NominalModel, nominal_map: JointMuscleMap
 ) -> None:
-    outcome = run(drawing, drawn, learning=True)
+    outcome = run(nominal, nominal_map, learning=True)
     assert outcome.before > 6.0
     assert outcome.seen >= 8
     assert outcome.fired >= 5
@@ -149,8 +149,10 @@ def test_the_error_falls_to_a_third_by_learning(
     assert outcome.estimate < outcome.before / 3
 
 
-def test_without_learning_the_error_stays(drawing: NominalModel, drawn: JointMuscleMap) -> None:
-    outcome = run(drawing, drawn, learning=False)
+def test_without_learning_the_error_stays(
+    nominal: NominalModel, nominal_map: JointMuscleMap
+) -> None:
+    outcome = run(nominal, nominal_map, learning=False)
     assert (outcome.seen, outcome.fired) == (0, 0)
     assert outcome.after == pytest.approx(outcome.before, rel=0.1)
     assert outcome.estimate > outcome.before / 2

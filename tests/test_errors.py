@@ -34,7 +34,7 @@ def error_classes() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("module", "name"), error_classes())
-def test_an_error_survives_the_way_to_another_process(module: str, name: str) -> None:
+def test_an_error_survives_its_transfer_to_another_process(module: str, name: str) -> None:
     error = getattr(importlib.import_module(module), name)(*ARGUMENTS.get(name, ("It broke.",)))
     again = pickle.loads(multiprocessing.reduction.ForkingPickler.dumps(error))
     assert type(again) is type(error)

@@ -9,23 +9,15 @@ import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pinocchio
 import pytest
+
+from tests.snippets import blocks
 
 ROOT = Path(__file__).resolve().parents[1]
 ASSETS_IN_WHEEL = "kengoro_env/assets_data"
-PACKAGES = (
-    "kengoro_env",
-    "jmm_agent",
-    "reality_gap",
-    "mjcf_sandbox",
-    "hidden_plants",
-    "experiments",
-    "kengoro",
-)
-RESULTS = tuple(
-    f"experiments/{name}" for name in ("README.md", "REPORTED.csv", "results", "figures")
-)
-"""What experiments brought: for readers of the checkout."""
+PACKAGES = ("jmm_agent", "kengoro", "kengoro_env", "mjcf_sandbox", "reality_gap")
+"""What the wheel installs; everything else stays in the checkout."""
 
 
 def files_below(folder: Path) -> set[str]:
@@ -85,9 +77,8 @@ def test_wheel_holds_every_file_that_the_mjcf_names(wheel: Path, names: set[str]
 
 
 def test_wheel_holds_every_module_and_no_more(names: set[str]) -> None:
-    there = {f"{name}/{path}" for name in PACKAGES for path in files_below(ROOT / name)}
-    expected = {name for name in there if not name.startswith(RESULTS)}
-    assert {"kengoro_env/__init__.py", "experiments/__main__.py"} <= expected
+    expected = {f"{name}/{path}" for name in PACKAGES for path in files_below(ROOT / name)}
+    assert {"kengoro_env/__init__.py", "kengoro/__init__.pyi", "jmm_agent/py.typed"} <= expected
     modules = {name for name in names if ".dist-info/" not in name}
     assert {name for name in modules if not name.startswith(ASSETS_IN_WHEEL)} == expected
 
@@ -107,7 +98,8 @@ def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
     # The dependencies come from the environment that runs the tests. A .pth file there, such as
     # the editable install's, is not read again from here: the checkout stays out of sight.
     (site_packages,) = (folder / "venv").glob("lib/python*/site-packages")
-    (site_packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    folders = [sysconfig.get_path("purelib"), str(Path(pinocchio.__file__).parents[1])]
+    (site_packages / "dependencies.pth").write_text("\n".join(folders))
     (folder / "empty").mkdir()
     return python, folder / "empty"
 
@@ -133,6 +125,50 @@ def test_installed_wheel_makes_environments(
     assert module.is_relative_to(python.parents[1])
 
 
-def test_installed_wheel_runs_the_experiments(elsewhere: tuple[Path, Path]) -> None:
-    python, empty = elsewhere
-    assert "can-grasping" in run(python, "-m", "experiments", "--help", cwd=empty)
+@pytest.fixture
+def crowded(tmp_path: Path) -> Path:
+    """A folder of somebody who has packages called ``experiments`` and ``tests``."""
+    for name in ("experiments", "tests"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("")
+        (tmp_path / name / "run.py").write_text("raise SystemExit('not this one')\n")
+    return tmp_path
+
+
+def test_installed_wheel_runs_the_snippets_of_the_readme(
+    elsewhere: tuple[Path, Path], crowded: Path
+) -> None:
+    snippets = list(blocks(ROOT / "README.md"))
+    assert snippets
+    (crowded / "readme.py").write_text("\n".join(code for _, code in snippets))
+    run(elsewhere[0], "readme.py", cwd=crowded)
+
+
+def test_installed_wheel_has_the_console_scripts(
+    elsewhere: tuple[Path, Path], crowded: Path
+) -> None:
+    scripts = elsewhere[0].parent
+    for name in ("kengoro", "reality-gap"):
+        assert run(scripts / name, "--version", cwd=crowded) == f"{name} 0.1.0\n"
+    assert "coulomb_friction" in run(scripts / "reality-gap", "causes", cwd=crowded)
+    run(
+        scripts / "kengoro",
+        "record",
+        "--out",
+        "log",
+        "--arm",
+        "elbow",
+        "--duration",
+        "3",
+        cwd=crowded,
+    )
+    assert (crowded / "log" / "STUDY.yaml").exists()
+
+
+def test_installed_wheel_names_the_repository_of_the_experiments(
+    elsewhere: tuple[Path, Path], crowded: Path
+) -> None:
+    command = [elsewhere[0].parent / "kengoro", "experiments"]
+    done = subprocess.run(command, cwd=crowded, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "The experiments are in the repository" in done.stderr

@@ -1,18 +1,21 @@
-"""One word a thing: the private vocabulary of the first year stays out of names, keys and options.
+"""One word for each concept, in identifiers, keys of JSON and command-line options.
 
-Prose is read by people. Here are the words that identifiers, keys of JSON and command-line options
-may not hold, with the field's word for each.
+`INSTEAD` lists words that these may not hold, with the field's word for each. Prose is read by
+people.
 """
 
 from __future__ import annotations
 
 import ast
 import io
+import json
 import keyword
 import re
 import subprocess
 import tokenize
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -111,5 +114,53 @@ def tracked(*patterns: str) -> list[Path]:
         ("everythingElse", {"everything"}),
     ],
 )
-def test_words_are_told_apart(name: str, found: set[str]) -> None:
+def test_words_of_names(name: str, found: set[str]) -> None:
     assert words(name.replace("HeldBack", "held_back")) & set(INSTEAD) == found
+
+
+def forbidden(found: set[str]) -> list[str]:
+    """Names that hold a forbidden word."""
+    return sorted(name for name in found - ALLOWED if words(name) & set(INSTEAD))
+
+
+def keys(content: Any) -> Iterator[str]:
+    """Keys of JSON that are names, at any depth."""
+    if isinstance(content, dict):
+        yield from (key for key in content if re.fullmatch(r"[A-Za-z]\w*", key))
+        content = list(content.values())
+    if isinstance(content, list):
+        for part in content:
+            yield from keys(part)
+
+
+def test_identifiers_and_keys_in_python_have_the_words_of_the_field() -> None:
+    own = Path(__file__)
+    found = {
+        path.relative_to(ROOT).as_posix(): forbidden(names(path.read_text(encoding="utf-8")))
+        for path in tracked("*.py")
+        if path != own and path.exists()
+    }
+    assert not {path: bad for path, bad in found.items() if bad}
+
+
+def test_keys_of_json_have_the_words_of_the_field() -> None:
+    found = {
+        path.relative_to(ROOT).as_posix(): forbidden(
+            set(keys(json.loads(path.read_text(encoding="utf-8"))))
+        )
+        for path in tracked("*.json")
+    }
+    assert not {path: bad for path, bad in found.items() if bad}
+
+
+def test_options_in_the_documentation_have_the_words_of_the_field() -> None:
+    pages = "\n".join(path.read_text(encoding="utf-8") for path in tracked("*.md", "Makefile"))
+    assert not forbidden(set(re.findall(r"(?<![\w-])--[a-z][\w-]*", pages)))
+
+
+def test_a_forbidden_word_is_found() -> None:
+    assert forbidden(names("def f(the_ruler): return {'all-suspects': the_ruler}")) == [
+        "all-suspects",
+        "the_ruler",
+    ]
+    assert forbidden(set(keys([{"a": {"held_back": 1}}]))) == ["held_back"]

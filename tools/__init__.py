@@ -1,1 +1,1 @@
-"""What builds, checks and tries this repository; nothing of it is shipped."""
+"""Tools that build, check and try this repository; they are not part of the distributions."""

@@ -1,6 +1,6 @@
-"""Hook of mkdocs: pages of the site that lie outside docs/, each at its own path in the project.
+"""Hook of mkdocs: adds pages outside docs/ to the site, at their paths in the repository.
 
-Links between them and the pages in docs/ then lead to the same places as in the checkout.
+Links between them and the pages in docs/ lead to the same pages as in the checkout.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ OUTSIDE = (
     "experiments/README.md",
     "experiments/figures/*.png",
 )
+"""Patterns of the added files, relative to the root of the repository."""
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add what lies outside docs/."""
+    """Add the files of `OUTSIDE`; mkdocs calls it."""
     for pattern in OUTSIDE:
         for path in sorted(ROOT.glob(pattern)):
             uri = path.relative_to(ROOT).as_posix()
@@ -33,7 +34,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Let links out of docs/, and from outside into it, lead to where the site has the page."""
+    """Adapt links between docs/ and the added pages to the site; mkdocs calls it."""
     if page.file.generated_by is not None:
         return re.sub(r"\]\(docs/", "](", markdown)
     return re.sub(r"\]\(\.\./", "](", markdown) if "/" not in page.file.src_uri else markdown

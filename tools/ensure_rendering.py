@@ -1,8 +1,10 @@
-"""Make sure that MuJoCo can draw a picture here, installing Mesa with apt-get where possible.
+"""Ensure that MuJoCo can render on this machine; install Mesa with apt-get where possible.
 
-`make` runs this once per environment. It exits with 0 when a picture was drawn, and otherwise with
-one sentence that says what to install.
+`make` runs it once per environment. The exit code is 0 if a picture was rendered, and otherwise 1
+with a message that names the packages to install.
 """
+
+from __future__ import annotations
 
 import os
 import shutil
@@ -10,8 +12,8 @@ import subprocess
 import sys
 from ctypes.util import find_library
 
-# Debian's and Ubuntu's names of the dispatchers and of Mesa's drivers, which draw without a GPU.
 DEBIAN_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri", "libopengl0")
+"""GL dispatchers and Mesa's drivers on Debian and Ubuntu; they render without a GPU."""
 
 DRAW = """
 import mujoco
@@ -27,7 +29,7 @@ with mujoco.Renderer(model, 48, 64) as renderer:
 
 
 def backends() -> tuple[str, ...]:
-    """Names of MuJoCo's GL backends worth trying here, the one used by default first."""
+    """Names of MuJoCo's GL backends to try, the preferred one first; "" for the default."""
     if not sys.platform.startswith("linux"):
         return ("",)
     chosen = os.environ.get("MUJOCO_GL")
@@ -38,7 +40,11 @@ def backends() -> tuple[str, ...]:
 
 
 def draws(backend: str) -> bool:
-    """Whether a separate process draws a non-black picture with `backend` ("" for the default)."""
+    """Whether a separate process renders a picture that is not black.
+
+    Args:
+        backend: name of MuJoCo's GL backend; "" for the default.
+    """
     environment = dict(os.environ)
     environment.pop("PYOPENGL_PLATFORM", None)
     if backend:
@@ -53,7 +59,7 @@ def draws(backend: str) -> bool:
 
 
 def install() -> None:
-    """Install Mesa with apt-get as root or through a sudo that asks nothing; else do nothing."""
+    """Install Mesa with apt-get as root, or with sudo if it needs no password; else do nothing."""
     apt_get = shutil.which("apt-get")
     if apt_get is None:
         return
@@ -64,7 +70,7 @@ def install() -> None:
         if subprocess.run(["sudo", "-n", "true"], capture_output=True).returncode != 0:
             return
         sudo = ["sudo", "-n", "env"]
-    print(f"No way to render was found: installing {' '.join(DEBIAN_PACKAGES)} with apt-get.")
+    print(f"MuJoCo cannot render: installing {' '.join(DEBIAN_PACKAGES)} with apt-get.")
     quiet = [*sudo, "env", "DEBIAN_FRONTEND=noninteractive", apt_get, "-qq"]
     subprocess.run([*quiet, "update"], stdout=subprocess.DEVNULL)
     subprocess.run(
@@ -74,13 +80,13 @@ def install() -> None:
 
 
 def main() -> int:
-    """Draw, install if that failed, draw again; returns the exit code."""
+    """Render; if that fails, install Mesa and render again; returns the exit code."""
     if any(map(draws, backends())):
         return 0
     chosen = os.environ.get("MUJOCO_GL")
     if chosen is not None:
         print(
-            f"MuJoCo cannot render with MUJOCO_GL={chosen}, which is set here: unset it, or install"
+            f"MuJoCo cannot render with MUJOCO_GL={chosen} of the environment: unset it, or install"
             " the libraries of that backend.",
             file=sys.stderr,
         )
@@ -88,8 +94,8 @@ def main() -> int:
     install()
     if any(map(draws, backends())):
         return 0
-    lacking = [name for name in ("EGL", "GL") if find_library(name) is None]
-    found = f"lib{' and lib'.join(lacking)} not found" if lacking else "the libraries are there"
+    missing = [name for name in ("EGL", "GL") if find_library(name) is None]
+    found = f"lib{' and lib'.join(missing)} not found" if missing else "the libraries were found"
     print(
         f"MuJoCo cannot render here ({found}; tried MUJOCO_GL={', '.join(backends())}): install EGL"
         f" with Mesa's drivers, on Debian or Ubuntu `apt-get install {' '.join(DEBIAN_PACKAGES)}`.",

@@ -1,7 +1,8 @@
-"""Build wheel and sdist, install each in an empty environment of each Python, and use it there.
+"""Build wheel and sdist, install each in a new environment of each Python, and use it there.
 
-``python tools/try_distributions.py python3.11 python3.12 python3.13``; `make distributions` has the
-interpreters that it finds. The checkout is out of sight: everything runs in an empty folder.
+``python tools/try_distributions.py python3.11 python3.12 python3.13``, or `make distributions`.
+Interpreters that are not installed are skipped. All commands run in an empty folder, so that they
+cannot import from the checkout.
 """
 
 from __future__ import annotations
@@ -24,40 +25,54 @@ USES = (
         "envs.reset(seed=0)\n"
         "print(envs.step(envs.action_space.sample())[1])",
     ),
-    ("-m", "experiments", "record", "--arm", "elbow", "--duration", "4", "--out", "log"),
+    ("-m", "kengoro", "record", "--arm", "elbow", "--duration", "4", "--out", "log"),
     ("-m", "reality_gap", "check", "log/STUDY.yaml"),
 )
-"""What each environment is asked to do; every one must end with 0."""
+"""Arguments of Python for the commands that are tried; each must have exit code 0."""
 
 
 def run(*command: str | Path, cwd: Path) -> float:
-    """Seconds that a command takes; ends the program with what it said if it fails."""
-    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    """Run a command; exit with its output if it fails.
+
+    Args:
+        command: program and arguments.
+        cwd: working folder.
+
+    Returns:
+        Time of the command [s].
+    """
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     begin = time.perf_counter()
-    done = subprocess.run(command, cwd=cwd, env=clean, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
     if done.returncode:
-        words = " ".join(map(str, command))
-        sys.exit(f"{words}\n{done.stdout}{done.stderr}\nended with {done.returncode}.")
+        line = " ".join(map(str, command))
+        sys.exit(f"{line}\n{done.stdout}{done.stderr}\nThe exit code is {done.returncode}.")
     return time.perf_counter() - begin
 
 
 def starts(interpreter: str) -> bool:
-    """Whether an interpreter is here; a shim of pyenv may be, for one that is not chosen."""
+    """Whether an interpreter is installed; a shim of pyenv may exist without its interpreter."""
     found = shutil.which(interpreter)
     return bool(found) and not subprocess.run([found, "--version"], capture_output=True).returncode
 
 
 def size_mb(folder: Path) -> float:
-    """What lies in a folder [MB]."""
+    """Size of all files in a folder [MB]."""
     return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file()) / 1e6
 
 
 def main(interpreters: list[str]) -> None:
-    """Try each distribution with each interpreter."""
+    """Try each distribution with each interpreter.
+
+    Args:
+        interpreters: names or paths of Python interpreters.
+    """
     found = [name for name in interpreters if starts(name)]
     missing = [name for name in interpreters if name not in found]
     if not found:
-        sys.exit(f"None of these interpreters is here: {', '.join(interpreters) or 'none given'}.")
+        sys.exit(
+            f"None of these interpreters is installed: {', '.join(interpreters) or 'none given'}."
+        )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         run(sys.executable, "-m", "build", "--outdir", folder / "dist", ROOT, cwd=folder)
@@ -76,7 +91,7 @@ def main(interpreters: list[str]) -> None:
                 shutil.rmtree(location)
                 shutil.rmtree(empty)
     for name in missing:
-        print(f"{name}: not here, not tried")
+        print(f"{name}: not installed, not tried")
 
 
 if __name__ == "__main__":

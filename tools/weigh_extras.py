@@ -1,6 +1,7 @@
-"""What each extra adds to an installation, in MB and packages: ``python tools/weigh_extras.py``.
+"""Print what each extra adds to an installation [MB], [packages]: ``python tools/weigh_extras.py``.
 
-Each is installed into an environment of its own, beside the core; what is more is its weight.
+The core is installed into one environment, and the core with each extra into another one; the
+differences are printed.
 """
 
 from __future__ import annotations
@@ -14,18 +15,26 @@ from try_distributions import ROOT, run, size_mb
 
 
 def weigh(extra: str, folder: Path) -> tuple[float, int]:
-    """Size [MB] of the packages that the core with an extra needs, and their number."""
+    """Install the core with an extra into a new environment.
+
+    Args:
+        extra: name of the extra; "" for the core alone.
+        folder: where the environment is made.
+
+    Returns:
+        Size of all packages [MB], and their number.
+    """
     location = folder / (extra or "core")
     run(sys.executable, "-m", "venv", "--without-pip", location, cwd=folder)
-    wanted = f"{ROOT}[{extra}]" if extra else str(ROOT)
+    requirement = f"{ROOT}[{extra}]" if extra else str(ROOT)
     target = next(location.glob("lib/python*/site-packages"))
     pip = (sys.executable, "-m", "pip", "--python", location, "--disable-pip-version-check")
-    run(*pip, "install", "--quiet", wanted, cwd=folder)
+    run(*pip, "install", "--quiet", requirement, cwd=folder)
     return size_mb(target), len(list(target.glob("*.dist-info")))
 
 
 def main() -> None:
-    """Weigh the core and each extra."""
+    """Print the sizes of the core and of each extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     with tempfile.TemporaryDirectory() as name:
         core = weigh("", Path(name))

@@ -3,9 +3,9 @@
     python docs/pictures/make_figures.py                     # mapping.png and stiffness.png
     python docs/pictures/make_figures.py --log emps.csv      # emps.png, too
 
-``mapping.png``: lengths of the elbow's wires on the drawing and on the actual robot of seed 1.
+``mapping.png``: muscle lengths of the elbow in the nominal model and the actual robot of seed 1.
 ``stiffness.png``: the law of muscle stiffness control. ``emps.png``: the measured force of the
-EMPS drive, and what the causes in ``docs/results/emps.json`` leave of it; nothing is fitted here.
+EMPS drive, and the remainder after the causes in ``docs/results/emps.json``; nothing is fitted.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ from experiments.emps.log import (
 )
 from experiments.emps.regression import force_of
 from jmm_agent.types import Floats
-from kengoro_env.robot.motors import DEFAULT_GAINS
+from kengoro_env.robot.muscle_law import DEFAULT_GAINS
+from reality_gap.study.data import Study
 
 FOLDER = Path(__file__).resolve().parent
 RESULT = FOLDER.parent / "results" / "emps.json"
@@ -57,19 +58,19 @@ def elbow_lengths(robot_seed: int | None, angles: Floats) -> tuple[tuple[str, ..
 
 
 def mapping() -> None:
-    """What the drawing says of three wires, and what the encoders of a robot read."""
+    """Nominal lengths of three muscles, and readings of a robot's encoders."""
     angles = np.radians(np.linspace(0.0, 120.0, 61))
-    muscles, drawn = elbow_lengths(None, angles)
+    muscles, nominal = elbow_lengths(None, angles)
     _, read = elbow_lengths(ROBOT, angles)
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
     for i, colour in enumerate((BLUE, GREEN, ORANGE)):
-        left.plot(np.degrees(angles), 1e3 * drawn[:, i], color=colour, label=muscles[i])
+        left.plot(np.degrees(angles), 1e3 * nominal[:, i], color=colour, label=muscles[i])
         left.plot(np.degrees(angles), 1e3 * read[:, i], "--", color=colour)
-        right.plot(np.degrees(angles), 1e3 * (read - drawn)[:, i], color=colour, label=muscles[i])
+        right.plot(np.degrees(angles), 1e3 * (read - nominal)[:, i], color=colour, label=muscles[i])
     left.plot([], [], color=GREY, label="nominal")
     left.plot([], [], "--", color=GREY, label=f"actual robot, seed {ROBOT}")
-    left.set(xlabel="true elbow angle [deg]", ylabel="wire length [mm]")
-    right.set(xlabel="true elbow angle [deg]", ylabel="robot - drawing [mm]")
+    left.set(xlabel="true elbow angle [deg]", ylabel="muscle length [mm]")
+    right.set(xlabel="true elbow angle [deg]", ylabel="robot - nominal [mm]")
     left.legend(fontsize=8)
     right.axhline(0.0, color=GREY, lw=0.8, zorder=0)
     right.legend(fontsize=8)
@@ -77,7 +78,7 @@ def mapping() -> None:
 
 
 def stiffness() -> None:
-    """Tension over length, of a wire that pulls and of one that does not."""
+    """Tension over length, of a muscle that pulls and of one that does not."""
     gains = DEFAULT_GAINS
     beyond = np.linspace(-10e-3, 20e-3, 301)
 
@@ -89,8 +90,8 @@ def stiffness() -> None:
     figure, axis = pyplot.subplots(figsize=(7, 3.6), layout="constrained")
     axis.plot(1e3 * beyond, tension(beyond), color=BLACK)
     for x, location, colour, words in (
-        (7e-3, (4.9, 400.0), ORANGE, "pulls: its l_target says\nwhat holds this posture"),
-        (-6e-3, (-5.0, 160.0), BLUE, "does not pull: any longer\nl_target would do as well"),
+        (7e-3, (5.5, 400.0), ORANGE, "pulls: its l_target determines\nthe force in this posture"),
+        (-6e-3, (-5.5, 160.0), BLUE, "does not pull: a longer\nl_target has the same effect"),
     ):
         axis.plot(1e3 * x, tension(x), "o", color=colour)
         axis.annotate(
@@ -107,38 +108,13 @@ def stiffness() -> None:
 
 
 def emps(path: Path) -> None:
-    """Force of the drive, of a mass alone, and what the named causes leave."""
+    """Force of the drive, force of a mass alone, and remainder after the named causes."""
     log = read_log(path)
     study = make_study(log)
     force, alone = measured_force(study), force_of(study, {"mass": MASS})
     time = study.episodes[0].readings[0].time
     summary = json.loads(RESULT.read_text(encoding="utf-8"))
-    values = {
-        cause["cause"]: {name: e["value"] for name, e in cause["parameters"].items()}
-        for cause in summary["named"]
-    }
-    textbook = force_of(
-        study,
-        {
-            "mass": MASS,
-            "coulomb": values["coulomb_friction"]["friction"],
-            "viscous": values["viscous_friction"]["damping"],
-            "offset": -values["force_offset"]["force"],
-        },
-    )
-    way = values["direction_dependent_friction"]
-    dry, dry_more = _halves(way["forward"], way["backward"])
-    viscous, viscous_more = _halves(way["forward_viscous"], way["backward_viscous"])
-    by_direction = force_of(
-        study,
-        {
-            "mass": MASS,
-            "coulomb": dry,
-            "offset": dry_more,
-            "viscous": viscous,
-            "viscous by direction": viscous_more,
-        },
-    )
+    textbook, by_direction = _named_forces(study, summary)
     velocity = at_readings(study, motion(study).qvel[:, 0])
     even = np.abs(at_readings(study, motion(study).qacc[:, 0])) < 0.05
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(11, 3.8), layout="constrained")
@@ -160,13 +136,38 @@ def emps(path: Path) -> None:
     save(figure, "emps.png")
 
 
+def _named_forces(study: Study, summary: dict[str, Any]) -> tuple[Floats, Floats]:
+    """Forces of the model with the named textbook causes, and with direction-dependent friction."""
+    values = {
+        cause["cause"]: {name: e["value"] for name, e in cause["parameters"].items()}
+        for cause in summary["named"]
+    }
+    textbook = {
+        "mass": MASS,
+        "coulomb": values["coulomb_friction"]["friction"],
+        "viscous": values["viscous_friction"]["damping"],
+        "offset": -values["force_offset"]["force"],
+    }
+    friction = values["direction_dependent_friction"]
+    dry, dry_more = _halves(friction["forward"], friction["backward"])
+    viscous, viscous_more = _halves(friction["forward_viscous"], friction["backward_viscous"])
+    by_direction = {
+        "mass": MASS,
+        "coulomb": dry,
+        "offset": dry_more,
+        "viscous": viscous,
+        "viscous by direction": viscous_more,
+    }
+    return force_of(study, textbook), force_of(study, by_direction)
+
+
 def _halves(forward: float, backward: float) -> tuple[float, float]:
-    """Mean of both directions, and by how much the forward one is above it."""
+    """Mean of both directions, and difference of the forward one from it."""
     return (forward + backward) / 2, (forward - backward) / 2
 
 
 def _quartiles(axis: Axes, velocity: Floats, left: Floats, colour: str, name: str) -> None:
-    """Median and quartiles at every velocity that the carriage holds for a while."""
+    """Draw median and quartiles at each constant velocity of the carriage."""
     speeds = np.round(velocity, 2)
     held = [speed for speed in np.unique(speeds) if np.sum(speeds == speed) > 20]
     low, middle, high = np.array(

@@ -1,1 +1,1 @@
-"""What each part of the method is worth."""
+"""Effect of each part of the method, and a test of the paper's claims."""

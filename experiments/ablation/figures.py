@@ -1,4 +1,4 @@
-"""Pictures of the ablation: errors of all variants, and what each change does."""
+"""Figures of the ablation: errors of all variants, and the effect of each change."""
 
 from __future__ import annotations
 
@@ -20,21 +20,25 @@ REFERENCES = (PAPER, DEFAULT)
 
 
 def pictures(found: Numbers) -> list[Picture]:
-    """Effects on both errors, all variants' errors, and the map far from what was learned."""
+    """Effects on both errors, errors of all variants, effects on the map and on tension."""
     effects = _picture(found, ("target_true_deg", "estimate_seen_deg"))
     far = _picture(found, ("box_mm", "max_tension_N"))
     return [
         Picture(
-            "What each change does to both errors",
+            "Effect of each change on both errors",
             effects,
-            "Variant - reference on the same robot: median over robots and 95 % interval. Left of "
-            "0 the change is good.",
+            "Variant - reference on the same robot: median over robots with its 95 % interval. "
+            "A change left of 0 is an improvement.",
         ),
-        Picture("Errors of all variants", _errors(found), "Median over robots, 95 % interval."),
         Picture(
-            "What each change does far from the learned postures, and to tension",
+            "Errors of all variants",
+            _errors(found),
+            "Median over robots with its 95 % interval.",
+        ),
+        Picture(
+            "Effect of each change on the map far from the learned postures, and on tension",
             far,
-            "Map: its error over the whole joint ranges, against the robot's own lengths.",
+            "Map: its error in the whole joint ranges, compared with the robot's muscle lengths.",
         ),
     ]
 
@@ -45,7 +49,7 @@ def _changed(reference: str) -> list[str]:
 
 
 def _picture(found: Numbers, outcomes: tuple[str, str]) -> bytes:
-    """Differences from both references: rows are references, columns outcomes."""
+    """Differences from both references; a row for each reference, a column for each outcome."""
     counts = [len(_changed(reference)) for reference in REFERENCES]
     figure, axes = pyplot.subplots(
         2, 2, figsize=(11, 8), sharex="col", sharey="row", height_ratios=counts
@@ -56,17 +60,17 @@ def _picture(found: Numbers, outcomes: tuple[str, str]) -> bytes:
             gaps = [difference(found, name, reference, outcome) for name in names]
             _draw(ax, gaps, TRUE if outcome == outcomes[0] else SEEN)
             ax.axvline(0.0, color="black", lw=1)
-        row[0].set_yticks(range(len(names)), [VARIANTS[name].told for name in names])
-        row[0].set_title(f"change from {_called(reference)}", loc="left", fontsize=10)
+        row[0].set_yticks(range(len(names)), [VARIANTS[name].description for name in names])
+        row[0].set_title(f"change from {_title(reference)}", loc="left", fontsize=10)
     for ax, outcome in zip(axes[-1], outcomes, strict=True):
-        ax.set_xlabel(f"difference in {HEADS[outcome]}")
+        ax.set_xlabel(f"difference of {HEADS[outcome]}")
     figure.tight_layout()
     data = png(figure)
     pyplot.close(figure)
     return data
 
 
-def _called(reference: str) -> str:
+def _title(reference: str) -> str:
     return "the paper's plain rule" if reference == PAPER else "the default"
 
 
@@ -91,7 +95,7 @@ def _errors(found: Numbers) -> bytes:
 def _draw(
     axes: Axes, found: list[Interval], colour: str, shift: float = 0.0, label: str | None = None
 ) -> None:
-    """Medians with their intervals, one below another."""
+    """Medians with their intervals, one in each row."""
     height = np.arange(len(found)) + shift
     median = np.array([gap.median for gap in found])
     spread = np.abs(np.array([[gap.low, gap.high] for gap in found]).T - median)

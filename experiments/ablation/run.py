@@ -1,7 +1,7 @@
-"""Ablation: what each part of the method is worth, and what the paper claims of it (sec. II, III).
+"""Ablation: effect of each part of the method, and a test of the paper's claims (sec. II, III).
 
-Variants of the agent learn from the same postures of the same robots. Then their maps are examined
-on other postures, and compared with the robot's own lengths far from all that was learned.
+Variants of the agent learn from the same postures of the same robots. Then their maps move the
+robots to other postures, and are compared with the robots' muscle lengths over the joint ranges.
 """
 
 from __future__ import annotations
@@ -14,28 +14,32 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from experiments.ablation.tables import Numbers, claims_table, metrics, told_claims, variant_tables
-from experiments.harness.experiment import Findings, Results, Study
-from experiments.learnability.run import known_world
-from experiments.robots.evaluation import Examiner, map_error_mm
+from experiments.ablation.tables import Numbers, claims_table, judge_claims, metrics, variant_tables
+from experiments.harness import common
+from experiments.harness.common import Summary
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
+from experiments.robots.conditions import ACTUAL
+from experiments.robots.evaluation import Evaluator, map_error_mm
 from experiments.robots.variants import NONE, VARIANTS
+from experiments.robots.world import known_world
 from jmm_agent.agent import Agent
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, NO_END, make_agent, make_env, shuffled_postures
+from kengoro.agents import make_agent
+from kengoro.robots import NO_END, make_env, shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import errors, visit
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done on each robot.
+    """Amount of work on each robot.
 
     Attributes:
-        learned: postures from which is learned.
-        tested: other postures to which the arm is moved then.
-        compared: further postures at which the map is compared with the robot's own lengths.
+        learned: number of postures that the agent learns from.
+        tested: number of other postures that the map is tested on.
+        compared: number of further postures at which the map is compared with the robot's lengths.
         move: duration of a movement while learning [s].
-        patience: longest wait for rest and a look while learning [s].
+        patience: longest wait for rest and an observation while learning [s].
         test_move: duration of a movement in the test [s].
         test_hold: time to come to rest in the test [s].
     """
@@ -53,23 +57,23 @@ QUICK = Sizes(learned=1, tested=1, compared=5, move=0.3, patience=0.8, test_move
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """One variant learns on one robot, and its map is examined."""
+    """Let one variant learn on one robot and evaluate its map."""
     world, postures = known_world(cache), shuffled_postures(seed)
     learned, rest = np.split(postures, [1 + sizes.learned])
     rest, tested = np.split(rest, [-1 - sizes.tested])
     variant = VARIANTS.get(condition)
     options, rule = (variant.options, variant.rule) if variant else (None, None)
-    agent = make_agent(world.map, seed, options, rule)
+    agent = make_agent(seed, jmm=world.map, options=options, rule=rule)
     if condition != NONE:
         learn(agent, seed, learned, sizes)
-    examiner = Examiner(world, ACTUAL, seed, sizes.test_move, sizes.test_hold)
+    evaluator = Evaluator(world, ACTUAL, seed, sizes.test_move, sizes.test_hold)
     inside = rest[: sizes.compared]
     low, high = world.limits.T
     box = np.random.default_rng([seed, 6]).uniform(low, high, (sizes.compared, len(low)))
     return {
-        "visits": examiner.examine(agent.map, tested, agent.vision),
-        "set_mm": map_error_mm(agent.map, inside, examiner.own_lengths(inside)),
-        "box_mm": map_error_mm(agent.map, box, examiner.own_lengths(box)),
+        "visits": evaluator.evaluate(agent.map, tested, agent.vision),
+        "set_mm": map_error_mm(agent.map, inside, evaluator.own_lengths(inside)),
+        "box_mm": map_error_mm(agent.map, box, evaluator.own_lengths(box)),
         "antagonism_updates": agent.antagonism.fired,
         "vision_updates": agent.vision.fired,
         "dropped": agent.vision.dropped,
@@ -77,21 +81,21 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
 
 
 def learn(agent: Agent, seed: int, postures: Floats, sizes: Sizes) -> None:
-    """Wake at the first posture (n,) [rad], visit all others and learn there."""
+    """Start at the first posture of (K, n) [rad], visit all others and learn there."""
     start = postures[0]
     session = Session(_env(seed), agent, seed, None, {"posture": start, "target": start})
-    for posture in postures[1:]:  # who learns nothing by sight need not search for the hand
-        visit(session, posture, None, sizes.move, sizes.patience, look=agent.options.learn_vision)
+    for posture in postures[1:]:  # without vision there is no need to search for the hand
+        visit(session, posture, None, sizes.move, sizes.patience, search=agent.options.learn_vision)
 
 
 @lru_cache(maxsize=1)
 def _env(seed: int) -> gym.Env[Any, Any]:
-    """The robot on which all variants learn, one after another."""
+    """The robot on which all variants learn, one after the other."""
     return make_env("Posture", seed, max_episode_steps=NO_END)
 
 
 def numbers(results: Results) -> Numbers:
-    """Outcomes of each variant, one number a robot in the order of the seeds."""
+    """Outcomes of each variant, with one number a robot in the order of the seeds."""
     found: Numbers = {}
     for name in CONDITIONS:
         outcomes = [
@@ -104,7 +108,7 @@ def numbers(results: Results) -> Numbers:
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """Effects of all that was left out, and what they say about each claim."""
+    """Outcomes of all variants and verdicts on the claims."""
     from experiments.ablation.figures import pictures
 
     found = numbers(results)
@@ -114,22 +118,21 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         for rank, seed in enumerate(results)
     }
     tables = [claims_table(found), *variant_tables(found)]
-    more = {"claims": told_claims(found)}
+    more = {"claims": judge_claims(found)}
     return Findings(metrics(found), per_seed, tables, pictures(found), more)
 
 
 CONDITIONS = (*VARIANTS, NONE)
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="ablation",
     title="Ablation",
     introduction=(
-        "Variants of the agent learn from the same postures of the same robots, with the camera. "
-        "Then nothing more is learned, and their maps move the same robot, all from the same "
-        "start, to the same new postures. The test needs no camera: the exact pose of the marker "
-        "is seen through each variant's own eyes, that is, fitted with what it remembers. Robots "
-        "are actual ones. Each claim is judged by the difference between two variants on the same "
-        "robot."
+        "Variants of the agent learn from the same postures of the same actual robots, with the "
+        "camera. Then learning stops, and their maps move the robot from the same start to the "
+        "same new postures. This test uses no camera: each variant computes joint angles from the "
+        "exact pose of the marker and from the observations in its memory. Each claim is judged "
+        "by the difference between two variants on the same robot."
     ),
     figure="claims of sec. II-C, III-B, III-C and IV-D",
     conditions=CONDITIONS,
@@ -138,3 +141,16 @@ STUDY = Study(
     run=run,
     conclude=conclude,
 )
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Effect of each part of the method, and a test of the paper's claims."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/ablation")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

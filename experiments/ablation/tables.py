@@ -1,4 +1,4 @@
-"""What the ablation's numbers say: verdicts on the claims, and tables."""
+"""Tables of the ablation: outcomes of the variants and verdicts on the claims."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from experiments.robots.variants import (
 )
 
 Numbers = dict[str, dict[str, Sequence[float]]]
-"""By variant and outcome, one number a robot."""
+"""By variant and outcome: one number a robot."""
 
 HEADS = {
     "target_true_deg": "target - true [deg]",
@@ -33,19 +33,19 @@ HEADS = {
 }
 
 ENOUGH = 5
-"""Robots below which nothing is told for sure."""
+"""Least number of robots for a verdict."""
 
-HOLDS, REVERSED, EQUAL, OPEN = (
+HOLDS, REVERSED, EQUAL, UNDECIDED = (
     "holds",
-    "does not hold: the other way round",
+    "does not hold: the opposite holds",
     "does not hold: no difference",
-    "cannot be told",
+    "undecided",
 )
 WORSE = "does not hold: worse"
 
 
 def difference(found: Numbers, one: str, other: str, outcome: str) -> Interval:
-    """Median over robots of one variant's outcome minus that of another, with its interval."""
+    """Median over robots of the difference one - other of an outcome, with its interval."""
     return paired(found[one][outcome], found[other][outcome])
 
 
@@ -55,23 +55,26 @@ def robots(found: Numbers) -> int:
 
 
 def verdict(claim: Claim, gap: Interval, robots: int = ENOUGH) -> str:
-    """What an interval of (claimed - other) says about a claim; low outcomes are good."""
+    """Verdict on a claim from the interval of the difference one - other.
+
+    Low outcomes are good. Without `ENOUGH` robots the verdict is `UNDECIDED`.
+    """
     if robots < ENOUGH:
-        return OPEN
+        return UNDECIDED
     same = SAME[claim.outcome]
     if claim.kind == "not worse":
         if gap.high <= same:
             return HOLDS
-        return WORSE if gap.low > 0 else OPEN
+        return WORSE if gap.low > 0 else UNDECIDED
     if gap.high < 0:
         return HOLDS
     if gap.low > 0:
         return REVERSED
-    return EQUAL if max(-gap.low, gap.high) <= same else OPEN
+    return EQUAL if max(-gap.low, gap.high) <= same else UNDECIDED
 
 
 def better_than_default(found: Numbers) -> list[str]:
-    """Variants whose true error is surely below the default's, and not about equal."""
+    """Variants whose true error is significantly below the default's, by more than `SAME`."""
     better = []
     for name in VARIANTS:
         gap = difference(found, DEFAULT, name, "target_true_deg")
@@ -80,21 +83,21 @@ def better_than_default(found: Numbers) -> list[str]:
     return better
 
 
-def winner(found: Numbers, without: Sequence[str] = ()) -> str:
+def best_variant(found: Numbers, without: Sequence[str] = ()) -> str:
     """The variant with the lowest median of the true error."""
     names = [name for name in VARIANTS if name not in without]
     return min(names, key=lambda name: float(np.median(found[name]["target_true_deg"])))
 
 
 def metrics(found: Numbers) -> dict[str, dict[str, Any]]:
-    """Errors of default and paper's rule, and whether something is better than the default."""
+    """Errors of the references, and the number of variants better than the default."""
     entries = {}
     for name in (DEFAULT, PAPER, NONE):
         entries[f"{name}_target_true"] = metric(found[name]["target_true_deg"], "deg")
         paper = 4.99 if name == PAPER else None
         seen = found[name]["estimate_seen_deg"]
         entries[f"{name}_estimate_seen"] = metric(seen, "deg", paper=paper)
-    best = winner(found, without=(DEFAULT,))
+    best = best_variant(found, without=(DEFAULT,))
     gaps = np.subtract(found[DEFAULT]["target_true_deg"], found[best]["target_true_deg"])
     entries["default_minus_best_other"] = metric(gaps.tolist(), "deg")
     count = len(better_than_default(found))
@@ -103,23 +106,23 @@ def metrics(found: Numbers) -> dict[str, dict[str, Any]]:
     return entries
 
 
-def told_claims(found: Numbers) -> list[dict[str, Any]]:
-    """Each claim with its difference and verdict, for the summary."""
+def judge_claims(found: Numbers) -> list[dict[str, Any]]:
+    """Claims with difference and verdict, for the summary."""
     return [
         {
             "rule": rule,
-            "claim": claim.told,
+            "claim": claim.text,
             "one": claim.one,
             "other": claim.other,
             "outcome": claim.outcome,
             "difference": str(gap),
             "verdict": verdict(claim, gap, robots(found)),
         }
-        for rule, claim, gap in _judged(found)
+        for rule, claim, gap in _claims(found)
     ]
 
 
-def _judged(found: Numbers) -> list[tuple[str, Claim, Interval]]:
+def _claims(found: Numbers) -> list[tuple[str, Claim, Interval]]:
     return [
         (rule, claim, difference(found, claim.one, claim.other, claim.outcome))
         for rule, claims in CLAIMS.items()
@@ -128,26 +131,26 @@ def _judged(found: Numbers) -> list[tuple[str, Claim, Interval]]:
 
 
 def claims_table(found: Numbers) -> Table:
-    """The claims, what they are judged by, and the verdicts."""
+    """Claims with the differences that they are judged by, and verdicts."""
     rows = [
         (
-            f"{claim.told} ({rule})",
+            f"{claim.text} ({rule})",
             f"{claim.one} - {claim.other}",
             f"{HEADS[claim.outcome]}: {gap}",
             difference(found, claim.one, claim.other, "target_true_deg"),
             difference(found, claim.one, claim.other, "estimate_seen_deg"),
             verdict(claim, gap, robots(found)),
         )
-        for rule, claim, gap in _judged(found)
+        for rule, claim, gap in _claims(found)
     ]
     margins = "; ".join(f"{HEADS[outcome]} {same:g}" for outcome, same in SAME.items())
     note = (
-        "Differences on the same robot: median over robots and 95 % interval. That something is "
-        "better holds if the whole interval is below 0. It makes no difference if the whole "
-        "interval is within what counts as equal, and nothing can be told if neither is so. That "
-        "something is not worse holds if the interval ends below that. As equal count "
-        f"{margins}. With fewer than {ENOUGH} robots nothing is told. In brackets: by the paper's "
-        "plain rule or by the default."
+        "Differences on the same robot: median over robots with its 95 % interval. A claim that a "
+        "variant is better holds if the whole interval is below 0, and makes no difference if the "
+        "whole interval is within the margin of equality. A claim that a variant is not worse "
+        "holds if the interval ends below that margin. Other claims are undecided, and all are "
+        f"with fewer than {ENOUGH} robots. Margins of equality: {margins}. In brackets: tested "
+        "with the paper's plain rule or with the default."
     )
     head = ("claim", "compared", "judged by", "target - true [deg]", "estimate - seen [deg]",
             "verdict")  # fmt: skip
@@ -155,32 +158,33 @@ def claims_table(found: Numbers) -> Table:
 
 
 def variant_tables(found: Numbers) -> list[Table]:
-    """Outcomes of all variants, and their differences from the references."""
-    best = winner(found)
+    """Outcomes of all variants, and their differences from their references."""
+    best = best_variant(found)
     rows, effects = [], []
     for name in (NONE, *VARIANTS):
         variant = VARIANTS.get(name)
-        told = variant.told if variant else "no learning"
-        marks = (", the winner" * (name == best), ", the paper's plain rule" * (name == PAPER))
+        description = variant.description if variant else "no learning"
+        marks = (", the best" * (name == best), ", the paper's plain rule" * (name == PAPER))
         values = [_cell(found[name][key]) for key in HEADS]
-        rows.append(("".join((name, *marks)), told, *values))
+        rows.append(("".join((name, *marks)), description, *values))
         if variant and name != variant.reference:
             gaps = [difference(found, name, variant.reference, key) for key in HEADS]
-            effects.append((f"{name} - {variant.reference}", told, *gaps))
+            effects.append((f"{name} - {variant.reference}", description, *gaps))
     return [
         Table(
             "All variants: median over robots (worst robot)",
-            ("variant", "what", *HEADS.values()),
+            ("variant", "description", *HEADS.values()),
             rows,
-            f"{_default_told(found)} {_disagreement(found)} Map: median over postures of the RMS "
-            "over wires of the map's error, against what the robot's own encoders would read there "
-            "with all wires at T_bias. The whole ranges reach far beyond what was learned.",
+            f"{_better_note(found)} {_disagreement(found)} Map: median over postures of the RMS "
+            "over muscles of the map's error, compared with the encoder readings of the robot with "
+            "all muscles at T_bias, in the posture set and in the whole joint ranges, which reach "
+            "far beyond the learned postures.",
         ),
         Table(
-            "What each change does: variant - reference on the same robot, median [95 % interval]",
-            ("variant - reference", "what", *HEADS.values()),
+            "Effect of each change: variant - reference on the same robot, median [95 % interval]",
+            ("variant - reference", "change", *HEADS.values()),
             effects,
-            "Below 0: the change is good.",
+            "A change with a difference below 0 is an improvement.",
         ),
     ]
 
@@ -189,37 +193,37 @@ def _cell(values: Sequence[float]) -> str:
     return f"{interval(values).median:.1f} ({max(values):.1f})"
 
 
-def _default_told(found: Numbers) -> str:
-    """Whether something is better than the default."""
+def _better_note(found: Numbers) -> str:
+    """Sentence on the variants that are better than the default."""
     if robots(found) < ENOUGH:
-        return "There are too few robots to tell what is surely better."
+        return "There are too few robots to decide which variants are better."
     better = better_than_default(found)
     if better:
-        return f"Surely better than the default: {', '.join(better)}."
-    return "No variant is surely better than the default."
+        return f"Significantly better than the default: {', '.join(better)}."
+    return "No variant is significantly better than the default."
 
 
 def _disagreement(found: Numbers) -> str:
-    """Which variants are better by one definition of error and worse by the other."""
+    """Sentence on the variants that one definition of error improves and the other worsens."""
     if robots(found) < ENOUGH:
         return ""
-    from_reference = [n for n, v in VARIANTS.items() if _torn(found, n, v.reference)]
-    from_none = [name for name in VARIANTS if _torn(found, name, NONE)]
+    from_reference = [n for n, v in VARIANTS.items() if _disagrees(found, n, v.reference)]
+    from_none = [name for name in VARIANTS if _disagrees(found, name, NONE)]
     if not from_reference and not from_none:
-        return "Nowhere do estimate - seen and target - true surely disagree on what is better."
+        return "Estimate - seen and target - true never disagree significantly."
     return (
-        "Estimate - seen and target - true surely disagree, one lower and the other higher, "
-        f"beside the reference for: {', '.join(from_reference) or 'none'}; beside no learning "
-        f"for: {', '.join(from_none) or 'none'}."
+        "Estimate - seen and target - true disagree significantly, one lower and the other higher, "
+        f"compared with the reference for: {', '.join(from_reference) or 'none'}; compared with no "
+        f"learning for: {', '.join(from_none) or 'none'}."
     )
 
 
-def _torn(found: Numbers, name: str, beside: str) -> bool:
-    """Whether the two errors surely differ in opposite ways, by more than counts as equal."""
+def _disagrees(found: Numbers, name: str, other: str) -> bool:
+    """Whether the two errors differ significantly with opposite signs, by more than `SAME`."""
     signs = []
     outcomes: tuple[Outcome, Outcome] = ("estimate_seen_deg", "target_true_deg")
     for outcome in outcomes:
-        gap = difference(found, name, beside, outcome)
-        sure = (gap.low > 0 or gap.high < 0) and abs(gap.median) > SAME[outcome]
-        signs.append(np.sign(gap.median) if sure else 0.0)
+        gap = difference(found, name, other, outcome)
+        significant = (gap.low > 0 or gap.high < 0) and abs(gap.median) > SAME[outcome]
+        signs.append(np.sign(gap.median) if significant else 0.0)
     return bool(signs[0] * signs[1] < 0)

@@ -1,1 +1,1 @@
-"""Muscles elongate for good, and learning makes up for it (claim of sec. I)."""
+"""Muscles elongate permanently, and learning compensates for it (claim of sec. I)."""

@@ -1,4 +1,4 @@
-"""Pictures of the adaptation: errors over postures, before and after wires gave."""
+"""Figures of the adaptation: errors over postures, before and after the elongation."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from experiments.adaptation.sizes import BEFORE, EVENT, OFF, Sizes
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import Visits, hand_mm, rmse_deg
 
 ON_COLOUR, OFF_COLOUR = "#0072B2", "#D55E00"
@@ -24,7 +24,7 @@ UNITS = {"deg": "RMSE_joint [deg]", "mm": "Distance_hand [mm]"}
 
 
 def pictures(results: Results, sizes: Sizes) -> list[Picture]:
-    """Errors on the actual robots by both definitions, and on those without departures."""
+    """Errors of the actual robots by both definitions, and of those without departures."""
     return [
         _picture(results, sizes, ACTUAL, "target_true", "target - true, actual robots"),
         _picture(results, sizes, ACTUAL, "estimate_seen", "estimate - seen, actual robots"),
@@ -44,9 +44,9 @@ def _picture(results: Results, sizes: Sizes, condition: str, pair: str, title: s
     return Picture(
         f"Error over visited postures, {title}",
         image,
-        "Lines: each posture before it was learned from, median over robots; bands: quartiles. "
-        "Circles: tests on postures that were never learned from, medians. At the dashed line the "
-        "wires give.",
+        "Lines: error at each posture before the agent learns from it, median over robots; bands: "
+        "quartiles. Circles: tests on postures that are never learned from, medians. The muscles "
+        "elongate at the dashed line.",
     )
 
 
@@ -72,14 +72,14 @@ def _draw(axes: Axes, robots: list[dict[str, Any]], sizes: Sizes, pair: str, uni
     ):
         heights = [_test(robots, name, pair, unit) for name in marks]
         axes.plot([*marks.values()], heights, "o", color=colour, mec="white", ms=8, label=label)
-    axes.axvline(event, color="black", ls="--", lw=1, label="wires give")
+    axes.axvline(event, color="black", ls="--", lw=1, label="elongation of muscles")
     axes.set_ylim(bottom=0)
-    axes.set_xlabel("postures visited")
+    axes.set_xlabel("number of postures visited")
     axes.set_ylabel(UNITS[unit])
 
 
 def _curve(visits: Visits, pair: str, unit: str) -> Floats:
-    """Error of each visit, nan where the hand was not seen and that is compared with."""
+    """Error of each visit; NaN where it needs an observation of the hand and there is none."""
     one, other = pair.split("_")
     there = [
         a is not None and b is not None for a, b in zip(visits[one], visits[other], strict=True)
@@ -90,13 +90,13 @@ def _curve(visits: Visits, pair: str, unit: str) -> Floats:
 
 
 def _quantile(masked: np.ma.MaskedArray, share: float) -> Floats:
-    """Quantile over robots at each posture, of those that are not masked; nan where all are."""
+    """Quantile over the robots that are not masked, at each posture; NaN where all are masked."""
     columns = [column.compressed() for column in masked.T]
     return np.array([np.quantile(c, share) if c.size else np.nan for c in columns])
 
 
 def _test(robots: list[dict[str, Any]], name: str, pair: str, unit: str) -> float:
-    """Median over robots of the median error in a test; nan where the hand was never seen."""
+    """Median over robots of the median error in a test; NaN if the hand was never seen."""
     curves = [_curve(robot["tests"][name], pair, unit) for robot in robots]
     medians = [np.nanmedian(curve) for curve in curves if np.isfinite(curve).any()]
     return float(np.median(medians)) if medians else np.nan

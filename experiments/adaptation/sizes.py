@@ -1,23 +1,23 @@
-"""How much the experiment does, and when it tests."""
+"""Sizes of the adaptation experiment, and names of its tests."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 BEFORE, EVENT, OFF = "before", "event", "off"
-"""Tests: before the wires give, after, and after further postures without learning."""
+"""Tests: before the elongation, after it, and after further postures without learning."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of work on each robot.
 
     Attributes:
-        learned: postures to learn from before the event.
-        more: after it.
-        every: a test after every so many of these.
-        tested: other postures in a test.
-        move: time for each movement [s].
+        learned: number of postures that the agent learns from before the elongation.
+        more: number of postures after it.
+        every: number of these postures between two tests.
+        tested: number of other postures in a test.
+        move: duration of a movement [s].
         patience: longest wait for rest [s].
     """
 
@@ -30,5 +30,5 @@ class Sizes:
 
     @property
     def checks(self) -> list[int]:
-        """Numbers of postures after the event at which it is tested."""
+        """Numbers of postures since the elongation after which there is a test."""
         return list(range(self.every, self.more + 1, self.every))

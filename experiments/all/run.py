@@ -1,6 +1,6 @@
-"""`python -m experiments all`: every experiment of the paper, one after the other, and one page.
+"""`python -m experiments all`: runs all experiments of the paper and writes one page of results.
 
-Each runs as its own command, the one that its summary tells; what has ended is not run again.
+Each runs as a command of its own, which its summary records. Finished tasks are not run again.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NAMES = (
     "ablation",
     "baselines",
 )
-"""In the order of the paper, then what goes beyond it."""
+"""Names in the order of the paper, then experiments beyond it."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Args(common.Args):
 
     Attributes:
         seeds: robots, as A-B or A; seeds below 100 are for tuning.
-        out: folder of the results, one inside it for each experiment.
-        only: names of some experiments; all if left out.
-        page: folder for the page that shows all results, README.md with its figures and summaries;
-            the folder of the results if left out. Results that lie beside it already stay on it.
+        out: folder of the results, with a folder for each experiment.
+        only: names of some experiments; all by default.
+        page: folder of the page of all results, README.md with figures and summaries; by default
+            the folder of the results. Results of earlier runs beside it stay on it.
     """
 
     seeds: str = "0"
@@ -56,8 +56,8 @@ def main(args: Args) -> list[dict[str, Any]]:
     """Run the experiments and write the page; returns their summaries.
 
     Raises:
-        ExperimentError: a name is unknown, or an experiment failed; the others are run all the
-            same, and the page shows what there is.
+        ExperimentError: a name is unknown, or an experiment failed. The others run nevertheless,
+            and the page shows their results.
     """
     parse_seeds(args.seeds)
     check_jobs(args.jobs)
@@ -77,13 +77,13 @@ def main(args: Args) -> list[dict[str, Any]]:
         console.print(f"All results on one page: {page}")
     if failed:
         raise ExperimentError(
-            f"These failed: {', '.join(failed)}; the same command again runs what is missing."
+            f"These experiments failed: {', '.join(failed)}. Run the same command again to resume."
         )
     return [json.loads(path.read_text(encoding="utf-8")) for path in there]
 
 
 def options(args: Args, name: str) -> list[str]:
-    """What one experiment is started with."""
+    """Command-line options of one experiment."""
     out = args.out / name
     given = shlex.split(f"--seeds {args.seeds} --out {shlex.quote(str(out))} --jobs {args.jobs}")
     if args.cluster is not None:

@@ -1,1 +1,1 @@
-"""Antagonists that fight each other learn to give way (Fig. 9)."""
+"""Antagonism Updater on the elbow: antagonistic muscles pull less (Fig. 9)."""

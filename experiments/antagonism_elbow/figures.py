@@ -1,4 +1,4 @@
-"""Pictures of the Antagonism Updater's experiment."""
+"""Figures of the experiment on the Antagonism Updater."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from experiments.robots.elbow import MUSCLES
-from kengoro.arm import ACTUAL, NOMINAL
 
 COLOURS = ("#0072B2", "#009E73", "#D55E00")
 PAPER_N = (370.0, 250.0)
@@ -31,8 +31,8 @@ def pictures(results: Results) -> list[Picture]:
         Picture(
             f"Muscle tensions during elbow flexion, robot {first}",
             png(figure),
-            "Trial 0 runs without learning, the others with the Antagonism Updater. Each goes to "
-            "30, 60 and 90 deg; the way back is left out.",
+            "Trial 0 is without learning, the others are with the Antagonism Updater. Each moves "
+            "to 30, 60 and 90 deg; the return to zero is not shown.",
         )
     ]
     figure, (largest, angle) = pyplot.subplots(1, 2, figsize=(11, 4))
@@ -41,9 +41,9 @@ def pictures(results: Results) -> list[Picture]:
     figure.tight_layout()
     found.append(
         Picture(
-            "Largest tension of each trial, and the true angle when 90 deg are wanted",
+            "Largest tension of each trial, and true angle at a target of 90 deg",
             png(figure),
-            "Thin: one robot each; thick: median over robots. Dots: what the paper tells.",
+            "Thin: one robot each; thick: median over robots. Dots: numbers of the paper.",
         )
     )
     pyplot.close("all")
@@ -51,7 +51,7 @@ def pictures(results: Results) -> list[Picture]:
 
 
 def draw_tensions(axes: Axes, trials: list[dict[str, Any]]) -> None:
-    """Tensions of the three wires over the trials in a row."""
+    """Draw the tensions of the three muscles over consecutive trials."""
     curves = [np.array(trial["curve"]) for trial in trials]
     for muscle, (name, colour) in enumerate(zip(MUSCLES, COLOURS, strict=True)):
         for number, curve in enumerate(curves):
@@ -69,7 +69,7 @@ def draw_tensions(axes: Axes, trials: list[dict[str, Any]]) -> None:
 
 
 def draw_largest(axes: Axes, results: Results) -> None:
-    """Largest tension of each trial under each rule."""
+    """Draw the largest tension of each trial with each rule."""
     runs = (
         ("ours", ACTUAL, "ours", "#0072B2", "-"),
         ("paper", ACTUAL, "the paper's minibatch steps", "#D55E00", "-"),
@@ -82,7 +82,7 @@ def draw_largest(axes: Axes, results: Results) -> None:
             axes.plot(curves.T, color=colour, lw=0.6, alpha=0.5)
         axes.plot(np.median(curves, axis=0), style, color=colour, lw=2.2, label=label)
     count = curves.shape[1]
-    axes.plot([0, count - 1], PAPER_N, "o", color="black", label="told in the paper")
+    axes.plot([0, count - 1], PAPER_N, "o", color="black", label="paper")
     axes.set_ylim(0, 600)  # room for the legend
     axes.set_xlabel("trial")
     axes.set_ylabel("largest muscle tension [N]")
@@ -90,13 +90,13 @@ def draw_largest(axes: Axes, results: Results) -> None:
 
 
 def draw_angles(axes: Axes, results: Results) -> None:
-    """True and estimated angle at the end of each trial, when 90 deg are wanted."""
+    """Draw the true and the estimated angle at the end of each trial, at a target of 90 deg."""
     trials = [result[ACTUAL]["ours"] for result in results.values()]
     for key, colour in (("true", "#0072B2"), ("estimate", "0.4")):
         curves = np.array([[trial[key][-1] for trial in robot] for robot in trials])
         axes.plot(curves.T, color=colour, lw=0.6, alpha=0.5)
         axes.plot(np.median(curves, axis=0), color=colour, lw=2.2, label=key)
-    axes.axhline(90.0, color="black", ls="--", lw=1, label="wanted")
+    axes.axhline(90.0, color="black", ls="--", lw=1, label="target")
     axes.set_xlabel("trial")
     axes.set_ylabel("elbow angle [deg]")
     axes.legend(fontsize=8)

@@ -1,7 +1,7 @@
-"""Antagonism Updater on the elbow (paper, sec. IV-B): wires that fight each other give way.
+"""Antagonism Updater on the elbow (paper, sec. IV-B): antagonistic muscles pull less.
 
-All wires of a robot are tightened by one length such that its first movement needs 375 N, as the
-paper's did. Then the elbow moves to 30, 60 and 90 deg, eleven times, and learns what it feels.
+All muscles of a robot are tightened by one length such that its first movement needs 375 N, as in
+the paper. Then the elbow moves to 30, 60 and 90 deg, eleven times, and learns from its lengths.
 """
 
 from __future__ import annotations
@@ -14,25 +14,27 @@ from typing import Any
 import numpy as np
 from scipy.optimize import bisect
 
+from experiments.harness import common
+from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
-from experiments.harness.experiment import Findings, Results, Study
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from experiments.robots.elbow import AGONISTS, ANTAGONIST, SCENE, Elbow
 from jmm_agent.mapping.minibatch import MinibatchRule
-from kengoro.arm import ACTUAL, NOMINAL
 from kengoro_env.assets import asset_path
 from kengoro_env.postures import least_tension
-from kengoro_env.robot.motors import DEFAULT_GAINS
+from kengoro_env.robot.muscle_law import DEFAULT_GAINS
 from kengoro_env.robot.nominal_model import NominalArm
 
 ANGLES_DEG = (30.0, 60.0, 90.0)
 START_N = 375.0
 """Largest tension of the first movement, without learning: the middle of 350 to 400 N."""
 TIGHTEST = 0.03
-"""How much wires are tightened, or loosened, at most [m]."""
+"""Largest length by which muscles are tightened or loosened [m]."""
 THINNED = 5
-"""Every so many control steps are kept for the figure."""
+"""Number of control steps for each sample of the figure."""
 
 OURS, PAPER, OFF = "ours", "paper", "off"
 RULES = {OURS: "ours", PAPER: "the paper's minibatch steps", OFF: "no learning"}
@@ -40,12 +42,12 @@ RULES = {OURS: "ours", PAPER: "the paper's minibatch steps", OFF: "no learning"}
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of work on each robot.
 
     Attributes:
         trials: number of trials with learning.
         move, hold: duration of a movement, and of the rest after it [s].
-        tightening: how exactly the common tightening is found [m].
+        tightening: tolerance of the common tightening [m].
     """
 
     trials: int = 11
@@ -58,7 +60,7 @@ QUICK = Sizes(trials=2, move=0.6, hold=0.8, tightening=2e-3)
 
 
 def run(condition: str, seed: int, sizes: Sizes, maps: Path | None) -> dict[str, Any]:
-    """One robot: how much it is tightened [m], and its trials under each rule."""
+    """Run one robot; returns its tightening [m] and its trials with each rule."""
     tightened = tighten(condition, seed, sizes, maps)
     result: dict[str, Any] = {"tightened": tightened}
     for name in (OURS, PAPER, OFF) if condition == ACTUAL else (OURS,):
@@ -79,7 +81,7 @@ def run(condition: str, seed: int, sizes: Sizes, maps: Path | None) -> dict[str,
 
 
 def tighten(condition: str, seed: int, sizes: Sizes, maps: Path | None) -> float:
-    """By how much all wires must be zeroed too tight for a first movement at `START_N` [m]."""
+    """Length by which all muscles are tightened for a first movement at `START_N` [m]."""
 
     def beyond(length: float) -> float:
         elbow = Elbow(condition, seed, length, maps, learning=False)
@@ -96,20 +98,21 @@ def tighten(condition: str, seed: int, sizes: Sizes, maps: Path | None) -> float
 
 
 def stretch(elbow: Elbow, sizes: Sizes) -> None:
-    """To 90 deg and back once, which does not count: dry friction remembers how it was mounted."""
+    """Move to 90 deg and back without recording, so that dry friction is in a defined state."""
     elbow.go(np.radians(ANGLES_DEG[-1]), sizes.move, sizes.hold)
     elbow.go(0.0, sizes.move, sizes.hold)
 
 
 def move(elbow: Elbow, sizes: Sizes) -> dict[str, Any]:
-    """One trial: to each angle and back to zero. The way back does not count.
+    """Run one trial: move to each angle, and back to zero without recording.
 
     Returns:
-        ``largest`` tension [N] of the trial; by angle ``tensions`` (3, 3) [N] at the end of each
-        rest, ``target``, ``true``, ``estimate`` [deg], and ``least``, the tension [N] with which
-        the drawing's wires could hold the true angle; ``curve`` of the tensions (K, 3) [N].
+        ``largest``: largest tension of the trial [N]. By angle: ``tensions`` at the end of each
+        rest, shape (3, 3) [N]; ``target``, ``true`` and ``estimate`` [deg]; ``least``: smallest
+        largest tension with which the nominal muscles can hold the true angle [N]. ``curve`` of
+        the tensions, shape (K, 3) [N].
     """
-    arm = _drawing()
+    arm = _nominal()
     curve, tensions, angles, least = [], [], [], []
     for angle in ANGLES_DEG:
         found = elbow.go(np.radians(angle), sizes.move, sizes.hold)
@@ -135,12 +138,12 @@ def move(elbow: Elbow, sizes: Sizes) -> dict[str, Any]:
 
 
 @cache
-def _drawing() -> NominalArm:
+def _nominal() -> NominalArm:
     return NominalArm(asset_path(SCENE))
 
 
 def numbers(trial: dict[str, Any]) -> dict[str, float]:
-    """What is told of one trial; all but the largest tension at rest, over the angles."""
+    """Numbers of one trial: its largest tension, and means at rest over the angles."""
     tensions = np.array(trial["tensions"])
     one, other = AGONISTS
     angles = {key: np.array(trial[key]) for key in ("target", "true", "estimate")}
@@ -159,19 +162,19 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-TOLD = {
+LABELS = {
     "largest_N": "largest tension of the trial [N]",
-    "agonist_difference_N": "biceps against brachialis, difference [N]",
+    "agonist_difference_N": "difference of biceps and brachialis [N]",
     "antagonist_N": "triceps [N]",
-    "excess_N": "largest tension beyond the least that holds the posture [N]",
+    "excess_N": "largest tension above the least that holds the posture [N]",
     "estimate_true_deg": "estimate - true [deg]",
     "target_true_deg": "target - true [deg]",
-    "true_at_90_deg": "true angle when 90 deg are wanted [deg]",
+    "true_at_90_deg": "true angle at a target of 90 deg [deg]",
 }
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """First trial without learning against the last after it."""
+    """Compare the first trial, without learning, with the last."""
     from experiments.antagonism_elbow.figures import pictures
 
     per_seed: dict[int, Any] = {}
@@ -218,52 +221,52 @@ def _rounded(trial: dict[str, Any]) -> dict[str, float]:
 
 
 def _table(per_seed: dict[int, Any]) -> Table:
-    """First and last trial of ours, beside the robots without departures."""
+    """Table of the first and last trial on actual robots and on those without departures."""
     rows = []
-    for key, told in TOLD.items():
+    for key, label in LABELS.items():
         cells = []
         for name in (OURS, NOMINAL):
             for when in ("first", "last"):
                 found = [entry[name][when][key] for entry in per_seed.values()]
                 cells.append(f"{np.median(found):.1f} ({min(found):.1f} to {max(found):.1f})")
-        rows.append((told, *cells))
+        rows.append((label, *cells))
     return Table(
-        "First trial without learning and last after it: median (range) over robots",
-        ("", "actual, first", "actual, last", "drawing, first", "drawing, last"),
+        "First trial without learning, and last trial: median (range) over robots",
+        ("", "actual, first", "actual, last", "nominal, first", "nominal, last"),
         rows,
-        "The elbow has no camera, so the truth stands for what the paper's observers saw. At rest, "
-        "means over 30, 60 and 90 deg. Both robots were tightened to the same first tension. The "
-        "least tension is that of the drawing's wires, none below the bias of the motors.",
+        "The elbow has no camera, so the true angle stands for the observation in the paper. At "
+        "rest: means over 30, 60 and 90 deg. All robots are tightened to the same first tension. "
+        "The least tension is that of the nominal muscles, none below the bias of the motors.",
     )
 
 
 def _rule_table(per_seed: dict[int, Any]) -> Table:
-    """Largest tension by rule, paired against no learning."""
+    """Table of the largest tension by rule, paired with no learning."""
     rows = []
     last = {
         name: [entry[name]["last"]["largest_N"] for entry in per_seed.values()] for name in RULES
     }
-    for name, told in RULES.items():
+    for name, label in RULES.items():
         gain = "" if name == OFF else f"{paired(last[name], last[OFF])}"
-        rows.append((told, f"{interval(last[name])}", f"{max(last[name]):.0f}", gain))
+        rows.append((label, f"{interval(last[name])}", f"{max(last[name]):.0f}", gain))
     return Table(
         "Largest tension [N] in the last trial by rule",
-        ("", "median [95 % interval]", "worst robot", "against no learning, paired"),
+        ("", "median [95 % interval]", "worst robot", "minus no learning, paired"),
         rows,
-        "Medians over robots with bootstrap 95 % intervals. The paper does not tell the size and "
-        f"number of its gradient steps; here they are {MinibatchRule().steps} of Adam at a rate of "
-        f"{MinibatchRule().rate:g}.",
+        "Medians over robots with bootstrap 95 % intervals. The paper does not state the size and "
+        f"number of its gradient steps; here they are {MinibatchRule().steps} steps of Adam at a "
+        f"rate of {MinibatchRule().rate:g}.",
     )
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="antagonism-elbow",
     title="Antagonism Updater on the elbow",
     introduction=(
-        "The elbow moves to 30, 60 and 90 deg and back, eleven times, and learns the lengths that "
-        "it feels at the angles that it believes in. Robots differ by their seed; so that they "
-        "start alike, all wires of one robot are tightened by the same length until its first "
-        "movement, without learning, needs 375 N. The gains are the same for all: "
+        "The elbow moves to 30, 60 and 90 deg and back, eleven times, and learns the measured "
+        "lengths at its estimated angles. All muscles of a robot are tightened by one length such "
+        "that the first movement, without learning, needs 375 N, so that all robots start with "
+        "the same tension. The gains are the same for all: "
         f"{DEFAULT_GAINS.stiffness / 1e3:.0f} N/mm and {DEFAULT_GAINS.bias:.0f} N of bias."
     ),
     figure="Fig. 9",
@@ -273,3 +276,16 @@ STUDY = Study(
     run=run,
     conclude=conclude,
 )
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Antagonism Updater on the elbow: antagonistic muscles pull less (Fig. 9)."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/antagonism-elbow")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

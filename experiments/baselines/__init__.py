@@ -1,1 +1,1 @@
-"""What other methods learn from the same measurements."""
+"""Other methods that learn from the same measurements."""

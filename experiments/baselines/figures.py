@@ -1,4 +1,4 @@
-"""Pictures of the baselines: errors by number of postures, looks together and alone, time."""
+"""Figures of the baselines: errors by number of postures, kinds of fit, time."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ PANELS = {
 def pictures(
     by_count: Mapping[int, Numbers], together: Numbers, alone: Numbers, count: int
 ) -> list[Picture]:
-    """All pictures of the report."""
+    """All figures of the report."""
     return [
         Picture(
             "Errors by number of postures, by method",
@@ -54,14 +54,14 @@ def pictures(
             "Medians over actual robots; bars: 95 % intervals of ours.",
         ),
         Picture(
-            f"Looks fitted together and each look alone, after {count} postures",
+            f"Observations fitted together and each alone, after {count} postures",
             _finished(_observations(together, alone)),
             "Medians over actual robots with 95 % intervals.",
         ),
         Picture(
             "Time of one update, by number of postures",
             _finished(_times(by_count)),
-            "Medians over actual robots. The fit of looks is not counted.",
+            "Medians over actual robots. The fit of observations is not included.",
         ),
     ]
 
@@ -97,7 +97,7 @@ def _counted(axes: pyplot.Axes, counts: list[int]) -> None:
     axes.set_xscale("log")
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticks(counts, [str(count) for count in counts])
-    axes.set_xlabel("postures visited")
+    axes.set_xlabel("number of postures visited")
     axes.grid(alpha=0.3)
 
 
@@ -106,9 +106,9 @@ def _observations(together: Numbers, alone: Numbers) -> Figure:
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 4), sharey=True)
     location = np.arange(len(names))[::-1]
     for ax, outcome in zip(axes, ("target_true_deg", "estimate_seen_deg"), strict=True):
-        for found, shift, told, shade in (
-            (together, 0.2, "looks fitted together", 1.0),
-            (alone, -0.2, "each look alone", 0.45),
+        for found, shift, label, shade in (
+            (together, 0.2, "observations fitted together", 1.0),
+            (alone, -0.2, "each observation alone", 0.45),
         ):
             spans = [interval(found[name][outcome]) for name in names]
             medians = np.array([span.median for span in spans])
@@ -120,7 +120,7 @@ def _observations(together: Numbers, alone: Numbers) -> Figure:
                 xerr=edges,
                 color="#3a6fb5",
                 alpha=shade,
-                label=told,
+                label=label,
                 error_kw={"capsize": 3, "lw": 1},
             )
         ax.set_xlabel(PANELS[outcome])

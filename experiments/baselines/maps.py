@@ -1,15 +1,15 @@
-"""Maps that others would use, taught by the same pairs (paper, sec. I and II).
+"""Maps of other methods, which learn from the same pairs (paper, sec. I and II).
 
-Each begins with the drawing, as ours does, and corrects it per group of joints and muscles by the
-pairs (joint angles, lengths) that were measured:
+Each starts from the nominal model, as ours does, and corrects it for each group of joints and
+muscles with the measured pairs (joint angles, lengths):
 
-* polynomials of the drawing (Ookubo, Jantsch), their coefficients moved by ridge regression;
-* a table (Nakanishi) of what the drawing misses, read by weighing the nearest entries;
-* a Gaussian process of what the drawing misses.
+* polynomials of the nominal lengths (Ookubo, Jantsch), with ridge regression of their coefficients;
+* a table (Nakanishi) of the residuals, interpolated between the nearest entries;
+* a Gaussian process of the residuals.
 
-Ridge regression is a Gaussian process too, so one `Regression` serves both. It is told how far a
-wire's zero may be off. How far its shape may be off, how smooth that is and how exact pairs are, is
-chosen anew at each update by the marginal likelihood, so nothing had to be tuned on robots.
+Ridge regression is a Gaussian process, too, so `Regression` is used for both. The standard
+deviation of the zero of a muscle is given. Scale and smoothness of the error in shape and the noise
+of the pairs are chosen at each update by the marginal likelihood, so nothing is tuned on robots.
 """
 
 from __future__ import annotations
@@ -28,27 +28,29 @@ from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.types import Floats, Ints
 
 Correlation = Callable[[Floats, Floats], Floats]
-"""Inputs (A, k) and (B, k) [rad] -> how alike the errors are there (A, B), 1 on average."""
+"""Inputs, shapes (A, k) and (B, k) [rad] -> correlation of the errors, shape (A, B)."""
 
-DIFFERENCE = 1e-4  # [rad] on either side, for Jacobians
+DIFFERENCE = 1e-4
+"""Step of the central differences for Jacobians [rad]."""
 SAMPLES = 6000
+"""Number of postures to which the polynomials are fitted."""
 SHAPES = (0.0025, 0.005, 0.01, 0.02)
-"""Standard deviations of a wire's error in shape to choose from [m]."""
+"""Standard deviations of a muscle's error in shape to choose from [m]."""
 NOISES = (0.001, 0.002, 0.004)
 """Standard deviations of the pairs to choose from [m]."""
 WIDTHS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Widths of the radial kernel to choose from [rad]."""
 NEIGHBOURS = 8
-"""Entries of a table that are weighed."""
+"""Number of entries of a table between which is interpolated."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What is added to the lengths of a group's muscles.
+    """Correction of the lengths of a group's muscles.
 
     Attributes:
-        joints, muscles: of the group, as indices.
-        at: (B, k) angles of these joints [rad] -> (B, m) [m].
+        joints, muscles: indices of those of the group.
+        at: angles of these joints, shape (B, k) [rad] -> correction, shape (B, m) [m].
     """
 
     joints: Ints
@@ -58,18 +60,18 @@ class Correction:
 
 @dataclass(frozen=True)
 class CorrectedMap:
-    """A map with a correction for each group; its Jacobian by central differences.
+    """A map with a correction for each group, and a Jacobian by central differences.
 
     Attributes:
-        base: lengths (B, m) [m] at postures (B, n) [rad] before anything was measured.
-        corrections: of the groups, none before anything was measured.
+        base: postures, shape (B, n) [rad] -> uncorrected lengths, shape (B, m) [m].
+        corrections: of the groups; empty without measurements.
     """
 
     base: Callable[[Floats], Floats]
     corrections: Sequence[Correction] = ()
 
     def lengths(self, q: Floats) -> Floats:
-        """Muscle lengths [m]: (n,) -> (m,), or (B, n) -> (B, m)."""
+        """Muscle lengths [m]: shape (n,) -> (m,), or (B, n) -> (B, m)."""
         postures = np.atleast_2d(q)
         lengths = self.base(postures)
         for part in self.corrections:
@@ -77,7 +79,7 @@ class CorrectedMap:
         return lengths if np.ndim(q) == 2 else lengths[0]
 
     def lengths_and_jacobian(self, q: Floats) -> tuple[Floats, Floats]:
-        """Lengths (m,) [m] and their Jacobian (m, n) [m/rad] at a posture (n,) [rad]."""
+        """Lengths, shape (m,) [m], and Jacobian, shape (m, n) [m/rad], at a posture, shape (n,)."""
         moves = DIFFERENCE * np.eye(len(q))
         around = self.lengths(np.vstack([q, q + moves, q - moves]))
         here, up, down = np.split(around, [1, 1 + len(q)])
@@ -88,8 +90,9 @@ class Polynomial:
     """All products of up to ``degree`` of a group's joint angles, scaled to [-1, 1] over a box.
 
     Args:
-        low, high: the box (k,) [rad].
-        degree: highest.
+        low: lower corner of the box, shape (k,) [rad].
+        high: upper corner.
+        degree: highest degree.
     """
 
     def __init__(self, low: Floats, high: Floats, degree: int) -> None:
@@ -101,13 +104,13 @@ class Polynomial:
         ]
 
     def __call__(self, x: Floats) -> Floats:
-        """Terms (B, t) at angles (B, k) [rad], without the constant one."""
+        """Terms without the constant, shape (B, t), at angles, shape (B, k) [rad]."""
         z = (x - self._centre) / self._scale
         return np.stack([np.prod(z[:, f], axis=1) for f in self._factors], axis=1)
 
 
-class TermsAlike:
-    """Ridge regression's correlation: products of terms, centred and scaled over typical inputs."""
+class TermCorrelation:
+    """Correlation of ridge regression: products of terms, centred and scaled on typical inputs."""
 
     def __init__(self, terms: Polynomial, typical: Floats) -> None:
         values = terms(typical)
@@ -123,7 +126,7 @@ class TermsAlike:
 
 
 @dataclass(frozen=True)
-class NearAlike:
+class RadialCorrelation:
     """The radial basis function exp(-d^2 / 2 width^2), width in rad."""
 
     width: float
@@ -134,15 +137,15 @@ class NearAlike:
 
 
 def distances(a: Floats, b: Floats) -> Floats:
-    """Euclidean distances (A, B) [rad]."""
+    """Euclidean distances, shape (A, B) [rad]."""
     return np.linalg.norm(a[:, None] - b[None], axis=2)
 
 
 class _Fit(NamedTuple):
-    """A choice of kernel with its evidence (log marginal likelihood, but for a constant)."""
+    """A kernel with its log marginal likelihood up to a constant."""
 
     evidence: float
-    alike: Correlation
+    correlation: Correlation
     shape: float
     weights: Floats
 
@@ -151,18 +154,18 @@ class Regression:
     """Gaussian process of a group's residuals: an offset, a shape and noise.
 
     Args:
-        inputs: joint angles (K, k) [rad] of the pairs, K > 0.
-        residuals: (K, m) [m].
-        alike: correlations of the shape to choose from.
+        inputs: joint angles of the pairs, shape (K, k) [rad], K > 0.
+        residuals: of the lengths, shape (K, m) [m].
+        correlations: of the shape, to choose from.
         offset: standard deviation of the offset [m].
     """
 
     def __init__(
-        self, inputs: Floats, residuals: Floats, alike: Sequence[Correlation], offset: float
+        self, inputs: Floats, residuals: Floats, correlations: Sequence[Correlation], offset: float
     ) -> None:
         self._inputs, self._offset = inputs, offset
         fits = []
-        for correlation in alike:
+        for correlation in correlations:
             gram = correlation(inputs, inputs)
             for shape, noise in product(SHAPES, NOISES):
                 covariance = offset**2 + shape**2 * gram + noise**2 * np.eye(len(inputs))
@@ -170,32 +173,32 @@ class Regression:
         self.chosen = max(fits, key=lambda fit: fit.evidence)
 
     def __call__(self, x: Floats) -> Floats:
-        """Expected residuals (B, m) [m] at angles (B, k) [rad]."""
+        """Expected residuals, shape (B, m) [m], at angles, shape (B, k) [rad]."""
         fit = self.chosen
-        return (self._offset**2 + fit.shape**2 * fit.alike(x, self._inputs)) @ fit.weights
+        return (self._offset**2 + fit.shape**2 * fit.correlation(x, self._inputs)) @ fit.weights
 
 
-def _fit(covariance: Floats, residuals: Floats, alike: Correlation, shape: float) -> _Fit:
+def _fit(covariance: Floats, residuals: Floats, correlation: Correlation, shape: float) -> _Fit:
     factor = cho_factor(covariance, lower=True)
     weights = cho_solve(factor, residuals)
     spread = residuals.shape[1] * np.sum(np.log(np.diag(factor[0])))
-    return _Fit(float(-0.5 * np.sum(residuals * weights) - spread), alike, shape, weights)
+    return _Fit(float(-0.5 * np.sum(residuals * weights) - spread), correlation, shape, weights)
 
 
 @dataclass(frozen=True)
 class Table:
-    """Residuals at the inputs measured, read by the inverse squares of distances.
+    """Table of measured residuals, interpolated with inverse squares of distances.
 
     Attributes:
-        inputs: joint angles (K, k) [rad], K > 0.
-        residuals: (K, m) [m].
+        inputs: joint angles, shape (K, k) [rad], K > 0.
+        residuals: of the lengths, shape (K, m) [m].
     """
 
     inputs: Floats
     residuals: Floats
 
     def __call__(self, x: Floats) -> Floats:
-        """Residuals (B, m) [m] at angles (B, k) [rad], of the nearest entries."""
+        """Interpolate residuals, shape (B, m) [m], at angles, shape (B, k) [rad]."""
         away = distances(x, self.inputs)
         nearest = np.argsort(away, axis=1, kind="stable")[:, :NEIGHBOURS]
         weight = 1.0 / (np.take_along_axis(away, nearest, axis=1) ** 2 + 1e-12)
@@ -204,66 +207,68 @@ class Table:
 
 
 class Baselines:
-    """Makes maps from pairs, by several methods.
+    """Several methods that make maps from pairs.
 
     Args:
-        drawn: the network trained on the drawing, which stands for the drawing here.
-        typical: postures (N, n) [rad]; polynomials are fitted in the box that holds them, which
-            suits them better than the whole joint ranges.
+        nominal: map trained on the nominal model, in place of that model.
+        typical: postures, shape (N, n) [rad]; the polynomials are fitted in their bounding box,
+            where they fit better than in the whole joint ranges.
     """
 
-    def __init__(self, drawn: JointMuscleMap, typical: Floats) -> None:
-        self._drawn = drawn
+    def __init__(self, nominal: JointMuscleMap, typical: Floats) -> None:
+        self._nominal = nominal
         self._offset = PriorOptions().offset
         low, high = typical.min(axis=0), typical.max(axis=0)
         samples = np.random.default_rng(0).uniform(low, high, (SAMPLES, len(low)))
-        lengths = drawn.lengths(samples)
+        lengths = nominal.lengths(samples)
         self._polynomials = {}
         for degree in (2, 3, 4):
             by_group = []
-            for group in drawn.groups:
+            for group in nominal.groups:
                 joints = group.joint_index
                 terms = Polynomial(low[joints], high[joints], degree)
                 values = _with_constant(terms(samples[:, joints]))
                 weights = np.linalg.lstsq(values, lengths[:, group.muscle_index])[0]
-                by_group.append((terms, weights, [TermsAlike(terms, typical[:, joints])]))
+                by_group.append((terms, weights, [TermCorrelation(terms, typical[:, joints])]))
             self._polynomials[degree] = by_group
 
     def polynomial(self, degree: int, pairs: Pairs) -> CorrectedMap:
-        """The drawing's polynomials, moved by ridge regression of the pairs."""
+        """Polynomials of the nominal lengths, corrected by ridge regression of the pairs."""
         by_group = self._polynomials[degree]
 
         def base(postures: Floats) -> Floats:
-            lengths = np.empty((len(postures), len(self._drawn.muscles)))
-            for group, (terms, weights, _) in zip(self._drawn.groups, by_group, strict=True):
+            lengths = np.empty((len(postures), len(self._nominal.muscles)))
+            for group, (terms, weights, _) in zip(self._nominal.groups, by_group, strict=True):
                 values = _with_constant(terms(postures[:, group.joint_index]))
                 lengths[:, group.muscle_index] = values @ weights
             return lengths
 
-        return self._regressed(base, pairs, [alike for _, _, alike in by_group])
+        return self._regressed(base, pairs, [correlations for _, _, correlations in by_group])
 
     def process(self, pairs: Pairs) -> CorrectedMap:
-        """The drawing and a Gaussian process with a radial kernel."""
-        alike: list[Correlation] = [NearAlike(width) for width in WIDTHS]
-        return self._regressed(self._drawn.lengths, pairs, [alike] * len(self._drawn.groups))
+        """Nominal map with a Gaussian process of its residuals, with a radial kernel."""
+        correlations: list[Correlation] = [RadialCorrelation(width) for width in WIDTHS]
+        return self._regressed(
+            self._nominal.lengths, pairs, [correlations] * len(self._nominal.groups)
+        )
 
     def table(self, pairs: Pairs) -> CorrectedMap:
-        """The drawing and a table of what it missed."""
+        """Nominal map with a table of its residuals."""
         return self._corrected(
-            self._drawn.lengths, pairs, lambda rank, inputs, residuals: Table(inputs, residuals)
+            self._nominal.lengths, pairs, lambda rank, inputs, residuals: Table(inputs, residuals)
         )
 
     def _regressed(
         self,
         base: Callable[[Floats], Floats],
         pairs: Pairs,
-        alike: Sequence[Sequence[Correlation]],
+        correlations: Sequence[Sequence[Correlation]],
     ) -> CorrectedMap:
         return self._corrected(
             base,
             pairs,
             lambda rank, inputs, residuals: Regression(
-                inputs, residuals, alike[rank], self._offset
+                inputs, residuals, correlations[rank], self._offset
             ),
         )
 
@@ -273,14 +278,14 @@ class Baselines:
         pairs: Pairs,
         correct: Callable[[int, Floats, Floats], Callable[[Floats], Floats]],
     ) -> CorrectedMap:
-        """A map with corrections by ``correct(rank of the group, inputs, residuals)``."""
+        """Map with the correction ``correct(index, inputs, residuals)`` for each group."""
         if not len(pairs.postures):
             return CorrectedMap(base)
-        missed = pairs.lengths - base(pairs.postures)
+        residuals = pairs.lengths - base(pairs.postures)
         parts = []
-        for rank, group in enumerate(self._drawn.groups):
+        for rank, group in enumerate(self._nominal.groups):
             joints, muscles = group.joint_index, group.muscle_index
-            at = correct(rank, pairs.postures[:, joints], missed[:, muscles])
+            at = correct(rank, pairs.postures[:, joints], residuals[:, muscles])
             parts.append(Correction(joints, muscles, at))
         return CorrectedMap(base, parts)
 

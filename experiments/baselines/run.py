@@ -1,8 +1,8 @@
-"""Baselines: what others would learn from the same measurements (paper, sec. I, II).
+"""Baselines: other methods with the same measurements (paper, sec. I, II).
 
-The default agent visits postures and learns. Now and then the pairs that it believes are handed to
-methods that others use: polynomial regression, a table, a Gaussian process. Each makes a map of
-them, and every map moves the same robot to the same new postures.
+The default agent visits postures and learns. After some numbers of postures its pairs are given to
+other methods: polynomial regression, a table, a Gaussian process. Each makes a map from them, and
+every map moves the same robot to the same new postures.
 """
 
 from __future__ import annotations
@@ -26,42 +26,45 @@ from experiments.baselines.tables import (
     TABLE,
     Numbers,
     counted_tables,
-    drawing_table,
     metrics,
+    nominal_table,
     one_observation_table,
 )
-from experiments.harness.experiment import Findings, Results, Study
-from experiments.learnability.run import known_world
-from experiments.robots.evaluation import Examiner, PostureMap
-from experiments.robots.world import World
+from experiments.harness import common
+from experiments.harness.common import Summary
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
+from experiments.robots.conditions import ACTUAL, NOMINAL, make_session
+from experiments.robots.evaluation import Evaluator, PostureMap
+from experiments.robots.world import World, known_world
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionUpdater
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFitOptions, fit_alone
-from kengoro.arm import ACTUAL, HAND, NOMINAL, make_agent, make_session, shuffled_postures
+from kengoro.agents import make_agent
+from kengoro.robots import HAND, shuffled_postures
 from kengoro.visits import errors, visit
 
 COMPARED = 27
-"""Postures, at most, after which looks fitted together are compared with each look alone."""
+"""Largest number of postures after which both kinds of fit of the observations are compared."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done on each robot.
+    """Amount of work on each robot.
 
     Attributes:
         counts: numbers of postures after which maps are made and tested.
-        counts_drawing: the same for the robot without departures.
-        tested: other postures to which the arm is moved then.
+        counts_nominal: the same, for the robot without departures.
+        tested: number of other postures in a test.
         move: duration of a movement while learning [s].
-        patience: longest wait for rest and a look while learning [s].
+        patience: longest wait for rest and an observation while learning [s].
         test_move: duration of a movement in the test [s].
         test_hold: time to come to rest in the test [s].
     """
 
     counts: tuple[int, ...] = (5, 10, 27, 81)
-    counts_drawing: tuple[int, ...] = (27,)
+    counts_nominal: tuple[int, ...] = (27,)
     tested: int = 8
     move: float = 1.0
     patience: float = 2.0
@@ -71,7 +74,7 @@ class Sizes:
 
 QUICK = Sizes(
     counts=(1, 3),
-    counts_drawing=(1,),
+    counts_nominal=(1,),
     tested=1,
     move=0.5,
     patience=1.0,
@@ -81,13 +84,13 @@ QUICK = Sizes(
 
 
 class Stage(NamedTuple):
-    """What is there after some postures.
+    """State of learning after some postures.
 
     Attributes:
-        map: of the agent that learned.
-        pairs: that it believes, of looks fitted together.
-        one_look: those of each look alone, as in the paper.
-        eyes: of the agent, with all looks that it remembers.
+        map: of the agent.
+        pairs: of the agent, from observations fitted together.
+        one_observation: pairs from each observation alone, as in the paper.
+        detector: Vision Updater of the agent, with the observations in its memory.
     """
 
     map: PostureMap
@@ -98,7 +101,7 @@ class Stage(NamedTuple):
 
 @cache
 def _baselines(maps: Path | None) -> Baselines:
-    """The baselines of this process, their polynomials fitted to the drawing."""
+    """Baselines of this process, with polynomials fitted to the nominal model."""
     world = known_world(maps)
     return Baselines(world.map, world.postures)
 
@@ -106,7 +109,7 @@ def _baselines(maps: Path | None) -> Baselines:
 def methods(
     world: World, baselines: Baselines, seed: int
 ) -> dict[str, Callable[[Pairs], PostureMap]]:
-    """By name, what makes a map from pairs; ours as one update of the drawing's map."""
+    """Methods that make a map from pairs, by name; ours is one update of the nominal map."""
 
     def ours(pairs: Pairs) -> PostureMap:
         rule, rng = RidgeRule(world.prior), np.random.default_rng([seed, 7])
@@ -128,8 +131,8 @@ def methods(
 def gather(
     agent: Agent, condition: str, seed: int, postures: Floats, sizes: Sizes, world: World
 ) -> dict[int, Stage]:
-    """Visit postures (K, n) [rad] and learn; what is there after each number of postures."""
-    counts = sizes.counts if condition == ACTUAL else sizes.counts_drawing
+    """Visit postures, shape (K, n) [rad], and learn; returns the stage after each count."""
+    counts = sizes.counts if condition == ACTUAL else sizes.counts_nominal
     session = make_session(condition, seed, agent, postures[0])
     alone, seen, stages = agent.vision.pairs, agent.seen, {}
     for count, posture in enumerate(postures[1 : 1 + max(counts)], start=1):
@@ -144,58 +147,68 @@ def gather(
 
 
 def _one_observation(agent: Agent, world: World) -> Pairs:
-    """The agent's newest pair as the paper's inverse kinematics of its look alone has it; none if
-    the newest look gave no pair."""
+    """The newest pair by the paper's inverse kinematics of its observation alone.
+
+    There is no pair if the newest observation gave none to the agent.
+    """
     newest, seen = agent.vision.pairs.last(1), agent.seen
     if seen is None or not np.array_equal(newest.postures, seen.angles[None]):
         return newest.last(0)
     pose = agent.markers[HAND].pose_marker_in_camera
-    look = MarkerObservation(pose, newest.lengths[0], seen.angles + seen.error)
-    fit = fit_alone(look, world.sight, world.limits, ObservationFitOptions())
+    observation = MarkerObservation(pose, newest.lengths[0], seen.angles + seen.error)
+    fit = fit_alone(observation, world.marker_residual, world.limits, ObservationFitOptions())
     return newest._replace(postures=fit.angles)
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """One robot: measurements by the agent, then every method's map tested by number of postures.
+    """Run one robot: the agent measures, then the map of every method is tested at each count.
 
-    All but the times is the same for the same seed.
+    Only the times differ between runs with the same seed.
     """
     world = known_world(cache)
     postures = shuffled_postures(seed)
     tested = postures[-1 - sizes.tested :]
-    agent = make_agent(world.map, seed)
+    agent = make_agent(seed, jmm=world.map)
     stages = gather(agent, condition, seed, postures, sizes, world)
-    examiner = Examiner(world, condition, seed, sizes.test_move, sizes.test_hold)
+    evaluator = Evaluator(world, condition, seed, sizes.test_move, sizes.test_hold)
 
-    def examined(jmm: PostureMap, detector: VisionUpdater) -> dict[str, Any]:
-        return {"visits": examiner.examine(jmm, tested, detector)}
+    def evaluated(jmm: PostureMap, detector: VisionUpdater) -> dict[str, Any]:
+        return {"visits": evaluator.evaluate(jmm, tested, detector)}
 
-    result: dict[str, Any] = {"counts": {}, "one_look": {}}
+    result: dict[str, Any] = {"counts": {}, "one_observation": {}}
     for count, stage in stages.items():
-        maps = {NO_LEARNING: examined(world.map, stage.detector)}
+        maps = {NO_LEARNING: evaluated(world.map, stage.detector)}
         for name, make in methods(world, _baselines(cache), seed).items():
             begin = time.process_time()
             jmm = make(stage.pairs)
             milliseconds = 1e3 * (time.process_time() - begin)
-            maps[name] = examined(stage.map if name == OURS else jmm, stage.detector)
+            maps[name] = evaluated(stage.map if name == OURS else jmm, stage.detector)
             maps[name]["update_ms"] = round(milliseconds, 2)
-            if condition == ACTUAL and count == _looks_compared(sizes):
-                result["one_look"][name] = examined(make(stage.one_observation), stage.detector)
+            if condition == ACTUAL and count == _compared_count(sizes):
+                result["one_observation"][name] = evaluated(
+                    make(stage.one_observation), stage.detector
+                )
         result["counts"][str(count)] = {"maps": maps, "pairs": len(stage.pairs.noise)}
     return result
 
 
-def _looks_compared(sizes: Sizes) -> int:
-    """Number of postures after which looks fitted together are compared with looks alone."""
+def _compared_count(sizes: Sizes) -> int:
+    """Number of postures after which both kinds of fit are compared."""
     return max(count for count in sizes.counts if count <= COMPARED)
 
 
 def numbers(results: Results, condition: str, count: int | None) -> Numbers:
-    """Outcomes of each method after ``count`` postures, one number a robot; None: looks alone."""
+    """Outcomes of each method, with one number a robot.
+
+    Args:
+        results: of all robots.
+        condition: `ACTUAL` or `NOMINAL`.
+        count: number of postures; None for pairs from each observation alone.
+    """
     found: Numbers = {}
     for result in results.values():
         part = result[condition]
-        maps = part["one_look"] if count is None else part["counts"][str(count)]["maps"]
+        maps = part["one_observation"] if count is None else part["counts"][str(count)]["maps"]
         for name, tried in maps.items():
             outcomes = errors(tried["visits"])
             if "update_ms" in tried:
@@ -210,8 +223,8 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     from experiments.baselines.figures import pictures
 
     by_count = {count: numbers(results, ACTUAL, count) for count in sizes.counts}
-    without = {count: numbers(results, NOMINAL, count) for count in sizes.counts_drawing}
-    compared = _looks_compared(sizes)
+    without = {count: numbers(results, NOMINAL, count) for count in sizes.counts_nominal}
+    compared = _compared_count(sizes)
     together, alone = by_count[compared], numbers(results, ACTUAL, None)
     pairs = {
         count: [result[ACTUAL]["counts"][str(count)]["pairs"] for result in results.values()]
@@ -232,26 +245,26 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         counted.pop(compared),
         *counted.values(),
         one_observation_table(together, alone, compared),
-        *(drawing_table(found, count) for count, found in without.items()),
+        *(nominal_table(found, count) for count, found in without.items()),
     ]
-    drawn = pictures(by_count, together, alone, compared)
-    return Findings(metrics(by_count), per_seed, tables, drawn, {})
+    shown = pictures(by_count, together, alone, compared)
+    return Findings(metrics(by_count), per_seed, tables, shown, {})
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="baselines",
     title="Baselines",
     introduction=(
-        "The default agent visits postures with its camera and learns. After some postures the "
-        "pairs of joint angles and lengths that it believes then are handed to every method: all "
-        "have the same measurements, and the baselines profit from our fit of looks and from "
-        "min(l, l_target). Each method's map then moves the same robot from the same start to the "
-        "same new postures, with nothing more learned. The test needs no camera: the exact pose of "
-        "the marker is seen through the eyes of the agent at that time, the same for all "
-        "methods. Polynomials are regressed on samples of the drawing, then moved by ridge "
-        "regression of the pairs; table and Gaussian process hold what the drawing misses; free "
-        "numbers of polynomials and Gaussian process are chosen at each update by the marginal "
-        "likelihood. No learning is the network trained offline once on the drawing."
+        "The default agent visits postures with its camera and learns. After some postures its "
+        "pairs of joint angles and lengths are given to every method, so all have the same "
+        "measurements, and the baselines profit from our fit of observations and from "
+        "min(l, l_target). The map of each method then moves the same robot from the same start to "
+        "the same new postures without further learning. This test uses no camera: the Vision "
+        "Updater of the agent at that time, the same for all methods, gets the exact pose of the "
+        "marker. Polynomials are fitted to samples of the nominal model and corrected by ridge "
+        "regression of the pairs; table and Gaussian process model the residuals of the nominal "
+        "map; parameters of polynomials and Gaussian process are chosen at each update by the "
+        "marginal likelihood. No learning is the network trained offline on the nominal model."
     ),
     figure="methods of sec. I and II",
     conditions=(ACTUAL, NOMINAL),
@@ -260,3 +273,16 @@ STUDY = Study(
     run=run,
     conclude=conclude,
 )
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Other methods, with the same measurements."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/baselines")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

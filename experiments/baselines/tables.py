@@ -1,4 +1,4 @@
-"""Numbers and tables of the baselines."""
+"""Metrics and tables of the baselines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NO_LEARNING, TABLE, GAUSSIAN, OURS = "no learning", "table", "Gaussian process",
 POLYNOMIALS = {degree: f"polynomial, degree {degree}" for degree in (2, 3, 4)}
 
 ENOUGH = 5
-"""Robots below which nothing is told for sure."""
+"""Least number of robots for a verdict."""
 
 OUTCOMES = {
     "target_true_deg": "target - true [deg]",
@@ -26,7 +26,7 @@ OUTCOMES = {
 }
 
 Numbers = dict[str, dict[str, list[float]]]
-"""By method and outcome, one number a robot."""
+"""By method and outcome: one number a robot."""
 
 
 def middle(found: Numbers, name: str, outcome: str) -> float:
@@ -43,7 +43,7 @@ def best(found: Numbers, outcome: str, without: Sequence[str] = ()) -> str:
 
 
 def metrics(by_count: Mapping[int, Numbers]) -> dict[str, dict[str, Any]]:
-    """Ours by number of postures, and its difference from the best of the others."""
+    """Metrics of ours by number of postures, and of its difference from the best other method."""
     entries = {}
     for count, found in by_count.items():
         true = found[OURS]["target_true_deg"]
@@ -59,15 +59,16 @@ def metrics(by_count: Mapping[int, Numbers]) -> dict[str, dict[str, Any]]:
 def counted_tables(
     by_count: Mapping[int, Numbers], pairs: Mapping[int, Sequence[int]]
 ) -> list[Table]:
-    """Outcomes of all methods after each number of postures."""
+    """Tables of the outcomes of all methods, one for each number of postures."""
     return [
         Table(
             f"After {count} postures: median over robots (worst robot)",
-            ("method", *OUTCOMES.values(), "target - true, less ours [deg]"),
+            ("method", *OUTCOMES.values(), "target - true, minus ours [deg]"),
             _rows(found),
             f"{np.median(pairs[count]):g} pairs ({min(pairs[count])} to {max(pairs[count])}). "
-            f"{_told(found)} An update makes the map from all pairs; the fit of looks that brought "
-            "them is not in its time. Last column: median and 95 % interval on the same robot.",
+            f"{_best_note(found)} An update makes the map from all pairs; its time does not "
+            "include the fit of observations. Last column: median and 95 % "
+            "interval of the difference on the same robot.",
         )
         for count, found in by_count.items()
     ]
@@ -89,20 +90,20 @@ def _cell(values: Sequence[float]) -> str:
 
 
 def _gap(
-    one: Numbers, name: str, other: Numbers, beside: str, outcome: str = "target_true_deg"
+    one: Numbers, name: str, other: Numbers, reference: str, outcome: str = "target_true_deg"
 ) -> str:
-    return str(paired(one[name][outcome], other[beside][outcome]))
+    return str(paired(one[name][outcome], other[reference][outcome]))
 
 
-def _told(found: Numbers) -> str:
-    """Who is best by either definition of error, and whether somebody is surely better than us."""
+def _best_note(found: Numbers) -> str:
+    """Sentences on the best method by each definition of error, and on significant differences."""
     true, seen = best(found, "target_true_deg"), best(found, "estimate_seen_deg")
     if true == seen:
-        told = f"Best by target - true and by estimate - seen: {true}."
+        text = f"Best by target - true and by estimate - seen: {true}."
     else:
-        told = f"Best by target - true: {true}; by estimate - seen, which disagrees: {seen}."
+        text = f"Best by target - true: {true}; by estimate - seen: {seen}."
     if len(found[OURS]["target_true_deg"]) < ENOUGH:
-        return f"{told} There are too few robots to tell what is surely better."
+        return f"{text} There are too few robots to decide which methods are better."
     gaps = {
         name: paired(outcomes["target_true_deg"], found[OURS]["target_true_deg"])
         for name, outcomes in found.items()
@@ -111,8 +112,8 @@ def _told(found: Numbers) -> str:
     better = [name for name, gap in gaps.items() if gap.high < 0]
     worse = [name for name, gap in gaps.items() if gap.low > 0]
     return (
-        f"{told} By target - true, surely better than ours: {_listed(better)}; surely worse: "
-        f"{_listed(worse)}."
+        f"{text} By target - true, significantly better than ours: {_listed(better)}; "
+        f"significantly worse: {_listed(worse)}."
     )
 
 
@@ -121,7 +122,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def one_observation_table(together: Numbers, alone: Numbers, count: int) -> Table:
-    """What the fit of looks is worth to each method."""
+    """Table of the effect of the joint fit of observations on each method."""
     rows = [
         (
             name,
@@ -139,26 +140,27 @@ def one_observation_table(together: Numbers, alone: Numbers, count: int) -> Tabl
             for key in ("target_true_deg", "estimate_seen_deg", "target_true_mm")
             for how in ("together", "alone")]  # fmt: skip
     return Table(
-        f"The same after {count} postures with pairs of each look alone",
+        f"After {count} postures, with pairs from each observation alone",
         (
             "method",
             *head,
-            "target - true, alone less together [deg]",
-            "estimate - seen, alone less together [deg]",
+            "target - true, alone minus together [deg]",
+            "estimate - seen, alone minus together [deg]",
         ),
         rows,
-        "Alone: the joint angles of each pair by the paper's inverse kinematics of one look, "
-        "nearest to the estimate of the time. That estimate is of the agent that fits looks "
-        "together, so this still flatters looks alone; and ours alone is one update of the "
-        "drawing's map.",
+        "Alone: the joint angles of each pair are from the paper's inverse kinematics of one "
+        "observation, nearest to the estimate at that time. That estimate is from the agent that "
+        "fits observations together, which favours this variant. Ours alone is one update of the "
+        "nominal map.",
     )
 
 
-def drawing_table(found: Numbers, count: int) -> Table:
-    """The robot without departures: what is not the map's error."""
+def nominal_table(found: Numbers, count: int) -> Table:
+    """Table of the robots without departures, where the nominal map has no error."""
     return Table(
         f"Robots without departures, after {count} postures: median over robots (worst robot)",
-        ("method", *OUTCOMES.values(), "target - true, less ours [deg]"),
+        ("method", *OUTCOMES.values(), "target - true, minus ours [deg]"),
         _rows(found),
-        f"What is left without learning is no error of the drawing: it is sag. {_told(found)}",
+        "The error without learning is sag, not an error of the nominal model. "
+        + _best_note(found),
     )

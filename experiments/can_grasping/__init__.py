@@ -1,1 +1,1 @@
-"""A can that was missed is grasped (Figs. 12 to 14)."""
+"""A can that was missed is grasped after learning (Figs. 12 to 14)."""

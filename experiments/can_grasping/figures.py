@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.harness.experiment import Results
 from experiments.harness.report import GROUP_COLOURS, Picture, png
-from kengoro.arm import ACTUAL, NOMINAL
+from experiments.robots.conditions import ACTUAL, NOMINAL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ CAN_RADIUS_MM = 33.0
 
 
 def figures(results: Results) -> list[Picture]:
-    """Figures of the first robot in full, and hand distances of all."""
+    """Figures of the first robot, and hand distances of all robots."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -37,8 +37,8 @@ def figures(results: Results) -> list[Picture]:
         Picture(
             f"RMSE_joint and muscle tensions over time, robot {first}",
             png(figure),
-            "Dots: estimated against seen joint angles at each look, as in the paper. Line: "
-            "estimated against true, which only a simulation knows. Shaded: approaches.",
+            "Dots: estimate - seen at each observation, as in the paper. Line: estimate - true, "
+            "which is known in simulation only. Shaded: approaches.",
         )
     )
     figure, axes = pyplot.subplots(figsize=(9, 3.4))
@@ -48,8 +48,8 @@ def figures(results: Results) -> list[Picture]:
         Picture(
             "Distance of the grip point to its target before the fingers close",
             png(figure),
-            "Filled: the can was lifted. Crosses: the same robots without departures. The dashed "
-            "line is the can's radius.",
+            "Filled: the can was lifted. Crosses: robots without departures. Dashed: radius of the "
+            "can.",
         )
     )
     figure = _lengths(pyplot, curves)
@@ -71,10 +71,12 @@ def _shade(axes: Axes, curves: Mapping[str, Any]) -> None:
 
 def _errors(axes: Axes, curves: Mapping[str, Any]) -> None:
     _shade(axes, curves)
-    axes.plot(curves["time"], curves["true_error"], color="0.55", lw=1, label="all, against true")
+    axes.plot(
+        curves["time"], curves["true_error"], color="0.55", lw=1, label="all, estimate - true"
+    )
     for name, errors in curves["observation_error"].items():
         colour, size = GROUP_COLOURS.get(name, "black"), 5 if name == "all" else 3
-        label = f"{name}, against seen"
+        label = f"{name}, estimate - seen"
         axes.plot(curves["observation_time"], errors, "o", ms=size, color=colour, label=label)
     axes.set_ylabel("RMSE_joint [deg]")
     axes.set_ylim(bottom=0.0)
@@ -95,9 +97,9 @@ def _tensions(axes: Axes, curves: Mapping[str, Any]) -> None:
 def _distances(axes: Axes, results: Results) -> None:
     for location, result in enumerate(results.values()):
         approaches = result[ACTUAL]["summary"]["approaches"]
-        drawn = [a["hand_distance_mm"] for a in result[NOMINAL]["summary"]["approaches"]]
-        locations = location + 0.16 * (np.arange(len(drawn)) - (len(approaches) - 1) / 2)
-        axes.plot(locations, drawn, "x", color="black", ms=5)
+        nominal = [a["hand_distance_mm"] for a in result[NOMINAL]["summary"]["approaches"]]
+        locations = location + 0.16 * (np.arange(len(nominal)) - (len(approaches) - 1) / 2)
+        axes.plot(locations, nominal, "x", color="black", ms=5)
         for number, approach in enumerate(approaches):
             x = location + 0.16 * (number - (len(approaches) - 1) / 2)
             colour = pick(number)
@@ -113,7 +115,7 @@ def _distances(axes: Axes, results: Results) -> None:
 
 
 def pick(number: int) -> str:
-    """Colour of an approach."""
+    """Colour of an approach by its number."""
     return ("#c8452f", "#d39a2a", "#3a6fb5", "#3f8f3f")[number % 4]
 
 

@@ -1,4 +1,4 @@
-"""One robot of the can-grasping experiment: trial, control, and tests before and after."""
+"""Robot of the can-grasping experiment: trial, control, and tests before and after."""
 
 from __future__ import annotations
 
@@ -8,22 +8,24 @@ from typing import Any
 
 import numpy as np
 
+from experiments.robots.conditions import make_session, robot_of
 from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlanner
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from kengoro.arm import ACTUAL, make_agent, make_env, make_session, shuffled_postures
+from kengoro.agents import make_agent
 from kengoro.grasp_trial import GraspTrial, Trial
 from kengoro.hand_search import READY, TrialOptions
+from kengoro.robots import make_env, shuffled_postures
 from kengoro.session import EpisodeEndedError, Session
 from kengoro.trained_maps import trained_map
 from kengoro.visits import errors, group_joints, no_visits, visit
 from kengoro_env.names import GROUP_JOINTS
 
 LOG_PERIOD = 0.2
-"""Time between two points of the curves that are kept [s]."""
+"""Time between two points of the saved curves [s]."""
 
 SWEEP_DEG = np.arange(-120.0, 31.0, 2.0)
-"""Shoulder pitch at which the map is compared before and after, all other joints at zero."""
+"""Shoulder pitch at which the map is compared before and after, with all other joints at zero."""
 
 Watch = Callable[[Session], None]
 
@@ -31,13 +33,13 @@ Watch = Callable[[Session], None]
 class CanRobot:
     """The experiment on one robot.
 
-    The posture set is split: the end of a random order is for tests, the rest to learn from.
+    The posture set is split in random order: the end is for tests, the rest for learning.
 
     Args:
         condition: `ACTUAL`, or `NOMINAL` for the robot without departures.
-        seed: of the robot and of all that is drawn by chance.
+        seed: of the robot and of all random choices.
         options: of the trial.
-        tested: postures on which the map is tested before and after.
+        tested: number of postures on which the map is tested before and after.
         cache: folder of trained maps.
     """
 
@@ -46,13 +48,13 @@ class CanRobot:
     ) -> None:
         self._condition, self.seed, self._options = condition, seed, options
         self.before = trained_map(cache)
-        self.agent = make_agent(self.before, seed)
+        self.agent = make_agent(seed, jmm=self.before)
         self.trial = Trial()
         self.session: Session | None = None
         self._library, self._tested = np.split(shuffled_postures(seed), [-1 - tested])
 
     def run_trial(self, watch: Watch | None = None, render_mode: str | None = None) -> None:
-        """Look, reach, miss, learn, grasp."""
+        """Run the trial: approach the can, learn, and approach again."""
         self.session, trial = self._begin(self.agent, watch, render_mode)
         self.trial = trial.trial
         try:
@@ -62,11 +64,11 @@ class CanRobot:
         self.session.env.close()
 
     def run_control(self) -> bool:
-        """Whether the map before learning grasps the can from the last approach's IK target."""
+        """Run the control; returns whether the map before learning grasps at the last IK target."""
         plan = self.trial.plan
         if plan is None:
             return False
-        agent = make_agent(self.before, self.seed, learning=False)
+        agent = make_agent(self.seed, jmm=self.before, learning=False)
         session, control = self._begin(agent)
         try:
             return control.grasp(plan)
@@ -81,21 +83,20 @@ class CanRobot:
         watch: Watch | None = None,
         render_mode: str | None = None,
     ) -> tuple[Session, GraspTrial]:
-        robot = self.seed if self._condition == ACTUAL else None
-        env = make_env("CanGrasp", robot, render_mode=render_mode)
+        robot_seed = robot_of(self._condition, self.seed)
+        env = make_env("CanGrasp", robot_seed, render_mode=render_mode)
         session = Session(env, agent, self.seed, watch, {"posture": np.array(READY)})
         planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
         rng = np.random.default_rng([self.seed, 3])
         return session, GraspTrial(session, planner, self._library, rng, self._options)
 
     def test(self, jmm: JointMuscleMap | None = None) -> dict[str, float]:
-        """`errors` of this robot at postures that were not learned from, learning off.
+        """`errors` of this robot at postures that are not learned from, with learning off.
 
         Args:
-            jmm: the map of a new agent; the agent of the trial with what it has learned if left
-                out.
+            jmm: map of a new agent; the agent of the trial if left out.
         """
-        agent = self.agent if jmm is None else make_agent(jmm, self.seed)
+        agent = self.agent if jmm is None else make_agent(self.seed, jmm=jmm)
         agent.learning = False
         start, *targets = self._tested
         session = make_session(self._condition, self.seed, agent, start)
@@ -106,7 +107,7 @@ class CanRobot:
         return errors(visits)
 
     def curves(self) -> dict[str, Any]:
-        """What the figures show, in the units in which people read: s, deg, N, mm."""
+        """Curves for the figures, in s, deg, N and mm."""
         if self.session is None:
             raise RuntimeError("the trial has not run")
         log, agent = self.session.log, self.agent
@@ -133,7 +134,7 @@ class CanRobot:
 
 
 def swept_lengths(jmm: JointMuscleMap, muscles: np.ndarray) -> list[list[float]]:
-    """Lengths [mm] of some muscles during shoulder flexion, a row for each of `SWEEP_DEG`."""
+    """Lengths of some muscles during shoulder flexion, with a row for each of `SWEEP_DEG` [mm]."""
     postures = np.zeros((len(SWEEP_DEG), len(jmm.joints)))
     postures[:, jmm.joints.index("sh_pitch")] = np.radians(SWEEP_DEG)
     lengths: list[list[float]] = np.round(1e3 * jmm.lengths(postures)[:, muscles], 2).tolist()

@@ -1,8 +1,8 @@
 """Can grasping (paper, sec. IV, last subsection): a can that was missed is grasped.
 
-On each robot the whole trial runs, then its control: the map before learning, from the same IK
-target as the last approach. Beside them stand tests of both maps on postures that were not learned,
-and the trial of the same robot without departures.
+On each robot the trial runs, then its control: the map before learning with the IK target of the
+last approach. Both maps are also tested on postures that are not learned from, and the trial runs
+on the robot without departures.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from typing import Any
 import numpy as np
 from rich import get_console
 
-from experiments.can_grasping.narration import Tell, no_progress, stage_bar, watcher
 from experiments.can_grasping.robot import SWEEP_DEG, CanRobot
-from experiments.can_grasping.tables import metrics, outcome_table, tables
+from experiments.can_grasping.tables import closing, metrics, outcome_table, tables
 from experiments.harness import common
 from experiments.harness.common import Summary
-from experiments.harness.experiment import Findings, Results, Study, run_study
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import print_table
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from kengoro import trained_maps
-from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.hand_search import TrialOptions
-from kengoro.viewer.video import Video
+from kengoro.viewer.progress import ProgressCallback, film_and_progress, no_progress, stage_bar
+from kengoro.viewer.video import open_video
 from mjcf_sandbox.files import whole_file
 
 FLEXED_DEG = -120.0
-"""Shoulder pitch at which the paper compares the map before and after."""
+"""Shoulder pitch at which the paper compares the map before and after [deg]."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of work on each robot.
 
     Attributes:
-        trial: how the trial runs.
-        tested: postures on which the map is tested before and after.
+        trial: options of the trial.
+        tested: number of postures on which the map is tested before and after.
     """
 
     trial: TrialOptions = field(default_factory=TrialOptions)
@@ -53,7 +53,7 @@ QUICK = Sizes(TrialOptions(approaches=2, postures=3, move=1.0, patience=1.5), te
 
 @dataclass(frozen=True)
 class Args(common.Args):
-    """Options of the can-grasping experiment.
+    """A can that was missed is grasped after learning (sec. IV).
 
     Attributes:
         seeds: robots, as A-B or A; seeds below 100 are for tuning.
@@ -72,36 +72,36 @@ def run(
     films: Mapping[int, Path] | None = None,
     live: bool = False,
 ) -> dict[str, Any]:
-    """The experiment on one robot: its ``summary`` and the ``curves`` for the figures.
+    """Run one robot; returns its ``summary`` and the ``curves`` for the figures.
 
     Args:
-        condition: `ACTUAL`, or `NOMINAL`: without departures, the trial only.
+        condition: `ACTUAL`, or `NOMINAL` for the trial only, without departures.
         seed: of the robot.
-        sizes: how much is done.
+        sizes: amount of work.
         cache: folder of trained maps.
-        films: by seed, where the video of an actual robot's trial goes.
-        live: whether a bar shows what the robot does.
+        films: files for the videos of actual robots' trials, by seed.
+        live: whether a bar shows the progress.
     """
     robot = CanRobot(condition, seed, sizes.trial, sizes.tested, cache)
-    name = "Kengoro" if condition == ACTUAL else "Kengoro as drawn"
+    name = "Kengoro" if condition == ACTUAL else "nominal Kengoro"
     film = (films or {}).get(seed) if condition == ACTUAL else None
-    with stage_bar(name) if live else nullcontext(no_progress) as tell:
+    with stage_bar(name) if live else nullcontext(no_progress) as progress:
         if condition == NOMINAL:
-            robot.run_trial(watcher(None, tell))
+            robot.run_trial(film_and_progress(None, progress))
             return {"summary": trial_summary(robot)}
-        return run_actual(robot, film, tell)
+        return run_actual(robot, film, progress)
 
 
-def run_actual(robot: CanRobot, film: Path | None, tell: Tell) -> dict[str, Any]:
-    """Test, trial, test and control of an actual robot."""
-    tell("is tested before", 0.0)
+def run_actual(robot: CanRobot, film: Path | None, progress: ProgressCallback) -> dict[str, Any]:
+    """Run test, trial, test and control of an actual robot."""
+    progress("tests the map before", 0.0)
     before = robot.test(robot.before)
     if film is None:
-        robot.run_trial(watcher(None, tell))
+        robot.run_trial(film_and_progress(None, progress))
     else:
-        with Video(film) as video:
-            robot.run_trial(watcher(video, tell), render_mode="rgb_array")
-    tell("is tested after", 0.0)
+        with open_video(film) as video:
+            robot.run_trial(film_and_progress(video, progress), render_mode="rgb_array")
+    progress("tests the map after", 0.0)
     after, control, curves = robot.test(), robot.run_control(), robot.curves()
     summary = trial_summary(robot)
     flexed = SWEEP_DEG.tolist().index(FLEXED_DEG)
@@ -120,13 +120,14 @@ def run_actual(robot: CanRobot, film: Path | None, tell: Tell) -> dict[str, Any]
 
 
 def trial_summary(robot: CanRobot) -> dict[str, Any]:
-    """How a trial went."""
+    """Entry of a trial in the summary."""
     trial, agent = robot.trial, robot.agent
     return {
         "grasped_at_first_approach": bool(trial.approaches) and trial.approaches[0].grasped,
         "grasped_after": bool(trial.approaches) and trial.approaches[-1].grasped,
         "approaches": [
             {
+                "start_s": round(approach.start, 2),
                 "hand_distance_mm": round(1e3 * approach.distance, 1),
                 "can_distance_mm": round(1e3 * approach.can_distance, 1),
                 "grasped": approach.grasped,
@@ -146,7 +147,7 @@ def trial_summary(robot: CanRobot) -> dict[str, Any]:
 
 
 def consistency(robot: CanRobot) -> dict[str, Any] | None:
-    """Whether wires and map agree within the encoders' noise at the end, and by how much not."""
+    """Consistency of muscle lengths and map with the noise of the encoders at the end."""
     found = robot.agent.estimator.consistency
     if found is None:
         return None
@@ -158,25 +159,26 @@ def consistency(robot: CanRobot) -> dict[str, Any] | None:
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """Who grasped, and errors and tensions before and after."""
+    """Grasps, and errors and tensions before and after learning."""
     from experiments.can_grasping.figures import figures
 
     per_seed = {
         seed: {**result[ACTUAL]["summary"], NOMINAL: result[NOMINAL]["summary"]}
         for seed, result in results.items()
     }
-    return Findings(metrics(per_seed), per_seed, tables(per_seed), figures(results), {})
+    found = Findings(metrics(per_seed), per_seed, tables(per_seed), figures(results), {})
+    return replace(found, closing=closing(*per_seed.values())) if len(per_seed) == 1 else found
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="can-grasping",
     title="Can grasping",
     introduction=(
-        "Kengoro looks at a can, solves inverse kinematics and reaches for it as its drawing tells "
-        "it, but the robot is not the drawing. It moves its hand before its eyes and learns, "
-        "approaches again, looks once more at its arm if it must, until it grasps the can and "
-        "lifts it or has no approach left. After a miss a person puts the can back where it stood. "
-        "Beside the actual robots stand the same without departures."
+        "Kengoro observes a can, solves inverse kinematics and reaches for it with the map of the "
+        "nominal model, from which the robot departs. Then it moves its hand in view of the camera "
+        "and learns, and approaches again, until it grasps and lifts the can or no approach is "
+        "left. After a miss the can is put back to its place. The same is done on robots without "
+        "departures."
     ),
     figure="Figs. 12 to 14",
     conditions=(ACTUAL, NOMINAL),
@@ -188,22 +190,23 @@ STUDY = Study(
 
 
 def main(args: Args) -> Summary:
-    """Run the experiment, or what of it is missing; one robot alone is shown live."""
+    """Run the experiment; a bar shows the progress of a single robot."""
     seeds = common.parse_seeds(args.seeds)
     common.check_jobs(args.jobs)
     console, alone = get_console(), len(seeds) == 1
-    with console.status("Kengoro studies its drawing (some seconds, once) ..."):
+    with console.status("Training the map of the nominal model (half a minute, once) ..."):
         trained_maps.trained_map(args.cache)
     kept = args.out / "robots" / f"{seeds[0]:03d}-{ACTUAL}.json"
     film = kept.with_name(f"{seeds[0]:03d}.mp4")
     if not args.quick and not film.exists():
-        kept.unlink(missing_ok=True)  # its trial runs again and is filmed
+        kept.unlink(missing_ok=True)  # so that its trial runs again and is filmed
     films = None if args.quick else {seeds[0]: film}
-    study = replace(STUDY, run=partial(run, films=films, live=alone))
-    summary = run_study(study, replace(args, jobs=1) if alone else args)
-    print_table(console, outcome_table(summary["per_seed"]))
+    experiment = replace(EXPERIMENT, run=partial(run, films=films, live=alone))
+    summary = run_experiment(experiment, replace(args, jobs=1) if alone else args)
+    if not alone:
+        print_table(console, outcome_table(summary["per_seed"]))
     if films is not None:
         with whole_file(args.out / "episode.mp4") as beside:
             shutil.copyfile(film, beside)
-        console.print(f"Video: {args.out}/episode.mp4")
+        console.print(f"Film: {args.out}/episode.mp4")
     return summary

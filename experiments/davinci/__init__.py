@@ -1,1 +1,1 @@
-"""A measured cable drive: what its transmission does."""
+"""Structure of the transmission of a measured cable drive."""

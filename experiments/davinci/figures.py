@@ -1,4 +1,4 @@
-"""Pictures of the da Vinci cable drive: what is measured, and what structures make of it."""
+"""Figures of the da Vinci cable drive: measurements and predictions of structures."""
 
 from __future__ import annotations
 
@@ -21,49 +21,50 @@ from experiments.davinci.tables import Scores
 from experiments.harness.report import Picture, png
 from jmm_agent.types import Floats
 
-MEASURED, MODEL, RIVAL = "#222222", "#D55E00", "#0072B2"
+MEASURED, MODEL, ALTERNATIVE = "#222222", "#D55E00", "#0072B2"
 MOVING = 0.05
-"""The spindle surely moves above this [rad/s]."""
+"""Speed above which the spindle counts as moving [rad/s]."""
 MIDDLE = 0.2
-"""Sliding is looked at this close to the middle of the spindle's way [rad]."""
+"""Distance from the middle of the spindle's range within which sliding is evaluated [rad]."""
 
 
 def pictures(runs: Runs, best: Fitted, scores: Mapping[str, Scores]) -> list[Picture]:
-    """All pictures of the report."""
+    """All figures of the report."""
     found = [
         Picture(
             "Torque of the spindle and angle of the jaw, over the angle of the spindle",
             _loops(runs, best),
-            "At the second lowest frequency, four loads. Black: measured; orange: the whole "
-            "structure, from spindle angle and load alone. The width of the loops is friction, and "
-            "grows with the load; the angle lags by the cable's stretch. Below: the same at the "
-            "highest frequency.",
+            "Top: four loads at the second lowest frequency; bottom: the highest frequency. Black: "
+            "measured; orange: predicted by the whole structure from spindle angle and load. The "
+            "width of the loops is due to friction and grows with the load; the angle lags by the "
+            "elongation of the cable.",
         ),
         Picture(
             "Sliding: torque over load, and over frequency",
             _sliding(runs),
-            "Medians in the middle of the way, one point a run. Left: closing needs more than the "
-            "load, opening less, both along straight lines. Right: half the difference of closing "
-            "and opening hardly depends on the frequency, over which velocity grows fivefold.",
+            "Medians in the middle of the range, one point a run. Left: closing needs more torque "
+            "than the load and opening less, both linear in the load. Right: half the difference "
+            "of closing and opening hardly depends on the frequency, although velocity grows "
+            "fivefold.",
         ),
         Picture(
-            "After the spindle turns round",
+            "After a reversal of the spindle",
             _reversals(runs, best),
-            "Torque since the spindle turned back from its closed end, at the second lowest "
-            "frequency. First it falls while the spindle has hardly moved: friction before the "
-            "cable. Then it falls along the cable's stiffness until the cable slides.",
+            "Torque after the reversal at the closed end, at the second lowest frequency. It falls "
+            "first while the spindle hardly moves, due to friction before the cable, then with the "
+            "stiffness of the cable until the cable slides.",
         ),
         Picture(
-            "How far the cable is stretched, over its torque",
+            "Elongation of the cable over its torque",
             _stretch(runs, best),
-            "Spindle angle less jaw angle over the ratio, less the jaw's compliance; over the "
-            "spindle's torque less bearing, spring and offset. The line is the fitted law.",
+            "Spindle angle minus jaw angle over the ratio, minus the jaw's compliance; over the "
+            "spindle's torque minus bearing, spring and offset. Line: fitted law.",
         ),
         Picture(
-            "Errors on loads and frequencies that were held out",
+            "Errors on loads and frequencies that are held out",
             _errors(scores),
-            "RMS over what was held out, one dot a load (ten) or frequency (five); orange: each "
-            "structure has one thing more than the one above; blue: the whole, changed.",
+            "RMS over the data held out, one marker a load (ten) or frequency (five). Orange: each "
+            "structure has one element more than the one above; blue: changes of the whole.",
         ),
     ]
     pyplot.close("all")
@@ -101,26 +102,29 @@ def _loops(runs: Runs, best: Fitted) -> bytes:
 
 
 def sliding(runs: Runs) -> tuple[Floats, Floats]:
-    """Median load (2, r) and torque (2, r) [N m] in the middle of the way, closing and opening."""
+    """Median load and torque in the middle of the range, shape (2, r) each [N m].
+
+    The rows are closing and opening.
+    """
     velocity = np.gradient(runs.drive, runs.time, axis=0)
     near = runs.use & (np.abs(runs.drive - np.median(runs.drive)) < MIDDLE)
     load, torque = np.full((2, len(runs.load)), np.nan), np.full((2, len(runs.load)), np.nan)
-    for way, moves in enumerate((velocity > MOVING, velocity < -MOVING)):
+    for direction, moves in enumerate((velocity > MOVING, velocity < -MOVING)):
         for run in range(len(runs.load)):
             at: NDArray[np.bool_] = near[:, run] & moves[:, run]
             if np.any(at):
-                load[way, run] = np.median(runs.resistance[at, run])
-                torque[way, run] = np.median(runs.torque[at, run])
+                load[direction, run] = np.median(runs.resistance[at, run])
+                torque[direction, run] = np.median(runs.torque[at, run])
     return load, torque
 
 
 def _sliding(runs: Runs) -> bytes:
     load, torque = sliding(runs)
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
-    for way, (colour, name) in enumerate(((MODEL, "closing"), (RIVAL, "opening"))):
-        left.plot(load[way], torque[way], "o", ms=4, color=colour)
-        good = np.isfinite(load[way])
-        slope, start = np.polyfit(load[way][good], torque[way][good], 1)
+    for direction, (colour, name) in enumerate(((MODEL, "closing"), (ALTERNATIVE, "opening"))):
+        left.plot(load[direction], torque[direction], "o", ms=4, color=colour)
+        good = np.isfinite(load[direction])
+        slope, start = np.polyfit(load[direction][good], torque[direction][good], 1)
         ends = np.array([0.0, np.nanmax(load)])
         label = f"{name}: {start:.3f} N m + {slope:.2f} load"
         left.plot(ends, start + slope * ends, color=colour, lw=1, label=label)
@@ -134,7 +138,7 @@ def _sliding(runs: Runs) -> bytes:
         right.plot(runs.frequency[at], half[at], "o-", ms=3, lw=1, color=pyplot.cm.viridis(shade))
         right.text(runs.frequency[at][-1], half[at][-1], f"  {load_:g} %", fontsize=8, va="center")
     right.set_xlabel("frequency [Hz]")
-    right.set_ylabel("half the loop's width [N m]")
+    right.set_ylabel("half the width of the loop [N m]")
     right.set_ylim(0.0, None)
     right.margins(x=0.12)
     return png(figure)
@@ -154,7 +158,7 @@ def _reversals(runs: Runs, best: Fitted) -> bytes:
         axis.plot(turned[near], torque[after[near], run], color=MODEL, lw=1)
         axis.text(0.2, runs.torque[after[near][-1], run], f"  {runs.load[run]:g} %", va="center")
     axis.set_xlim(-0.005, 0.22)
-    axis.set_xlabel("angle of the spindle since it turned round [rad]")
+    axis.set_xlabel("angle of the spindle since the reversal [rad]")
     axis.set_ylabel("torque of the spindle [N m]")
     return png(figure)
 
@@ -181,12 +185,12 @@ def _stretch(runs: Runs, best: Fitted) -> bytes:
     law = np.sign(ends) * (np.sqrt(k**2 + 4 * hard * np.abs(ends)) - k) / (2 * hard)
     axis.plot(ends, law, color=MODEL, lw=2)
     axis.set_xlabel("torque of the cable at the spindle [N m]")
-    axis.set_ylabel("stretch of the cable, as spindle angle [rad]")
+    axis.set_ylabel("elongation of the cable, as spindle angle [rad]")
     return png(figure)
 
 
 def predict_without_cable(best: Fitted, runs: Runs) -> Floats:
-    """Torque of bearing, spring and offset (n, r) [N m]: all but the cable."""
+    """Torque of bearing, spring and offset without the cable, shape (n, r) [N m]."""
     slack = Runs(
         runs.time,
         runs.frequency,
@@ -223,7 +227,7 @@ def _errors(scores: Mapping[str, Scores]) -> bytes:
 
 def _error_rows(axis: Axes, scores: Mapping[str, Scores], what: str, factor: float) -> None:
     for number, score in enumerate(scores.values()):
-        colour = RIVAL if score.fitted_candidate else MODEL
+        colour = ALTERNATIVE if score.alternative else MODEL
         for shift, marker, groups, name in (
             (-0.15, "o", score.loads, "loads held out"),
             (0.15, "^", score.frequencies, "frequencies held out"),

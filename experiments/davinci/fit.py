@@ -14,12 +14,18 @@ from experiments.davinci.models import Structure, predict
 from jmm_agent.types import Floats
 
 TORQUE_SCALE, JAW_SCALE = 0.006, 0.007
-"""About what the best structures leave: it weighs torques [N m] against angles [rad]."""
+"""Errors of the best structures, which weight torques [N m] against angles [rad]."""
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A structure's values (p,), with its residual Jacobian (m, p) if intervals are wanted."""
+    """A fitted structure.
+
+    Attributes:
+        structure: that was fitted.
+        values: of its parameters, shape (p,).
+        jacobian, residual: at the solution, shapes (m, p) and (m,).
+    """
 
     structure: Structure
     values: Floats
@@ -36,7 +42,7 @@ class Errors:
 
 
 def fit(structure: Structure, runs: Runs, start: Floats | None = None) -> Fitted:
-    """Least squares over all samples in use."""
+    """Fit a structure by least squares over all samples in use; ``start`` has shape (p,)."""
     begin = structure.start() if start is None else start
     found = least_squares(
         lambda values: _residual(structure, values, runs),
@@ -60,7 +66,7 @@ def _residual(structure: Structure, values: Floats, runs: Runs) -> Floats:
 
 
 def errors(fitted: Fitted, runs: Runs) -> Errors:
-    """Of a fitted structure on runs."""
+    """Errors of a fitted structure on runs."""
     torque, jaw = predict(fitted.structure, fitted.values, runs)
     return Errors(
         float(np.sqrt(np.mean((torque - runs.torque)[runs.use] ** 2))),
@@ -69,13 +75,13 @@ def errors(fitted: Fitted, runs: Runs) -> Errors:
 
 
 def held_out(structure: Structure, runs: Runs, by: Floats, start: Floats) -> dict[float, Errors]:
-    """Errors on each group of runs, fitted to all the others.
+    """Errors on each group of runs, fitted to all other runs.
 
     Args:
         structure: to fit.
-        runs: all.
-        by: (r,) load or frequency of each run.
-        start: (p,) where the fits start.
+        runs: all runs.
+        by: load or frequency of each run, shape (r,).
+        start: of the fits, shape (p,).
     """
     found = {}
     for value in np.unique(by):
@@ -87,8 +93,8 @@ def held_out(structure: Structure, runs: Runs, by: Floats, start: Floats) -> dic
 def intervals(fitted: Fitted, runs: Runs) -> Floats:
     """Half widths of the parameters' 95 % intervals (p,).
 
-    What a structure leaves is alike within a run, so that runs, not samples, count (cluster-robust
-    sandwich).
+    Residuals are correlated within a run, so the covariance is the cluster-robust sandwich with one
+    cluster a run.
     """
     owner = _owner(runs)
     inverse = np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian)
@@ -102,6 +108,6 @@ def intervals(fitted: Fitted, runs: Runs) -> Floats:
 
 
 def _owner(runs: Runs) -> NDArray[np.int64]:
-    """Run that each residual belongs to (m,)."""
+    """Index of the run of each residual, shape (m,)."""
     once = np.repeat(np.arange(len(runs.load)), runs.use.sum(axis=0))
     return np.concatenate([once, once])

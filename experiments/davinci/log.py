@@ -1,10 +1,10 @@
-"""The da Vinci cable drive: reading the log of a grasper that was measured at both ends.
+"""Reader of the da Vinci log: a cable drive of a grasper, measured at both ends.
 
 A drive spindle pulls cables that turn a jaw against a load; angle and torque are measured at
 spindle and jaw in 50 runs, 5 frequencies times 10 loads. Source: J. J. O'Neill, T. K. Stephens and
 T. M. Kowalewski, "Evaluation of Torque Measurement Surrogates as Applied to Grip Torque and Jaw
 Angle Estimation of Robotic Surgical Tools", IEEE RA-L 3(4):3027-3034, 2018; the data are under the
-ODbL / DbCL (attribution, share-alike). The data are the user's; none are in this package.
+ODbL / DbCL (attribution, share-alike). The user provides the data; none are in this package.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ CHANNELS = (
     "jaw_torque_Nm",
 )
 RATE = 200.0
-"""Of the log [Hz]."""
+"""Sampling rate of the log [Hz]."""
 THINNING = 5
-"""Samples of the log per sample compared: 40 Hz, eighty to the fastest period."""
+"""Samples of the log for each sample that is compared: 40 Hz."""
 CUTOFF = 0.8
-"""Low-pass, zero phase, before thinning [half of the new rate]."""
+"""Cutoff of the zero-phase low-pass before thinning [half of the new rate]."""
 BEGIN = 0.55
-"""Left out at the begin of a run, until the drive has turned once: what friction and play hold
-before is not known [periods]."""
+"""Left out at the start of a run, until the drive has turned once, as the state of friction and
+backlash is unknown before [periods]."""
 JUMP = 0.3
-"""A jaw that turns by more than this in 50 ms was disturbed: the rest of that run, from a second
-before on, is left out [rad]."""
+"""Rotation of the jaw within 50 ms that counts as a disturbance [rad]; the run is left out from a
+second before on."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Runs:
     use: NDArray[np.bool_]
 
     def chosen(self, which: NDArray[np.bool_]) -> Runs:
-        """Some of the runs, by a mask (r,)."""
+        """Some of the runs, by a mask of shape (r,)."""
         arrays = (self.drive, self.torque, self.jaw, self.resistance)
         drive, torque, jaw, resistance = (a[:, which] for a in arrays)
         return Runs(
@@ -117,7 +117,7 @@ def read_runs(path: Path, rate: float = RATE / THINNING) -> Runs:
 
 
 def _undisturbed(jaw: Floats, step: int) -> NDArray[np.bool_]:
-    """Thinned samples (n, r) before any jump; in the first second the load takes hold."""
+    """Thinned samples, shape (n, r), before any jump after the first second."""
     moved = np.abs(jaw[10:] - jaw[:-10]) > JUMP
     moved[: round(RATE)] = False
     early = np.vstack([moved, np.zeros((10, moved.shape[1]), dtype=bool)])

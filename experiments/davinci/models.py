@@ -1,10 +1,10 @@
-"""Structures of a cable drive: what torque and jaw angle follow from drive angle and load.
+"""Structures of a cable drive: models of its torque and jaw angle from drive angle and load.
 
-All are special cases of one. The spindle rubs in its bearing (Coulomb friction of its own, with a
-stiffness before it slips), works against a spring, and pulls an elastic cable. The cable rubs on
-its way: it slides towards the spindle where it pulls with more than ``load e^a``, and back where
-with less than ``load e^-a`` (capstan), or with ``load (1 +- mu)``, beside a constant. The jaw has a
-compliance of its own, on the load. Nothing in it depends on the rate, but for the viscous term.
+All are special cases of one model. The spindle has Coulomb friction in its bearing, with a
+stiffness before it slips, a spring, and an elastic cable. The cable has friction along its path: it
+slides towards the spindle when it pulls with more than ``load e^a`` and back when it pulls with
+less than ``load e^-a`` (capstan), or with ``load (1 +- mu)``, plus a constant. The jaw has a
+compliance of its own under the load. Only the viscous term depends on the rate.
 """
 
 from __future__ import annotations
@@ -55,21 +55,21 @@ UNITS: dict[str, str] = {
 }
 
 CENTRE = -0.5
-"""Where the spring at the spindle rests, if the torque's offset is none of its [rad]."""
+"""Rest angle of the spring at the spindle [rad]; equivalent to an offset of the torque."""
 
 RIGID = 1e3
-"""Stiffness of what is not elastic [N m/rad]."""
+"""Stiffness of rigid elements [N m/rad]."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A hypothesis: its name for people, and the parameters that it has."""
+    """A hypothesis: its title and the names of its parameters."""
 
     title: str
     parameters: tuple[str, ...]
 
     def start(self) -> Floats:
-        """Where its fit starts (p,)."""
+        """Start of its fit, shape (p,)."""
         return np.array([START[name] for name in self.parameters])
 
 
@@ -96,7 +96,7 @@ LADDER: dict[str, Structure] = {
     "jaw": Structure("+ compliance of the jaw under its load", WHOLE[:11]),
     "whole": Structure("+ cable that hardens: the whole", WHOLE),
 }
-"""Each with one thing more than the one before."""
+"""Structures, each with one element more than the one before."""
 
 
 def _without(*names: str) -> tuple[str, ...]:
@@ -105,32 +105,40 @@ def _without(*names: str) -> tuple[str, ...]:
 
 ABLATIONS: dict[str, Structure] = {
     "friction that grows with the load": Structure(
-        "whole, friction not by load", _without("capstan")
+        "whole, without friction by load", _without("capstan")
     ),
-    "a spring at the spindle": Structure("whole, no spring", _without("joint_stiffness")),
-    "an elastic cable": Structure("whole, stiff cable", _without("cable_stiffness", "hardening")),
-    "friction before the cable, too": Structure(
+    "a spring at the spindle": Structure("whole, without spring", _without("joint_stiffness")),
+    "an elastic cable": Structure("whole, rigid cable", _without("cable_stiffness", "hardening")),
+    "friction before the cable": Structure(
         "whole, all friction on the cable", _without("drive_stiffness", "drive_share")
     ),
-    "compliance behind the friction, too": Structure(
-        "whole, jaw not compliant", _without("jaw_compliance")
-    ),
-    "a cable that hardens": Structure("whole, cable linear", _without("hardening")),
+    "compliance behind the friction": Structure("whole, rigid jaw", _without("jaw_compliance")),
+    "a cable that hardens": Structure("whole, linear cable", _without("hardening")),
 }
-"""The whole with one thing less, by what that thing claims. What all friction is needs no more."""
+"""The whole without one element, by the claim about that element."""
 
-RIVALS: dict[str, Structure] = {
-    "viscous": Structure("whole, and viscous friction", (*WHOLE, "viscous")),
-    "backlash": Structure("backlash, cable linear", (*_without("hardening"), "gap")),
+ALTERNATIVES: dict[str, Structure] = {
+    "viscous": Structure("whole, with viscous friction", (*WHOLE, "viscous")),
+    "backlash": Structure("backlash and linear cable", (*_without("hardening"), "gap")),
     "linear": Structure(
-        "friction in proportion to the load, not capstan", (*_without("capstan"), "load_friction")
+        "friction proportional to the load instead of capstan",
+        (*_without("capstan"), "load_friction"),
     ),
 }
-"""The whole, with something in another way."""
+"""Alternatives to the whole."""
 
 
 def predict(structure: Structure, values: Floats, runs: Runs) -> tuple[Floats, Floats]:
-    """Torque of the spindle (n, r) [N m] and angle of the jaw (n, r) [rad] of a structure."""
+    """Simulate a structure.
+
+    Args:
+        structure: of the drive.
+        values: its parameters, shape (p,).
+        runs: of which drive angle, load and the first torque are used.
+
+    Returns:
+        Torque of the spindle, shape (n, r) [N m], and angle of the jaw, shape (n, r) [rad].
+    """
     p = dict(zip(structure.parameters, values, strict=True))
     share = p.get("drive_share", 0.0)
     coulomb = p.get("coulomb", 0.0)
@@ -147,7 +155,7 @@ def predict(structure: Structure, values: Floats, runs: Runs) -> tuple[Floats, F
 
 
 def slides(p: Mapping[str, float], resistance: Floats, constant: float) -> tuple[Floats, Floats]:
-    """Torques at the cable's drive end between which it sticks, (n, r) each [N m]."""
+    """Torques at the drive end of the cable between which it sticks, shape (n, r) each [N m]."""
     load = p["gear"] * resistance
     if "load_friction" in p:
         return load * (1 - p["load_friction"]) - constant, load * (
@@ -158,7 +166,7 @@ def slides(p: Mapping[str, float], resistance: Floats, constant: float) -> tuple
 
 
 def elastic(p: Mapping[str, float], runs: Runs, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Torque of the cable at the drive, and drive angle less its stretch, (n, r) each."""
+    """Torque of the cable at the drive, and drive angle minus elongation, shape (n, r) each."""
     k, hard, gap = p.get("cable_stiffness", RIGID), p.get("hardening", 0.0), p.get("gap", 0.0)
 
     def stretch(torque: Floats) -> Floats:
@@ -174,7 +182,15 @@ def elastic(p: Mapping[str, float], runs: Runs, low: Floats, high: Floats) -> tu
 
 
 def play(angle: Floats, stiffness: float, high: Floats, low: Floats, first: Floats) -> Floats:
-    """A spring in series with a slider: grows with the angle (n, r), kept between two bounds."""
+    """Force of a spring in series with a slider, shape (n, r): play operator with two bounds.
+
+    Args:
+        angle: input, shape (n, r).
+        stiffness: of the spring.
+        high: upper bound of the force, shape (n, r).
+        low: lower bound.
+        first: force at the start, shape (r,).
+    """
     out = np.empty_like(angle)
     state = np.clip(first, np.minimum(low[0], high[0]), high[0])
     move = stiffness * np.diff(angle, axis=0, prepend=angle[:1])

@@ -1,9 +1,9 @@
-"""What the cable drive of a da Vinci grasper does, from torques and angles at both of its ends.
+"""Transmission of a cable drive of a da Vinci grasper, from torques and angles at both ends.
 
-No published work names the mechanism. A ladder of structures, each with one thing more, is fitted
-to 50 runs and judged on loads and on frequencies that it was not fitted to; what does not hold
-there is not established. Beside it, `reality_gap` diagnoses a model with a stiff cable and no
-friction, with the causes that it knows.
+No published work identifies the mechanism. A ladder of structures, each with one element more, is
+fitted to 50 runs and tested on loads and frequencies that are held out. A claim that does not hold
+there is not established. In addition, `reality_gap` diagnoses a model with a rigid cable and no
+friction, with the causes of its catalogue.
 
 Data (not in this package; `--log` names the user's file): J. J. O'Neill, T. K. Stephens and T. M.
 Kowalewski, IEEE RA-L 3(4):3027-3034, 2018, under ODbL / DbCL (attribution, share-alike).
@@ -20,7 +20,7 @@ from rich.console import Console
 
 from experiments.davinci.fit import Fitted, errors, fit, held_out, intervals
 from experiments.davinci.log import RATE, Runs, read_runs
-from experiments.davinci.models import ABLATIONS, LADDER, RIVALS
+from experiments.davinci.models import ABLATIONS, ALTERNATIVES, LADDER
 from experiments.davinci.study import RADIUS, make_study
 from experiments.davinci.tables import (
     FINE_RATE,
@@ -42,7 +42,7 @@ from reality_gap.inference.forward_selection import Settings
 from reality_gap.report.files import check_out, write_diagnosis
 
 NAME = "davinci"
-TITLE = "The cable drive of a da Vinci grasper: what its transmission does"
+TITLE = "Transmission of a cable drive of a da Vinci grasper"
 
 CAUSES = (
     "tendon_elasticity",
@@ -57,22 +57,22 @@ CAUSES = (
     "joint_offset",
     "joint_stiffness",
 )
-"""What a cable drive on a bench may have; masses and cameras it has not."""
+"""Causes that can occur in a cable drive on a test bench without moving masses and cameras."""
 
 OPTIONS = Options(search=Settings(most=6, refits=5), unexplained=1.0, suggest=False)
-"""Several causes are there at once, the weakest a hundredth of the evidence; and what remains,
-which the ladder shows, is no reason to name none."""
+"""Several causes act together, and the weakest contributes a hundredth of the evidence. The ladder
+shows that a large remainder is to be expected, so it must not suppress the named causes."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """What the cable drive of a da Vinci grasper does.
+    """Transmission of a cable drive of a da Vinci grasper.
 
     Attributes:
         log: npz file with the runs, their channels and index_json.
         out: folder of the results.
-        jobs: processes that work at the same time.
-        diagnosis: whether reality_gap diagnoses the drive, too, which takes most of the time.
+        jobs: number of parallel processes.
+        diagnosis: whether reality_gap also diagnoses the drive, which takes most of the time.
     """
 
     log: Path
@@ -82,10 +82,10 @@ class Args:
 
 
 def main(args: Args) -> Summary:
-    """Fit all structures, hold out loads and frequencies, diagnose; write summary and report.
+    """Fit all structures, evaluate them on data held out, diagnose; write summary and report.
 
     Raises:
-        ExperimentError: the log cannot be used, or the folder is somebody's.
+        ExperimentError: the log cannot be used, or the folder holds other files.
     """
     from experiments.davinci.figures import pictures
 
@@ -123,10 +123,10 @@ def main(args: Args) -> Summary:
 
 
 def compare(runs: Runs) -> tuple[dict[str, Scores], dict[str, Fitted]]:
-    """Fit every structure to all runs, and to all but each load and each frequency."""
-    structures = LADDER | ABLATIONS | RIVALS
+    """Fit every structure to all runs, and to all except each load and each frequency."""
+    structures = LADDER | ABLATIONS | ALTERNATIVES
     scores, fitted = {}, {}
-    with progress_bar("structures", len(structures)) as tell:
+    with progress_bar("structures", len(structures)) as progress:
         for name, structure in structures.items():
             found = fit(structure, runs)
             fitted[name] = found
@@ -137,12 +137,12 @@ def compare(runs: Runs) -> tuple[dict[str, Scores], dict[str, Fitted]]:
                 held_out(structure, runs, runs.frequency, found.values),
                 name not in LADDER,
             )
-            tell(name)
+            progress(name)
     return scores, fitted
 
 
 def diagnosed(args: Args) -> Diagnosis:
-    """The diagnosis of the model without friction, written to its own folder."""
+    """Diagnose the model without friction and write the diagnosis to its own folder."""
     folder = args.out / "diagnosis"
     causes: Sequence = [CATALOGUE[name] for name in CAUSES]
     try:
@@ -156,7 +156,7 @@ def diagnosed(args: Args) -> Diagnosis:
 
 
 def cause_table(diagnosis: Diagnosis) -> Table:
-    """What `reality_gap` named, as its model has it and as torques and angles at the spindle."""
+    """Causes named by `reality_gap`: parameters of its model, and equivalents at the spindle."""
     rows = []
     for cause in diagnosis.causes:
         for name, e in cause.parameters.items():
@@ -173,7 +173,7 @@ def cause_table(diagnosis: Diagnosis) -> Table:
             )
     left = "; ".join(f"{d.quantity} {100 * d.fraction:.0f} %" for d in diagnosis.depends_on)
     note = (
-        f"RMS over what models are taken to leave: {diagnosis.rms_before:.2f} before, "
+        f"RMS relative to the assumed error of models: {diagnosis.rms_before:.2f} before, "
         f"{diagnosis.rms_after:.2f} after. What remains depends on: {left or 'nothing found'}."
     )
     head = ("cause", "parameter", "value", "95 % interval", "unit", "at the spindle", "equivalent")
@@ -181,7 +181,7 @@ def cause_table(diagnosis: Diagnosis) -> Table:
 
 
 def at_spindle(value: float, unit: str) -> str:
-    """A force or compliance of the model's cable, whose radius is nominal, as torque or angle."""
+    """Force or compliance of the model's cable, as torque or angle at the nominal radius."""
     if unit == "N":
         return f"{value * RADIUS:.4g} N m"
     if unit == "m/N":

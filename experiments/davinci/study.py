@@ -1,9 +1,9 @@
-"""The da Vinci cable drive as a study for `reality_gap`: a cable that shortens, a jaw, a load.
+"""Study of the da Vinci cable drive for `reality_gap`: a cable that shortens, a jaw, a load.
 
-Commanded are what the spindle's angle makes of the cable's length, and the measured load; compared
-are the spindle's torque, as tension of the cable, and the jaw's angle. `reality_gap` knows no
-friction of the spindle before the cable, no cable that hardens and no compliance behind the
-friction: for these see `experiments.davinci.models`.
+Commands are the length of the cable that corresponds to the angle of the spindle, and the measured
+load. Measurements are the torque of the spindle, as tension of the cable, and the angle of the jaw.
+The catalogue of `reality_gap` has no friction before the cable, no cable that hardens and no
+compliance behind the friction; see `experiments.davinci.models` for these.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from jmm_agent.types import Floats
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 
 RADIUS = 0.005
-"""Of the model's pulley [m]; nominal."""
+"""Nominal radius of the model's pulley [m]."""
 RATIO = 0.92
-"""Of jaw to spindle, as the model has it."""
+"""Ratio of jaw angle to spindle angle in the model."""
 
 TORQUE_NOISE, ANGLE_NOISE = 0.006, 0.007
-"""What the best structure leaves of torque [N m] and angle [rad]. Sensors are far better, but what
-no structure explains repeats; evidence is weighed against that."""
+"""Errors of the best structure in torque [N m] and angle [rad]. They are systematic and much larger
+than the sensors' noise, so evidence is weighed against them."""
 
 LOADS, FREQUENCIES = 3, 2
-"""How many of each are in the study."""
+"""Number of loads and of frequencies in the study."""
 STEP = 0.001
-"""Between commands [s]: held as long as the log's, they would shake a stiff cable."""
+"""Time between commands [s]; longer steps would excite a stiff cable."""
 PERIODS = 1.6
-"""Length of an episode; compared from `BEGIN` on."""
+"""Length of an episode [periods]; compared from `BEGIN` on."""
 
 
 def make_study(runs: Runs) -> Study:
-    """A study of some runs; ``runs`` at the log's own rate."""
+    """Make a study from some of the runs, which must have the log's own rate."""
     channels = (
         Channel("tension", "tension", unit="N", noise=TORQUE_NOISE / RADIUS),
         Channel("jaw angle", "angle", unit="rad", noise=ANGLE_NOISE),
@@ -61,13 +61,13 @@ def _some(values: Floats, count: int) -> Floats:
 
 
 def _zero(runs: Runs) -> float:
-    """Jaw angle at which the spindle stands at zero, at the least load [rad]."""
+    """Jaw angle at zero spindle angle and the least load [rad]."""
     least = runs.use & (runs.load == runs.load.min())
     return float(np.median((runs.jaw - RATIO * runs.drive)[least]))
 
 
 def _episode(runs: Runs, run: int, zero: float) -> Episode:
-    """One run from its begin on; read from the first turn of the spindle on."""
+    """Episode of one run, with readings from the first turn of the spindle on."""
     frequency = runs.frequency[run]
     end = runs.time <= PERIODS / frequency
     time = np.arange(0.0, PERIODS / frequency, STEP)

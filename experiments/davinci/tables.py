@@ -1,4 +1,4 @@
-"""Tables of the da Vinci cable drive: errors held out, parameters, and what is established."""
+"""Tables of the da Vinci cable drive: hold-out errors, parameters, established claims."""
 
 from __future__ import annotations
 
@@ -15,33 +15,40 @@ from jmm_agent.types import Floats
 WHOLE_NAME = "whole"
 
 SPEED = 1.6
-"""Of the spindle at the highest frequency [rad/s]."""
+"""Largest speed of the spindle, at the highest frequency [rad/s]."""
 
 FINE_RATE = 100.0
-"""Of samples that show what the usual band hides [Hz]."""
+"""Rate of the samples for a fit with a wider band [Hz]."""
 
 CLEAR = 0.03
-"""A held-out error that differs by less than this share differs by nothing."""
+"""Relative difference of hold-out errors below which structures count as equal."""
 
 
 @dataclass(frozen=True)
 class Scores:
-    """A structure's errors: on all runs, and on each load and frequency when it is held out."""
+    """Errors of a structure.
+
+    Attributes:
+        structure: that was fitted.
+        all: errors on all runs, fitted to all.
+        loads, frequencies: errors on each load and frequency, fitted to all others.
+        alternative: whether the structure is compared with the whole, and not part of the ladder.
+    """
 
     structure: Structure
     all: Errors
     loads: dict[float, Errors]
     frequencies: dict[float, Errors]
-    fitted_candidate: bool
+    alternative: bool
 
 
 def misfit(errors: Errors) -> float:
-    """Torque and angle together, each over what the best structures leave [1]."""
+    """RMS errors of torque and angle combined, each relative to that of the best structures [1]."""
     return float(np.hypot(errors.torque / TORQUE_SCALE, errors.jaw / JAW_SCALE))
 
 
 def wins(one: Mapping[float, Errors], other: Mapping[float, Errors]) -> tuple[int, int]:
-    """On how many groups one is clearly better than the other, and clearly worse."""
+    """Number of groups on which one is better than the other by `CLEAR`, and worse."""
     ratios = [misfit(one[key]) / misfit(other[key]) for key in one]
     return sum(r < 1 - CLEAR for r in ratios), sum(r > 1 + CLEAR for r in ratios)
 
@@ -58,9 +65,9 @@ def ladder_table(scores: Mapping[str, Scores]) -> Table:
             cells += [f"{_mean(group, what):.1f} ({_worst(group, what):.1f})" for group in groups]
         rows.append(tuple(cells))
     note = (
-        "RMS errors of the spindle's torque [mN m] and the jaw's angle [mrad]: fitted to all runs; "
-        "and on loads and on frequencies that were held out, one at a time: mean (worst). p: how "
-        "many parameters. Those with + have one thing more than the one above."
+        "RMS errors of the spindle's torque [mN m] and the jaw's angle [mrad]: fitted to all "
+        "runs; and on loads and frequencies that are held out one at a time: mean (worst). p: "
+        "number of parameters. Those with + have one element more than the structure above."
     )
     return Table("Structures and their errors", head, rows, note)
 
@@ -74,32 +81,32 @@ def _worst(groups: Mapping[float, Errors], what: str) -> float:
 
 
 def parameter_table(best: Fitted, widths: Floats) -> Table:
-    """Values of the last of the ladder with intervals."""
+    """Parameters of the last structure of the ladder, with intervals."""
     rows = [
         (name, f"{value:.4g}", f"{value - width:.4g} to {value + width:.4g}", UNITS[name])
         for name, value, width in zip(best.structure.parameters, best.values, widths, strict=True)
     ]
     note = (
-        "Intervals of 95 %, from the scatter between runs. They hold within this structure; in "
-        "others that fit alike, parameters differ by more."
+        "Intervals of 95 %, from the scatter between runs. They hold within this structure; "
+        "between structures that fit equally well, parameters differ by more."
     )
     head = ("", "value", "95 % interval", "unit")
     return Table("Parameters of the whole", head, rows, note)
 
 
 def evidence_table(scores: Mapping[str, Scores]) -> Table:
-    """What each part of the structure brings on what was held out."""
+    """Effect of each part of the structure on hold-out errors."""
     rows = [
         claim(scores, "Coulomb friction", "coulomb", "rigid"),
         *(claim(scores, title, WHOLE_NAME, title) for title in ABLATIONS),
         claim(scores, "viscous friction", "viscous", WHOLE_NAME),
-        claim(scores, "a cable that hardens, not backlash", WHOLE_NAME, "backlash"),
-        claim(scores, "capstan's law, not proportion", WHOLE_NAME, "linear"),
+        claim(scores, "a cable that hardens instead of backlash", WHOLE_NAME, "backlash"),
+        claim(scores, "the capstan law instead of proportionality", WHOLE_NAME, "linear"),
     ]
     note = (
-        "Each claim compares two structures on every load and frequency that was held out: on how "
-        f"many the first is better by {100 * CLEAR:.0f} %, and worse. Established: better on all "
-        "frequencies and on all loads but one at most."
+        "Each claim compares two structures on every load and frequency that is held out: the "
+        f"number on which the first is better by {100 * CLEAR:.0f} %, and worse. Established: "
+        "better on all frequencies and on all loads except at most one."
     )
     head = ("claim", "compared with", "loads: better, worse", "frequencies", "established")
     return Table("What is established", head, rows, note)
@@ -128,57 +135,75 @@ def open_table(
     widths: Mapping[str, Floats],
     finer: Fitted,
 ) -> Table:
-    """What these data do not establish, and why.
+    """Properties that these data do not determine, with the reason.
 
     Args:
-        scores, fitted: every structure.
-        widths: half widths of its intervals.
+        scores: errors of every structure.
+        fitted: every structure, fitted to all runs.
+        widths: half widths of the intervals of its parameters.
         finer: the whole, fitted to the same runs with a wider band.
     """
+    rows = [
+        _friction_row(fitted, widths),
+        _viscous_row(fitted, widths),
+        (
+            "location of the second compliance",
+            "It depends on the load alone: the jaw's end of a cable with friction along its whole "
+            "path, the jaw, or the fixture that holds it.",
+        ),
+        _hardening_row(scores),
+        (
+            "spring and offset",
+            "An offset of the torque sensor and another rest angle of the spring are equivalent.",
+        ),
+        _bearing_row(fitted[WHOLE_NAME], finer),
+        ("inertia", "Too small to be observed in motions as slow as these."),
+    ]
+    return Table("What is not established", ("", "reason"), rows)
+
+
+def _friction_row(fitted: Mapping[str, Fitted], widths: Mapping[str, Floats]) -> tuple[str, str]:
     whole = fitted[WHOLE_NAME]
-    most = _bound(fitted, widths, "viscous", "viscous")
     angles = _value(whole, "kinematic_gear")
     off = [_value(found, "gear") / angles - 1 for found in (whole, fitted["linear"])]
+    return (
+        "whether friction follows the capstan law or is proportional to the load",
+        "Both predict the same torques. They differ in the ratio of torques: "
+        f"{_range(fitted, widths, WHOLE_NAME, 'gear')} with the capstan law, "
+        f"{_range(fitted, widths, 'linear', 'gear')} with proportional friction. Without other "
+        f"losses it equals that of angles, {_range(fitted, widths, WHOLE_NAME, 'kinematic_gear')}: "
+        f"it deviates by {100 * off[0]:+.0f} % and {100 * off[1]:+.0f} %, which is plausible for a "
+        "torque sensor.",
+    )
+
+
+def _viscous_row(fitted: Mapping[str, Fitted], widths: Mapping[str, Floats]) -> tuple[str, str]:
+    most = _bound(fitted, widths, "viscous", "viscous")
+    return (
+        "viscous friction",
+        f"At most {most:.4f} N m s/rad: {1e3 * most * SPEED:.1f} mN m at {SPEED} rad/s, the "
+        "highest speed.",
+    )
+
+
+def _hardening_row(scores: Mapping[str, Scores]) -> tuple[str, str]:
     hard, gap = (scores[name].loads for name in (WHOLE_NAME, "backlash"))
     better, worse = wins(hard, gap)
+    return (
+        "whether the cable hardens or has backlash",
+        f"One of them is necessary. Of {len(hard)} loads held out, hardening is better on {better} "
+        f"and worse on {worse}; its worst error of the jaw is {_worst(hard, 'jaw'):.1f} mrad, "
+        f"that of backlash {_worst(gap, 'jaw'):.1f}.",
+    )
+
+
+def _bearing_row(whole: Fitted, finer: Fitted) -> tuple[str, str]:
     stiffness = [_value(found, "drive_stiffness") for found in (whole, finer)]
-    rows = [
-        (
-            "whether friction follows capstan's law or is in proportion to the load",
-            "Both make the same torques. They differ in the ratio of torques: "
-            f"{_range(fitted, widths, WHOLE_NAME, 'gear')} by capstan, "
-            f"{_range(fitted, widths, 'linear', 'gear')} in proportion. Without other losses it is "
-            f"that of angles, {_range(fitted, widths, WHOLE_NAME, 'kinematic_gear')}: off by "
-            f"{100 * off[0]:+.0f} % and {100 * off[1]:+.0f} %, as a torque sensor may be.",
-        ),
-        (
-            "viscous friction",
-            f"At most {most:.4f} N m s/rad: {1e3 * most * SPEED:.1f} mN m at {SPEED} rad/s, the "
-            "highest speed.",
-        ),
-        (
-            "where the second compliance is",
-            "It gives under the load alone: the jaw's end of a cable that rubs all along its way, "
-            "the jaw, or the bench that holds it.",
-        ),
-        (
-            "whether the cable hardens or has play",
-            f"One of them is needed. Of {len(hard)} loads held out, hardening wins {better} and "
-            f"loses {worse}; its worst error of the jaw is {_worst(hard, 'jaw'):.1f} mrad, "
-            f"that of play {_worst(gap, 'jaw'):.1f}.",
-        ),
-        (
-            "what the spring and the offset are",
-            "An offset of the torque sensor and another rest of the spring are the same.",
-        ),
-        (
-            "whether the spindle's bearing gives before it slips",
-            f"Its stiffness is {stiffness[0]:.0f} N m/rad here, {stiffness[1]:.0f} in samples of "
-            f"{FINE_RATE:g} Hz: that is what sampling lets through, a lower bound.",
-        ),
-        ("inertia", "Too small to show in motions this slow."),
-    ]
-    return Table("What is not established", ("", "why"), rows)
+    return (
+        "whether the spindle's bearing is elastic before it slips",
+        f"Its stiffness is {stiffness[0]:.0f} N m/rad here and {stiffness[1]:.0f} in samples of "
+        f"{FINE_RATE:g} Hz. It is limited by the sampling, so this is a lower bound.",
+    )
 
 
 def _value(found: Fitted, parameter: str) -> float:

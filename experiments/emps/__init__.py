@@ -1,1 +1,1 @@
-"""A measured drive: what a mass alone gets wrong of its force."""
+"""Diagnosis of a measured drive from its force."""

@@ -1,4 +1,4 @@
-"""Pictures of the EMPS diagnosis: the force and what is left of it, against time and velocity."""
+"""Figures of the EMPS diagnosis: force, remainder and parameters."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ def pictures(
     second: Diagnosis,
     fits: dict[str, Regression],
 ) -> list[Picture]:
-    """Force, remainder against velocity and position, and parameters."""
+    """All figures of the report."""
     found = [
         Picture(
-            "Force of the drive, and what each model leaves of it",
+            "Force of the drive, and remainder of each model",
             _force_figure(log, first.traces[0], second.traces[0]),
-            "First 7 s. Position of the carriage; measured force and that of the mass alone; what "
-            "is left after textbook causes (friction and offset) and after all causes.",
+            "First 7 s. Position of the carriage; measured force and that of the mass alone; "
+            "remainder after textbook causes (friction and offset) and after all causes.",
         ),
         Picture(
-            "What is left, against velocity and position",
+            "Remainder over velocity and position",
             _remainder_figure(study, first.traces[0], second.traces[0]),
-            "At constant velocity. Left: medians and quartiles at the velocities at which the "
-            "carriage runs evenly. After textbook causes they are off zero, and not alike in both "
-            "directions; friction by direction takes most of it away. Right: what is left is "
-            "mostly ripple along the way, of which no cause is known; it repeats.",
+            "At constant velocity. Left: medians and quartiles at each such velocity. After "
+            "textbook causes they differ from zero, and between directions; direction-dependent "
+            "friction explains most of this. Right: the remainder is mostly a repeatable ripple "
+            "over the position, for which there is no cause in the catalogue.",
         ),
         Picture(
-            "Parameters and their 95 % intervals, over the published ones",
+            "Parameters and their 95 % intervals, relative to the published ones",
             _parameter_figure(first, fits["as published"]),
             "1 is the published value. Circles: the diagnosis; squares: least squares.",
         ),
@@ -69,7 +69,7 @@ def _force_figure(log: Log, first: Trace, second: Trace) -> bytes:
     ):
         axis.axhline(0.0, color="#cccccc", lw=1)
         axis.plot(trace.time, trace.measured - trace.after, color=colour, lw=1)
-        axis.set_ylabel("left [N]")
+        axis.set_ylabel("remainder [N]")
         axis.set_title(name, fontsize=10, loc="left")
         axis.set_ylim(-10, 10)
     axes[3].set_xlim(0.0, min(7.0, float(log.time[-1])))
@@ -99,7 +99,7 @@ def _remainder_figure(study: Study, first: Trace, second: Trace) -> bytes:
 
 
 def _medians(axis: Axes, velocity: Floats, remainder: Floats, colour: str, name: str) -> None:
-    """Median and quartiles at every velocity that the carriage holds for a while."""
+    """Median and quartiles at each constant velocity of the carriage."""
     speeds = np.round(velocity, 2)
     held = [speed for speed in np.unique(speeds) if np.sum(speeds == speed) > 20]
     quartiles = np.array([np.quantile(remainder[speeds == v], (0.25, 0.5, 0.75)) for v in held])
@@ -140,5 +140,5 @@ def _parameter_figure(first: Diagnosis, fit: Regression) -> bytes:
             axis.errorbar(middle, number - 0.12, xerr=error, fmt="o", color=TEXTBOOK, capsize=3)
     axis.set_yticks(range(len(rows)), [f"{row[0]} ({UNITS[row[0]]})" for row in rows])
     axis.invert_yaxis()
-    axis.set_xlabel("value over the published one [1]")
+    axis.set_xlabel("value relative to the published one [1]")
     return png(figure)

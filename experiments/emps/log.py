@@ -1,9 +1,9 @@
-"""The EMPS log: reading it, the study that it makes, and what least squares says of it.
+"""EMPS log: its reader, its study, and errors of predicted forces.
 
 Electro-Mechanical Positioning System: a DC motor drives a carriage through a ball screw in closed
 loop. Source of the data and of the published numbers: A. Janot, M. Gautier and M. Brunot, "Data Set
 and Reference Models of EMPS", Workshop on Nonlinear System Identification Benchmarks, 2019 (free to
-use with citation). The data are the user's; none are in this package.
+use with citation). The user provides the data; none are in this package.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from experiments.harness.errors import ExperimentError
 from jmm_agent.types import Floats
-from reality_gap.simulation.inverse_dynamics import EDGE, Motion, Traced, prepare
+from reality_gap.simulation.inverse_dynamics import EDGE, Motion, PreparedEpisode, prepare
 from reality_gap.study.data import Channel, Episode, Reading, Study
 
 COLUMNS = ("t_s", "q_ref_m", "q_m", "u_V")
@@ -27,19 +27,19 @@ FORCE_PER_VOLT = 35.15065188248547
 
 MASS = 95.1089
 PUBLISHED = {"viscous": 203.5034, "coulomb": 20.3935, "offset": -3.1648}
-"""Of the carriage [kg]; friction [N s/m], [N], and what the force is offset by [N]."""
+"""Published mass [kg], viscous [N s/m] and Coulomb friction [N], and offset of the force [N]."""
 
 PUBLISHED_ERROR, PUBLISHED_ERROR_BY_DIRECTION = 4.08, 3.11
-"""Relative error of the force [%]: of these, and with frictions that depend on the direction."""
+"""Published relative errors of the force [%]: of these, and with direction-dependent friction."""
 
 MODEL_ERROR = 0.04
-"""What models of such a drive leave of its force, as share of the RMS: far more than the sensors'
-noise, and it repeats. Evidence is weighed against that, so that a cause must beat it."""
+"""Error of models of such a drive, as share of the RMS force. It is systematic and much larger than
+the sensors' noise, so evidence is weighed against it."""
 
 
 @dataclass(frozen=True)
 class Log:
-    """Measured at 1 kHz: time [s], reference [m], position [m], force [N], all (n,)."""
+    """Samples at 1 kHz, shape (n,) each: time [s], reference [m], position [m], force [N]."""
 
     time: Floats
     reference: Floats
@@ -71,43 +71,43 @@ def read_log(path: Path) -> Log:
 
 
 def make_study(log: Log) -> Study:
-    """The prepared study: force of a carriage that is a mass alone, along its measured motion."""
+    """Make the study: force of a mass along the measured motion of the carriage."""
     channels = (
         Channel("position", "position", unit="m"),
         Channel("force", "carriage", unit="N", kind="effort"),
     )
     readings = (Reading(log.time, log.position), Reading(log.time, log.force))
     episode = Episode("EMPS", log.time[:1], np.zeros((1, 0)), readings)
-    drawing = Path(str(files("experiments.emps") / "emps.xml"))
-    study = prepare(Study("EMPS", drawing, channels, (episode,)))
+    model = Path(str(files("experiments.emps") / "emps.xml"))
+    study = prepare(Study("EMPS", model, channels, (episode,)))
     noise = MODEL_ERROR * float(np.sqrt(np.mean(measured_force(study) ** 2)))
     return replace(study, channels=(replace(study.channels[0], noise=noise),))
 
 
 def measured_force(study: Study) -> Floats:
-    """The low-passed force that is compared (m,) [N]."""
+    """Low-passed force that is compared, shape (m,) [N]."""
     return study.episodes[0].readings[0].value
 
 
 def motion(study: Study) -> Motion:
-    """Along which it is compared."""
+    """Measured motion along which the force is compared."""
     episode = study.episodes[0]
-    assert isinstance(episode, Traced)
+    assert isinstance(episode, PreparedEpisode)
     return episode.motion
 
 
 def at_readings(study: Study, values: Floats) -> Floats:
-    """Values on the motion's grid, at the times of the force."""
+    """Interpolate values on the grid of the motion at the times of the force."""
     return np.interp(study.episodes[0].readings[0].time, motion(study).time, values)
 
 
 def relative_error(measured: Floats, predicted: Floats) -> float:
-    """Of a predicted force [%], as published: norm of the error over norm of the force."""
+    """Relative error [%] of a predicted force: norm of the error over norm of the force."""
     return 100.0 * float(np.linalg.norm(measured - predicted) / np.linalg.norm(measured))
 
 
 def period(log: Log) -> float | None:
-    """Time after which the reference repeats itself [s]; None if it does not in the log."""
+    """Period of the reference [s]; None if it does not repeat within the log."""
     centred = log.reference - log.reference.mean()
     lags = range(len(centred) // 10, len(centred) // 2)
     differences = [float(np.std(centred[lag:] - centred[:-lag])) for lag in lags]
@@ -118,7 +118,7 @@ def period(log: Log) -> float | None:
 
 
 def repeatability(log: Log, study: Study) -> float | None:
-    """Deviation of the low-passed force from one period to the next [N]; None if none repeats."""
+    """RMS deviation of the low-passed force between periods [N]; None without a period."""
     after = period(log)
     if after is None:
         return None

@@ -1,8 +1,7 @@
-"""Least squares on the inverse dynamic model, the textbook way, beside the diagnosis.
+"""Least squares on the inverse dynamic model, for comparison with the diagnosis.
 
-Every term of the model is linear in its parameter, so that one linear fit gives all. What friction
-models leave repeats and is correlated over tenths of a second; intervals therefore come from the
-scatter of long blocks of the log (cluster-robust), not from the number of samples.
+The model is linear in its parameters. Its residuals are correlated over tenths of a second, so the
+intervals come from the scatter of long blocks of the log (cluster-robust sandwich).
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from reality_gap.simulation.inverse_dynamics import Motion
 from reality_gap.study.data import Study
 
 BLOCKS = 24
+"""Number of blocks of the log."""
 
 TERMS: dict[str, Callable[[Motion], Floats]] = {
     "mass": lambda m: m.qacc[:, 0],
@@ -43,7 +43,13 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Regression:
-    """A linear fit: values, half widths of the 95 % intervals, and relative error [%]."""
+    """A linear fit.
+
+    Attributes:
+        values: of the parameters.
+        widths: half widths of their 95 % intervals.
+        error: relative error of the force [%].
+    """
 
     values: dict[str, float]
     widths: dict[str, float]
@@ -71,7 +77,7 @@ def regress(study: Study, names: Sequence[str]) -> Regression:
 
 
 def term(study: Study, name: str) -> Floats:
-    """Force per unit of a parameter at the readings, low-passed as they are."""
+    """Force per unit of a parameter at the readings, with the low-pass of the readings."""
     along = motion(study)
     step = float(along.time[1] - along.time[0])
     sections = butter(4, 2 * along.cutoff * step, output="sos")
@@ -79,5 +85,5 @@ def term(study: Study, name: str) -> Floats:
 
 
 def force_of(study: Study, values: dict[str, float]) -> Floats:
-    """Force that parameters make at the readings (m,) [N]."""
+    """Force at the readings for some parameters, shape (m,) [N]."""
     return sum((term(study, name) * value for name, value in values.items()), np.zeros(1))

@@ -1,10 +1,10 @@
-"""EMPS: what a mass alone gets wrong of a real drive, found from its force.
+"""EMPS: diagnosis of a real drive from its force.
 
-The Electro-Mechanical Positioning System is a motor that drives a carriage through a ball screw, in
-closed loop: its position hides every fault, its force shows them. The diagnosis starts from a mass
-alone, twice: with the causes of textbooks, and with all that it knows. Among these, friction that
-depends on the direction can stand for viscous friction, Coulomb friction and offset together, and
-for what they leave.
+The Electro-Mechanical Positioning System is a motor that drives a carriage through a ball screw in
+closed loop. The controller hides errors of the model in the position; the force shows them. The
+nominal model is a mass alone. It is diagnosed twice: with textbook causes, and with the whole
+catalogue. There, direction-dependent friction can replace viscous friction, Coulomb friction and
+offset, and explain more than these together.
 
 Data (not in this package; `--log` names the user's file): A. Janot, M. Gautier and M. Brunot, "Data
 Set and Reference Models of EMPS", Workshop on Nonlinear System Identification Benchmarks, 2019;
@@ -39,20 +39,21 @@ from experiments.harness.experiment import LEAST_WIDTH
 from experiments.harness.report import Table, print_table, write_report
 from mjcf_sandbox.files import write_json
 from reality_gap import CATALOGUE, Diagnosis, Options, RealityGapError, diagnose
+from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import FittedCandidate
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.report.files import check_out, write_diagnosis
 from reality_gap.study.data import Study
 
 NAME = "emps"
-TITLE = "EMPS: what a mass alone gets wrong of a real drive"
+TITLE = "EMPS: force of a real drive that a mass alone does not explain"
 DIRECTION, SPRING = "direction_dependent_friction", "joint_stiffness"
 
 TEXTBOOK = [cause for name, cause in CATALOGUE.items() if name != DIRECTION]
 
 OPTIONS = Options(search=Settings(most=4), unexplained=1.0, suggest=False)
-"""The offset is a twentieth of the force, so that a cause may add little to the evidence; and what
-remains, a few per cent, is no reason to name none."""
+"""The offset is a twentieth of the force, so a cause may add little evidence. The remainder of
+a few per cent must not suppress the named causes."""
 
 BASE = ("mass", "viscous", "coulomb", "offset")
 FITS: dict[str, Sequence[str]] = {
@@ -65,12 +66,12 @@ FITS: dict[str, Sequence[str]] = {
 
 @dataclass(frozen=True)
 class Args:
-    """What a mass alone gets wrong of the Electro-Mechanical Positioning System.
+    """Diagnosis of the Electro-Mechanical Positioning System from its force.
 
     Attributes:
         log: CSV file with the columns t_s, q_ref_m, q_m, u_V.
         out: folder of the results.
-        jobs: processes that work at the same time.
+        jobs: number of parallel processes.
     """
 
     log: Path
@@ -82,27 +83,16 @@ def main(args: Args) -> Summary:
     """Diagnose the log twice; write summary.json, report.html and both diagnoses.
 
     Raises:
-        ExperimentError: the log cannot be used, or the folder is somebody's.
+        ExperimentError: the log cannot be used, or the folder holds other files.
     """
     from experiments.emps.figures import pictures
 
     begin = time.perf_counter()
     check_jobs(args.jobs)
     log = read_log(args.log)
-    folders = [args.out / name for name in ("textbook", "all")]
     study = make_study(log)
-    console = Console()
-    found = []
-    for folder, causes in zip(folders, (TEXTBOOK, list(CATALOGUE.values())), strict=True):
-        try:
-            check_out(folder)
-            diagnosis = diagnose(study, args.jobs, causes=causes, options=OPTIONS)
-            write_diagnosis(diagnosis, study, folder)
-        except RealityGapError as error:
-            raise ExperimentError(str(error)) from error
-        console.print(f"{folder.name} causes: {diagnosis.sentence}")
-        found.append(diagnosis)
-    first, second = found
+    first = diagnosed(study, args, "textbook", TEXTBOOK)
+    second = diagnosed(study, args, "all", list(CATALOGUE.values()))
     fits = {title: regress(study, names) for title, names in FITS.items()}
     errors = force_errors(study, first, second, fits)
     tables = [
@@ -112,7 +102,7 @@ def main(args: Args) -> Summary:
         candidate_table(first, second),
         regression_table(fits),
     ]
-    wide = Console(width=max(console.width, LEAST_WIDTH))
+    wide = Console(width=max(Console().width, LEAST_WIDTH))
     for table in tables:
         print_table(wide, table)
     summary = make_summary(
@@ -135,8 +125,21 @@ def main(args: Args) -> Summary:
     return summary
 
 
+def diagnosed(study: Study, args: Args, name: str, causes: Sequence[Cause]) -> Diagnosis:
+    """Diagnose the study with some causes and write the diagnosis to the folder ``name``."""
+    folder = args.out / name
+    try:
+        check_out(folder)
+        diagnosis = diagnose(study, args.jobs, causes=causes, options=OPTIONS)
+        write_diagnosis(diagnosis, study, folder)
+    except RealityGapError as error:
+        raise ExperimentError(str(error)) from error
+    Console().print(f"{name} causes: {diagnosis.sentence}")
+    return diagnosis
+
+
 def named(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Named causes, as JSON can hold them."""
+    """Named causes, for JSON."""
     return [
         {
             "cause": cause.candidate.cause.id,
@@ -154,7 +157,7 @@ def named(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 def force_errors(
     study: Study, first: Diagnosis, second: Diagnosis, fits: dict[str, Regression]
 ) -> dict[str, float]:
-    """Relative errors of the force [%] along the whole log."""
+    """Relative errors of the force over the whole log [%]."""
     force = measured_force(study)
     found = {
         "mass alone": relative_error(force, first.traces[0].before),
@@ -167,7 +170,7 @@ def force_errors(
 
 
 def parameter_table(first: Diagnosis, second: Diagnosis, fit: Regression) -> Table:
-    """Named parameters beside the published ones."""
+    """Table of the named parameters and the published ones."""
     published = {
         ("viscous_friction", "damping"): PUBLISHED["viscous"],
         ("coulomb_friction", "friction"): PUBLISHED["coulomb"],
@@ -195,9 +198,9 @@ def parameter_table(first: Diagnosis, second: Diagnosis, fit: Regression) -> Tab
                 )
     low, high = (fit.values["mass"] + side * fit.widths["mass"] for side in (-1, 1))
     note = (
-        f"Mass: published {MASS} kg, and in the model; least squares find {low:.2f} to "
-        f"{high:.2f} kg. An offset that acts forward needs less force of the drive: its sign is "
-        "the opposite of the published one."
+        f"Mass: {MASS} kg as published and in the model; {low:.2f} to {high:.2f} kg by least "
+        "squares. An offset that acts forward reduces the force of the drive, so its sign is "
+        "opposite to that of the published offset."
     )
     head = (
         "cause",
@@ -209,50 +212,50 @@ def parameter_table(first: Diagnosis, second: Diagnosis, fit: Regression) -> Tab
         "inside",
         "equivalent",
     )
-    return Table("What was named", head, rows, note)
+    return Table("Named causes", head, rows, note)
 
 
 def error_table(errors: dict[str, float]) -> Table:
-    """Relative errors of the force beside the published ones."""
+    """Table of the relative errors of the force."""
     rows = [(name, f"{error:.2f}") for name, error in errors.items()]
     note = (
         f"Published for these data: {PUBLISHED_ERROR} %, and {PUBLISHED_ERROR_BY_DIRECTION} % with "
-        "frictions that depend on the direction; their filters are not known, so the published "
-        "parameters are shown under ours, too."
+        "direction-dependent friction. Their filters are not published, so the published "
+        "parameters are also evaluated with ours."
     )
     return Table("Relative error of the force [%]", ("model", "error"), rows, note)
 
 
 def remainder_table(first: Diagnosis, second: Diagnosis) -> Table:
-    """What the rest of the force depends on."""
+    """Table of quantities that explain the remainder of the force."""
     rows = [
         (d.quantity, stage, f"{100 * d.fraction:.0f} %")
         for stage, diagnosis in (("textbook", first), ("all", second))
         for d in diagnosis.depends_on
     ]
-    note = "Share of the remainder's power that this quantity explains on data held out."
-    return Table("What remains depends on", ("quantity", "causes", "share"), rows, note)
+    note = "Share of the power of the remainder that the quantity explains on data held out."
+    return Table("Dependence of the remainder", ("quantity", "causes", "share"), rows, note)
 
 
 def candidate_table(first: Diagnosis, second: Diagnosis) -> Table:
-    """Who was refused, beside who was taken."""
+    """Table of all fitted candidates."""
     rows = [
-        (str(r.candidate), stage, r.step + 1, f"{r.score:.1f}", f"{r.confidence:.3f}", _taken(r))
+        (str(r.candidate), stage, r.step + 1, f"{r.score:.1f}", f"{r.confidence:.3f}", _chosen(r))
         for stage, diagnosis in (("textbook", first), ("all", second))
         for r in diagnosis.fitted_candidates
     ]
     note = f"Score: evidence on data held out [nats]. A spring is {SPRING}."
     return Table(
-        "Rivals", ("candidate", "causes", "place", "score", "confidence", "taken"), rows, note
+        "Candidates", ("candidate", "causes", "step", "score", "confidence", "chosen"), rows, note
     )
 
 
-def _taken(fitted_candidate: FittedCandidate) -> str:
+def _chosen(fitted_candidate: FittedCandidate) -> str:
     return "yes" if fitted_candidate.chosen else ""
 
 
 def regression_table(fits: dict[str, Regression]) -> Table:
-    """The same by least squares, the textbook way."""
+    """Table of the parameters by least squares."""
     rows = [
         (
             f"{name} [{UNITS[name]}]",
@@ -265,7 +268,7 @@ def regression_table(fits: dict[str, Regression]) -> Table:
     ]
     note = (
         "Half widths of 95 % intervals, from the scatter of blocks of a second. Viscous by "
-        "direction: half of what it is more forward than backward. With it, no offset remains: "
-        "these data do not tell an offset from friction that differs by direction."
+        "direction: half the difference of forward and backward. With it no offset remains: these "
+        "data do not separate an offset from direction-dependent friction."
     )
     return Table("Least squares on the inverse dynamic model", ("term", *fits), rows, note)

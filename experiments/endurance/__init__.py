@@ -1,1 +1,1 @@
-"""Hours of continuous learning."""
+"""Continuous learning for hours."""

@@ -1,1 +1,1 @@
-"""Faults in the middle of learning are named and outlived."""
+"""Faults during learning: detection, and effect on the map."""

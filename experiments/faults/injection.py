@@ -1,7 +1,7 @@
-"""Faults that an environment is made to have, between robot and agent or on the robot itself.
+"""Injection of faults into an environment, between robot and agent or on the robot itself.
 
-An agent cannot tell `FaultyEnv` from another robot. Motors obey their own encoders: where one
-sticks or jumps, the wire is pulled by what it reads.
+`FaultyEnv` has the interface of any other robot. Motors are controlled with their own encoders: if
+an encoder sticks or jumps, the muscle is pulled according to its reading.
 """
 
 from __future__ import annotations
@@ -20,38 +20,38 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.types import Floats
 from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
 from kengoro_env.env import KengoroEnv
-from kengoro_env.robot.motors import DEFAULT_GAINS
+from kengoro_env.robot.muscle_law import DEFAULT_GAINS
 
 MOTORS = MotorControl(DEFAULT_GAINS.stiffness, DEFAULT_GAINS.bias, DEFAULT_GAINS.limit)
-"""What the agent is told of the motors."""
+"""Properties of the motors that the agent knows."""
 
 CYCLE, HIDDEN_SHARE = 2.0, 0.3
-"""How often the marker is hidden [s], and for which share of that time."""
+"""Period with which the marker is hidden [s], and hidden share of it."""
 
 JUMP = 0.020
-"""By how much an encoder jumps [m]."""
+"""Jump of an encoder [m]."""
 
 LATE_STEPS = 5
-"""By how many control periods of 20 ms commands are late."""
+"""Delay of late commands, in control periods of 20 ms."""
 
 PUSH = 40.0
 """Force on the hand [N]."""
 
 SNAPPED = 10.0
-"""Length by which a wire is too long to pull ever again [m]."""
+"""Elongation of a snapped muscle, which cannot pull again [m]."""
 
 IN_FRAMES = (faults.MARKER_HIDDEN, faults.SECOND_MARKER, faults.MIRRORED_MARKER)
-"""Faults of the hand's marker, which frames only show while it is in view."""
+"""Faults of the hand's marker, which are visible only while it is in view."""
 
 
 @dataclass(frozen=True)
 class Injection:
-    """What is wrong from now on.
+    """A fault to inject.
 
     Attributes:
         kind: a key of `jmm_agent.guard.faults.KINDS`.
-        muscle: of the wire, where the fault has one.
-        direction: of a push in the world (3,), of length 1.
+        muscle: name of the muscle; empty for other faults.
+        direction: of an external force in the world, unit vector of shape (3,).
     """
 
     kind: str
@@ -60,7 +60,7 @@ class Injection:
 
     @property
     def where(self) -> str:
-        """Where the agent should find it."""
+        """Location that the agent should name."""
         locations = {
             faults.COMMAND_LATE: "commands",
             faults.PUSHED: "hand",
@@ -70,7 +70,7 @@ class Injection:
 
 
 class MirroringDetector:
-    """Eyes that take the wrong one of a marker's two poses while the environment wants them to.
+    """Detector that can return the wrong one of the two poses of a marker.
 
     Args:
         detector: finds the markers.
@@ -101,15 +101,15 @@ def _mirrored(pose: MarkerPose) -> MarkerPose:
 
 
 class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
-    """An environment in which faults come and go.
+    """An environment with faults that can be injected and removed.
 
     Args:
         env: a Kengoro environment with a camera.
-        detector: finds the marker that is to be hidden or doubled.
+        detector: finds the marker that is hidden or doubled.
 
     Attributes:
         world: the environment without wrappers.
-        eyes: to be given to the agent.
+        detector: marker detector for the agent.
     """
 
     def __init__(self, env: gym.Env[Any, Any], detector: MarkerDetector) -> None:
@@ -121,16 +121,16 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
         self._injection: Injection | None = None
         self._begin = 0.0
         self.shown: float | None = None
-        """When what was injected last first touched anything [s]; None: it has not yet. In a frame
-        without a marker there is nothing to hide, to double or to mirror."""
+        """Time at which the latest fault had its first effect [s]; None before it. Faults of a
+        marker have no effect on a frame without it."""
         self.largest_demand = 0.0
-        """Largest tension that a command has demanded [N], by the lengths that the agent felt."""
+        """Largest tension demanded by a command at the lengths that the agent measured [N]."""
         self._frozen: np.ndarray | None = None
         self._true = self._read = np.zeros(0)
         self._commands: deque[Floats] = deque()
 
     def inject(self, injection: Injection | None) -> None:
-        """Let something be wrong from now on; None: no longer, but a snapped wire stays."""
+        """Inject a fault, or remove it with None; a snapped muscle remains."""
         self._injection, self._begin = injection, self.world.robot.time
         later = injection is None or injection.kind in IN_FRAMES
         self.shown = None if later else self._begin
@@ -146,21 +146,21 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
             self.world.robot.elongate(injection.muscle, SNAPPED)
 
     def reset(self, **more: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """An episode without faults."""
+        """Start an episode without faults."""
         observation, info = self.env.reset(**more)
         self.inject(None)
         self._true = self._read = observation["lengths"]
         return observation, info
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """One step, with what is wrong."""
+        """Step the environment with the fault."""
         demand = MOTORS.demanded(self._read, self.world.action_to_lengths(action))
         self.largest_demand = max(self.largest_demand, float(np.nanmax(demand)))
-        observation, reward, ended, cut, info = self.env.step(self._obeyed(action))
-        return self._felt(observation), float(reward), ended, cut, info
+        observation, reward, ended, cut, info = self.env.step(self._executed(action))
+        return self._disturbed(observation), float(reward), ended, cut, info
 
-    def _obeyed(self, action: Any) -> Any:
-        """The action that the robot obeys."""
+    def _executed(self, action: Any) -> Any:
+        """Action that the robot executes."""
         injection = self._injection
         if injection is None:
             return action
@@ -174,22 +174,22 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
             return self.world.lengths_to_action(lengths)
         return action
 
-    def _felt(self, observation: dict[str, Any]) -> dict[str, Any]:
-        """The observation that the agent gets."""
+    def _disturbed(self, observation: dict[str, Any]) -> dict[str, Any]:
+        """Observation that the agent receives."""
         injection, last = self._injection, self._read
         self._true = self._read = observation["lengths"]
         if injection is None:
             return observation
         shows = injection.kind not in IN_FRAMES
         if injection.muscle:
-            self._spoil_muscle(observation, injection, last)
+            self._disturb_muscle(observation, injection, last)
         elif "frame" in observation:
-            shows = self._spoil_frame(observation, injection)
+            shows = self._disturb_frame(observation, injection)
         if shows and self.shown is None:
             self.shown = self.world.robot.time
         return observation
 
-    def _spoil_muscle(
+    def _disturb_muscle(
         self, observation: dict[str, Any], injection: Injection, last: Floats
     ) -> None:
         muscle = self.world.muscles.index(injection.muscle)
@@ -204,8 +204,8 @@ class FaultyEnv(gym.Wrapper[dict[str, Any], Any, dict[str, Any], Any]):
             observation["tensions"][muscle] = 0.0
         observation["lengths"] = self._read
 
-    def _spoil_frame(self, observation: dict[str, Any], injection: Injection) -> bool:
-        """Change the frame, in place; whether what is wrong shows in it."""
+    def _disturb_frame(self, observation: dict[str, Any], injection: Injection) -> bool:
+        """Change the frame in place; returns whether the fault is visible in it."""
         frame = observation["frame"]
         if injection.kind == faults.CAMERA_FROZEN:
             self._frozen = frame if self._frozen is None else self._frozen

@@ -1,8 +1,7 @@
-"""Faults in the middle of learning: is each noticed, is nothing lost, and is nobody hurt?
+"""Faults during learning: detection, effect on the map, and tensions.
 
-A robot learns for a while. From there on, again and again from the same state, one thing after the
-other goes wrong for some time, and then it goes on learning without a fault. Only a wire that
-snapped does not heal.
+A robot learns for some time. Each fault is then injected into a copy of this state for some time,
+and the robot continues to learn without it. Only a snapped muscle remains.
 """
 
 from __future__ import annotations
@@ -15,24 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from experiments.faults.injection import MOTORS, FaultyEnv, Injection
+from experiments.faults.injection import FaultyEnv, Injection
 from experiments.faults.tables import NO_FAULT, metrics, seed_entry, tables
 from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
-from experiments.harness.experiment import Findings, Results, Study, run_study
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.robots.accuracy import MapAccuracy
-from jmm_agent.agent import Agent, AgentOptions
+from experiments.robots.conditions import ACTUAL
 from jmm_agent.guard import faults
-from jmm_agent.guard.guard import Guard
-from jmm_agent.updaters import VisionOptions
-from jmm_agent.vision.hold_out import HoldOutOptions
-from jmm_agent.vision.marker_detector import Detector, MarkerDetector
-from kengoro.arm import ACTUAL, CAMERA, NO_END, SIDES, make_env, new_agent, shuffled_postures
+from jmm_agent.vision.marker_detector import MarkerDetector
+from kengoro.agents import make_agent
+from kengoro.robots import CAMERA, NO_END, SIDES, make_env, shuffled_postures
 from kengoro.session import Session
-from kengoro.trained_maps import ARM
-from kengoro_env.assets import asset_path
-from kengoro_env.robot.nominal_model import NominalArm
 
 MUSCLE_FAULTS = (
     faults.ENCODER_STUCK,
@@ -50,21 +44,21 @@ TRIALS = (
     faults.COMMAND_LATE,
     faults.PUSHED,
 )
-"""What goes wrong, one after the other."""
+"""Faults of the trials, and a trial without a fault."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How long everything takes.
+    """Durations and amount of work on each robot.
 
     Attributes:
-        learning: before anything goes wrong [s].
-        fault: with the fault [s].
-        after: without it again [s].
+        learning: time of learning before the faults [s].
+        fault: time with a fault [s].
+        after: time after it [s].
         move: duration of a movement [s].
-        patience: longest wait for rest and a look [s].
-        tested: number of postures over which the map's error is taken.
-        trials: which faults.
+        patience: longest wait for rest and an observation [s].
+        tested: number of postures over which the error of the map is evaluated.
+        trials: faults that are injected.
     """
 
     learning: float = 90.0
@@ -78,14 +72,14 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Args(common.Args):
-    """Faults in the middle of learning: is each noticed, and does it leave the map as it was?
+    """Faults during learning: detection, and effect on the map.
 
     Attributes:
         seeds: robots, as A-B or A; seeds below 100 are for tuning.
         out: folder of the results.
-        learning: time before anything goes wrong [s].
+        learning: time of learning before the faults [s].
         fault: time with each fault [s].
-        after: time without it again [s].
+        after: time after it [s].
     """
 
     seeds: str = "0-9"
@@ -98,8 +92,8 @@ class Args(common.Args):
 QUICK = Sizes(learning=8.0, fault=6.0, after=6.0, tested=10)
 
 
-class Life:
-    """A robot with faults and its guarded agent, on their way from posture to posture.
+class FaultyRun:
+    """A robot with faults and its guarded agent, which visit postures.
 
     Args:
         seed: of the robot.
@@ -112,22 +106,22 @@ class Life:
         self._detector = MarkerDetector(CAMERA, SIDES)
         env = make_env("Posture", seed, max_episode_steps=NO_END)
         self.env = FaultyEnv(env, self._detector)
-        self.agent = guarded_agent(seed, cache, self.env.detector)
+        self.agent = make_agent(seed, guard=True, detector=self.env.detector, cache=cache)
         start = self._postures[0]
         options = {"posture": start, "target": start}
         self.session = Session(self.env, self.agent, seed, None, options)
         self.named: dict[tuple[str, str], list[float]] = {}
-        """When each fault was noticed [s], by kind and where."""
+        """Times at which each fault was named [s], by kind and location."""
         self.largest_tension = 0.0
         self.not_finite = 0
 
-    def twin(self) -> Life:
-        """The same life, to be lived on by itself from here."""
+    def copy(self) -> FaultyRun:
+        """An independent copy that continues from the present state."""
         shared = (self.agent.kinematics, self._detector, self.agent.map, self._postures)
-        return deepcopy(self, {id(thing): thing for thing in shared})
+        return deepcopy(self, {id(item): item for item in shared})
 
-    def live(self, duration: float) -> None:
-        """Go from posture to posture for some time [s]."""
+    def advance(self, duration: float) -> None:
+        """Visit postures for some time [s]."""
         end = self.session.time + duration - 1e-9
         while self.session.time < end:
             self._visited += 1
@@ -150,17 +144,8 @@ class Life:
             self.not_finite += int(np.sum(~np.isfinite(array)))
 
 
-def guarded_agent(seed: int, cache: Path | None, detector: Detector) -> Agent:
-    """An agent that knows the drawing, watches over its robot and undoes harmful updates."""
-    options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
-    agent = new_agent(cache, seed, options=options, detector=detector)
-    gravity = NominalArm(asset_path(ARM)).gravity
-    agent.guard = Guard(agent.map.muscles, agent.kinematics, CAMERA, gravity, MOTORS)
-    return agent
-
-
 def injection(kind: str, seed: int, muscles: Sequence[str]) -> Injection | None:
-    """The fault of a kind on the robot of a seed: at a wire, or with a push, drawn by chance."""
+    """Fault of a kind on the robot of a seed, with a random muscle and direction of force."""
     if kind == NO_FAULT:
         return None
     rng = np.random.default_rng([seed, 7, TRIALS.index(kind)])
@@ -171,29 +156,31 @@ def injection(kind: str, seed: int, muscles: Sequence[str]) -> Injection | None:
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """One robot: it learns, and from there each fault comes, stays and goes."""
-    life, accuracy = Life(seed, cache, sizes), MapAccuracy(seed, sizes.tested)
-    life.live(sizes.learning)
-    trials = {kind: trial(life.twin(), accuracy, kind, seed, sizes) for kind in sizes.trials}
-    life.env.close()
-    return {"learning": told(life, 0.0, sizes.learning), "trials": trials}
+    """Run one robot: learning, then a trial of each fault from that state."""
+    learner, accuracy = FaultyRun(seed, cache, sizes), MapAccuracy(seed, sizes.tested)
+    learner.advance(sizes.learning)
+    trials = {kind: trial(learner.copy(), accuracy, kind, seed, sizes) for kind in sizes.trials}
+    learner.env.close()
+    return {"learning": record_of(learner, 0.0, sizes.learning), "trials": trials}
 
 
-def trial(life: Life, accuracy: MapAccuracy, kind: str, seed: int, sizes: Sizes) -> dict[str, Any]:
-    """One fault comes at a time drawn by chance, stays and goes."""
+def trial(
+    faulty: FaultyRun, accuracy: MapAccuracy, kind: str, seed: int, sizes: Sizes
+) -> dict[str, Any]:
+    """Inject a fault at a random time and remove it after its duration."""
     rng = np.random.default_rng([seed, 9, TRIALS.index(kind)])
-    life.live(float(rng.uniform(0.0, sizes.move + sizes.patience)))
-    life.named.clear()
-    injected = injection(kind, seed, life.env.world.muscles)
-    before, begin = accuracy.error_mm(life.agent), life.session.time
-    life.env.largest_demand = life.largest_tension = 0.0
-    life.env.inject(injected)
-    life.live(sizes.fault)
-    gone, shown = life.session.time, life.env.shown
+    faulty.advance(float(rng.uniform(0.0, sizes.move + sizes.patience)))
+    faulty.named.clear()
+    injected = injection(kind, seed, faulty.env.world.muscles)
+    before, begin = accuracy.error_mm(faulty.agent), faulty.session.time
+    faulty.env.largest_demand = faulty.largest_tension = 0.0
+    faulty.env.inject(injected)
+    faulty.advance(sizes.fault)
+    gone, shown = faulty.session.time, faulty.env.shown
     if kind != faults.MUSCLE_SNAPPED:
-        life.env.inject(None)
-        life.live(sizes.after)
-    life.env.close()
+        faulty.env.inject(None)
+        faulty.advance(sizes.after)
+    faulty.env.close()
     return {
         "kind": kind,
         "where": "" if injected is None else injected.where,
@@ -201,52 +188,51 @@ def trial(life: Life, accuracy: MapAccuracy, kind: str, seed: int, sizes: Sizes)
         "shown": shown,
         "gone": gone,
         "before_mm": before,
-        "after_mm": accuracy.error_mm(life.agent),
-        "still_named": [fault.kind for fault in life.agent.faults],
-        **told(life, begin, life.session.time),
+        "after_mm": accuracy.error_mm(faulty.agent),
+        "still_named": [fault.kind for fault in faulty.agent.faults],
+        **record_of(faulty, begin, faulty.session.time),
     }
 
 
-def told(life: Life, begin: float, end: float) -> dict[str, Any]:
-    """What a life tells of the time from ``begin`` to ``end`` [s]."""
+def record_of(faulty: FaultyRun, begin: float, end: float) -> dict[str, Any]:
+    """Record of a run from ``begin`` to ``end`` [s]."""
     return {
         "seconds": end - begin,
-        "named": [[*what, times] for what, times in life.named.items()],
-        "largest_demand_N": life.env.largest_demand,
-        "largest_tension_N": life.largest_tension,
-        "not_finite": life.not_finite,
-        "taken_back": life.agent.taken_back,
+        "named": [[*what, times] for what, times in faulty.named.items()],
+        "largest_demand_N": faulty.env.largest_demand,
+        "largest_tension_N": faulty.largest_tension,
+        "not_finite": faulty.not_finite,
+        "taken_back": faulty.agent.taken_back,
     }
 
 
 def main(args: Args) -> Summary:
-    """Run all robots, or what of it is missing; write summary and report.
+    """Run the experiment; returns its summary.
 
     Raises:
         ExperimentError: a duration is not positive.
     """
     if min(args.learning, args.fault, args.after) <= 0:
-        raise ExperimentError("learning, fault and after are times in seconds, above 0.")
-    sizes = replace(STUDY.sizes, learning=args.learning, fault=args.fault, after=args.after)
-    return run_study(replace(STUDY, sizes=sizes), args)
+        raise ExperimentError("learning, fault and after must be positive.")
+    sizes = replace(EXPERIMENT.sizes, learning=args.learning, fault=args.fault, after=args.after)
+    return run_experiment(replace(EXPERIMENT, sizes=sizes), args)
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """How soon each fault was noticed, and what it did to the map and the wires."""
+    """Delay of the detection of each fault, and its effects on map and tensions."""
     per_seed = {seed: seed_entry(result[ACTUAL]) for seed, result in results.items()}
-    told = tables(per_seed)
-    more = {"tables": [table.plain() for table in told[1:]]}
-    return Findings(metrics(per_seed), per_seed, told, (), more)
+    found = tables(per_seed)
+    more = {"tables": [table.plain() for table in found[1:]]}
+    return Findings(metrics(per_seed), per_seed, found, (), more)
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="faults",
-    title="Faults in the middle of learning",
+    title="Faults during learning",
     introduction=(
-        "A robot learns. From there, each time from the same state, one thing goes wrong for some "
-        "time, and then it goes on learning without a fault. The agent must "
-        "notice and name each fault, keep it out of the map, and never command more tension than "
-        "the motors may pull with."
+        "A robot learns. Each fault is then injected for some time, always from the same state, "
+        "and the robot continues to learn without it. The agent must name each fault, keep the "
+        "map from being changed by it, and never command more tension than the motors may exert."
     ),
     figure="beyond the paper",
     conditions=(ACTUAL,),

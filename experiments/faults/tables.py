@@ -1,4 +1,4 @@
-"""Tables of the faults: noticed or not, how soon, and what became of map and wires."""
+"""Tables of the faults: detection, its delay, and effects on map and tensions."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from jmm_agent.guard import faults
 from jmm_agent.guard.faults import KINDS
 
 NO_FAULT = "no_fault"
-"""The same time without a fault, to compare with."""
+"""Trial of the same duration without a fault."""
 
 IN_TIME = 2.0
-"""Seconds within which a fault must be noticed."""
+"""Time within which a fault must be named [s]."""
 
 KEPT = 1.2
-"""Ratio of the map's error after to that before that must be kept."""
+"""Threshold of the ratio of the map's error after and before a fault."""
 
 LINGERS = 3.0
-"""Seconds after a fault has gone in which its name is no mistake."""
+"""Time after the end of a fault in which naming it is no error [s]."""
 
 
 def seed_entry(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers of one robot: of its learning, and of each fault."""
+    """Entry of one robot in the summary: its learning, and each fault."""
     learning = result["learning"]
     return {
         "learning": {
@@ -75,7 +75,7 @@ def _trial_entry(trial: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def metrics(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
-    """The numbers that the guard is judged by."""
+    """Metrics of the guard."""
     entries = list(per_seed.values())
     trials = _shown(entry[kind] for entry in entries for kind in KINDS if kind in entry)
     whole = [part for entry in entries for part in entry.values()]
@@ -97,7 +97,7 @@ def metrics(per_seed: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _shown(trials: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Those in which the fault showed: a marker that is not in view is neither hidden nor two."""
+    """Trials in which the fault had an effect; faults of a marker have none out of view."""
     return [trial for trial in trials if trial["shown_after_s"] is not None]
 
 
@@ -112,7 +112,7 @@ def _in_time(trial: Mapping[str, Any]) -> bool:
 
 
 def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
-    """A row for each fault, and what was named where nothing was wrong."""
+    """Table with a row for each fault, and table of wrong names."""
     entries = list(per_seed.values())
     rows = [
         _row(kind, [entry[kind] for entry in entries if kind in entry])
@@ -125,13 +125,13 @@ def tables(per_seed: Mapping[int, Mapping[str, Any]]) -> list[Table]:
         "largest tension [N]", "not finite",
     )  # fmt: skip
     note = (
-        f"{len(entries)} robots. Seconds, ratios: median (worst robot). Seconds count from when "
-        "the fault first shows: a marker's, when it is in view; where it never is, there is "
-        "nothing to name. Also named: on how many robots something else was named during the "
-        "fault. Demand: the largest tension that a command demanded by the lengths that the agent "
-        "felt; tension: the largest true one."
+        f"{len(entries)} robots. Times and ratios: median (worst robot). Times start at the first "
+        "effect of the fault; a fault of a marker has no effect while it is out of view. Also "
+        "named: number of robots on which something else was named during the fault. Demand: "
+        "largest tension demanded by a command at the lengths that the agent measured; tension: "
+        "largest true tension."
     )
-    return [Table("Faults in the middle of learning", head, rows, note), _false_table(entries)]
+    return [Table("Faults during learning", head, rows, note), _false_table(entries)]
 
 
 def _row(kind: str, trials: list[Mapping[str, Any]]) -> list[object]:
@@ -152,21 +152,21 @@ def _row(kind: str, trials: list[Mapping[str, Any]]) -> list[object]:
 
 
 def _false_table(entries: list[Mapping[str, Any]]) -> Table:
-    """What was named where nothing was wrong, or what was not wrong."""
+    """Table of wrong names: without a fault, or of another fault."""
     rows = []
     for name, key in (
-        ("while it learned, before any fault", "learning"),
-        ("the same time without a fault", NO_FAULT),
+        ("learning before the first fault", "learning"),
+        ("same duration without a fault", NO_FAULT),
     ):
         parts = [entry[key]["false_namings"] for entry in entries if key in entry]
         rows.append((name, *_counted(parts)))
     for kind in KINDS:
         trials = [entry[kind] for entry in entries if kind in entry]
-        for told, key in ((f"{kind}: during", "also_named"), (f"{kind}: later", "false_namings")):
+        for label, key in ((f"{kind}: during", "also_named"), (f"{kind}: later", "false_namings")):
             parts = [trial[key] for trial in trials]
             if any(parts):
-                rows.append((told, *_counted(parts)))
-    return Table("What was named wrongly", ("when", "robots", "what"), rows)
+                rows.append((label, *_counted(parts)))
+    return Table("Wrong names", ("when", "robots", "names"), rows)
 
 
 def _counted(parts: list[list[str]]) -> tuple[str, str]:

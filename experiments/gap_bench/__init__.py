@@ -1,1 +1,1 @@
-"""The diagnosis on trial: hidden effects, and how often it is right."""
+"""Trials of the diagnosis on machines with hidden effects."""

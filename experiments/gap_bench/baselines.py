@@ -1,10 +1,10 @@
-"""What others would name from the same log: the largest correlation, or a fit of everything.
+"""Baselines of the diagnosis: largest correlation, and a fit of all parameters at once.
 
-The fit of everything is `mujoco.sysid`'s, with its optimiser and intervals. It is given more than
-it brings: this project's replay, so that it knows encoders, wires' elasticity and cameras too, the
-sensors' noise, and a prior as wide as the diagnosis', without which most intervals are infinite.
-Only what acts in every step through Python is left out (backlash, slack, some frictions, pushes):
-with it, one step of the fit would take half an hour.
+The fit of all parameters uses the optimiser and the intervals of `mujoco.sysid`, with the replay of
+`reality_gap` (encoders, elastic tendons, cameras), the noise of the sensors, and the prior of the
+diagnosis, without which most intervals are infinite. Causes with a Python hook in
+each simulation step (backlash, slack, some frictions, external forces) are left out, because a step
+of the fit would take half an hour with them.
 """
 
 from __future__ import annotations
@@ -19,45 +19,47 @@ import numpy as np
 
 from jmm_agent.types import Floats
 from reality_gap.inference.evidence import PRIOR
-from reality_gap.inference.gauss_newton import at, to_theta
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import Candidate, build
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.inference.theta import to_theta, with_theta
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, build
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
-from reality_gap.study.splits import CHOOSE, split
+from reality_gap.study.splits import SELECT, split
 
 STEP = 0.05
-"""Finite difference of the fit, in scales: dry friction has no slope within a smaller one."""
+"""Finite difference of the fit, in scales; below it dry friction has no slope."""
 ITERATIONS = 6
+"""Largest number of iterations of the fit."""
 NEAR_NULL = 0.02
-"""Where one-sided parameters start, in scales: in the corner the optimiser would stall."""
+"""Start of one-sided parameters, in scales; the optimiser stalls at a bound."""
 FAR = 20.0
-"""Bounds of those without, in scales."""
+"""Bounds of parameters without bounds, in scales."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """What a baseline names, if its threshold lets it.
+    """The cause that a baseline names if its score exceeds a threshold.
 
     Attributes:
-        cause, where: id and elements.
-        score: what the threshold cuts: explained share of the residual's power, or a parameter's
-            change over the half width of its 95 % interval.
+        cause: its id.
+        elements: where it acts.
+        score: explained share of the residual's power, or change of a parameter relative to the
+            half width of its 95 % interval.
     """
 
     cause: str
-    where: tuple[str, ...]
+    elements: tuple[str, ...]
     score: float
 
 
 def largest_correlation(
     readings: Measured, residual: Floats, found: Sequence[Sensitivity]
 ) -> Named | None:
-    """The suspect with the column that correlates best with the residual (n,).
+    """The candidate with the column that correlates best with the residual, shape (n,).
 
-    Nothing is fitted, no drawing has tolerances, and the report split is left alone.
+    Nothing is fitted, tolerances are ignored, and the report split is not used.
     """
-    use = split(readings) <= CHOOSE
+    use = split(readings) <= SELECT
     r = residual[use]
     best: Named | None = None
     for sensitivity in found:
@@ -76,24 +78,24 @@ def _named(candidate: Candidate, score: float) -> Named:
 
 
 def sysid_installed() -> bool:
-    """Whether `mujoco.sysid` is there: without its extra it imports as an empty package."""
+    """Whether `mujoco.sysid` is installed; without its extra it imports as an empty package."""
     from mujoco import sysid
 
     return hasattr(sysid, "optimize")
 
 
 def free_parameter_baseline(replayer: Replayer, found: Sequence[Sensitivity]) -> Named | None:
-    """Fit all parameters at once, and take the one that moved most for its interval.
+    """Fit all parameters at once and choose the one with the largest change.
 
-    None without the extra ``mujoco[sysid]``.
+    Changes are relative to the interval of the parameter. None without the extra ``mujoco[sysid]``.
     """
     if not sysid_installed():
         return None
     from mujoco import sysid
 
     logging.getLogger("absl").setLevel(logging.ERROR)
-    start = freed(replayer, found)
-    use = split(replayer.measured) <= CHOOSE
+    start = free_parameters(replayer, found)
+    use = split(replayer.measured) <= SELECT
     owners = [candidate for candidate, _ in start for _ in candidate.parameters]
     parameters = _parameters(sysid, start)
 
@@ -113,8 +115,8 @@ def free_parameter_baseline(replayer: Replayer, found: Sequence[Sensitivity]) ->
     return _named(owners[most], float(moved[most]))
 
 
-def freed(replayer: Replayer, found: Sequence[Sensitivity]) -> Hypothesis:
-    """Every cause at every single element whose replay needs no Python in its steps, at null."""
+def free_parameters(replayer: Replayer, found: Sequence[Sensitivity]) -> Hypothesis:
+    """All causes at single elements without a Python hook in their replay, at their null."""
     parts, seen = [], set()
     for sensitivity in found:
         candidate = sensitivity.candidate
@@ -123,14 +125,15 @@ def freed(replayer: Replayer, found: Sequence[Sensitivity]) -> Hypothesis:
         if key in seen or not smooth or len(candidate.location.elements) > 1:
             continue
         seen.add(key)
-        values = at([(candidate, candidate.nulls())], np.full(len(candidate.parameters), NEAR_NULL))
+        null = [(candidate, candidate.null_values())]
+        values = with_theta(null, np.full(len(candidate.parameters), NEAR_NULL))
         if not build(replayer.system, values).effects.hooks:
-            parts.append((candidate, candidate.nulls()))
+            parts += null
     return parts
 
 
 def _parameters(sysid: Any, start: Hypothesis) -> Any:
-    """One number for each parameter, in scales, moved off the bounds."""
+    """Parameters of `mujoco.sysid`, one for each number, in scales and away from the bounds."""
     found = sysid.ParameterDict()
     parameters = [p for candidate, _ in start for p in candidate.parameters]
     for i, (p, null) in enumerate(zip(parameters, to_theta(start), strict=True)):
@@ -142,4 +145,4 @@ def _parameters(sysid: Any, start: Hypothesis) -> Any:
 
 
 def _residual(replayer: Replayer, start: Hypothesis, theta: Floats) -> Floats:
-    return np.nan_to_num(replayer.residual(at(start, theta)), posinf=1e3, neginf=-1e3)
+    return np.nan_to_num(replayer.residual(with_theta(start, theta)), posinf=1e3, neginf=-1e3)

@@ -1,4 +1,4 @@
-"""What the diagnosis must reach, each number with its 95 % interval."""
+"""Criteria of the diagnosis: numbers with 95 % intervals, and their thresholds."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 from experiments.gap_bench.scores import (
     AMBIGUOUS,
@@ -16,22 +17,23 @@ from experiments.gap_bench.scores import (
     added_mass_error,
     entropy,
     exact_set,
+    first_name,
     gain_ratio,
     parameter_error,
     right_first,
     right_location,
     right_or_equivalent,
-    said,
     truth,
 )
-from experiments.harness.statistics import interval
+from experiments.harness.statistics import bootstrap_interval, interval
 from jmm_agent.types import Floats
 
-Z = 1.959964
-"""Of a 95 % interval."""
+RESAMPLES = 2000
+"""Number of bootstrap samples of means and calibration errors."""
 BINS = 10
+"""Number of bins of confidences."""
 LIMIT = 60.0
-"""What 20 s of the elbow may take, on two cores [s]."""
+"""Longest acceptable time of a diagnosis of 20 s of the elbow [s]."""
 ERRORS = {
     "mass": (3.0, "%"),
     "friction": (15.0, "%"),
@@ -39,18 +41,18 @@ ERRORS = {
     "delay": (1.0, "samples"),
     "moved sites": (1.0, "mm"),
 }
-"""What the median error of a family of parameters may be."""
+"""Largest acceptable median error, and its unit, by family of parameters."""
 
 
 class Row(NamedTuple):
-    """One number that the diagnosis is judged by.
+    """A number by which the diagnosis is judged.
 
     Attributes:
-        name: what it says.
-        cases: how many there were.
-        value, low, high: with its 95 % interval; None where there is no case.
+        name: of the number.
+        cases: number of cases.
+        value, low, high: the number with its 95 % interval; None without a case.
         unit: "%", "mm", ...
-        most, least: what must be reached, None where nothing must.
+        most, least: thresholds; None without a threshold.
     """
 
     name: str
@@ -64,29 +66,25 @@ class Row(NamedTuple):
 
     @property
     def reached(self) -> bool | None:
-        """None without a must or a case."""
+        """Whether the thresholds are satisfied; None without a threshold or a case."""
         if self.value is None or (self.most is None and self.least is None):
             return None
         above = self.least is None or self.value >= self.least
         return above and (self.most is None or self.value <= self.most)
 
     def plain(self) -> dict[str, Any]:
-        """The same for JSON."""
+        """Entries for JSON."""
         return self._asdict() | {"reached": self.reached}
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share."""
-    share, z = hits / count, Z
-    middle = share + z * z / (2 * count)
-    half = z * float(np.sqrt(share * (1 - share) / count + z * z / (4 * count * count)))
-    scale = 1 + z * z / count
-    low = (middle - half) / scale if hits else 0.0
-    return low, min(1.0, (middle + half) / scale)
+    low, high = binomtest(hits, count).proportion_ci(method="wilson")
+    return float(low), float(high)
 
 
 def share(name: str, right: Iterable[bool | None], **must: float) -> Row:
-    """Share of cases in %; those without an answer do not count."""
+    """Share of cases [%], without those that are None."""
     known = [bool(x) for x in right if x is not None]
     if not known:
         return Row(name, 0, None, None, None, "%", **must)
@@ -103,7 +101,7 @@ def middle(name: str, values: Iterable[float | None], unit: str, **must: float) 
 
 
 def musts(trials: Sequence[Trial]) -> list[Row]:
-    """Everything that must be reached, and what stands beside it."""
+    """All criteria, and further numbers."""
     single, pair, null, outside = (
         [t for t in trials if t["case"]["kind"] == kind]
         for kind in ("single", "pair", "null", "outside")
@@ -112,15 +110,23 @@ def musts(trials: Sequence[Trial]) -> list[Row]:
         share("right cause first", map(right_first, single), least=90.0),
         share("right cause or a declared equivalent", map(right_or_equivalent, single), least=97.0),
         share("right muscle, joint or sensor", map(right_location, single), least=90.0),
-        share("... or one declared to do the same", (right_location(t, True) for t in single)),
+        share("... or one declared equivalent", (right_location(t, True) for t in single)),
         share(
             "... of those with the right cause", map(right_location, filter(right_first, single))
         ),
         share("singles with a second cause named", (len(t["causes"]) > 1 for t in single)),
-        share("false alarms on fault-free logs", (said(t) != NOTHING for t in null), most=5.0),
-        share("outside called unexplained", (said(t) == UNEXPLAINED for t in outside), least=80.0),
-        share("singles called unexplained", (said(t) == UNEXPLAINED for t in single), most=5.0),
-        share("singles missed", (said(t) == NOTHING for t in single)),
+        share(
+            "false alarms on fault-free logs", (first_name(t) != NOTHING for t in null), most=5.0
+        ),
+        share(
+            "outside effects called unexplained",
+            (first_name(t) == UNEXPLAINED for t in outside),
+            least=80.0,
+        ),
+        share(
+            "singles called unexplained", (first_name(t) == UNEXPLAINED for t in single), most=5.0
+        ),
+        share("singles missed", (first_name(t) == NOTHING for t in single)),
         share("two causes, exact set", map(exact_set, pair), least=70.0),
         share("... with declared equivalents", (exact_set(t, True) for t in pair)),
         *_errors(single),
@@ -147,7 +153,10 @@ def _errors(single: Sequence[Trial]) -> list[Row]:
         middle(f"error: {family}", (e for f, e in found if f == family), unit, most=most)
         for family, (most, unit) in ERRORS.items()
     ]
-    return [*rows, middle("error: mass, over what was added", map(added_mass_error, single), "%")]
+    return [
+        *rows,
+        middle("error: mass, relative to the added mass", map(added_mass_error, single), "%"),
+    ]
 
 
 def _equivalents(trials: Sequence[Trial]) -> Row:
@@ -159,9 +168,8 @@ def _mean(name: str, values: Sequence[float], unit: str, **must: float) -> Row:
     if not values:
         return Row(name, 0, None, None, None, unit, **must)
     numbers = np.array(values)
-    drawn = np.random.default_rng(0).integers(len(numbers), size=(2000, len(numbers)))
-    low, high = np.quantile(numbers[drawn].mean(axis=1), [0.025, 0.975])
-    return Row(name, len(values), float(numbers.mean()), float(low), float(high), unit, **must)
+    low, high = bootstrap_interval(np.mean, numbers, resamples=RESAMPLES)
+    return Row(name, len(values), float(numbers.mean()), low, high, unit, **must)
 
 
 def _worst(name: str, values: Sequence[float], unit: str) -> Row:
@@ -169,7 +177,7 @@ def _worst(name: str, values: Sequence[float], unit: str) -> Row:
 
 
 def confidences(trials: Sequence[Trial]) -> tuple[Floats, Floats]:
-    """Confidence of every named cause (k,), and whether it was there (k,)."""
+    """Confidence of each named cause, and whether it is true, shape (k,) each."""
     pairs = [
         (c["confidence"], c["cause"] in {e["cause"] for e in t["truth"]})
         for t in trials
@@ -178,30 +186,29 @@ def confidences(trials: Sequence[Trial]) -> tuple[Floats, Floats]:
     return np.array([p for p, _ in pairs], float), np.array([r for _, r in pairs], float)
 
 
-def bins(told: Floats) -> NDArray[np.int64]:
-    """Which of `BINS` equal bins each confidence (k,) is in."""
-    return np.minimum((told * BINS).astype(int), BINS - 1)
+def bins(confidence: Floats) -> NDArray[np.int64]:
+    """Index of the bin of each confidence, shape (k,), among `BINS` of equal width."""
+    return np.minimum((confidence * BINS).astype(int), BINS - 1)
 
 
-def expected_error(told: Floats, right: Floats) -> float:
-    """Mean over named causes of |share right - mean confidence| of their bin."""
-    where = bins(told)
-    gaps = [abs(np.sum(right[where == b] - told[where == b])) for b in range(BINS)]
-    return float(np.sum(gaps) / len(told))
+def expected_error(confidence: Floats, right: Floats) -> float:
+    """Expected calibration error: mean of abs(share right - mean confidence) of the bins."""
+    where = bins(confidence)
+    gaps = [abs(np.sum(right[where == b] - confidence[where == b])) for b in range(BINS)]
+    return float(np.sum(gaps) / len(confidence))
 
 
 def calibration_error(trials: Sequence[Trial]) -> Row:
     """Expected calibration error of all confidences."""
-    name, (told, right) = "confidence, expected calibration error", confidences(trials)
-    if not len(told):
+    name, (confidence, right) = "confidence, expected calibration error", confidences(trials)
+    if not len(confidence):
         return Row(name, 0, None, None, None, "", most=0.10)
-    drawn = np.random.default_rng(0).integers(len(told), size=(2000, len(told)))
-    low, high = np.quantile([expected_error(told[i], right[i]) for i in drawn], [0.025, 0.975])
-    return Row(name, len(told), expected_error(told, right), float(low), float(high), "", most=0.10)
+    low, high = bootstrap_interval(expected_error, confidence, right, resamples=RESAMPLES)
+    return Row(name, len(confidence), expected_error(confidence, right), low, high, "", most=0.10)
 
 
 def _after(single: Sequence[Trial]) -> list[Row]:
-    """What the suggested experiment did to the doubt, where there was some."""
+    """Criteria of the suggested experiments, if there are any."""
     done = [t for t in single if t["followup"] is not None]
     if not done:
         return []
@@ -209,7 +216,7 @@ def _after(single: Sequence[Trial]) -> list[Row]:
     for t in done:
         before, after = entropy(t), entropy({**t["followup"], "truth": t["truth"]})
         halved.append(before is not None and after is not None and after <= 0.5 * before)
-    then = (said(t["followup"]) == truth(t) for t in done)
+    then = (first_name(t["followup"]) == truth(t) for t in done)
     doubts = [t for t in single if (entropy(t) or 0.0) > AMBIGUOUS]
     advised = (t["followup"] is not None for t in doubts)
     return [

@@ -1,4 +1,4 @@
-"""Pictures of the bench: who is taken for whom, how sure it was and how right, and the gains."""
+"""Figures of the diagnosis trials: confusion matrix, calibration of confidences, and gains."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ RIGHT, WRONG = "#3a6fb5", "#c8452f"
 
 
 def pictures(trials: Sequence[Trial], matrix: Mapping[str, Mapping[str, int]]) -> list[Picture]:
-    """All pictures of the report."""
+    """All figures of the report."""
     found = []
     if matrix:
-        note = "Lone effects and fault-free logs. Framed: what should have been said."
-        found.append(Picture("Who is taken for whom", _finished(_confusion(matrix)), note))
-    note = "Every named cause, in ten bins of its confidence; bars: Wilson's 95 % intervals."
-    found.append(Picture("How sure, and how right", _finished(_reliability(trials)), note))
+        note = "Single effects and fault-free logs. Framed: the right answer."
+        found.append(Picture("Confusion matrix", _finished(_confusion(matrix)), note))
+    note = "Named causes in ten bins of their confidence; bars: Wilson 95 % intervals."
+    found.append(Picture("Calibration of confidences", _finished(_reliability(trials)), note))
     if any(t["true_model"] and gain_ratio(t) is not None for t in trials):
-        note = "Both on readings that served neither to fit nor to choose. On the line: as good."
+        note = "Both on readings that are used neither to fit nor to select."
         found.append(Picture("Gain of the named model", _finished(_gains(trials)), note))
     return found
 
@@ -49,7 +49,7 @@ def _finished(figure: Figure) -> bytes:
 
 def _confusion(matrix: Mapping[str, Mapping[str, int]]) -> Figure:
     rows = list(matrix)
-    names = {name for told in matrix.values() for name in told}
+    names = {name for answers in matrix.values() for name in answers}
     both = [row for row in rows if row not in (NO_FAULT, *OUTSIDE)]
     columns = [*both, *sorted(names - set(rows) - {NOTHING, UNEXPLAINED}), NOTHING, UNEXPLAINED]
     counts = np.array([[matrix[row].get(column, 0) for column in columns] for row in rows])
@@ -63,7 +63,7 @@ def _confusion(matrix: Mapping[str, Mapping[str, int]]) -> Figure:
             if counts[i, j]:
                 colour = "white" if shares[i, j] > 0.6 else "black"
                 ax.text(j, i, str(counts[i, j]), ha="center", va="center", color=colour, fontsize=8)
-            if column == _should(row):
+            if column == _right_answer(row):
                 frame = pyplot.Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, edgecolor=WRONG)
                 ax.add_patch(frame)
     ax.set_xticks(range(len(columns)), columns, rotation=60, ha="right", fontsize=8)
@@ -74,7 +74,7 @@ def _confusion(matrix: Mapping[str, Mapping[str, int]]) -> Figure:
     return figure
 
 
-def _should(row: str) -> str:
+def _right_answer(row: str) -> str:
     if row == NO_FAULT:
         return NOTHING
     return UNEXPLAINED if row in OUTSIDE else row
@@ -82,19 +82,19 @@ def _should(row: str) -> str:
 
 def _reliability(trials: Sequence[Trial]) -> Figure:
     figure, ax = pyplot.subplots(figsize=(6, 5.2), layout="constrained")
-    ax.plot([0, 1], [0, 1], color="#999999", linestyle="--", label="as sure as right")
-    told, right = confidences(trials)
-    where = bins(told)
+    ax.plot([0, 1], [0, 1], color="#999999", linestyle="--", label="calibrated")
+    confidence, right = confidences(trials)
+    where = bins(confidence)
     for b in range(BINS):
         own = where == b
         if own.any():
-            x, share = float(told[own].mean()), float(right[own].mean())
+            x, share = float(confidence[own].mean()), float(right[own].mean())
             ax.plot([x, x], wilson(int(right[own].sum()), int(own.sum())), color=RIGHT)
             ax.plot(x, share, "o", color=RIGHT)
             ax.annotate(f"{own.sum()}", (x, share), xytext=(6, 2), textcoords="offset points")
     ax.set_xlabel("confidence, mean of its bin [1]")
-    ax.set_ylabel("share of named causes that were there [1]")
-    ax.set_xlim(-0.02, 1.1)  # room for a number beside 1
+    ax.set_ylabel("share of named causes that are true [1]")
+    ax.set_xlim(-0.02, 1.1)  # room for the count at 1
     ax.set_ylim(-0.02, 1.04)
     ax.legend(loc="upper left")
     return figure
@@ -115,6 +115,6 @@ def _gains(trials: Sequence[Trial]) -> Figure:
         true = [t["true_model"]["gain"] for t in own]
         ax.plot(true, [t["gain"] for t in own], marker, color=colour, label=f"{label} ({len(own)})")
     ax.set_xlabel("gain of the true model [1]")
-    ax.set_ylabel("gain of the diagnosis' model [1]")
+    ax.set_ylabel("gain of the diagnosed model [1]")
     ax.legend(loc="upper left")
     return figure

@@ -1,6 +1,7 @@
-"""What a named number does to the wires over a log, where it cannot be compared as it stands.
+"""Effects of named parameters that cannot be compared with the truth directly.
 
-Of a moved site the lengths count; of friction around bends what it is of the tension.
+A moved site is evaluated by the lengths of tendons, friction around bends by its share of the
+tension.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from reality_gap.causes.load_dependent_friction import CAPSTAN, total_bend
 
 ID = "attachment_shift"
 POSTURES = 200
-"""At most as many of the log's postures are compared at."""
+"""Largest number of postures of the log at which lengths are compared."""
 
 
 def length_error(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
-    """RMS over the log's postures of the wire whose length is told worst [m].
+    """Largest RMS error over tendons of the length over the postures of the log [m].
 
-    Lengths are relative to the drawing's at ``qpos0``, where encoders were zeroed. None unless a
-    site was moved and a moved site was named.
+    Lengths are relative to those at ``qpos0``, where encoders are zeroed. None unless a site was
+    moved and a moved site was named.
     """
     true = {
         site: np.array([e.parameters[axis] for axis in "xyz"])
@@ -33,25 +34,25 @@ def length_error(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
         if e.id == ID
         for site in e.elements
     }
-    told: dict[str, Floats] = {}
+    named: dict[str, Floats] = {}
     for cause in found.causes:
         if cause.candidate.cause.id == ID:
             value = {name: e.value for name, e in cause.parameters.items()}
             for site in cause.candidate.location.elements:
                 single = "x" in value
                 names = [axis if single else f"{site}.{axis}" for axis in "xyz"]
-                told[site] = np.array([value[name] for name in names])
-    if not true or not told:
+                named[site] = np.array([value[name] for name in names])
+    if not true or not named:
         return None
     machine, postures = load(truth.machine, assets), _postures(truth)
-    gap = _lengths(machine, postures, true) - _lengths(machine, postures, told)
+    gap = _lengths(machine, postures, true) - _lengths(machine, postures, named)
     return float(np.sqrt(np.mean(gap**2, axis=0)).max())
 
 
 def bend(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
-    """Mean bend of the wire over the log, whose friction was told by its bends [rad].
+    """Mean bend over the log of the tendon whose friction was named by its bends [rad].
 
-    Such a coefficient times the bend is what friction is of the tension. None unless the first
+    The coefficient times the bend is the ratio of friction to tension. None unless the first named
     cause is of this kind.
     """
     if not found.causes or found.causes[0].candidate.location.note != CAPSTAN:
@@ -67,7 +68,7 @@ def bend(truth: Truth, found: Diagnosis, assets: Path) -> float | None:
 
 
 def _postures(truth: Truth) -> Floats:
-    """Some of the log's (k, joints) [rad]."""
+    """Some postures of the log, shape (k, joints) [rad]."""
     postures = np.concatenate([episode.qpos for episode in truth.episodes])
     return postures[:: max(1, len(postures) // POSTURES)]
 
@@ -80,7 +81,7 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, posture: Floats) -> None:
 
 
 def _lengths(machine: Machine, postures: Floats, shifts: dict[str, Floats]) -> Floats:
-    """Lengths of wires (k, wires) [m] with sites moved, relative to those at ``qpos0``."""
+    """Lengths with moved sites, relative to those at ``qpos0``, shape (k, tendons) [m]."""
     spec = machine.spec()
     for name, shift in shifts.items():
         spec.site(name).pos = spec.site(name).pos + shift

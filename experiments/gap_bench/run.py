@@ -1,4 +1,4 @@
-"""The diagnosis on trial: effects are hidden at random, and every answer is counted."""
+"""Trials of the diagnosis: effects are hidden at random, and all answers are counted."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from experiments.gap_bench.tables import (
     musts_table,
 )
 from experiments.gap_bench.trial import KINDS, Case, compared_trial
-from experiments.harness.common import ROOT, check_jobs, log_reported, make_summary
+from experiments.harness.common import ROOT, check_jobs, make_summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import print_table, write_report
+from experiments.harness.reported import log_reported
 from experiments.harness.runner import core_seconds, run_tasks
 from mjcf_sandbox.files import write_json
 
@@ -33,31 +34,33 @@ NAME = "gap-bench"
 SHARES = {"single": 0.5, "pair": 0.1, "null": 0.2, "outside": 0.2}
 QUICK_SECONDS = 8.0
 INTRODUCTION = (
-    "In a real machine one effect is hidden, or two, or none, or one that is in nobody's "
-    "catalogue. It has small mismatches everywhere, noise and jitter, runs at a quarter of the "
-    "time step, and shares no code with whoever diagnoses. Its log is diagnosed, and the answer "
-    "is compared with the truth."
+    "In a simulated machine one effect is hidden, or two, or none, or one outside the catalogue. "
+    "The machine has small mismatches everywhere, noise and jitter, runs at a quarter of the time "
+    "step, and shares no code with the diagnosis. Its log is diagnosed, and the answer is compared "
+    "with the truth."
 )
 
 
 @dataclass(frozen=True)
 class Args:
-    """What the bench takes.
+    """Trials of the diagnosis on machines with hidden effects.
 
     Attributes:
-        trials: how many.
+        trials: number of trials.
         seed: of the first trial; the others follow. Seeds below 100 are for tuning.
         out: folder of the results.
-        jobs: trials at the same time; the result does not depend on it.
-        cluster: address of a Ray cluster that does it instead; "auto": the one that runs here.
+        jobs: number of parallel processes; the results do not depend on it.
+        cluster: address of a Ray cluster that runs the trials instead; "auto" is the one that runs
+            on this computer.
         machine: "elbow" or "arm".
         seconds: length of each log [s].
-        kind: hide this only: single, pair, null or outside. Left out: 50, 10, 20 and 20 %.
-        family: draw the (first) effect from this id or family only.
-        followup: do the suggested experiment where there is doubt about a single effect, and
-            diagnose again.
-        freed: in so many trials, the first ones, `mujoco.sysid` fits everything at once, too.
-        quick: short logs, to see that it works; the numbers mean nothing then.
+        kind: of all trials: single, pair, null or outside. By default 50, 10, 20 and 20 % of these.
+        family: sample the (first) effect from this id or family only.
+        followup: run the suggested experiment where a single effect is uncertain, and diagnose
+            again.
+        free_parameters: number of trials, from the first, in which `mujoco.sysid` also fits all
+            parameters at once.
+        quick: short logs that check the installation; their numbers mean nothing.
     """
 
     trials: int = 300
@@ -70,20 +73,20 @@ class Args:
     kind: str | None = None
     family: str | None = None
     followup: bool = False
-    freed: int = 0
+    free_parameters: int = 0
     quick: bool = False
 
 
 def main(args: Args) -> dict[str, Any]:
-    """Run, count, and write summary.json, report.html and the trials."""
+    """Run the trials and write summary.json, report.html and the result of each trial."""
     begin = time.perf_counter()
     _check(args)
     tasks = {}
     for i, case in enumerate(cases(args)):
-        freed = i < args.freed
+        free = i < args.free_parameters
         followup = args.followup and case.kind == "single"
-        tasks[f"trial_{case.seed}" + freed * "_free_parameters"] = (case, followup, freed)
-    log_reported([task[0].seed for task in tasks.values()])  # a run that is stopped looked, too
+        tasks[f"trial_{case.seed}" + free * "_free_parameters"] = (case, followup, free)
+    log_reported("gap-bench", [task[0].seed for task in tasks.values()])  # before the first trial
     key = digest(args)
     kept = args.out / "trials"
     found = run_tasks(compared_trial, tasks, args.jobs, kept, key, args.cluster)
@@ -97,26 +100,28 @@ def _check(args: Args) -> None:
         raise ExperimentError(f"Trials are {args.trials}, but at least 1 is needed.")
     if args.kind is not None and args.kind not in KINDS:
         raise ExperimentError(f"There is no kind {args.kind!r}; there are: {', '.join(KINDS)}.")
-    if args.freed and not sysid_installed():
-        raise ExperimentError("To free everything, install mujoco's extra: mujoco[sysid].")
+    if args.free_parameters and not sysid_installed():
+        raise ExperimentError(
+            "--free-parameters needs the extra mujoco[sysid]: pip install 'mujoco[sysid]'."
+        )
 
 
 def cases(args: Args) -> list[Case]:
-    """What is hidden in each trial; a trial depends on its own seed only."""
+    """Case of each trial, which depends on the seed of the trial only."""
     seconds = QUICK_SECONDS if args.quick else args.seconds
     found = []
     for seed in range(args.seed, args.seed + args.trials):
         rng = np.random.default_rng([seed, 11])
-        drawn = str(rng.choice(list(SHARES), p=list(SHARES.values())))
-        family = args.family if (args.kind or drawn) in ("single", "pair") else None
-        found.append(Case(args.kind or drawn, seed, args.machine, seconds, family))
+        kind = args.kind or str(rng.choice(list(SHARES), p=list(SHARES.values())))
+        family = args.family if kind in ("single", "pair") else None
+        found.append(Case(kind, seed, args.machine, seconds, family))
     return found
 
 
 def digest(args: Args) -> str:
-    """What trials rest on beside their seeds: options, and sources of hider and seeker."""
-    told = (args.machine, args.seconds, args.kind, args.family, args.followup, args.quick)
-    found = hashlib.sha256(repr(told).encode())
+    """Digest of the options and the source code that trials depend on, apart from their seeds."""
+    options = (args.machine, args.seconds, args.kind, args.family, args.followup, args.quick)
+    found = hashlib.sha256(repr(options).encode())
     folder = ROOT / "experiments" / "gap_bench"
     paths = [folder / f"{name}.py" for name in ("trial", "baselines", "length_errors")]
     for folder in (ROOT / "hidden_plants", ROOT / "reality_gap"):
@@ -129,7 +134,7 @@ def digest(args: Args) -> str:
 def conclude(
     args: Args, trials: Sequence[Mapping[str, Any]], wall_s: float, core_s: float
 ) -> dict[str, Any]:
-    """Count, print and write."""
+    """Compute criteria and tables, print them and write the results."""
     rows, matrix = musts(trials), confusion(trials)
     tables = [
         musts_table(rows),
@@ -153,7 +158,7 @@ def conclude(
     write_json(args.out / "summary.json", summary)
     write_report(
         args.out / "report.html",
-        "What a diagnosis finds of what was hidden",
+        "Diagnosis of hidden effects",
         INTRODUCTION,
         summary,
         tables,

@@ -1,4 +1,4 @@
-"""What a trial of the diagnosis is worth: right cause, right place, right numbers."""
+"""Scores of a diagnosis trial: right cause, right location, parameter errors."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ NOTHING, UNEXPLAINED = "nothing", "unexplained"
 SAMPLE = 0.02
 """Period of the logs [s]."""
 SHARED = 0.5
-"""Places are the same if they share at least this part of what either of them names."""
+"""Least share of common elements among all elements of two locations that count as the same."""
 AMBIGUOUS = 0.1
-"""Entropy of confidences above which an experiment is worth doing [nats]: about 98 % to 2 %."""
+"""Entropy of confidences above which an experiment is worthwhile [nats]: about 98 % to 2 %."""
 
 Trial = Mapping[str, Any]
 
 
-def said(trial: Trial) -> str:
-    """The first name, or `NOTHING`, or `UNEXPLAINED`."""
+def first_name(trial: Trial) -> str:
+    """The first named cause, or `NOTHING`, or `UNEXPLAINED`."""
     if trial["verdict"] == "nothing_wrong":
         return NOTHING
     return str(trial["causes"][0]["cause"]) if trial["causes"] else UNEXPLAINED
@@ -37,12 +37,12 @@ def truth(trial: Trial) -> str:
 
 
 def right_first(trial: Trial) -> bool:
-    """Whether a single's cause is named first."""
-    return said(trial) == truth(trial)
+    """Whether the cause of a single effect is named first."""
+    return first_name(trial) == truth(trial)
 
 
 def right_or_equivalent(trial: Trial) -> bool:
-    """Whether a single's cause is named first, or declared equivalent to what is."""
+    """Whether the cause of a single effect is the first name or declared equivalent to it."""
     return bool(trial["causes"]) and truth(trial) in _names(trial["causes"][0])
 
 
@@ -51,7 +51,7 @@ def _names(cause: Mapping[str, Any]) -> set[str]:
 
 
 def exact_set(trial: Trial, equivalents: bool = False) -> bool:
-    """Whether as many causes are named as there are, and each is one (or equivalent to one)."""
+    """Whether exactly the true causes are named, or causes declared equivalent to them."""
     true = [effect["cause"] for effect in trial["truth"]]
     named = [_names(c) if equivalents else {c["cause"]} for c in trial["causes"]]
     if len(named) != len(true):
@@ -60,13 +60,13 @@ def exact_set(trial: Trial, equivalents: bool = False) -> bool:
 
 
 def right_location(trial: Trial, elsewhere: bool = False) -> bool | None:
-    """Whether the first name is at the single's muscle, joint or sensor, whatever its cause.
+    """Whether the first name is at the muscle, joint or sensor of a single effect.
 
-    None for effects that are nowhere in particular, as the direction of gravity.
+    None for effects without a location, such as the direction of gravity.
 
     Args:
-        trial: of a single.
-        elsewhere: other places count too where, as is said, the same cause would do the same.
+        trial: of a single effect.
+        elsewhere: whether locations that the diagnosis declares equivalent count, too.
     """
     effect = trial["truth"][0]
     if not effect["elements"]:
@@ -79,21 +79,21 @@ def right_location(trial: Trial, elsewhere: bool = False) -> bool | None:
 
 
 def same_location(trial: Trial, cause: str, one: Sequence[str], other: Sequence[str]) -> bool:
-    """Whether two lists of elements are about the same muscles, joints, links or sensors."""
+    """Whether two lists of elements belong to the same muscles, joints, links or sensors."""
     machine = machine_of(trial)
     a, b = (locations_of(machine, cause, elements) for elements in (one, other))
     return len(a & b) >= SHARED * len(a | b)
 
 
 def machine_of(trial: Trial) -> Machine:
-    """The drawing of a trial's machine."""
+    """Nominal model of the machine of a trial."""
     return load(trial["case"]["machine"], ASSETS)
 
 
 def locations_of(machine: Machine, cause: str, elements: Sequence[str]) -> set[str]:
-    """Sites and sensors of a wire stand for it, bodies for the link that they are welded into.
+    """Tendons of sites and sensors, links of bodies, and all other elements themselves.
 
-    A delay is one of commands or one of sensors: their names stay apart.
+    A delay acts on commands or on sensors, so their names are kept.
     """
     if cause == "delay":
         return set(elements)
@@ -123,7 +123,7 @@ def _links(machine: Machine) -> dict[str, str]:
 
 
 def entropy(trial: Trial) -> float | None:
-    """Of the rivals for the least certain place in the verdict [nats]; None where nobody is."""
+    """Largest entropy of the candidates of a step of the search [nats]; None without candidates."""
     steps: dict[int, list[float]] = {}
     for step, _, _, _, confidence in trial["candidates"]:
         steps.setdefault(step, []).append(confidence)
@@ -136,47 +136,47 @@ def entropy(trial: Trial) -> float | None:
 
 
 def parameter_error(trial: Trial) -> tuple[str, float] | None:
-    """Family and error of a named single's number; None where there is none to compare.
+    """Family and error of the parameter of a named single effect; None if none is comparable.
 
-    Mass: over the mass of the link with what it carries. Friction, stiffness: relative. Delay: in
-    samples. Moved sites: RMS of a wire's length [mm]. All but the last two in %. Friction around a
-    wire's bends is hidden as a share of the tension, which is the coefficient times the bend.
+    Mass: relative to that of the link with its load. Friction, stiffness: relative. Delay: in
+    samples. Moved sites: RMS of a tendon's length [mm]. All except the last two in %. Friction
+    around bends is hidden as a share of the tension, which is the coefficient times the bend.
     """
     if not trial["causes"] or not right_first(trial) or right_location(trial) is False:
         return None
     id, true = truth(trial), trial["truth"][0]["parameters"]
-    told = {name: value[0] for name, value in trial["causes"][0]["parameters"].items()}
+    named = {name: value[0] for name, value in trial["causes"][0]["parameters"].items()}
     if id in ("link_mass", "payload"):
         whole = link_mass(trial) + true["mass"]
-        return "mass", 100 * abs(told["mass"] - true["mass"]) / whole
-    if id in ALIKE:
-        family, one, other = ALIKE[id]
-        size = told[other] * (trial["bend"] or 1.0)
+        return "mass", 100 * abs(named["mass"] - true["mass"]) / whole
+    if id in SAME_PARAMETER:
+        family, one, other = SAME_PARAMETER[id]
+        size = named[other] * (trial["bend"] or 1.0)
         return family, 100 * abs(size / true[one] - 1)
     if id == "direction_dependent_friction":
-        ways = (("forward", "force_out"), ("backward", "force_in"))
-        gaps = sum(abs(told[a] - true[b]) for a, b in ways)
-        return "friction", 100 * gaps / sum(true[b] for _, b in ways)
+        directions = (("forward", "force_out"), ("backward", "force_in"))
+        gaps = sum(abs(named[a] - true[b]) for a, b in directions)
+        return "friction", 100 * gaps / sum(true[b] for _, b in directions)
     if id == "tendon_elasticity":
-        return "stiffness", 100 * abs(1 / (told["compliance"] * true["stiffness"]) - 1)
+        return "stiffness", 100 * abs(1 / (named["compliance"] * true["stiffness"]) - 1)
     if id == "delay":
-        return "delay", abs(told["delay"] - true["delay"]) / SAMPLE
+        return "delay", abs(named["delay"] - true["delay"]) / SAMPLE
     if id == "attachment_shift" and trial["length_error"] is not None:
         return "moved sites", 1000 * trial["length_error"]
     return None
 
 
-ALIKE = {
+SAME_PARAMETER = {
     "coulomb_friction": ("friction", "force", "friction"),
     "viscous_friction": ("friction", "coefficient", "damping"),
     "load_dependent_friction": ("friction", "share", "coefficient"),
     "joint_stiffness": ("stiffness", "stiffness", "stiffness"),
 }
-"""Family, the hidden parameter and the named one."""
+"""Family, hidden parameter and named parameter, by cause."""
 
 
 def added_mass_error(trial: Trial) -> float | None:
-    """Error of what was added to a link, over what was added [%]; None for other causes."""
+    """Error of the mass added to a link, relative to that mass [%]; None for other causes."""
     found = parameter_error(trial)
     if found is None or found[0] != "mass":
         return None
@@ -188,18 +188,18 @@ def added_mass_error(trial: Trial) -> float | None:
 
 
 def link_mass(trial: Trial) -> float:
-    """Drawn mass of the link that the single acts on [kg]."""
+    """Nominal mass of the link that a single effect acts on [kg]."""
     model = machine_of(trial).model
     body = model.body(trial["truth"][0]["elements"][0]).id
     return float(model.body_mass[model.body_weldid == model.body_weldid[body]].sum())
 
 
 LEAST_GAIN = 0.05
-"""Gain of the true model below which a ratio would be one of two noises."""
+"""Gain of the true model below which the ratio of gains is dominated by noise."""
 
 
 def gain_ratio(trial: Trial) -> float | None:
-    """Gain of the extended model over that of the true one; None where there is none to make."""
+    """Ratio of the gain of the extended model to that of the true model; None if undefined."""
     true = (trial["true_model"] or {}).get("gain")
     if true is None or true < LEAST_GAIN or trial["gain"] is None:
         return None

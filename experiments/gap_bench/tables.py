@@ -1,4 +1,4 @@
-"""Tables of the bench: what came out, who is taken for whom, each cause, and the baselines."""
+"""Tables of the diagnosis trials: criteria, confusion, each cause, and the baselines."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from experiments.gap_bench.scores import (
     NOTHING,
     UNEXPLAINED,
     Trial,
+    first_name,
     parameter_error,
     right_first,
     right_location,
     right_or_equivalent,
-    said,
     same_location,
     truth,
 )
@@ -24,11 +24,11 @@ from experiments.harness.report import Table
 
 NO_FAULT = "(no fault)"
 PASSES = 0.05
-"""Share of fault-free logs that a baseline's threshold lets through."""
+"""Share of fault-free logs on which a baseline names a cause."""
 
 
 def musts_table(rows: Sequence[Row]) -> Table:
-    """What came out."""
+    """Table of the criteria."""
     head = ("", "cases", "value", "95 % interval", "must", "reached")
     lines = []
     for r in rows:
@@ -38,33 +38,33 @@ def musts_table(rows: Sequence[Row]) -> Table:
         ends = "" if r.low is None or r.high is None else f"{r.low:.3g} to {r.high:.3g}"
         answer = {True: "yes", False: "NO", None: ""}[r.reached]
         lines.append((r.name, r.cases, value, ends, must, answer))
-    note = "Shares with Wilson's interval, medians and means with a bootstrap over cases."
-    return Table("What came out", head, lines, note)
+    note = "Shares with Wilson intervals, medians and means with bootstrap intervals over cases."
+    return Table("Criteria", head, lines, note)
 
 
 def confusion(trials: Sequence[Trial]) -> dict[str, dict[str, int]]:
-    """How often a lone effect (row) is called by a name (column); nulls are rows, too."""
+    """Counts of the first name (column) by single effect (row), with a row of fault-free logs."""
     found: dict[str, Counter[str]] = {}
     for t in trials:
         if t["case"]["kind"] != "pair":
             row = truth(t) if t["truth"] else NO_FAULT
-            found.setdefault(row, Counter())[said(t)] += 1
+            found.setdefault(row, Counter())[first_name(t)] += 1
     outside = {truth(t) for t in trials if t["case"]["kind"] == "outside"}
     order = sorted(found, key=lambda row: (row in outside, row == NO_FAULT, row))
     return {row: dict(sorted(found[row].items())) for row in order}
 
 
 def confusion_table(matrix: Mapping[str, Mapping[str, int]]) -> Table:
-    """The same as a table: only what was named."""
+    """Table of the first names by hidden effect."""
     rows = []
-    for row, said_ in matrix.items():
-        told = ", ".join(f"{n} {k}" for k, n in sorted(said_.items(), key=lambda x: -x[1]))
-        rows.append((row, sum(said_.values()), told))
-    return Table("What lone effects are called", ("hidden", "n", "named first"), rows)
+    for row, counts in matrix.items():
+        named = ", ".join(f"{n} {k}" for k, n in sorted(counts.items(), key=lambda x: -x[1]))
+        rows.append((row, sum(counts.values()), named))
+    return Table("First name by hidden effect", ("hidden", "n", "named first"), rows)
 
 
 def causes_table(trials: Sequence[Trial]) -> Table:
-    """How each cause fares."""
+    """Table of the scores of each cause."""
     single = [t for t in trials if t["case"]["kind"] == "single"]
     rows = []
     for id in sorted({truth(t) for t in single}):
@@ -77,8 +77,8 @@ def causes_table(trials: Sequence[Trial]) -> Table:
         tests = (right_first, right_or_equivalent, right_location)
         counts = [_of(map(test, own)) for test in tests]
         rows.append((id, len(own), *counts, error))
-    head = ("cause", "n", "right first", "or equivalent", "right place", "median error")
-    return Table("Each cause, alone", head, rows)
+    head = ("cause", "n", "right first", "or equivalent", "right location", "median error")
+    return Table("Single effects by cause", head, rows)
 
 
 def _of(right: Iterable[bool | None]) -> str:
@@ -88,12 +88,12 @@ def _of(right: Iterable[bool | None]) -> str:
 
 BASELINES = {
     "correlation": "largest correlation",
-    "free_parameters": "mujoco.sysid, everything freed",
+    "free_parameters": "mujoco.sysid, all parameters free",
 }
 
 
 def baselines_table(trials: Sequence[Trial]) -> Table:
-    """The diagnosis beside the baselines, each pair on the same logs."""
+    """Table of diagnosis and baselines on the same logs."""
     rows: list[tuple[object, ...]] = [("diagnosis", *_ours(trials))]
     for key, title in BASELINES.items():
         own = [t for t in trials if t["baselines"][key] is not None]
@@ -101,11 +101,19 @@ def baselines_table(trials: Sequence[Trial]) -> Table:
             rows.append((title, *_theirs(own, key)))
             if len(own) < len(trials):
                 rows.append((f"diagnosis, on the logs of {title}", *_ours(own)))
-    head = ("", "logs", "right first", "right place", "false alarms", "outside spared", "cut")
+    head = (
+        "",
+        "logs",
+        "right first",
+        "right location",
+        "false alarms",
+        "outside rejected",
+        "threshold",
+    )
     note = (
-        f"A baseline names nothing below its cut, which lets {PASSES:.0%} of this run's own "
-        "fault-free logs through: that favours it. Outside effects are spared where no cause is "
-        "named for them; a baseline can only do that by missing them."
+        f"A baseline names nothing below its threshold, which is set such that {PASSES:.0%} of the "
+        "fault-free logs of this run exceed it; this favours the baseline. Outside effects are "
+        "rejected if no cause is named for them; a baseline does so only if it misses them."
     )
     return Table("Baselines on the same logs", head, rows, note)
 
@@ -116,8 +124,8 @@ def _ours(trials: Sequence[Trial]) -> tuple[object, ...]:
         len(trials),
         _of(map(right_first, single)),
         _of(map(right_location, single)),
-        _of(said(t) != NOTHING for t in null),
-        _of(said(t) in (UNEXPLAINED, NOTHING) for t in outside),
+        _of(first_name(t) != NOTHING for t in null),
+        _of(first_name(t) in (UNEXPLAINED, NOTHING) for t in outside),
         "",
     )
 

@@ -1,4 +1,4 @@
-"""One trial of the diagnosis: an effect is hidden in a real machine, its log is diagnosed."""
+"""Trial of the diagnosis: effects are hidden in a machine, and its log is diagnosed."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from reality_gap.study.measurements import measured
 
 KINDS = ("single", "pair", "null", "outside")
 EXACT = 1e-6
-"""Noise of the true model's readings, over the usual; a study may not say that it has none."""
+"""Noise of the readings of the true model, relative to the usual one; a study needs some noise."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is hidden where.
+    """Specification of the hidden effects.
 
     Attributes:
         kind: "single", "pair", "null" or "outside".
-        seed: of the draw, the mismatches and the noise.
+        seed: of the sampled effects, the mismatches and the noise.
         machine: "elbow" or "arm".
         seconds: length of the log [s].
-        family: draw from this id or family only.
+        family: id or family of the (first) effect; any by default.
     """
 
     kind: str
@@ -48,64 +48,70 @@ class Case:
     family: str | None = None
 
     def secret(self) -> Secret:
-        """The effects of this case; the same for the same case."""
+        """Effects of this case, which are determined by it."""
         rng = np.random.default_rng([self.seed, KINDS.index(self.kind), 7])
-        return hidden_plants.draw(rng, self.kind, self.machine, self.family)
+        return hidden_plants.sample_secret(rng, self.kind, self.machine, self.family)
 
 
 def write_case(folder: Path, case: Case, nuisance: Nuisance | None = None) -> Truth:
-    """Write the study of a case into ``folder``; gives what must not be seen."""
+    """Write the study of a case into ``folder``; returns the truth, which is not in it."""
     return hidden_plants.write_study(
         folder, case.secret(), case.seed, case.machine, ASSETS, case.seconds, nuisance, False
     )
 
 
 @dataclass
-class Seen:
-    """What a diagnosis saw first, for those that it is compared with."""
+class Inputs:
+    """Inputs of a diagnosis, for true model and baselines.
+
+    Attributes:
+        replayer: of the study.
+        null: residual of the nominal model, shape (n,).
+        found: sensitivities from the screening.
+    """
 
     replayer: Replayer | None = None
     null: Floats = field(default_factory=lambda: np.zeros(0))
     found: Sequence[Sensitivity] = ()
 
     def keep(self, replayer: Replayer, null: Floats, found: Sequence[Sensitivity]) -> None:
-        """Keep it."""
+        """Store the inputs; the ``watch`` callback of `diagnose`."""
         self.replayer, self.null, self.found = replayer, null, found
 
 
 def trial(case: Case, options: Options | None = None, jobs: int = 1) -> dict[str, Any]:
-    """Hide, diagnose, and put both side by side in plain numbers."""
+    """Hide effects and diagnose the log; returns truth and diagnosis as numbers for JSON."""
     with tempfile.TemporaryDirectory() as name:
         truth = write_case(Path(name), case)
         found = diagnose(load_study(Path(name) / "STUDY.yaml"), jobs=jobs, options=options)
-    return _told(case, truth.secret) | outcome(found)
+    return _truths(case, truth.secret) | outcome(found)
 
 
-def compared_trial(case: Case, followup: bool, freed: bool) -> dict[str, Any]:
-    """The same beside the true model and the baselines, on the same log.
+def compared_trial(case: Case, followup: bool, free: bool) -> dict[str, Any]:
+    """Run a trial with true model and baselines on the same log.
 
     Args:
         case: what is hidden.
-        followup: whether to do the suggested experiment, and to diagnose again.
-        freed: whether to free every parameter at once, which is slow.
+        followup: whether to run the suggested experiment and diagnose again.
+        free: whether to fit all parameters at once, too, which is slow.
     """
-    seen = Seen()
+    inputs = Inputs()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         truth = write_case(folder, case)
         study, options = load_study(folder / "STUDY.yaml"), Options(suggest=followup)
-        found = diagnose(study, options=options, watch=seen.keep)
+        found = diagnose(study, options=options, watch=inputs.keep)
         again = follow(folder, case, found) if followup else None
-    assert seen.replayer is not None
+    assert inputs.replayer is not None
     baselines: dict[str, Named | None] = {
-        "correlation": largest_correlation(seen.replayer.measured, seen.null, seen.found),
-        "free_parameters": free_parameter_baseline(seen.replayer, seen.found) if freed else None,
+        "correlation": largest_correlation(inputs.replayer.measured, inputs.null, inputs.found),
+        "free_parameters": free_parameter_baseline(inputs.replayer, inputs.found) if free else None,
     }
     return (
-        _told(case, truth.secret)
+        _truths(case, truth.secret)
         | outcome(found)
         | {
-            "true_model": true_model(case, seen) if truth.secret.effects else None,
+            "true_model": true_model(case, inputs) if truth.secret.effects else None,
             "length_error": length_error(truth, found, ASSETS),
             "bend": bend(truth, found, ASSETS),
             "followup": again,
@@ -114,25 +120,25 @@ def compared_trial(case: Case, followup: bool, freed: bool) -> dict[str, Any]:
     )
 
 
-def true_model(case: Case, seen: Seen) -> dict[str, float | None]:
-    """What the drawing with the hidden effects in it, and no mismatch, would leave and gain."""
-    assert seen.replayer is not None
+def true_model(case: Case, inputs: Inputs) -> dict[str, float | None]:
+    """RMS and gain of the nominal model with the hidden effects and without mismatches."""
+    assert inputs.replayer is not None
     nuisance = Nuisance().scaled(EXACT)
     with tempfile.TemporaryDirectory() as name:
         write_case(Path(name), case, nuisance)
         exact = measured(load_study(Path(name) / "STUDY.yaml")).value
-    system, readings = seen.replayer.system, seen.replayer.measured
-    drawn = replay(build(system, []), system.study, readings).prediction
-    usual = seen.replayer.look([]).prediction - drawn  # which is in the replays of what is named
+    system, readings = inputs.replayer.system, inputs.replayer.measured
+    nominal = replay(build(system, []), system.study, readings).prediction
+    usual = inputs.replayer.replay([]).prediction - nominal  # part of all replays of the diagnosis
     after = (readings.value - readings.align(exact) - usual) / readings.noise
-    scored = score(system.study, readings, seen.null, after)
+    scored = score(system.study, readings, inputs.null, after)
     return {"rms": scored.after, "gain": None if scored.gain is None else scored.gain.value}
 
 
 def follow(folder: Path, case: Case, found: Diagnosis) -> dict[str, Any] | None:
-    """Let the machine do the suggested experiment, and diagnose both logs together.
+    """Run the suggested experiment on the machine and diagnose both logs together.
 
-    None where the first log left no doubt.
+    None where the first diagnosis is certain.
     """
     advice, unsure = found.next_experiment, entropy(outcome(found))
     if advice is None or unsure is None or unsure < AMBIGUOUS:
@@ -144,7 +150,7 @@ def follow(folder: Path, case: Case, found: Diagnosis) -> dict[str, Any] | None:
     return {"title": advice.title} | outcome(again)
 
 
-def _told(case: Case, secret: Secret) -> dict[str, Any]:
+def _truths(case: Case, secret: Secret) -> dict[str, Any]:
     return {"case": asdict(case), "truth": [_truth(e) for e in secret.effects]}
 
 
@@ -158,7 +164,7 @@ def _truth(effect: Effect) -> dict[str, Any]:
 
 
 def outcome(found: Diagnosis) -> dict[str, Any]:
-    """What a bench counts of a diagnosis."""
+    """Numbers of a diagnosis that are evaluated, for JSON."""
     return {
         "verdict": found.verdict.value,
         "causes": [

@@ -1,1 +1,1 @@
-"""The calibration of the confidence of a diagnosis."""
+"""Calibration of the confidences of a diagnosis."""

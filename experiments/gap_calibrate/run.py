@@ -1,9 +1,9 @@
-"""How sure a diagnosis may be: causes are hidden in the drawing's own replays, and found again.
+"""Calibration of the confidences of a diagnosis on simulated logs with hidden causes.
 
-The confidence divides evidence by a temper (`reality_gap.inference.confidence`). Here it is set so
-that confidences keep their word on machines that `reality_gap` simulates itself: the drawing with
-every tolerance drawn at random, one cause in it, half the time step, and noise. Only the motion is
-that of the bench; nothing of its machines is.
+Confidences divide the evidence by a temper (`reality_gap.inference.confidence`). It is chosen such
+that confidences are calibrated on logs that `reality_gap` simulates itself: the nominal model with
+all tolerances sampled, one hidden cause, half the time step, and noise. Only the motion is that of
+the diagnosis trials; their machines are not used.
 """
 
 from __future__ import annotations
@@ -32,33 +32,34 @@ from mjcf_sandbox.files import write_json
 from reality_gap import Options, diagnose, load_study
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.confidence import TEMPER, tempered
-from reality_gap.inference.screening import candidates
+from reality_gap.inference.screening import list_candidates
 from reality_gap.simulation.hypothesis import Candidate
-from reality_gap.simulation.synthetic import simulate
-from reality_gap.study.system import look_at
+from reality_gap.simulation.synthetic import simulate_study
+from reality_gap.study.system import compile_system
 
 NAME = "gap-calibrate"
 SMALLEST, LARGEST = 0.03, 1.5
 """Size of a hidden cause, in scales of its parameters."""
 FINER = 0.5
-"""Time step of what is simulated, over the model's."""
+"""Time step of the simulation relative to that of the model."""
 SHARPEST, DULLEST = 0.2, 100.0
-"""Tempers between which the best is looked for."""
+"""Bounds of the temper."""
 LEAST = 1e-6
-"""Probability that nothing is less likely than: a sure error must not count for all."""
+"""Lower bound of probabilities, so that a single certain error does not dominate the loss."""
 
 
 @dataclass(frozen=True)
 class Args:
-    """What the calibration takes.
+    """Calibration of the confidences of a diagnosis.
 
     Attributes:
-        trials: how many causes are hidden, one after the other.
+        trials: number of trials, with one hidden cause each.
         seed: of the first trial; the others follow.
         out: folder of the results.
-        jobs: trials at the same time; the result does not depend on it.
-        cluster: address of a Ray cluster that does it instead; "auto": the one that runs here.
-        quick: short logs, to see that it works; the numbers mean nothing then.
+        jobs: number of parallel processes; the results do not depend on it.
+        cluster: address of a Ray cluster that runs the trials instead; "auto" is the one that runs
+            on this computer.
+        quick: short logs that check the installation; their numbers mean nothing.
     """
 
     trials: int = 100
@@ -70,7 +71,7 @@ class Args:
 
 
 def main(args: Args) -> dict[str, Any]:
-    """Hide, diagnose, and set the temper; writes summary.json and the trials."""
+    """Run the trials and fit the temper; writes summary.json and the result of each trial."""
     if args.trials < 1:
         raise ExperimentError(f"Trials are {args.trials}, but at least 1 is needed.")
     begin = time.perf_counter()
@@ -81,14 +82,14 @@ def main(args: Args) -> dict[str, Any]:
     trials = [t for t in found.values() if t["candidates"]]
     best = calibrated(trials)
     rows = [
-        (name, f"{temper:.2f}", *_told(trials, temper))
-        for name, temper in (("as it is", TEMPER), ("calibrated", best))
+        (name, f"{temper:.2f}", *_quality(trials, temper))
+        for name, temper in (("present", TEMPER), ("calibrated", best))
     ]
     table = Table(
         "Temper of the confidences",
         ("", "temper", "log loss [nats]", "calibration error"),
         rows,
-        f"{len(trials)} of {len(found)} hidden causes were looked for further.",
+        f"{len(trials)} of {len(found)} diagnoses had candidates.",
     )
     summary = make_summary(
         NAME,
@@ -106,17 +107,17 @@ def main(args: Args) -> dict[str, Any]:
 
 
 def trial(seed: int, seconds: float) -> dict[str, Any]:
-    """Hide one cause in the drawing's replay of a motion, and diagnose it."""
+    """Hide one cause in the simulation of a motion and diagnose it."""
     rng = np.random.default_rng([seed, 23])
     with tempfile.TemporaryDirectory() as name:
         write_case(Path(name), Case("null", seed, seconds=seconds))
         study = load_study(Path(name) / "STUDY.yaml")
-        system = look_at(study)
-        known = candidates(system, list(CATALOGUE.values()))
+        system = compile_system(study)
+        known = list_candidates(system, list(CATALOGUE.values()))
         hidden = hide(rng, known)
-        honest = [part for part in _honest(rng, known) if part[0] is not hidden[0]]
-        told = simulate(study, [*honest, hidden], rng, FINER)
-        found = outcome(diagnose(told, options=Options(suggest=False)))
+        usual = [part for part in _sample_tolerances(rng, known) if part[0] is not hidden[0]]
+        simulated = simulate_study(study, [*usual, hidden], rng, FINER)
+        found = outcome(diagnose(simulated, options=Options(suggest=False)))
     candidate, values = hidden
     truth = {
         "cause": candidate.cause.id,
@@ -129,16 +130,16 @@ def trial(seed: int, seconds: float) -> dict[str, Any]:
 def hide(
     rng: np.random.Generator, known: Sequence[Candidate]
 ) -> tuple[Candidate, dict[str, float]]:
-    """A cause, each as likely as any other, somewhere, of a size that is uniform in its log."""
+    """Sample a cause uniformly, its location, and a size that is uniform in its logarithm."""
     ids = sorted({candidate.cause.id for candidate in known})
     name = str(rng.choice(ids))
     locations = [candidate for candidate in known if candidate.cause.id == name]
     candidate = locations[int(rng.integers(len(locations)))]
     size = np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST)))
-    # Not all the same: friction as large in both directions has another name.
-    way = rng.standard_normal(len(candidate.parameters))
+    # Different for each parameter: equal friction in both directions is another cause.
+    direction = rng.standard_normal(len(candidate.parameters))
     values = {}
-    for p, share in zip(candidate.parameters, way / np.abs(way).max(), strict=True):
+    for p, share in zip(candidate.parameters, direction / np.abs(direction).max(), strict=True):
         if p.hints.starts:
             values[p.name] = float(rng.choice(p.hints.starts))
         else:
@@ -147,10 +148,10 @@ def hide(
     return candidate, values
 
 
-def _honest(
+def _sample_tolerances(
     rng: np.random.Generator, known: Sequence[Candidate]
 ) -> list[tuple[Candidate, dict[str, float]]]:
-    """What every drawing is off by, drawn at random."""
+    """Sample errors of the nominal model within its tolerances."""
     found = []
     for candidate in known:
         if len(candidate.location.elements) > 1:
@@ -166,7 +167,11 @@ def _honest(
 
 
 def evidence_and_right(trial: Mapping[str, Any]) -> tuple[Floats, NDArray[np.bool_]]:
-    """Evidence of the first step's rivals over the null's (k,) [nats], and which were hidden."""
+    """Evidence of the candidates of the first step against the null, and which were hidden.
+
+    Returns:
+        Shape (k,) each; the evidence in nats.
+    """
     truth = trial["truth"]
     first = [
         (r, e) for r, e in zip(trial["candidates"], trial["evidence"], strict=True) if r[0] == 0
@@ -175,7 +180,7 @@ def evidence_and_right(trial: Mapping[str, Any]) -> tuple[Floats, NDArray[np.boo
 
 
 def calibrated(trials: Sequence[Mapping[str, Any]]) -> float:
-    """The temper under which what was hidden is likeliest."""
+    """The temper with which the hidden causes are most likely."""
     known = [evidence_and_right(t) for t in trials]
 
     def loss(x: float) -> float:
@@ -186,13 +191,13 @@ def calibrated(trials: Sequence[Mapping[str, Any]]) -> float:
 
 
 def log_loss(known: Sequence[tuple[Floats, NDArray[np.bool_]]], temper: float) -> float:
-    """Mean of minus the log probability of what was hidden [nats]."""
+    """Mean negative log probability of the hidden cause [nats]."""
     chances = [float(tempered(e, temper)[right].sum()) for e, right in known]
     return float(-np.mean(np.log(np.maximum(chances, LEAST))))
 
 
-def _told(trials: Sequence[Mapping[str, Any]], temper: float) -> tuple[str, str]:
+def _quality(trials: Sequence[Mapping[str, Any]], temper: float) -> tuple[str, str]:
     known = [evidence_and_right(t) for t in trials]
-    told = np.array([tempered(e, temper).max() for e, _ in known])
+    confidence = np.array([tempered(e, temper).max() for e, _ in known])
     right = np.array([bool(r[np.argmax(e)]) for e, r in known])
-    return f"{log_loss(known, temper):.3f}", f"{expected_error(told, right):.3f}"
+    return f"{log_loss(known, temper):.3f}", f"{expected_error(confidence, right):.3f}"

@@ -1,1 +1,1 @@
-"""A minute of motion, diagnosed, as the map that the agent begins with."""
+"""A diagnosis of one minute of motion, as initial map of the agent."""

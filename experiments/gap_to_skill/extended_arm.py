@@ -1,7 +1,7 @@
-"""The arm as a diagnosis extended it, asked for commands; and the map that an agent makes of them.
+"""Commands of an extended model of the arm, and the map that is trained on them.
 
-The drawing's map holds lengths of wires. What moves a robot to a posture are the lengths that are
-commanded there: wires that pull are commanded shorter than they are, the more the softer they are.
+A map of the nominal model holds muscle lengths. A robot is moved to a posture by commanded lengths:
+a pulling muscle is commanded shorter than its length, by its tension over its stiffness.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from kengoro.trained_maps import MAP_SEED, nominal_model
 from kengoro_env.names import JOINTS
 
 BALANCE = 1e4
-"""How much more a torque of 1 N m that is missing weighs than a tension of 1 N."""
+"""Weight of a torque error of 1 N m relative to a tension of 1 N."""
 
 SHIFT = PriorOptions(offset=0.1, shape=0.02)
-"""How far commands may be from the extended model's paths [m]: wires were zeroed elsewhere."""
+"""Prior of the difference of commands and tendon lengths [m], which have different zeros."""
 
 EXACT = 2e-4
-"""How far the map may miss a command [m]."""
+"""Tolerance of the map for a command [m]."""
 
 
 class ExtendedArm:
     """An extended model of the arm.
 
     Args:
-        mjcf: the model, with an affine actuator on the tendon of each wire.
-        muscles: names of actuators and tendons, in the order of (m,) arrays.
-        zero: lengths (m,) [m] of the drawing's wires where the robot calls them zero.
+        mjcf: the model, with an affine actuator on the tendon of each muscle.
+        muscles: names of actuators and tendons, in the order of all arrays.
+        zero: nominal tendon lengths at the zero of the robot's encoders, shape (m,) [m].
 
     Raises:
-        ExperimentError: the model does not compile, or has not these wires.
+        ExperimentError: the model does not compile, or lacks one of the muscles.
     """
 
     def __init__(self, mjcf: str, muscles: tuple[str, ...], zero: Floats) -> None:
@@ -49,7 +49,7 @@ class ExtendedArm:
             self._model = model = mujoco.MjModel.from_xml_string(mjcf)
             self._data = mujoco.MjData(model)
             joints = [model.joint(joint) for joint in JOINTS]
-            self._tendons = np.array([model.actuator(muscle).id for muscle in muscles])
+            self._actuators = np.array([model.actuator(muscle).id for muscle in muscles])
             self._tendons = np.array([model.tendon(muscle).id for muscle in muscles])
         except (ValueError, KeyError) as error:
             reason = " ".join(str(error).split())
@@ -57,7 +57,7 @@ class ExtendedArm:
         self._position = np.array([joint.qposadr[0] for joint in joints])
         self._velocity = np.array([joint.dofadr[0] for joint in joints])
         self._offset = zero
-        self._least = -model.actuator_forcerange[self._tendons, 1]
+        self._least = -model.actuator_forcerange[self._actuators, 1]
         self._zero = self._location(np.zeros(len(JOINTS)))
 
     def _location(self, posture: Floats) -> Floats:
@@ -69,29 +69,34 @@ class ExtendedArm:
         return data.ten_length[self._tendons].copy()
 
     def paths(self, postures: Floats) -> Floats:
-        """Lengths (B, m) [m] of the wires' paths, from those in the zero posture, at postures
-        (B, n) [rad]."""
+        """Tendon lengths relative to the zero posture, shape (B, m) [m], at postures (B, n)."""
         return (
             np.array([self._location(posture) for posture in np.atleast_2d(postures)]) - self._zero
         )
 
     def commands(self, postures: Floats) -> Floats:
-        """Commands (B, m) [m] under which the model settles at postures (B, n) [rad], as the
-        robot's encoders call them."""
+        """Commands with which the model settles at postures.
+
+        Args:
+            postures: joint angles, shape (B, n) [rad].
+
+        Returns:
+            Lengths as read by the robot's encoders, shape (B, m) [m].
+        """
         return np.array([self._command(posture) for posture in np.atleast_2d(postures)])
 
     def _command(self, posture: Floats) -> Floats:
-        """Each wire pulls with its least tension, or as much more as the arm's weight needs."""
-        model, data, tendons = self._model, self._data, self._tendons
+        """Command at a posture: least tensions that balance the weight of the arm."""
+        model, data, actuators = self._model, self._data, self._actuators
         self._location(posture)
         weight = (data.qfrc_passive - data.qfrc_bias)[self._velocity]
         pull = least_pull(self._arms(), weight, self._least)
-        gain, bias = model.actuator_gainprm[tendons, 0], model.actuator_biasprm[tendons]
-        length = data.actuator_length[tendons]
+        gain, bias = model.actuator_gainprm[actuators, 0], model.actuator_biasprm[actuators]
+        length = data.actuator_length[actuators]
         return (-pull - bias[:, 0] - bias[:, 1] * length) / gain - self._offset
 
     def _arms(self) -> Floats:
-        """Change of length with the joints, (m, n) [m/rad]."""
+        """Moment arms, shape (m, n) [m/rad]."""
         model, data = self._model, self._data
         arms = np.zeros((model.nactuator, model.nv))
         mujoco.mju_sparse2dense(
@@ -101,18 +106,19 @@ class ExtendedArm:
             data.moment_rowadr,
             data.moment_colind,
         )
-        return arms[np.ix_(self._tendons, self._velocity)]
+        return arms[np.ix_(self._actuators, self._velocity)]
 
 
 def least_pull(arms: Floats, weight: Floats, least: Floats) -> Floats:
-    """Tensions (m,) [N] that hold an arm, as little above the least ones as they can be.
-
-    Where no tensions hold it, they miss by as little as they can.
+    """Least-squares tensions that balance an arm, as small as possible above a lower bound.
 
     Args:
-        arms: change of each wire's length with the joints, (m, n) [m/rad].
-        weight: torques (n,) [N m] of gravity and springs.
-        least: (m,) [N].
+        arms: moment arms, shape (m, n) [m/rad].
+        weight: torques of gravity and springs, shape (n,) [N m].
+        least: lower bound, shape (m,) [N].
+
+    Returns:
+        Tensions, shape (m,) [N]; with the least error of torques if none balances the arm.
     """
     tendons = len(arms)
     missing = weight - arms.T @ least
@@ -129,9 +135,18 @@ def extended_map(
     recipe: Recipe | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> JointMuscleMap:
-    """The map of an extended arm: trained on its paths as the drawing's is on the drawing, then
-    moved to the commands at some postures (N, n) [rad] by the least change of its output layers."""
-    drawing = replace(nominal_model(), lengths=arm.paths)
-    drawn, _ = train(drawing, MAP_SEED, recipe, progress)
-    prior = MapPrior(drawn, postures, SHIFT)
+    """Train the map of an extended arm.
+
+    It is trained on the tendon lengths like the map of the nominal model, then corrected to the
+    commands at some postures by the least change of its output layers.
+
+    Args:
+        arm: the extended arm.
+        postures: joint angles, shape (N, n) [rad].
+        recipe: of the training; the default if left out.
+        progress: called with the name of a group and the share done, 0 to 1.
+    """
+    extended = replace(nominal_model(), lengths=arm.paths)
+    trained, _ = train(extended, MAP_SEED, recipe, progress)
+    prior = MapPrior(trained, postures, SHIFT)
     return prior.corrected(postures, arm.commands(postures), np.full(len(postures), EXACT))

@@ -1,4 +1,4 @@
-"""Picture of gap to skill: each robot's error from drawing and from diagnosis."""
+"""Figure of gap to skill: errors with the maps of nominal and diagnosed model."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 
-from experiments.gap_to_skill.tables import DRAWN, EXTENDED
+from experiments.gap_to_skill.tables import EXTENDED, NOMINAL
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
 from experiments.posture_accuracy.tables import MEASURES, WHEN
 
-COLOURS = {DRAWN: "#8c8c8c", EXTENDED: "#c8452f"}
+COLOURS = {NOMINAL: "#8c8c8c", EXTENDED: "#c8452f"}
 LABELS = {"deg": "RMSE_joint, target - true [deg]", "mm": "Distance_hand, target - true [mm]"}
 
 
 def pictures(results: Results) -> list[Picture]:
-    """Error before and after online learning, a line a robot and condition."""
+    """All figures of the report."""
     figure, axes = pyplot.subplots(1, 2, figsize=(9.5, 4.2))
     for ax, unit in zip(axes, MEASURES, strict=True):
         draw(ax, results, unit)
@@ -28,7 +28,7 @@ def pictures(results: Results) -> list[Picture]:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="upper center", ncol=2, fontsize=9)
     figure.tight_layout(rect=(0, 0, 1, 0.93))
     found = Picture(
-        "From the drawing and from the diagnosed model",
+        "Errors with the maps of nominal and diagnosed model",
         png(figure),
         "Lines: actual robots, mean over trials. Bars: median over robots.",
     )
@@ -37,7 +37,7 @@ def pictures(results: Results) -> list[Picture]:
 
 
 def draw(axes: Axes, results: Results, unit: str) -> None:
-    """One line for each robot and condition, before and after online learning."""
+    """Draw a line for each robot and condition, before and after online learning."""
     for condition, colour in COLOURS.items():
         found = np.array([
             [MEASURES[unit](result[condition][when], "target_true").mean() for when in WHEN]

@@ -1,8 +1,8 @@
-"""From gap to skill: does a diagnosis of one minute of motion make the robot move better?
+"""From gap to skill: accuracy with the map of a model that was diagnosed from one minute of motion.
 
-An actual robot moves for a minute with commands from the drawing. `reality_gap` diagnoses what it
-felt and saw, and extends the drawing by what it found. A second agent gets the map of the extended
-model. Both move to new postures before and after the same online learning.
+An actual robot moves for a minute with commands from the nominal model. `reality_gap` diagnoses its
+log and extends the nominal model by the causes that it finds. A second agent gets the map of the
+extended model. Both move to new postures before and after the same online learning.
 """
 
 from __future__ import annotations
@@ -15,20 +15,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.gap_to_skill.extended_arm import ExtendedArm, extended_map
-from experiments.gap_to_skill.tables import DRAWN, EXTENDED, metrics, seed_entry, tables
+from experiments.gap_to_skill.tables import EXTENDED, NOMINAL, metrics, seed_entry, tables
+from experiments.harness import common
+from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
-from experiments.harness.experiment import Findings, Results, Study
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.posture_accuracy.run import AWAY, away, trials
 from experiments.posture_accuracy.run import Sizes as Trials
+from experiments.robots.conditions import ACTUAL, make_session
 from jmm_agent.agent import AgentOptions
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, make_agent, make_session, shuffled_postures
-from kengoro.nominal_model import study_model, zero_lengths
-from kengoro.recording import Tour, record, whole_arm
+from kengoro.agents import make_agent
+from kengoro.recording import Tour, record_episode, whole_arm
+from kengoro.robots import shuffled_postures
+from kengoro.study_model import study_model, zero_lengths
 from kengoro.study_writer import write_study
-from kengoro.trained_maps import nominal_model, trained_map
+from kengoro.trained_maps import nominal_model
 from kengoro.visits import no_visits, visit
 from kengoro_env.postures import posture_set
 from reality_gap import Diagnosis, diagnose, load_study
@@ -36,16 +40,16 @@ from reality_gap import Diagnosis, diagnose, load_study
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of work on each robot.
 
     Attributes:
-        recorded: postures that are visited while it is recorded.
-        go, stay: duration of a movement, and of a stay, while it is recorded [s].
-        learned: postures from which is learned online.
-        targets: new postures.
-        starts: start postures of the trials to each of them.
+        recorded: number of postures in the log.
+        go, stay: duration of a movement and of a stay in the log [s].
+        learned: number of postures to learn from online.
+        targets: number of new postures.
+        starts: number of start postures of the trials to each new posture.
         move: duration of a movement [s].
-        patience: longest wait for rest and a look [s].
+        patience: longest wait for rest and an observation [s].
     """
 
     recorded: int = 30
@@ -61,12 +65,18 @@ class Sizes:
 QUICK = Sizes(recorded=10, learned=2, targets=1, starts=1, move=1.0, patience=1.5)
 
 DIAGNOSED = AgentOptions(prior=PriorOptions(offset=0.002, shape=0.001))
-"""An extended model is believed to be less wrong than the drawing: by lengths of 2 mm, not 25."""
+"""Prior for an extended model: errors of lengths of 2 mm instead of 25 mm."""
 
 
 class Plan(NamedTuple):
-    """Postures of a robot [rad], each a row: where it wakes, what it learns from online, from where
-    to which new postures it is sent, and what it visits while it is recorded."""
+    """Postures of a robot, one in each row [rad].
+
+    Attributes:
+        first: initial posture.
+        learned: postures to learn from online.
+        starts, targets: start postures of the trials, and new postures.
+        recorded: postures in the log.
+    """
 
     first: Floats
     learned: Floats
@@ -76,10 +86,10 @@ class Plan(NamedTuple):
 
 
 def make_plan(seed: int, sizes: Sizes) -> Plan:
-    """Choose postures by chance; targets at least `AWAY` from all that the robot knows by then.
+    """Choose postures in random order, with targets at least `AWAY` from all known postures.
 
     Raises:
-        ExperimentError: the posture set has not enough postures that far away.
+        ExperimentError: too few postures of the set are that far away.
     """
     postures = shuffled_postures(seed)
     ends = np.cumsum([1, sizes.learned, sizes.starts, sizes.recorded])
@@ -87,22 +97,24 @@ def make_plan(seed: int, sizes: Sizes) -> Plan:
     far = rest[away(rest, np.vstack([learned, recorded]))[0] >= AWAY]
     if len(far) < sizes.targets:
         raise ExperimentError(
-            f"Only {len(far)} postures are {AWAY:g} deg away from all that the robot knows, "
+            f"Only {len(far)} postures are {AWAY:g} deg away from all known postures, "
             f"{sizes.targets} are needed."
         )
     return Plan(first[0], learned, starts, far[: sizes.targets], recorded)
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """One robot: trials, online learning with both updaters, the same trials again; where the
-    condition says so, recorded and diagnosed before all that."""
-    plan, told = make_plan(seed, sizes), None
+    """Run one robot: trials, online learning with both updaters, and the same trials again.
+
+    In the condition `EXTENDED` it is recorded and diagnosed before.
+    """
+    plan, summary = make_plan(seed, sizes), None
     if condition == EXTENDED:
         diagnosis = diagnose_robot(seed, plan.recorded, sizes)
-        agent = make_agent(map_of(diagnosis), seed, DIAGNOSED)
-        told = what_was_found(diagnosis)
+        agent = make_agent(seed, jmm=map_of(diagnosis), options=DIAGNOSED)
+        summary = diagnosis_summary(diagnosis)
     else:
-        agent = make_agent(trained_map(cache), seed)
+        agent = make_agent(seed, cache=cache)
     session = make_session(ACTUAL, seed, agent, plan.first)
     usual = Trials(move=sizes.move, patience=sizes.patience)
     agent.learning = False
@@ -114,27 +126,27 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     agent.learning = False
     after = trials(session, plan.targets, plan.starts, usual)
     session.env.close()
-    return {"before": before, "after": after, "starts": sizes.starts, "diagnosis": told}
+    return {"before": before, "after": after, "starts": sizes.starts, "diagnosis": summary}
 
 
 def diagnose_robot(seed: int, postures: Floats, sizes: Sizes) -> Diagnosis:
-    """Record an actual robot that visits postures (K, n) [rad], and diagnose it."""
+    """Record an actual robot that visits postures, shape (K, n) [rad], and diagnose it."""
     arm = whole_arm()
-    recording = record(arm, seed, Tour(postures, sizes.go, sizes.stay), seed)
+    recording = record_episode(arm, seed, Tour(postures, sizes.go, sizes.stay), seed)
     with tempfile.TemporaryDirectory() as folder:
-        path = write_study(Path(folder), "head and arm", arm, [recording])
+        path = write_study(Path(folder), "head and arm", arm.scene, [recording])
         return diagnose(load_study(path))
 
 
 def map_of(diagnosis: Diagnosis) -> JointMuscleMap:
-    """The map of the model that a diagnosis extended."""
+    """Map of the extended model of a diagnosis."""
     muscles = nominal_model().muscles
     zero = zero_lengths(study_model(whole_arm().scene), muscles)
     return extended_map(ExtendedArm(diagnosis.extended_xml, muscles, zero), posture_set())
 
 
-def what_was_found(diagnosis: Diagnosis) -> dict[str, Any]:
-    """A diagnosis in short."""
+def diagnosis_summary(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Summary of a diagnosis, for JSON."""
     return {
         "verdict": diagnosis.verdict.value,
         "causes": [
@@ -154,31 +166,44 @@ def what_was_found(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """RMSE_joint and Distance_hand before and after learning, from both models."""
+    """RMSE_joint and Distance_hand before and after learning, with both maps."""
     from experiments.gap_to_skill.figures import pictures
 
     per_seed = {
-        seed: {name: seed_entry(result[name]) for name in (DRAWN, EXTENDED)}
+        seed: {name: seed_entry(result[name]) for name in (NOMINAL, EXTENDED)}
         for seed, result in results.items()
     }
     return Findings(metrics(per_seed), per_seed, tables(per_seed), pictures(results), {})
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="gap-to-skill",
     title="From gap to skill: the map of the diagnosed model",
     introduction=(
-        "An actual robot moves for a minute by the map of the drawing. What it feels and sees is "
-        "diagnosed by reality_gap, which extends the drawing by the causes that it finds. A map "
-        "trained on the extended model, on the commands under which it settles, moves the robot "
-        "to new postures, beside the map of the drawing; both before and after the same online "
-        "learning from other postures."
+        "An actual robot moves for a minute by the map of the nominal model. Its log is diagnosed "
+        "by reality_gap, which extends the nominal model by the causes that it finds. Then the map "
+        "of the extended model, trained on the commands with which it settles, and the map of the "
+        "nominal model move the robot to new postures, before and after the same online learning "
+        "from other postures."
     ),
     figure="beyond the paper",
     others=("experiments/posture_accuracy", "reality_gap"),
-    conditions=(DRAWN, EXTENDED),
+    conditions=(NOMINAL, EXTENDED),
     sizes=Sizes(),
     quick=QUICK,
     run=run,
     conclude=conclude,
 )
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """A diagnosis of one minute of motion becomes a joint-muscle mapping."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/gap-to-skill")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

@@ -1,1 +1,1 @@
-"""What all experiments share: runs, seeds, results, statistics, reports."""
+"""Framework of the experiments: arguments, tasks, results, statistics and reports."""

@@ -1,8 +1,8 @@
-"""A Ray cluster that does the work of a sweep; extra ``[cluster]``.
+"""Tasks on a Ray cluster; needs the extra ``[cluster]``.
 
-Every task may run on any node, and again on another one if its node dies. In a checkout the code
-is sent along; where the package is installed, every node needs the same version. Results come back
-to whoever asked, so that nodes share no folder.
+A task may run on any node, and runs again on another one if its node dies. From a checkout the code
+is sent to the nodes; an installed package must have the same version on every node. Results return
+to the calling process, so the nodes need no shared folder.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from experiments.harness.common import ROOT
 from experiments.harness.errors import ExperimentError
 
 NOT_SENT = ["/docs", "/tests", "/experiments/figures", "/experiments/results"]
-"""Beside what git ignores."""
+"""Folders that are not sent to the nodes, in addition to those that git ignores."""
 TIMEOUT = 10.0
-"""How long an address is waited for [s]."""
+"""Longest wait for a connection [s]."""
 
 Timed = Callable[[Callable[..., Any], tuple[Any, ...]], tuple[Any, float]]
 
@@ -27,13 +27,13 @@ Timed = Callable[[Callable[..., Any], tuple[Any, ...]], tuple[Any, float]]
 def on_cluster(
     address: str, timed: Timed, work: Callable[..., Any], tasks: Mapping[str, tuple[Any, ...]]
 ) -> Iterator[tuple[str, Any, float]]:
-    """Name, result and time [s] of each task, in the order in which they end.
+    """Yield name, result and duration [s] of each task as it ends.
 
     Args:
-        address: of the cluster, as Ray takes it: "auto", "host:port" or "ray://host:port".
-        timed: runs ``work`` with arguments.
+        address: of the cluster in Ray's notation: "auto", "host:port" or "ray://host:port".
+        timed: runs ``work`` with arguments; returns its result and duration.
         work: a function of a module.
-        tasks: arguments by name.
+        tasks: arguments by name of the task.
 
     Raises:
         ExperimentError: Ray is not installed, or no cluster answers at ``address``.
@@ -44,14 +44,14 @@ def on_cluster(
         raise ExperimentError(
             "A cluster needs Ray, which is not installed: pip install 'kengoro[cluster]'."
         ) from None
-    _knock(address)
+    _check_reachable(address)
     try:
         environment = _environment(ROOT)
         ray.init(address, runtime_env=environment, log_to_driver=False, logging_level=logging.ERROR)
     except ConnectionError as error:
-        raise _silent(address, error) from None
+        raise _no_answer(address, error) from None
     try:
-        # Only the loss of a worker or of its node is a reason to try again.
+        # Retry after the loss of a worker or node only, not after an exception of the task.
         remote = ray.remote(num_cpus=1, max_retries=-1, retry_exceptions=False)(timed)
         waiting = {remote.remote(work, arguments): name for name, arguments in tasks.items()}
         while waiting:
@@ -61,23 +61,23 @@ def on_cluster(
         ray.shutdown()
 
 
-def _knock(address: str) -> None:
-    """Ray waits for minutes for a cluster that is not there."""
+def _check_reachable(address: str) -> None:
+    """Raise within `TIMEOUT` where nothing answers; Ray itself would wait for minutes."""
     if address == "auto":
         return
     host, _, port = address.removeprefix("ray://").rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), TIMEOUT).close()
     except (OSError, ValueError) as error:
-        raise _silent(address, error) from None
+        raise _no_answer(address, error) from None
 
 
-def _silent(address: str, error: Exception) -> ExperimentError:
+def _no_answer(address: str, error: Exception) -> ExperimentError:
     return ExperimentError(f"No Ray cluster answers at {address!r}: {error}.")
 
 
 def _environment(root: Path) -> dict[str, Any]:
-    """What workers run in: the checkout, if there is one."""
+    """Runtime environment of the workers: the checkout, if there is one."""
     if not (root / "pyproject.toml").exists():
         return {}
     return {"working_dir": str(root), "excludes": NOT_SENT}

@@ -1,16 +1,13 @@
-"""What all experiments share: seeds, result files, the agent's drawing and map, parallel tasks."""
+"""Arguments, seeds and summaries that all experiments share."""
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
 import shlex
-import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,29 +16,29 @@ import numpy as np
 from experiments.harness.errors import ExperimentError
 from kengoro_env.assets import assets_root
 
-FIRST_REPORTED_SEED = 100
 ROOT = Path(__file__).resolve().parents[2]
 
 COMMON = ("kengoro", "jmm_agent", "kengoro_env", "experiments/robots")
-"""Folders on whose code every result depends."""
+"""Folders whose code every result depends on."""
 SHOWING = ("figures.py", "tables.py", "report.py")
-"""Files of experiments that show results and do not change them."""
+"""Files of experiments that present results without changing them."""
 Summary = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Args:
-    """What every experiment takes.
+    """Options of every experiment.
 
     Attributes:
-        seeds: robots, as A-B or A; seeds below 100 are for tuning.
+        seeds: seeds of the robots, as A-B or A; seeds below 100 are for tuning.
         out: folder of the results.
-        jobs: processes that work at the same time; the result does not depend on it.
-        cluster: address of a Ray cluster that does it instead; "auto": the one that runs here.
-        cache: folder of trained maps; the user's cache folder if left out.
-        quick: do little, to see that it works; the numbers mean nothing then.
-        view: watch the robots, one at a time: in MuJoCo's viewer where there is a display, else on
-            a page for a browser on this computer. What is kept already runs again.
+        jobs: number of parallel processes; the results do not depend on it.
+        cluster: address of a Ray cluster that runs the tasks instead; "auto" is the one that runs
+            on this computer.
+        cache: folder of trained maps; by default the user's cache folder.
+        quick: run a small version that checks the installation; its numbers mean nothing.
+        view: show the robots one at a time: in MuJoCo's viewer where there is a display, otherwise
+            on a web page that only this computer can open. Tasks with a saved result run again.
     """
 
     seeds: str
@@ -57,26 +54,25 @@ def parse_seeds(text: str) -> list[int]:
     """Seeds of a range "A-B", both included, or of one number "A".
 
     Raises:
-        ExperimentError: it is neither, or B is below A.
+        ExperimentError: the text is neither, or B is below A.
     """
     match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
     if match is None:
         raise ExperimentError(f"Seeds are {text!r}; give one such as 3 or a range such as 0-9.")
     first, last = int(match[1]), int(match[2] or match[1])
     if last < first:
-        raise ExperimentError(f"Seeds are {text!r}, but a range ends with its higher number.")
+        raise ExperimentError(f"Seeds are {text!r}, but a range must end with its higher number.")
     return list(range(first, last + 1))
 
 
 def check_jobs(jobs: int) -> None:
-    """`ExperimentError` unless there is at least one process."""
+    """Raise `ExperimentError` unless ``jobs`` is at least 1."""
     if jobs < 1:
         raise ExperimentError(f"Jobs are {jobs}, but at least 1 is needed.")
 
 
 def command_line() -> str:
-    """The command that started this program, as another user would type it: without the folder of
-    trained maps, which is everybody's own."""
+    """The command that started this program, without ``--cache``, which differs between users."""
     first, *rest = sys.argv
     if "--cache" in rest:
         at = rest.index("--cache")
@@ -89,10 +85,13 @@ def command_line() -> str:
 def make_summary(
     name: str, per_seed: Mapping[int, object], wall_s: float, **more: object
 ) -> Summary:
-    """What every ``summary.json`` has at least, and more.
+    """Content of a ``summary.json``.
 
-    ``wall_s`` is the time since the command was given [s]: less than the whole work where a part
-    of it was there already.
+    Args:
+        name: of the experiment, as typed.
+        per_seed: results by seed, which JSON can hold.
+        wall_s: duration of the run [s].
+        more: further entries.
     """
     return {
         "name": name,
@@ -105,7 +104,7 @@ def make_summary(
 
 
 def median_and_worst(values: Iterable[float]) -> dict[str, float | None]:
-    """Median and largest of some errors, rounded to 1e-3; None where there are none."""
+    """Median and largest of some errors, rounded to 1e-3; None for both without any error."""
     numbers = np.array(list(values))
     if not numbers.size:
         return {"median": None, "worst": None}
@@ -113,10 +112,11 @@ def median_and_worst(values: Iterable[float]) -> dict[str, float | None]:
 
 
 def source_digest(*folders: str) -> str:
-    """Digest of the code that results depend on.
+    """Digest of the code and assets that results depend on.
 
-    That is robot, agent, assets and what experiments share, and these folders of the checkout.
-    Files that only show results (`SHOWING`) do not count.
+    Args:
+        folders: of the checkout, in addition to `COMMON`. Files that only present results
+            (`SHOWING`) are left out.
     """
     digest = hashlib.sha256()
     paths: list[Path] = []
@@ -127,25 +127,3 @@ def source_digest(*folders: str) -> str:
     for path in paths:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:24]
-
-
-def log_reported(seeds: Sequence[int], root: Path = ROOT) -> None:
-    """Append every seed from 100 on to ``experiments/REPORTED.csv`` when run in a checkout.
-
-    Those seeds are for numbers that are reported, so each look at them is on record.
-    """
-    reported = [seed for seed in seeds if seed >= FIRST_REPORTED_SEED]
-    if not reported or not (root / ".git").exists():
-        return
-    git = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=root, capture_output=True, text=True
-    )
-    commit = git.stdout.strip() or "none"
-    date = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    path = root / "experiments" / "REPORTED.csv"
-    new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        if new:
-            writer.writerow(["date", "commit", "command", "seed"])
-        writer.writerows([date, commit, command_line(), seed] for seed in reported)

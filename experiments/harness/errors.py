@@ -1,7 +1,7 @@
-"""What goes wrong before or around an experiment."""
+"""Error of the experiments."""
 
 from kengoro.errors import UsageError
 
 
 class ExperimentError(UsageError):
-    """Something that the user asked for cannot be done; the message says what would be valid."""
+    """An invalid request to an experiment; the message says what would be valid."""

@@ -1,7 +1,54 @@
-"""What is the same in every experiment: conditions on robots, results kept, summary and report.
+"""Experiments of conditions on robots: their declaration, and the run that is common to all.
 
-A study has conditions, such as "actual" and "drawing". Each condition runs on each robot by itself,
-its result is kept as soon as it ends, and what is concluded from all results is written at the end.
+An experiment has conditions, such as "actual" and "nominal". Each condition runs on each robot as a
+task of its own, whose result is saved as soon as it ends. From all results the experiment concludes
+metrics, tables and figures, which go to ``summary.json`` and ``report.html``.
+
+A new experiment is a folder with ``run.py`` and one line in `experiments.__main__.RUNNERS`.
+``experiments/my_accuracy/run.py``::
+
+    @dataclass(frozen=True)
+    class Sizes:
+        postures: int = 20
+
+    def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
+        agent = make_agent(seed, cache=cache)
+        start, *targets = shuffled_postures(seed)[: 1 + sizes.postures]
+        session = make_session(condition, seed, agent, start)
+        visits = no_visits()
+        for target in targets:
+            visit(session, target, visits)
+        session.env.close()
+        return visits  # anything that fits in JSON
+
+    def conclude(results: Results, sizes: Sizes) -> Findings:
+        per_seed = {seed: errors(result[ACTUAL]) for seed, result in results.items()}
+        accuracy = metric([entry["target_true_deg"] for entry in per_seed.values()], "deg")
+        rows = [(seed, entry["target_true_deg"]) for seed, entry in per_seed.items()]
+        table = Table("Errors", ("robot", "deg"), rows)
+        return Findings({"accuracy": accuracy}, per_seed, [table], (), {})
+
+    EXPERIMENT = Experiment(
+        "my-accuracy", "Accuracy", "Introduction of the report.", "beyond the paper",
+        (ACTUAL, NOMINAL), Sizes(), Sizes(postures=1), run, conclude,
+    )
+
+    @dataclass(frozen=True)
+    class Args(common.Args):
+        \"\"\"One sentence for --help.\"\"\"
+
+        seeds: str = "0-9"
+        out: Path = Path("out/my-accuracy")
+
+    def main(args: Args) -> Summary:
+        return run_experiment(EXPERIMENT, args)
+
+``experiments/__main__.py``::
+
+    RUNNERS = {..., "my-accuracy": Runner("one line for the list")}
+
+Files named ``figures.py``, ``tables.py`` and ``report.py`` in the folder present results without
+changing them: saved results stay valid when these files change.
 """
 
 from __future__ import annotations
@@ -19,31 +66,33 @@ from experiments.harness.common import (
     Args,
     Summary,
     check_jobs,
-    log_reported,
     make_summary,
     parse_seeds,
     source_digest,
 )
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Picture, Table, metric_table, print_table, write_report
+from experiments.harness.reported import log_reported
 from experiments.harness.runner import Tasks, core_seconds, run_tasks
-from kengoro.session import observed_by
+from kengoro.session import shown_by
 from kengoro.trained_maps import trained_map
 from mjcf_sandbox.files import remove_parts, write_bytes, write_json
 
 Results = dict[int, dict[str, Any]]
-"""What each condition brought, by seed and condition."""
+"""Result of each condition, by seed and condition."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What is concluded from all results.
+    """Conclusions from the results of all robots.
 
     Attributes:
         metrics: by name, from `statistics.metric`.
-        per_seed: numbers of each robot, small enough to read.
-        tables, pictures: for the report; the first of each stands for the whole experiment.
+        per_seed: numbers of each robot, few enough to read.
+        tables, pictures: of the report; the first of each represents the experiment on the page
+            of all results.
         more: further entries of the summary.
+        closing: sentences printed at the end, in place of the table of metrics.
     """
 
     metrics: Mapping[str, Mapping[str, Any]]
@@ -51,21 +100,22 @@ class Findings:
     tables: Sequence[Table]
     pictures: Sequence[Picture]
     more: Mapping[str, object]
+    closing: str = ""
 
 
 @dataclass(frozen=True)
-class Study:
-    """One experiment.
+class Experiment:
+    """Declaration of an experiment.
 
     Attributes:
-        name: as typed.
+        name: as typed on the command line.
         title, introduction: of the report.
-        figure: of the paper that it stands for.
-        others: folders of other experiments or packages on whose code results depend.
-        conditions: what runs on each robot.
-        sizes, quick: dataclasses: how much is done on each robot, usually and in a hurry.
-        run: (condition, seed, sizes, folder of maps) -> result that JSON can hold.
-        conclude: from the results of all robots to findings; may load matplotlib.
+        figure: of the paper that it reproduces.
+        conditions: names of what runs on each robot.
+        sizes, quick: dataclasses: amount of work on each robot, usually and with ``--quick``.
+        run: (condition, seed, sizes, folder of maps) -> result that fits in JSON.
+        conclude: (results of all robots, sizes) -> findings; may import matplotlib.
+        others: further folders of the checkout whose code the results depend on.
     """
 
     name: str
@@ -81,94 +131,110 @@ class Study:
 
     @property
     def folder(self) -> str:
-        """Its own folder in the checkout."""
+        """Folder of its code in the checkout."""
         return f"experiments/{self.name.replace('-', '_')}"
 
 
 LEAST_WIDTH = 110
-"""Characters in a line of the printed table."""
+"""Least width of the printed table [characters]."""
 
 
-def run_study(study: Study, args: Args) -> Summary:
-    """Run all conditions on all robots, or what of it is missing; write summary and report.
+def run_experiment(experiment: Experiment, args: Args) -> Summary:
+    """Run all conditions on all robots and write summary, report and figures.
+
+    Tasks with a saved result of the same code and sizes do not run again.
 
     Args:
-        study: what to do.
-        args: seeds, folder of results, processes, folder of maps, and whether in a hurry.
+        experiment: its declaration.
+        args: seeds, folder of the results, processes and further options.
+
+    Returns:
+        The content of ``summary.json``.
+
+    Raises:
+        ExperimentError: an option is invalid.
     """
     begin = time.perf_counter()
-    sizes = study.quick if args.quick else study.sizes
+    sizes = experiment.quick if args.quick else experiment.sizes
     seeds = parse_seeds(args.seeds)
     check_jobs(args.jobs)
-    log_reported(seeds)
-    trained_map(args.cache)  # once, before many processes would train it
+    log_reported(experiment.name, seeds)
+    trained_map(args.cache)  # once, before several processes would train it
     tasks = {
         f"{seed:03d}-{condition}": (condition, seed, sizes, args.cache)
         for seed in seeds
-        for condition in study.conditions
+        for condition in experiment.conditions
     }
-    key = f"{source_digest(study.folder, *study.others)} {asdict(sizes)}"
+    key = f"{source_digest(experiment.folder, *experiment.others)} {asdict(sizes)}"
     run = run_watched if args.view else run_unwatched
-    kept = run(study, tasks, args, key)
+    saved = run(experiment, tasks, args, key)
     results: Results = {
-        seed: {name: kept[f"{seed:03d}-{name}"] for name in study.conditions} for seed in seeds
+        seed: {name: saved[f"{seed:03d}-{name}"] for name in experiment.conditions}
+        for seed in seeds
     }
     core_s = core_seconds(args.out / "robots", tasks)
-    found = study.conclude(results, sizes)
+    found = experiment.conclude(results, sizes)
     summary = make_summary(
-        study.name,
+        experiment.name,
         found.per_seed,
-        max(time.perf_counter() - begin, core_s / args.jobs),  # what was there already took time
-        title=study.title,
-        figure=study.figure,
+        # At least the time of all tasks, also of those that ran before.
+        max(time.perf_counter() - begin, core_s / args.jobs),
+        title=experiment.title,
+        figure=experiment.figure,
         core_s=core_s,
         sizes=asdict(sizes),
         metrics=dict(found.metrics),
         table=found.tables[0].plain(),
         **found.more,
     )
-    conclude_run(args.out, study, summary, found)
+    write_results(args.out, experiment, summary, found)
     return summary
 
 
-def run_unwatched(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
-    """Results of the tasks by name, in parallel."""
-    return run_tasks(study.run, tasks, args.jobs, args.out / "robots", key, args.cluster)
+def run_unwatched(experiment: Experiment, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
+    """Run the tasks in parallel; returns their results by name."""
+    return run_tasks(experiment.run, tasks, args.jobs, args.out / "robots", key, args.cluster)
 
 
-def run_watched(study: Study, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
-    """The same results, one task after the other while a window shows the robots.
+def run_watched(experiment: Experiment, tasks: Tasks, args: Args, key: str) -> dict[str, Any]:
+    """Run the tasks one after the other in a window that shows the robots.
+
+    Returns:
+        Results by name, the same as those of `run_unwatched`.
 
     Raises:
-        ExperimentError: the work is to be done elsewhere.
+        ExperimentError: the tasks would run on a cluster.
     """
-    from kengoro.viewer.window import Window, open_window  # matplotlib takes a second to load
+    from kengoro.viewer.window import Window, open_window  # imports matplotlib
 
     if args.cluster is not None:
         raise ExperimentError(
-            "What a cluster runs cannot be watched: leave out --view or --cluster."
+            "A run on a cluster cannot be watched: leave out --view or --cluster."
         )
 
     def run(window: Window, condition: str, seed: int, *more: Any) -> dict[str, Any]:
-        window.title = f"{study.title}: robot {seed}, {condition}"
-        with observed_by(window.look):
-            return study.run(condition, seed, *more)
+        window.title = f"{experiment.title}: robot {seed}, {condition}"
+        with shown_by(window.show):
+            return experiment.run(condition, seed, *more)
 
-    with open_window(study.title) as window:
+    with open_window(experiment.title) as window:
         folder = args.out / "robots"
         return run_tasks(partial(run, window), tasks, 1, folder, key, again=True)
 
 
-def conclude_run(out: Path, study: Study, summary: Summary, found: Findings) -> None:
-    """Write figures, report and summary to ``out``, and show the metrics."""
+def write_results(out: Path, experiment: Experiment, summary: Summary, found: Findings) -> None:
+    """Write figures, report and summary to ``out`` and print the metrics."""
     remove_parts(out)
     for number, picture in enumerate(found.pictures, start=1):
         write_bytes(out / f"figure_{number}.png", picture.png)
     tables = [metric_table(summary["metrics"]), *found.tables]
     report = out / "report.html"
-    write_report(report, study.title, study.introduction, summary, tables, found.pictures)
+    write_report(report, experiment.title, experiment.introduction, summary, tables, found.pictures)
     write_json(out / "summary.json", summary)
     console = Console()
     console.width = max(console.width, LEAST_WIDTH)
-    print_table(console, tables[0])
+    if found.closing:
+        console.print(found.closing)
+    else:
+        print_table(console, tables[0])
     console.print(f"Results: {out}/summary.json, report.html, figures")

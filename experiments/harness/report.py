@@ -1,4 +1,4 @@
-"""report.html: one page with tables and figures inside it."""
+"""Report of an experiment: ``report.html`` with its tables and embedded figures."""
 
 from __future__ import annotations
 
@@ -26,11 +26,18 @@ GROUP_COLOURS = {
     "shoulder": "#c8452f",
     "forearm": "#d39a2a",
 }
-"""Colours of the four groups in all figures."""
+"""Colours of the four joint groups in all figures."""
 
 
 class Table(NamedTuple):
-    """A table: head and rows of cells, with what to read from it."""
+    """A table of a report.
+
+    Attributes:
+        title: above the table.
+        head: titles of the columns.
+        rows: cells, as many in each row as in the head.
+        note: explanation below the table.
+    """
 
     title: str
     head: Sequence[str]
@@ -38,13 +45,19 @@ class Table(NamedTuple):
     note: str = ""
 
     def plain(self) -> dict[str, Any]:
-        """The same as text that JSON can hold."""
+        """The table as strings, for JSON."""
         rows = [[str(cell) for cell in row] for row in self.rows]
         return {"title": self.title, "head": list(self.head), "rows": rows, "note": self.note}
 
 
 class Picture(NamedTuple):
-    """A figure as PNG, with what to read from it."""
+    """A figure of a report.
+
+    Attributes:
+        title: above the figure.
+        png: content of a PNG file.
+        note: explanation below the figure.
+    """
 
     title: str
     png: bytes
@@ -52,12 +65,12 @@ class Picture(NamedTuple):
 
     @property
     def base64(self) -> str:
-        """The PNG as text for a data URL."""
+        """The PNG in base64, for a data URL."""
         return base64.b64encode(self.png).decode("ascii")
 
 
 def png(figure: Figure) -> bytes:
-    """A matplotlib figure as PNG."""
+    """Content of a PNG file with a matplotlib figure."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     return buffer.getvalue()
@@ -71,7 +84,7 @@ def write_report(
     tables: Sequence[Table],
     pictures: Sequence[Picture],
 ) -> None:
-    """Write the page, whole or not at all."""
+    """Write the report to ``path``, atomically."""
     source = (files("experiments.harness") / "report.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     page = environment.from_string(source).render(
@@ -85,7 +98,7 @@ def write_report(
 
 
 def metric_table(metrics: Mapping[str, Mapping[str, Any]]) -> Table:
-    """The numbers that an experiment is judged by."""
+    """Table of the metrics of a summary."""
     head = ("", "paper", "median", "95 % interval", "worst robot", "must", "reached")
     rows = [
         (
@@ -99,12 +112,15 @@ def metric_table(metrics: Mapping[str, Mapping[str, Any]]) -> Table:
         )
         for name, found in metrics.items()
     ]
-    note = "Median over robots with its bootstrap 95 % interval over robots."
-    return Table("What came out", head, rows, note)
+    note = (
+        "Median over robots with its bootstrap 95 % interval. Must: the threshold that the median "
+        "is required to reach."
+    )
+    return Table("Metrics", head, rows, note)
 
 
 def print_table(console: Console, table: Table) -> None:
-    """Show a table in the terminal."""
+    """Print a table to the terminal."""
     printed = RichTable(title=escape(table.title), caption=escape(table.note))
     for number, name in enumerate(table.head):
         printed.add_column(escape(name), justify="right" if number else "left", no_wrap=not number)

@@ -1,4 +1,4 @@
-"""Work that is done in parallel, by processes of this machine or by a cluster, and kept."""
+"""Runner of tasks: in parallel processes or on a cluster, with one result file for each task."""
 
 from __future__ import annotations
 
@@ -28,12 +28,16 @@ from mjcf_sandbox.parent_watchdog import end_with_parent
 Work = Callable[..., Any]
 Tasks = Mapping[str, tuple[Any, ...]]
 Done = tuple[str, Any, float]
-"""Name of a task, its result, and how long it took [s]."""
+"""Name of a task, its result and its duration [s]."""
 
 
 @contextmanager
 def progress_bar(title: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A bar of ``total`` steps; call what it gives with a line on what was just done."""
+    """Progress bar of ``total`` steps.
+
+    Yields:
+        A function to call after each step, with a short text about the step.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -56,36 +60,35 @@ def run_tasks(
     cluster: str | None = None,
     again: bool = False,
 ) -> dict[str, Any]:
-    """Results of ``work(*arguments)`` by the tasks' names, each kept in a file as soon as it ends.
+    """Run ``work(*arguments)`` for each task and save each result to a file as soon as it ends.
 
     Args:
-        work: a function of a module; gives what JSON can hold.
-        tasks: arguments by name; names are file names.
-        jobs: processes at the same time.
-        folder: where results are kept; one that is there with the same ``key`` is not run again.
-        key: stands for all that results depend on beside the arguments.
-        cluster: address of a Ray cluster that does the work in place of processes.
-        again: whether what is kept is run again.
+        work: a function of a module; its result must fit in JSON.
+        tasks: arguments by name of the task; names are valid file names.
+        jobs: number of parallel processes.
+        folder: of the result files; a task with a file of the same ``key`` does not run again.
+        key: identifies everything that results depend on, except the arguments.
+        cluster: address of a Ray cluster that runs the tasks instead of processes.
+        again: run tasks with a saved result, too.
+
+    Returns:
+        Results by name, in the order of the tasks.
     """
     check_jobs(jobs)
     remove_parts(folder)
     results: dict[str, Any] = {}
-    with progress_bar(folder.name, len(tasks)) as tell:
-
-        def keep(name: str, result: Any, seconds: float) -> None:
-            results[name] = result
-            if seconds:
-                kept = {"key": key, "seconds": round(seconds, 1), "result": result}
-                write_json(folder / f"{name}.json", kept)
-            tell(name)
-
+    with progress_bar(folder.name, len(tasks)) as progress:
         for name in tasks:
-            kept = None if again else read_kept(folder / f"{name}.json", key)
-            if kept is not None:
-                keep(name, kept["result"], 0.0)
+            saved = None if again else read_saved(folder / f"{name}.json", key)
+            if saved is not None:
+                results[name] = saved["result"]
+                progress(name)
         missing = {name: arguments for name, arguments in tasks.items() if name not in results}
-        for done in _run(work, missing, jobs, cluster):
-            keep(*done)
+        for name, result, seconds in _run(work, missing, jobs, cluster):
+            results[name] = result
+            content = {"key": key, "seconds": round(seconds, 1), "result": result}
+            write_json(folder / f"{name}.json", content)
+            progress(name)
     return {name: results[name] for name in tasks}
 
 
@@ -107,19 +110,19 @@ def _run(work: Work, tasks: Tasks, jobs: int, cluster: str | None) -> Iterator[D
 
 
 def core_seconds(folder: Path, names: Iterable[str]) -> float:
-    """Time that the named tasks of `run_tasks` took in all [s], whenever they ran."""
-    kept = (json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in names)
-    return round(sum(task["seconds"] for task in kept), 1)
+    """Total duration of the named tasks of `run_tasks` [s], including those of earlier runs."""
+    saved = (json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in names)
+    return round(sum(task["seconds"] for task in saved), 1)
 
 
 def timed(work: Work, arguments: tuple[Any, ...]) -> tuple[Any, float]:
-    """The result as JSON would give it back, and how long it took [s]."""
+    """Result of ``work(*arguments)`` after a round trip through JSON, and its duration [s]."""
     begin = time.perf_counter()
     return json.loads(json.dumps(work(*arguments))), time.perf_counter() - begin
 
 
-def read_kept(path: Path, key: str) -> dict[str, Any] | None:
-    """What was kept with ``key``: the result and its seconds; None where that is not whole."""
+def read_saved(path: Path, key: str) -> dict[str, Any] | None:
+    """Content of a result file; None if it is missing, damaged or of another ``key``."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

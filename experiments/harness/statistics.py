@@ -1,16 +1,18 @@
-"""What is said of numbers over robots: medians, the worst robot, bootstrap intervals."""
+"""Statistics over robots: median, bootstrap interval of the median, worst robot."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.stats import bootstrap
 
 from jmm_agent.types import Floats
 
 RESAMPLES = 10_000
 LEVEL = 0.95
+"""Number of bootstrap samples, and confidence level of the interval."""
 
 Good = Literal["low", "high"]
 
@@ -26,25 +28,51 @@ class Interval(NamedTuple):
         return f"{self.median:.3g} [{self.low:.3g}, {self.high:.3g}]"
 
 
-def interval(values: Sequence[float] | Floats) -> Interval:
-    """Median of one number a robot, with the percentile bootstrap over robots.
+def bootstrap_interval(
+    statistic: Callable[..., Any], *samples: Floats, resamples: int = RESAMPLES
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of ``statistic(*samples)``, of width 0 for a single case.
 
-    The same numbers give the same interval.
+    The generator has a fixed seed, so equal samples have equal intervals.
+
+    Args:
+        statistic: of the samples; called with ``axis`` if it has such an argument.
+        samples: numbers of each case, shape (k,) each, k > 0; cases are resampled as a whole.
+        resamples: number of bootstrap samples.
+    """
+    if len(samples[0]) == 1:  # scipy needs two cases
+        value = float(statistic(*samples))
+        return value, value
+    found = bootstrap(
+        samples,
+        statistic,
+        paired=len(samples) > 1,
+        n_resamples=resamples,
+        confidence_level=LEVEL,
+        method="percentile",
+        rng=np.random.default_rng(0),
+    )
+    low, high = found.confidence_interval
+    return float(low), float(high)
+
+
+def interval(values: Sequence[float] | Floats) -> Interval:
+    """Median over robots with its bootstrap interval.
+
+    Args:
+        values: one number a robot.
 
     Raises:
-        ValueError: there is no number, or one is not finite.
+        ValueError: there is no value, or one is not finite.
     """
     numbers = np.asarray(values, dtype=float)
     if not numbers.size or not np.isfinite(numbers).all():
         raise ValueError(f"An interval needs finite numbers, at least one, not {numbers}.")
-    drawn = np.random.default_rng(0).integers(numbers.size, size=(RESAMPLES, numbers.size))
-    medians = np.median(numbers[drawn], axis=1)
-    low, high = np.quantile(medians, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Interval(float(np.median(numbers)), float(low), float(high))
+    return Interval(float(np.median(numbers)), *bootstrap_interval(np.median, numbers))
 
 
 def paired(one: Sequence[float] | Floats, other: Sequence[float] | Floats) -> Interval:
-    """Median over robots of one - other on the same robot, with its interval."""
+    """Median over robots of the difference one - other on the same robot, with its interval."""
     return interval(np.asarray(one, dtype=float) - np.asarray(other, dtype=float))
 
 
@@ -59,14 +87,15 @@ def metric(
 
     Args:
         values: one finite number a robot.
-        unit: of the number, "" for a pure one.
-        must: what the median must reach: at most this, or at least this if high is good.
-        paper: what the paper tells.
-        good: whether low or high numbers are good; decides which robot is the worst.
+        unit: of the numbers, "" without a unit.
+        must: threshold of the median: an upper bound, or a lower bound if high numbers are good.
+        paper: number or statement of the paper.
+        good: whether low or high numbers are good; the worst robot has the opposite extreme.
 
     Returns:
-        unit, paper, median, worst, low and high (bootstrap 95 % interval of the median over
-        robots), must, and reached: whether the median does, None without ``must``.
+        ``unit``, ``paper``, ``median``, ``worst``, ``low`` and ``high`` (bootstrap 95 % interval of
+        the median), ``must``, and ``reached``: whether the median satisfies ``must``, None without
+        a threshold.
     """
     numbers = np.array(list(values.values()) if isinstance(values, Mapping) else values, float)
     found = interval(numbers)
@@ -87,5 +116,5 @@ def metric(
 
 
 def _rounded(number: float) -> float:
-    """Four significant digits: what is compared by eye."""
+    """Round to four significant digits."""
     return float(f"{number:.4g}")

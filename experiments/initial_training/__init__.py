@@ -1,1 +1,1 @@
-"""The map learns the nominal model (Fig. 6)."""
+"""Initial training: the map learns the nominal model (Fig. 6)."""

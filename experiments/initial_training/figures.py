@@ -1,4 +1,4 @@
-"""Pictures of the initial training: loss transition, and the shoulder's lengths during flexion."""
+"""Figures of the initial training: loss transition, and lengths during shoulder flexion."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ OURS, PAPER = "ours", "paper"
 COLOURS = {OURS: "#0072B2", PAPER: "#D55E00"}
 NAMES = {OURS: "our training", PAPER: "the paper's recipe"}
 GOAL = 1.0
-"""RMSE [mm] that the paper's training stays under."""
+"""Upper bound of the RMSE of the paper's training [mm]."""
 
 
 def pictures(results: Results) -> list[Picture]:
-    """The paper's figure; loss of all groups; errors during flexion."""
+    """Figure of the paper, loss of all groups, and errors during flexion."""
     first, result = next(iter(results.items()))
-    drawing = nominal_model()
-    flexion = Flexion(drawing)
-    true = flexion.lengths(drawing.lengths)
+    nominal = nominal_model()
+    flexion = Flexion(nominal)
+    true = flexion.lengths(nominal.lengths)
     found = {name: np.array(result[name]["flexion"]) for name in NAMES}
     pictures = [
         Picture(
             f"Loss transition of the shoulder, and its muscles during flexion, training {first}",
             _paper_figure(results, flexion, found[OURS], true),
-            "Left: RMSE of lengths over the training, one line a seed: ours over each 250 steps, "
-            "the paper's on postures that were held out; dot: ours at its end on random postures. "
-            "Right: our network and the geometric model.",
+            "Left: RMSE of lengths during training, one line a seed: ours over each 250 steps, the "
+            "paper's on postures held out; dot: ours after training on random postures. Right: "
+            "our network and the geometric model.",
         ),
         Picture(
             "Loss transition in every group",
             _groups_figure(results),
-            "RMSE of lengths over the Adam steps. Vertical line: the paper's 20 epochs end. The "
-            "smaller a group's grid, the fewer steps they are.",
+            "RMSE of lengths over the Adam steps. Vertical line: end of the paper's 20 epochs, "
+            "which have fewer steps in groups with a smaller grid.",
         ),
         Picture(
             f"Network - geometric model during flexion, training {first}",
@@ -61,7 +61,7 @@ def _paper_figure(results: Results, flexion: Flexion, found: Floats, true: Float
             label = name if number == 0 else None
             left.plot(group["epochs"], group["loss"], color=COLOURS[condition], lw=0.9, label=label)
             if condition == OURS:
-                label = "our training, at its end" if number == 0 else None
+                label = "our training, final" if number == 0 else None
                 end = group["epochs"][-1], group["rmse"]
                 left.plot(*end, "o", color=COLOURS[OURS], ms=4, label=label)
     _loss_axes(left)
@@ -88,11 +88,11 @@ def _groups_figure(results: Results) -> bytes:
             for number, result in enumerate(results.values()):
                 of = result[condition]["groups"][group]
                 steps = np.array(of["epochs"]) * of["epoch_steps"]
-                drawn = steps > 0
+                shown = steps > 0
                 label = name if number == 0 else None
                 ax.plot(
-                    steps[drawn],
-                    np.array(of["loss"])[drawn],
+                    steps[shown],
+                    np.array(of["loss"])[shown],
                     color=COLOURS[condition],
                     lw=0.9,
                     label=label,

@@ -1,12 +1,12 @@
-"""The paper's own initial training: a grid of the drawing's postures, Adam by five (sec. IV-A).
+"""Initial training of the paper: a grid of postures, and Adam with batches of five (sec. IV-A).
 
 The range of each joint is divided into 5 to 9 parts; the shoulder's 8 joints then have the paper's
-2,646,000 postures. One fifth is kept for validation. The network takes radians and gives
-millimetres as they are, begins as a linear layer of today's libraries does, and sees the rest 20
-times in minibatches of five.
+2,646,000 postures. One fifth is held out for validation. The network maps radians to millimetres
+without scaling, is initialised like a linear layer of PyTorch, and is trained on the rest for 20
+epochs in minibatches of five.
 
-Here a random share of the grid stands for it, since all of it takes millions of steps. The grids
-of the other groups are so small that 20 epochs are few steps; they are trained on from there.
+Here a random share of the grid is used, because the whole grid takes millions of steps. The grids
+of the other groups are so small that 20 epochs have few steps; training continues beyond them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from math import ceil, prod
 
 import numpy as np
 
-from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap, sigmoid
+from jmm_agent.mapping.group_map import METRES, GroupMap, sigmoid
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.network_fit import Layers, Network
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats, Ints
@@ -39,24 +40,24 @@ PARTS: dict[str, int] = {
     "wrist_flex": 8,
     "wrist_dev": 7,
 }
-"""Values of each joint in the grid. The paper says 5 to 9 and the product for the shoulder; which
-joint has which is chosen here: more for a wider range."""
+"""Number of values of each joint in the grid. The paper states the range 5 to 9 and the product for
+the shoulder; the assignment is ours, with more values for a wider range."""
 
 EPOCHS = 20
 BATCH = 5
 RATE = 1e-3
 HIDDEN = 1000
 VALIDATION = 5000
-"""Most postures on which the error is taken after each epoch."""
+"""Largest number of postures on which the error is evaluated after each epoch."""
 
 
 @dataclass(frozen=True)
 class Share:
-    """How much of the paper's training is done.
+    """Amount of the paper's training.
 
     Attributes:
-        samples: postures of a group's grid that are used, those for validation among them.
-        least_steps: a group trains beyond the paper's 20 epochs until it has taken so many.
+        samples: number of postures of a group's grid that are used, including validation.
+        least_steps: least number of steps; a group trains beyond 20 epochs to reach it.
     """
 
     samples: int
@@ -65,12 +66,12 @@ class Share:
 
 @dataclass(frozen=True)
 class PaperReport:
-    """How the paper's training of one group went.
+    """Report on the paper's training of one group.
 
     Attributes:
-        grid: postures in the whole grid.
-        samples: of them used, those for validation among them.
-        epoch_steps: Adam steps in each epoch.
+        grid: number of postures in the whole grid.
+        samples: number of these that were used, including validation.
+        epoch_steps: Adam steps in an epoch.
         history: validation RMSE [m] before the first epoch and after each.
         seconds: processor time of the training.
     """
@@ -83,66 +84,79 @@ class PaperReport:
 
     @property
     def validation_rmse(self) -> float:
-        """RMSE [m] after the paper's 20 epochs, on the postures that were kept for it."""
+        """RMSE after the paper's 20 epochs on the postures held out [m]."""
         return self.history[EPOCHS]
 
     @property
     def full_steps(self) -> int:
-        """Adam steps that the paper's 20 epochs over the whole grid take."""
+        """Adam steps of the paper's 20 epochs over the whole grid."""
         return EPOCHS * ((self.grid - self.grid // 5) // BATCH)
 
     @property
     def full_seconds(self) -> float:
-        """What they would take, at the time that a step took here."""
+        """Time of `full_steps`, from the time of a step here [s]."""
         steps = self.epoch_steps * (len(self.history) - 1)
         return self.full_steps * self.seconds / steps
 
 
 def train_as_paper(
-    drawing: NominalModel, seed: int, share: Share
+    nominal: NominalModel, seed: int, share: Share
 ) -> tuple[JointMuscleMap, dict[str, PaperReport]]:
-    """Train the map of every group as the paper does; the same seed gives the same bits."""
-    streams = np.random.SeedSequence([seed, 3]).spawn(len(drawing.groups))
+    """Train the map of every group like the paper.
+
+    Args:
+        nominal: model of the arm.
+        seed: of the training; equal seeds have bitwise equal results.
+        share: amount of training.
+    """
+    streams = np.random.SeedSequence([seed, 3]).spawn(len(nominal.groups))
     groups, reports = [], {}
-    for (name, joints, muscles), stream in zip(drawing.topology(), streams, strict=True):
+    for (name, joints, muscles), stream in zip(nominal.topology(), streams, strict=True):
         rng = np.random.default_rng(stream)
-        postures = grid_postures(drawing, joints, share.samples, rng)
-        lengths = drawing.lengths(postures)[:, muscles] / METRES
+        postures = grid_postures(nominal, joints, share.samples, rng)
+        lengths = nominal.lengths(postures)[:, muscles] / METRES
         begin = time.process_time()
         layers, steps, history = _descend(postures[:, joints], lengths, rng, share.least_steps)
         seconds = time.process_time() - begin
         unscaled = np.zeros(len(joints)), np.ones(len(joints))
         groups.append(GroupMap(name, joints, muscles, *unscaled, *layers))
-        grid = prod(_parts(drawing, joints))
+        grid = prod(_parts(nominal, joints))
         reports[name] = PaperReport(grid, len(postures), steps, tuple(history), seconds)
-    return JointMuscleMap(drawing.joints, drawing.muscles, tuple(groups)), reports
+    return JointMuscleMap(nominal.joints, nominal.muscles, tuple(groups)), reports
 
 
 def grid_postures(
-    drawing: NominalModel, joints: Ints, most: int, rng: np.random.Generator
+    nominal: NominalModel, joints: Ints, most: int, rng: np.random.Generator
 ) -> Floats:
-    """Different postures (B, n) [rad] of the grid over some joints, in random order, B <= most.
+    """Different postures of the grid over some joints, in random order.
 
-    All other joints stand at zero.
+    Args:
+        nominal: model of the arm.
+        joints: indices of the joints; all others are at zero.
+        most: largest number of postures.
+        rng: chooses the postures.
+
+    Returns:
+        Joint angles, shape (B, n) [rad], B <= most.
     """
-    parts = _parts(drawing, joints)
+    parts = _parts(nominal, joints)
     count = prod(parts)
     chosen = rng.choice(count, min(count, most), replace=False)
-    postures = np.zeros((len(chosen), len(drawing.joints)))
+    postures = np.zeros((len(chosen), len(nominal.joints)))
     for joint, size, location in zip(joints, parts, np.unravel_index(chosen, parts), strict=True):
-        axis = np.linspace(drawing.lower[joint], drawing.upper[joint], size)
+        axis = np.linspace(nominal.lower[joint], nominal.upper[joint], size)
         postures[:, joint] = axis[location]
     return postures
 
 
-def _parts(drawing: NominalModel, joints: Ints) -> list[int]:
-    return [PARTS[drawing.joints[joint]] for joint in joints]
+def _parts(nominal: NominalModel, joints: Ints) -> list[int]:
+    return [PARTS[nominal.joints[joint]] for joint in joints]
 
 
 def _descend(
     x: Floats, y: Floats, rng: np.random.Generator, least_steps: int
 ) -> tuple[Layers, int, Sequence[float]]:
-    """Train on x (B, n) [rad] and y (B, k) [mm] but for the first fifth.
+    """Train on all samples except the first fifth: x, shape (B, n) [rad]; y, shape (B, k) [mm].
 
     Returns the layers, the steps in an epoch, and the RMSE [m] on the first fifth by epoch.
     """

@@ -1,7 +1,7 @@
-"""Initial training (paper, sec. II-A, IV-A): the map of every group from the drawing.
+"""Initial training (paper, sec. II-A, IV-A): the map of every group from the nominal model.
 
-Our training and the paper's own recipe learn the same drawing. No robot moves: a seed is that of
-the training. Both maps are examined on the same fresh postures of the whole box of joint ranges.
+Our training and the recipe of the paper learn the same nominal model. No robot moves: a seed is
+that of the training. Both maps are evaluated on the same new postures in the whole joint ranges.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ import numpy as np
 
 from experiments.harness import common
 from experiments.harness.common import Summary
-from experiments.harness.experiment import Findings, Results, Study, run_study
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
 from experiments.initial_training.flexion import Flexion
 from experiments.initial_training.paper_recipe import EPOCHS, PaperReport, Share, train_as_paper
-from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
+from jmm_agent.mapping.group_map import METRES
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.training import GroupReport, train
 from jmm_agent.nominal_model import NominalModel
@@ -30,16 +31,21 @@ from kengoro_env.names import GROUP_JOINTS
 
 OURS, PAPER = "ours", "paper"
 MUST = 0.1
-"""Largest RMSE [mm] that our training may leave in a group."""
+"""Threshold of the RMSE of our training in every group [mm]."""
 PAPERS = 1.0
-"""RMSE [mm] that the paper's training stays under."""
-EXAMINED = 5000
-"""Postures on which a map is examined."""
+"""Upper bound of the RMSE of the paper's training [mm]."""
+EVALUATED = 5000
+"""Number of postures on which a map is evaluated."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done: our Adam steps as in `Recipe`, the paper's as in `Share`."""
+    """Amount of training.
+
+    Attributes:
+        steps: Adam steps of ours, see `Recipe`.
+        samples, least_steps: of the paper's, see `Share`.
+    """
 
     steps: int = Recipe().steps
     samples: int = 35_280
@@ -51,13 +57,13 @@ QUICK = Sizes(steps=20, samples=1_000, least_steps=1_000)
 
 @dataclass(frozen=True)
 class Args(common.Args):
-    """Options of the initial training's experiment.
+    """Training of the map of the nominal model by two recipes (Fig. 6).
 
     Attributes:
         seeds: seeds of the training, as A-B or A; seeds below 100 are for tuning.
         out: folder of the results.
-        samples: postures of the grid for the paper's recipe; 2646000 is all of it, which takes
-            as long as the report says. What is usual if left out.
+        samples: number of postures of the grid for the paper's recipe; 2646000 is the whole grid,
+            whose time is in the report.
     """
 
     seeds: str = "0-9"
@@ -66,33 +72,33 @@ class Args(common.Args):
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """Train all groups by one of the two recipes and examine the map."""
-    drawing = nominal_model()
+    """Train all groups by one of the two recipes and evaluate the map."""
+    nominal = nominal_model()
     begin = time.process_time()
     groups: dict[str, dict[str, Any]]
     if condition == OURS:
         recipe = Recipe(steps=sizes.steps)
-        jmm, report = train(drawing, seed, recipe)
+        jmm, report = train(nominal, seed, recipe)
         seconds = time.process_time() - begin
         groups = {name: _ours(of, recipe) for name, of in report.groups.items()}
     else:
-        jmm, of_paper = train_as_paper(drawing, seed, Share(sizes.samples, sizes.least_steps))
+        jmm, of_paper = train_as_paper(nominal, seed, Share(sizes.samples, sizes.least_steps))
         seconds = time.process_time() - begin
         groups = {name: _papers(of) for name, of in of_paper.items()}
-    for name, error in examine(jmm, drawing, seed).items():
+    for name, error in evaluate(jmm, nominal, seed).items():
         groups[name]["rmse"] = error
-    flexion = Flexion(drawing)
+    flexion = Flexion(nominal)
     lengths = flexion.lengths(jmm.lengths)
     return {
         "groups": groups,
         "seconds": round(seconds, 1),
         "flexion": np.round(lengths, 4).tolist(),
-        "flexion_error": float(np.abs(lengths - flexion.lengths(drawing.lengths)).max()),
+        "flexion_error": float(np.abs(lengths - flexion.lengths(nominal.lengths)).max()),
     }
 
 
 def _ours(report: GroupReport, recipe: Recipe) -> dict[str, Any]:
-    """Errors [mm] over each part of the training, and the epoch at which the part ended."""
+    """Errors over each part of the training [mm], and the epoch at the end of the part."""
     loss = np.array(report.history) / METRES
     epochs = 250 * np.arange(1, len(loss) + 1) * recipe.batch / recipe.samples
     return {
@@ -104,7 +110,7 @@ def _ours(report: GroupReport, recipe: Recipe) -> dict[str, Any]:
 
 
 def _papers(report: PaperReport) -> dict[str, Any]:
-    """Errors [mm] before the first epoch and after each, and the counts of postures and steps."""
+    """Errors before the first epoch and after each [mm], and numbers of postures and steps."""
     loss = np.array(report.history) / METRES
     return {
         "loss": np.round(loss, 4).tolist(),
@@ -119,23 +125,23 @@ def _papers(report: PaperReport) -> dict[str, Any]:
     }
 
 
-def examine(jmm: JointMuscleMap, drawing: NominalModel, seed: int) -> dict[str, float]:
-    """RMSE [mm] by group on fresh postures, uniform in the box of joint ranges."""
+def evaluate(jmm: JointMuscleMap, nominal: NominalModel, seed: int) -> dict[str, float]:
+    """RMSE by group on new postures, uniform in the joint ranges [mm]."""
     rng = np.random.default_rng([seed, 4])
-    postures = rng.uniform(drawing.lower, drawing.upper, (EXAMINED, len(drawing.joints)))
-    square = np.square((jmm.lengths(postures) - drawing.lengths(postures)) / METRES)
+    postures = rng.uniform(nominal.lower, nominal.upper, (EVALUATED, len(nominal.joints)))
+    square = np.square((jmm.lengths(postures) - nominal.lengths(postures)) / METRES)
     return {
         group.name: float(np.sqrt(np.mean(square[:, group.muscle_index]))) for group in jmm.groups
     }
 
 
 def over_seeds(results: Results, condition: str, group: str, key: str) -> dict[int, float]:
-    """One number of a group's training, by seed."""
+    """A number of a group's training, by seed."""
     return {seed: result[condition]["groups"][group][key] for seed, result in results.items()}
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """Errors of both recipes by group, and what they cost."""
+    """Errors and times of both recipes, by group."""
     from experiments.initial_training.figures import pictures
 
     ours = {group: over_seeds(results, OURS, group, "rmse") for group in GROUP_JOINTS}
@@ -168,7 +174,9 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         for seed, result in results.items()
     }
     tables = [error_table(results), count_table(results)]
-    return Findings(metrics, per_seed, tables, pictures(results), {"told": told(results)})
+    return Findings(
+        metrics, per_seed, tables, pictures(results), {"statements": statements(results)}
+    )
 
 
 def _seconds(results: Results, condition: str) -> dict[int, float]:
@@ -176,7 +184,7 @@ def _seconds(results: Results, condition: str) -> dict[int, float]:
 
 
 def error_table(results: Results) -> Table:
-    """RMSE of each group by both recipes."""
+    """Table of the RMSE of each group by both recipes."""
     rows = []
     for group in GROUP_JOINTS:
         after = over_seeds(results, PAPER, group, "after_20")
@@ -190,17 +198,17 @@ def error_table(results: Results) -> Table:
         (
             "",
             f"paper's recipe after {EPOCHS} epochs, held-out grid postures",
-            "paper's recipe at its end, random postures",
+            "paper's recipe after all steps, random postures",
             "ours, random postures",
             "ours - paper's, paired",
         ),
         rows,
-        " ".join(told(results)),
+        " ".join(statements(results)),
     )
 
 
 def count_table(results: Results) -> Table:
-    """Postures and steps of both recipes in each group."""
+    """Table of the postures and steps of both recipes in each group."""
     _, result = next(iter(results.items()))
     rows = []
     for group in GROUP_JOINTS:
@@ -216,25 +224,25 @@ def count_table(results: Results) -> Table:
             )
         )
     return Table(
-        "How much was trained",
+        "Amount of training",
         (
             "",
             "paper's grid",
-            "of it used",
+            "used postures",
             "steps of five",
             f"steps of {EPOCHS} epochs over the whole grid",
-            "these would take [min]",
+            "time of these [min]",
             "our random postures",
         ),
         rows,
-        "The time of the whole grid is extrapolated from the time of a step. A grid that was used "
-        f"whole is so small that it was trained on for more than {EPOCHS} epochs, up to the steps "
+        "The time of the whole grid is extrapolated from the time of a step. Grids that are used "
+        f"as a whole are so small that training continues beyond {EPOCHS} epochs, up to the steps "
         "shown. All times are processor time of one core.",
     )
 
 
-def told(results: Results) -> list[str]:
-    """What the numbers say, in sentences."""
+def statements(results: Results) -> list[str]:
+    """Conclusions from the numbers, in sentences."""
     after = {g: _median(results, PAPER, g, "after_20") for g in GROUP_JOINTS}
     end = {g: _median(results, PAPER, g, "rmse") for g in GROUP_JOINTS}
     ours = {g: _median(results, OURS, g, "rmse") for g in GROUP_JOINTS}
@@ -242,14 +250,14 @@ def told(results: Results) -> list[str]:
     shoulder = result[PAPER]["groups"]["shoulder"]
     share = shoulder["samples"] / shoulder["grid"]
     samples = result[OURS]["groups"]["shoulder"]["samples"]
-    best = "enough" if max(ours.values()) < PAPERS else "not enough"
+    best = "sufficient" if max(ours.values()) < PAPERS else "not sufficient"
     return [
         f"After {EPOCHS} epochs the paper's recipe on {share:.1%} of the shoulder's grid is "
         f"{_side(after['shoulder'])} the paper's {PAPERS:g} mm for the shoulder.",
         _missed(f"After {EPOCHS} epochs", after),
-        _missed("At the end of its training, on random postures,", end),
-        f"The paper says that 100,000 random postures suffice; with our recipe {samples:,} are "
-        f"{best} for {PAPERS:g} mm in every group.",
+        _missed("After all steps, on random postures,", end),
+        f"The paper states that 100,000 random postures are sufficient; with our recipe "
+        f"{samples:,} are {best} for {PAPERS:g} mm in every group.",
     ]
 
 
@@ -262,19 +270,19 @@ def _side(error: float) -> str:
 
 
 def _missed(when: str, errors: Mapping[str, float]) -> str:
-    """Which groups miss the paper's error."""
+    """Sentence on the groups that exceed the error of the paper."""
     missed = [f"{group} ({error:.2g} mm)" for group, error in errors.items() if error >= PAPERS]
     where = f"in: {', '.join(missed)}" if missed else "in no group"
-    return f"{when} the paper's recipe misses {PAPERS:g} mm {where}."
+    return f"{when} the paper's recipe exceeds {PAPERS:g} mm {where}."
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="initial-training",
     title="Initial training",
     introduction=(
-        "The map of every group is trained from the drawing, by our training and by the paper's "
-        "own recipe on a random share of its data. No robot moves: a seed is that of the training, "
-        "and what is called a robot below is one training."
+        "The map of every group is trained on the nominal model, by our training and by the recipe "
+        "of the paper on a random share of its data. No robot moves: a seed is that of the "
+        "training, and each robot below is one training."
     ),
     figure="Fig. 6",
     conditions=(OURS, PAPER),
@@ -286,8 +294,8 @@ STUDY = Study(
 
 
 def main(args: Args) -> Summary:
-    """Run the experiment, or what of it is missing."""
-    study = STUDY
+    """Run the experiment; returns its summary."""
+    experiment = EXPERIMENT
     if args.samples is not None:
-        study = replace(STUDY, sizes=replace(Sizes(), samples=args.samples))
-    return run_study(study, args)
+        experiment = replace(EXPERIMENT, sizes=replace(Sizes(), samples=args.samples))
+    return run_experiment(experiment, args)

@@ -1,1 +1,1 @@
-"""Reinforcement learning of Posture, from the reward alone."""
+"""Reinforcement learning of postures from the reward alone."""

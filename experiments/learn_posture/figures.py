@@ -1,4 +1,4 @@
-"""Picture of policies that learn postures: their reward over the steps they learned from."""
+"""Figure of policies that learn postures: reward over steps of learning."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from matplotlib import pyplot
 from experiments.harness.report import Picture, png
 
 LEARNED, RANDOM, GREY = "#0072B2", "#D55E00", "#666666"
-LINES = {"still": ("holds still", ":"), "nominal": ("the drawing's lengths", "--")}
+LINES = {"still": ("holds still", ":"), "nominal": ("nominal lengths", "--")}
 
 
 def learning_curve(
     algorithm: str, learned: dict[int, dict[str, Any]], others: dict[str, Any]
 ) -> Picture:
-    """Median over policies with their spread, beside those that learn nothing."""
+    """Median and range over policies, and the policies that do not learn."""
     steps = next(iter(learned.values()))["steps"]
     rewards = np.array([np.mean(one["short"], axis=1) for one in learned.values()])
     figure, axis = pyplot.subplots(figsize=(7, 4.2), layout="constrained")
@@ -33,7 +33,7 @@ def learning_curve(
     axis.axhspan(low, high, color=RANDOM, alpha=0.2, lw=0)
     axis.axhline(middle, color=RANDOM, lw=1.2, label="random actions")
     axis.set(
-        xlabel="steps of 20 ms to learn from [1]",
+        xlabel="steps of 20 ms [1]",
         ylabel="mean reward of a step [1]",
         ylim=(0.0, 1.0),
         xlim=(0, steps[-1]),
@@ -44,6 +44,6 @@ def learning_curve(
     return Picture(
         f"{algorithm}: reward in held-out episodes of one second",
         image,
-        f"Line: median over {len(learned)} policies; band: least to largest. Random actions: "
+        f"Line: median over {len(learned)} policies; band: range. Random actions: "
         "median and quartiles over episodes. Dashed and dotted: means over episodes.",
     )

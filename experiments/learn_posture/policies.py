@@ -1,9 +1,9 @@
-"""Policies for ``Kengoro/Posture-v0`` that learn from its reward, and those that do not.
+"""Policies for ``Kengoro/Posture-v0``: learned from its reward, and fixed ones for comparison.
 
-What is learned is the command of a posture: from target joint angles to target lengths of all
-wires. The policy sees nothing else, so it steers without feedback, as a joint-muscle map does. Its
-actions are changes about a rest, the mean of the wires' lengths in some starting postures: in most
-of the whole range of commands the wires fight each other.
+A policy maps target joint angles to target lengths of all muscles. It observes nothing else, so it
+is open-loop control, like a joint-muscle map. Its actions are changes from a rest command, the mean
+of the muscle lengths in some starting postures, because most of the range of commands causes
+antagonistic muscles to pull against each other.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from kengoro_env.vector import KengoroVectorEnv
 
 ID = "Kengoro/Posture-v0"
 REACH = 0.3
-"""How far an action of 1 goes from the rest, in parts of half the whole range."""
+"""Change by an action of 1, as share of half the range of commands."""
 
 STARTS = 20
-"""Starting postures of which the rest is the mean."""
+"""Number of starting postures whose mean is the rest command."""
 
 SHORT, WHOLE = 50, 1000
-"""Steps of an episode to learn from, and of a whole one. The arm settles in 15 steps, and more
-targets teach more."""
+"""Steps of a training episode and of a whole one. The arm settles in 15 steps, and short episodes
+have more targets."""
 
 HELD_OUT = 10**9
-"""Seed of the first episode for judging; what is learned from has smaller ones."""
+"""Seed of the first evaluation episode; training episodes have smaller seeds."""
 
 HELD = 5
-"""Steps for which a policy holds a command, and of which its reward is the sum. The arm is most of
-the way there by then, so that what a command is worth shows at once."""
+"""Number of steps for which a command is held and rewards are summed. The arm is close to rest by
+then, so the reward follows the command immediately."""
 
 COMMON: dict[str, Any] = {
     "gamma": 0.0,
@@ -52,12 +52,11 @@ COMMON: dict[str, Any] = {
         "log_std_init": -1.5,
     },
 }
-"""What differs from the defaults of Stable-Baselines3; the same for both algorithms. A policy
-without hidden layers is linear in the target, as commands nearly are."""
+"""Settings of both algorithms that differ from the defaults of Stable-Baselines3. A policy without
+hidden layers is linear in the target, which approximates the commands well."""
 
 MANY: dict[str, dict[str, Any]] = {"ppo": {"n_steps": 32}, "sac": {"gradient_steps": 16}}
-"""What learns from 64 arms at once as the defaults do from one; of SAC, by a quarter of its
-updates."""
+"""Settings for 64 arms at once that match the defaults for one, with a quarter of SAC's updates."""
 
 Observations = dict[str, NDArray[Any]]
 Actions = NDArray[np.floating[Any]]
@@ -67,15 +66,15 @@ Policy = Callable[[Observations], Actions]
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of training and evaluation.
 
     Attributes:
-        steps: of environments, to learn from.
-        robot: seed of the actual robot; None for the drawing.
-        environments: arms stepped at once.
-        checks: how many times the policy is judged while it learns, beside before it learns.
-        short: held-out episodes of `SHORT` steps each time.
-        whole: held-out episodes of `WHOLE` steps, five targets each, at the end.
+        steps: number of training steps of the environments.
+        robot: seed of the actual robot; None for the nominal model.
+        environments: number of arms that are stepped at once.
+        checks: number of evaluations during training, in addition to the one before it.
+        short: number of evaluation episodes of `SHORT` steps in each evaluation.
+        whole: number of evaluation episodes of `WHOLE` steps, with five targets each, at the end.
     """
 
     steps: int = 300_000
@@ -87,14 +86,14 @@ class Sizes:
 
 
 class Score(NamedTuple):
-    """Of each of some episodes: mean reward of a step, share of steps with success (K,)."""
+    """Scores of K episodes: mean reward of a step, and share of steps with success."""
 
     reward: list[float]
     success: list[float]
 
 
 def one_arm(robot: int | None) -> KengoroEnv:
-    """A single environment, for what all have in common."""
+    """A single environment, for its spaces and limits."""
     env = gym.make(ID, robot_seed=robot, camera=False).unwrapped
     assert isinstance(env, KengoroEnv)
     return env
@@ -108,24 +107,24 @@ def many_arms(robot: int | None, count: int, steps: int) -> KengoroVectorEnv:
 
 
 def rest(env: KengoroEnv) -> Floats:
-    """The action (m,) that commands the mean lengths of some starting postures."""
+    """Action of the rest command, the mean lengths of some starting postures, shape (m,)."""
     lengths = [env.reset(seed=seed)[0]["lengths"] for seed in range(STARTS)]
     return env.lengths_to_action(np.mean(lengths, axis=0)).astype(float)
 
 
 def about(centre: Floats) -> Callable[[Actions], NDArray[np.float32]]:
-    """From changes in [-1, 1] to actions about ``centre`` (m,)."""
+    """Function from changes in [-1, 1] to actions about ``centre``, shape (m,)."""
     return lambda changes: np.clip(centre + REACH * changes, -1.0, 1.0).astype(np.float32)
 
 
 def random_policy(env: KengoroEnv) -> Policy:
-    """Any action in each step."""
+    """Policy with uniform random actions."""
     rng = np.random.default_rng(0)
     return lambda observed: rng.uniform(-1.0, 1.0, (len(observed["lengths"]), len(env.muscles)))
 
 
 def still_policy(env: KengoroEnv) -> Policy:
-    """Hold the lengths that are felt in the first step, for one run of `judge`."""
+    """Policy that holds the lengths measured in the first step, for one run of `judge`."""
     held: list[Floats] = []
 
     def act(observed: Observations) -> Actions:
@@ -137,44 +136,44 @@ def still_policy(env: KengoroEnv) -> Policy:
 
 
 def rest_policy(env: KengoroEnv) -> Policy:
-    """The rest, whatever the target: what a policy does that has not learned."""
+    """Policy with the rest command for every target, like an untrained policy."""
     centre = rest(env)
     return lambda observed: np.tile(centre, (len(observed["target"]), 1))
 
 
-def drawing_policy(env: KengoroEnv) -> Policy:
-    """The lengths that the drawing has in the target posture: what is there to be learned."""
-    drawing = nominal_model()
-    return lambda observed: env.bounds.to_action(drawing.lengths(observed["target"])).astype(float)
+def nominal_policy(env: KengoroEnv) -> Policy:
+    """Policy with the nominal lengths of the target posture."""
+    nominal = nominal_model()
+    return lambda observed: env.bounds.to_action(nominal.lengths(observed["target"])).astype(float)
 
 
 OTHERS: dict[str, Callable[[KengoroEnv], Policy]] = {
     "random": random_policy,
     "still": still_policy,
     "rest": rest_policy,
-    "nominal": drawing_policy,
+    "nominal": nominal_policy,
 }
-"""Policies that learn nothing, by name."""
+"""Policies that do not learn, by name."""
 
 
 def judge(policy: Policy, robot: int | None, episodes: int, steps: int) -> Score:
-    """What ``policy`` gets in held-out episodes of ``steps``, the same for every policy."""
+    """Score of a policy in evaluation episodes, which are the same for every policy."""
     envs = many_arms(robot, episodes, steps)
     observed, _ = envs.reset(seed=HELD_OUT)
     rewards, successes = np.zeros(episodes), np.zeros(episodes)
     going = np.ones(episodes, dtype=bool)
     for _ in range(steps):
         actions = policy(observed).astype(np.float32)
-        observed, reward, terminated, _, told = envs.step(actions)
+        observed, reward, terminated, _, info = envs.step(actions)
         rewards += np.where(going, reward, 0.0)
-        successes += going & told["success"]
+        successes += going & info["success"]
         going &= ~terminated
     envs.close()
     return Score((rewards / steps).tolist(), (successes / steps).tolist())
 
 
 def judge_others(robot: int | None, sizes: Sizes) -> dict[str, Any]:
-    """Scores of the policies that learn nothing, in short episodes and in whole ones."""
+    """Scores of the policies that do not learn, in short and whole episodes."""
     env = one_arm(robot)
     return {
         name: {
@@ -186,16 +185,16 @@ def judge_others(robot: int | None, sizes: Sizes) -> dict[str, Any]:
 
 
 def learn(algorithm: str, seed: int, sizes: Sizes) -> dict[str, Any]:
-    """Let one policy learn.
+    """Train one policy.
 
     Args:
         algorithm: a key of `MANY`.
-        seed: of its first weights, of what it tries and of its episodes.
-        sizes: how much.
+        seed: of initial weights, exploration and episodes.
+        sizes: amount of training.
 
     Returns:
-        ``steps`` done and rewards in ``short`` episodes at each check, and the score in ``whole``
-        episodes at the end.
+        ``steps`` of training and rewards in ``short`` episodes at each evaluation, and the score
+        in ``whole`` episodes at the end.
     """
     algorithms, torch, normalised = libraries()
     torch.set_num_threads(1)
@@ -226,7 +225,7 @@ def learn(algorithm: str, seed: int, sizes: Sizes) -> dict[str, Any]:
 
 
 def libraries() -> tuple[dict[str, Any], Any, Any]:
-    """The algorithms by name, torch, and what normalises observations and rewards.
+    """Algorithms by name, torch, and the wrapper that normalises observations and rewards.
 
     Raises:
         ExperimentError: they are not installed.

@@ -1,9 +1,9 @@
-"""Reinforcement learning of postures: what the reward of ``Kengoro/Posture-v0`` can teach.
+"""Reinforcement learning of postures from the reward of ``Kengoro/Posture-v0``.
 
-One policy a seed learns by Stable-Baselines3's PPO or SAC (`posture_policies`). It is judged while
-it learns, always in the same episodes, from which nothing is learned; beside it stand policies that
-learn nothing: random actions, holding still, the rest about which all actions are changes, and the
-lengths that the drawing has in the target posture.
+One policy for each seed is trained by PPO or SAC of Stable-Baselines3 (see `policies`). It is
+evaluated during training in episodes that it does not learn from, and compared with policies that
+do not learn: random actions, holding still, the rest command, and the nominal lengths of the target
+posture.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from rich.console import Console
 from experiments.harness.common import (
     Summary,
     check_jobs,
-    log_reported,
     make_summary,
     parse_seeds,
     source_digest,
@@ -27,16 +26,18 @@ from experiments.harness.common import (
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import LEAST_WIDTH
 from experiments.harness.report import Table, print_table, write_report
+from experiments.harness.reported import log_reported
 from experiments.harness.runner import core_seconds, run_tasks
 from experiments.harness.statistics import metric
 from experiments.learn_posture.policies import OTHERS, Sizes, judge_others, learn, libraries
 from mjcf_sandbox.files import write_bytes, write_json
 
 NAME = "learn-posture"
-TITLE = "Learning postures by reward"
+TITLE = "Reinforcement learning of postures"
 INTRODUCTION = (
-    "Target joint angles to target lengths of all wires, learned from the reward alone. A policy "
-    "is judged by its mean reward in a step, at most 1, in episodes that it does not learn from."
+    "A policy from target joint angles to target lengths of all muscles is learned from the reward "
+    "alone. It is evaluated by its mean reward of a step, at most 1, in episodes that it does not "
+    "learn from."
 )
 
 QUICK = Sizes(steps=4096, environments=16, checks=2, short=4, whole=1)
@@ -46,23 +47,23 @@ NAMES = {
     "learned": "learned",
     "random": "random actions",
     "still": "holds still",
-    "rest": "the rest (untrained)",
-    "nominal": "the drawing's lengths",
+    "rest": "rest command (untrained)",
+    "nominal": "nominal lengths",
 }
 
 
 @dataclass(frozen=True)
 class Args:
-    """A policy for postures learns from its reward, one a seed.
+    """Reinforcement learning of postures, with one policy for each seed.
 
     Attributes:
         algorithm: of Stable-Baselines3, which the extra [rl] installs.
-        steps: of environments to learn from, 20 ms each.
-        seeds: of learning, as A-B or A; seeds below 100 are for tuning.
-        robot: seed of the actual robot that learns; the drawing if left out.
-        out: folder of the results; what is there already is not done again.
-        jobs: processes that work at the same time; the result does not depend on it.
-        quick: do little, to see that it works; the numbers mean nothing then.
+        steps: number of training steps of the environments, 20 ms each.
+        seeds: of the training, as A-B or A; seeds below 100 are for tuning.
+        robot: seed of the actual robot; the nominal model by default.
+        out: folder of the results; finished policies are not trained again.
+        jobs: number of parallel processes; the results do not depend on it.
+        quick: run a small version that checks the installation; its numbers mean nothing.
     """
 
     algorithm: Literal["ppo", "sac"] = "ppo"
@@ -75,10 +76,10 @@ class Args:
 
 
 def main(args: Args) -> Summary:
-    """Learn, or what of it is missing; write summary.json, report.html and the figure.
+    """Train the missing policies and write summary.json, report.html and the figure.
 
     Raises:
-        ExperimentError: Stable-Baselines3 is missing, or an argument makes no sense.
+        ExperimentError: Stable-Baselines3 is not installed, or an option is invalid.
     """
     begin = time.perf_counter()
     seeds = parse_seeds(args.seeds)
@@ -86,7 +87,7 @@ def main(args: Args) -> Summary:
     if args.steps < 1:
         raise ExperimentError(f"Steps are {args.steps}, but at least 1 is needed.")
     learned_with = versions()
-    log_reported(seeds)
+    log_reported("learn-posture", seeds)
     sizes = replace(QUICK if args.quick else Sizes(steps=args.steps), robot=args.robot)
     tasks: dict[str, tuple[Any, ...]] = {OTHERS_TASK: (OTHERS_TASK, 0, sizes)}
     tasks |= {f"{args.algorithm}-{seed:03d}": (args.algorithm, seed, sizes) for seed in seeds}
@@ -95,13 +96,13 @@ def main(args: Args) -> Summary:
     others = results.pop(OTHERS_TASK)
     learned = dict(zip(seeds, results.values(), strict=True))
     work_s = core_seconds(args.out / "policies", tasks)
-    # Some may have been there already.
+    # At least the time of all tasks, also of those that ran before.
     wall_s = max(time.perf_counter() - begin, work_s / args.jobs)
     return conclude(args, sizes, learned_with, learned, others, wall_s)
 
 
 def versions() -> str:
-    """Versions of the libraries that learn; `ExperimentError` if they are missing."""
+    """Versions of the learning libraries; raises `ExperimentError` if they are not installed."""
     libraries()
     import stable_baselines3
     import torch
@@ -110,7 +111,7 @@ def versions() -> str:
 
 
 def run(what: str, seed: int, sizes: Sizes) -> dict[str, Any]:
-    """One task: a policy that learns by the algorithm ``what``, or those that learn nothing."""
+    """One task: train a policy by the algorithm ``what``, or score those that do not learn."""
     return judge_others(sizes.robot, sizes) if what == OTHERS_TASK else learn(what, seed, sizes)
 
 
@@ -122,10 +123,11 @@ def conclude(
     others: dict[str, Any],
     wall_s: float,
 ) -> Summary:
-    """Write what came out of policies by seed, beside the others, after ``wall_s`` [s]."""
-    from experiments.learn_posture.figures import (
-        learning_curve,  # matplotlib takes a second to load
-    )
+    """Write summary, report and figure of the policies by seed and of the others.
+
+    ``learned_with`` names the versions of the learning libraries; the run took ``wall_s`` [s].
+    """
+    from experiments.learn_posture.figures import learning_curve  # imports matplotlib
 
     rewards = {seed: float(np.mean(one["whole"]["reward"])) for seed, one in learned.items()}
     successes = {seed: float(np.mean(one["whole"]["success"])) for seed, one in learned.items()}
@@ -164,13 +166,13 @@ def conclude(
 
 
 def curve(learned: dict[str, Any]) -> dict[str, list[float]]:
-    """Steps done, and mean reward of a step in short episodes by then."""
+    """Steps of training, and mean reward of a step in short episodes after them."""
     means = [round(float(np.mean(rewards)), 4) for rewards in learned["short"]]
     return {"steps": learned["steps"], "reward": means}
 
 
 def policy_table(learned: dict[int, dict[str, Any]], others: dict[str, Any]) -> Table:
-    """Reward and success of all policies in whole episodes."""
+    """Table of reward and success of all policies in whole episodes."""
 
     def row(name: str, rewards: list[float], successes: list[float], policies: int) -> list[str]:
         middle, low, high = np.median(rewards), min(rewards), max(rewards)
@@ -190,7 +192,6 @@ def policy_table(learned: dict[int, dict[str, Any]], others: dict[str, Any]) -> 
         "Reward in whole episodes",
         ("policy", "policies", "reward of a step", "steps with success [%]"),
         rows,
-        "Median, and least to largest: of the learned over policies, each the mean of its "
-        "episodes; of the others over the episodes. Success is an error below 5 deg, RMS over all "
-        "joints.",
+        "Median and range: of the learned policies over their mean in all episodes, of the others "
+        "over episodes. Success is an RMS error over all joints below 5 deg.",
     )

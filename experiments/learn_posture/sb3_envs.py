@@ -1,7 +1,7 @@
-"""Many arms at once, as Stable-Baselines3 wants its environments; extra ``[rl]``.
+"""Adapter of vector environments to Stable-Baselines3; needs the extra ``[rl]``.
 
-`gymnasium.make_vec` steps all arms in one call. Stable-Baselines3 has an interface of its own for
-many environments, in which who ended is reset within the step that ended it.
+`gymnasium.make_vec` steps all arms in one call. Stable-Baselines3 has its own interface of vector
+environments, in which an episode that ends is reset within the same step.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ Values = NDArray[Any]
 
 
 class Sb3Envs(VecEnv):
-    """A `KengoroVectorEnv` of which a policy observes one entry, for Stable-Baselines3.
+    """A `KengoroVectorEnv` for Stable-Baselines3, with one entry of the observation.
 
     Args:
         envs: made by ``gymnasium.make_vec``.
         observed: name of the entry of the observation, of shape (k,).
-        commanded: from a policy's actions (num_envs, m) in [-1, 1] to those of ``envs``.
-        held: steps of ``envs`` for which an action is held; rewards are their sums. It divides the
-            length of episodes.
+        commanded: maps a policy's actions, shape (num_envs, m) in [-1, 1], to those of ``envs``.
+        held: number of steps of ``envs`` for which an action is held; rewards are their sums. The
+            length of episodes must be a multiple of it.
     """
 
     def __init__(
@@ -51,20 +51,20 @@ class Sb3Envs(VecEnv):
         return observations[self._observed]
 
     def step_async(self, actions: Values) -> None:
-        """Keep the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Values, Values, Values, list[dict[str, Any]]]:
-        """Hold the actions; what is observed of who ended is the start of its next episode."""
+        """Hold the actions; ended episodes are reset and return their first observation."""
         commanded = self._commanded(self._actions)
         total, ended = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for _ in range(self._held):
-            observations, rewards, terminated, truncated, told = self.envs.step(commanded)
+            observations, rewards, terminated, truncated, info = self.envs.step(commanded)
             total += np.where(ended, 0.0, rewards)
             ends = (terminated | truncated) & ~ended
             for i in np.flatnonzero(~ended):
-                infos[i]["success"] = bool(told["success"][i])
+                infos[i]["success"] = bool(info["success"][i])
             for i in np.flatnonzero(ends):
                 infos[i]["terminal_observation"] = observations[self._observed][i]
                 infos[i]["TimeLimit.truncated"] = bool(truncated[i])
@@ -74,21 +74,25 @@ class Sb3Envs(VecEnv):
         return observations[self._observed], total, ended, infos
 
     def close(self) -> None:
-        """Free what the environments hold."""
+        """Close the environments."""
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute, which all environments have in common."""
+        """Value of an attribute, which is the same in all environments."""
         return [getattr(self.envs, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Not offered: all environments are one object."""
-        raise NotImplementedError("Sb3Envs has no attributes to set: use its envs.")
+        """Not available, because all environments are one object."""
+        raise NotImplementedError(
+            "The environments of Sb3Envs have no own attributes: use Sb3Envs.envs."
+        )
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
-        """Not offered: all environments are one object."""
-        raise NotImplementedError("Sb3Envs has no methods to call: use its envs.")
+        """Not available, because all environments are one object."""
+        raise NotImplementedError(
+            "The environments of Sb3Envs have no own methods: use Sb3Envs.envs."
+        )
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """None is wrapped."""
+        """False for every environment."""
         return [False for _ in self._get_indices(indices)]

@@ -1,1 +1,1 @@
-"""What can be learned at all, from what, and the floor."""
+"""Learnability: errors that the map reaches from different data, and their lower bound."""

@@ -1,4 +1,4 @@
-"""What looks at the hand do not show: one look has 6 numbers, the arm 14 joints."""
+"""Observability: an observation of the hand has 6 numbers, and the arm 14 joints."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ import numpy as np
 from experiments.robots.world import EYE, MARKER, World
 
 POSTURES = 100
+"""Number of postures over which is averaged."""
 DIRECTIONS = 6
-LARGE = 0.2  # share of a direction from which a joint is named
+"""Number of poorly observable directions that are listed."""
+LARGE = 0.2
+"""Least component of a direction for which a joint is listed."""
 MILLIMETRE_PER_RADIAN = 1e3
 
 
-def unseen(world: World) -> dict[str, Any]:
-    """The subspace that one look leaves open, and directions that many looks hardly see.
+def observability(world: World) -> dict[str, Any]:
+    """Subspace that one observation does not determine, and directions that many hardly determine.
 
     Returns:
-        `one_look_share`: by joint, which share of its movement (squared) lies in the subspace that
-        one look does not see, mean over postures; 1 means never seen, 0 always seen alone.
-        `one_look_dimensions`: of that subspace.
-        `many_looks`: constant errors of the joints, the same at all postures, that move the marker
-        least: by how much [mm, deg RMS] for 1 deg, and the joints that take part.
+        ``one_observation_share``: by joint, the share of its squared movement that lies in the
+        subspace that one observation does not determine, mean over postures.
+        ``one_observation_dimensions``: smallest and largest dimension of that subspace.
+        ``many_observations``: constant errors of the joints that move the marker least: RMS
+        movement [mm] and rotation [deg] for 1 deg, and the joints with large components.
     """
     joints, kinematics = world.arm.joints, world.kinematics
     postures = world.postures[:POSTURES]
@@ -34,16 +37,16 @@ def unseen(world: World) -> dict[str, Any]:
     slopes = np.array([kinematics.frame_jacobian(MARKER, q, relative_to=EYE) for q in postures])
     _, _, vectors = np.linalg.svd(slopes.reshape(-1, len(joints)))
     return {
-        "one_look_share": dict(zip(joints, np.round(share, 3).tolist(), strict=True)),
-        "one_look_dimensions": [min(dimensions), max(dimensions)],
+        "one_observation_share": dict(zip(joints, np.round(share, 3).tolist(), strict=True)),
+        "one_observation_dimensions": [min(dimensions), max(dimensions)],
         "many_observations": [
-            _told(world, slopes, vector) for vector in vectors[: -DIRECTIONS - 1 : -1]
+            _direction(world, slopes, vector) for vector in vectors[: -DIRECTIONS - 1 : -1]
         ],
     }
 
 
-def _told(world: World, slopes: np.ndarray, vector: np.ndarray) -> dict[str, Any]:
-    """How much a constant error of 1 deg along a direction (n,) moves the marker in its looks."""
+def _direction(world: World, slopes: np.ndarray, vector: np.ndarray) -> dict[str, Any]:
+    """Movement of the marker for a constant error of 1 deg along a direction, shape (n,)."""
     moves = np.radians(1.0) * slopes @ vector  # (K, 6)
     size = np.sqrt(np.mean([np.sum(moves[:, :3] ** 2, 1), np.sum(moves[:, 3:] ** 2, 1)], axis=1))
     pairs = zip(world.arm.joints, vector, strict=True)

@@ -1,4 +1,4 @@
-"""How a robot at rest is seen: by true angles, or by the pose of its marker."""
+"""Observers of a robot at rest: by true angles with noise, or by the pose of the marker."""
 
 from __future__ import annotations
 
@@ -13,34 +13,42 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters import PairLengths, VisionOptions, VisionUpdater
 
 ANGLE_NOISE = np.radians(0.5)
+"""Standard deviation of the observed angles [rad]."""
 
-Vision = Literal["true angles", "looks together", "one look"]
+Vision = Literal["true angles", "observations together", "one observation"]
 RuleName = Literal["ridge", "minibatch", "minibatch, output layer"]
 
 
 @dataclass(frozen=True)
 class Variant:
-    """How a robot is seen, what a pair holds, and by which rule the map is moved."""
+    """A variant of learning.
 
-    vision: Vision = "looks together"
+    Attributes:
+        vision: kind of observation.
+        pair: lengths in a pair.
+        rule: update rule of the map.
+        learns: whether the agent learns.
+    """
+
+    vision: Vision = "observations together"
     pair: PairLengths = "min"
     rule: RuleName = "ridge"
     learns: bool = True
 
 
-class Watcher(Protocol):
-    """Learns from a robot at rest by looking at it."""
+class Observer(Protocol):
+    """Observes a robot at rest and learns from it."""
 
     @property
     def pairs(self) -> Pairs:
-        """Pairs that are remembered."""
+        """Pairs in the memory."""
 
-    def look(self, rest: Rest, antagonism: Pairs) -> Floats:
-        """Joint angles by vision (n,) [rad]; learns the pair unless it is in doubt."""
+    def observe(self, rest: Rest, antagonism: Pairs) -> Floats:
+        """Observe joint angles, shape (n,) [rad], and learn the pair unless it is rejected."""
 
 
-class TrueWatcher:
-    """True angles with noise, in place of vision."""
+class TrueObserver:
+    """Observer of true angles with noise."""
 
     def __init__(
         self, world: World, learner: Learner, variant: Variant, rng: np.random.Generator
@@ -51,11 +59,11 @@ class TrueWatcher:
 
     @property
     def pairs(self) -> Pairs:
-        """Pairs that are remembered."""
+        """Pairs in the memory."""
         return self._pairs
 
-    def look(self, rest: Rest, antagonism: Pairs) -> Floats:
-        """See `Watcher`."""
+    def observe(self, rest: Rest, antagonism: Pairs) -> Floats:
+        """See `Observer.observe`."""
         options = self._options
         angles = rest.true + ANGLE_NOISE * self._rng.standard_normal(len(rest.true))
         far = np.linalg.norm(angles - rest.estimate) >= options.threshold
@@ -71,22 +79,26 @@ class TrueWatcher:
         return angles
 
 
-class MarkerWatcher:
-    """The exact pose of the marker: looks fitted together with the wires, or each alone."""
+class MarkerObserver:
+    """Observer of the exact pose of the marker; observations are fitted together or alone."""
 
     def __init__(self, world: World, learner: Learner, variant: Variant) -> None:
         self._world = world
-        fit: Literal["together", "alone"] = "alone" if variant.vision == "one look" else "together"
+        fit: Literal["together", "alone"] = (
+            "alone" if variant.vision == "one observation" else "together"
+        )
         options = VisionOptions(lengths=variant.pair, fit=fit)
-        self._updater = VisionUpdater(learner, world.prior, world.sight, world.limits, options)
+        self._updater = VisionUpdater(
+            learner, world.prior, world.marker_residual, world.limits, options
+        )
 
     @property
     def pairs(self) -> Pairs:
-        """Pairs that are remembered."""
+        """Pairs in the memory."""
         return self._updater.pairs
 
-    def look(self, rest: Rest, antagonism: Pairs) -> Floats:
-        """See `Watcher`."""
+    def observe(self, rest: Rest, antagonism: Pairs) -> Floats:
+        """See `Observer.observe`."""
         pose = self._world.marker(rest.true)
         return self._updater.seen(
             pose, rest.estimate, rest.lengths, rest.command, rest.tensions, antagonism

@@ -1,4 +1,4 @@
-"""Figures and tables of the learnability study."""
+"""Figures and tables of the learnability experiment."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ LABELS = {
     "1-minibatch-min": "minibatch, min(l, l_target)",
     "1-minibatch-l_target": "minibatch, l_target (paper)",
     "1-minibatch-output-min": "minibatch, output layer, min(l, l_target)",
-    "2-together": "all looks and wires together, ridge",
-    "2-one-observation": "each look alone, ridge",
-    "2-paper": "each look alone, minibatch, l_target (paper)",
-    "floor": "floor: best command found",
+    "2-together": "observations and lengths together, ridge",
+    "2-one-observation": "each observation alone, ridge",
+    "2-paper": "each observation alone, minibatch, l_target (paper)",
+    "floor": "lower bound: best command found",
     "nominal": "drawing(), no learning",
 }
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -43,11 +43,11 @@ ERRORS = {
 }
 
 INTRODUCTION = (
-    "Each robot departs from its drawing in all ways at once. It visits postures, learns at each, "
-    "and is then tested on other postures of the same set. Stage 1 replaces vision by the true "
-    "joint angles with 0.5 deg of noise; stage 2 sees the exact pose of the marker, 6 numbers for "
-    "14 joints; stage 3 is the best command that exists, found with the truth. Errors are root "
-    "mean squares over joints, medians over postures; then median and worst over robots."
+    "Each robot has all departures from the nominal model at once. It visits postures, learns at "
+    "each, and is then tested on other postures of the same set. Stage 1 replaces vision by the "
+    "true joint angles with 0.5 deg of noise; stage 2 uses the exact pose of the marker, 6 numbers "
+    "for 14 joints; stage 3 is the best command, found with the true angles. Errors are root mean "
+    "squares over joints, medians over postures; then median and worst over robots."
 )
 
 
@@ -55,9 +55,9 @@ def report(summary: Summary, out: Path) -> None:
     """Write figures as PNG and report.html with all of them to ``out``."""
     figures = {
         "learning": (
-            "Error at each posture before it was learned from",
+            "Error at each posture before learning from it",
             learning_figure(summary),
-            "Line: median over robots; band: quartiles; each posture is new. Dashed: the floor.",
+            "Line: median over robots; band: quartiles; each posture is new. Dashed: lower bound.",
         ),
         "joints": (
             "Errors by joint",
@@ -65,11 +65,11 @@ def report(summary: Summary, out: Path) -> None:
             "Medians over robots of the root mean square over postures. Below: joint angles by "
             "vision in the later half of learning.",
         ),
-        "unseen": (
-            "What looks at the hand do not show",
+        "observability": (
+            "Observability from the hand",
             observability_figure(summary),
-            "Left: share of each joint's movement that one look leaves open. Right: constant "
-            "errors of the joints that move the marker least over many looks.",
+            "Left: share of each joint's movement that one observation does not determine. Right: "
+            "constant errors of the joints that move the marker least over many observations.",
         ),
     }
     pictures = []
@@ -77,11 +77,11 @@ def report(summary: Summary, out: Path) -> None:
         pictures.append(Picture(title, png(figure), note))
         write_bytes(out / f"{name}.png", pictures[-1].png)
     tables = [stage_table(summary), group_table(summary), observability_table(summary)]
-    write_report(out / "report.html", "Is it learnable?", INTRODUCTION, summary, tables, pictures)
+    write_report(out / "report.html", "Learnability", INTRODUCTION, summary, tables, pictures)
 
 
 def stage_table(summary: Summary) -> Table:
-    """One row a trial: error, hand, vision, tension; median and worst over robots."""
+    """Table of error, hand, vision and tension by trial; median and worst over robots."""
     rows = []
     for trial, label in LABELS.items():
         row = summary["over_seeds"][trial]
@@ -105,10 +105,10 @@ def stage_table(summary: Summary) -> Table:
         "hand mm",
         "|vision - true| deg",
         "largest tension N",
-        "looks believed",
+        "pairs",
     )
     return Table(
-        "Postures that were not learned from: median over robots (worst robot)",
+        "Test postures: median over robots (worst robot)",
         head,
         rows,
         f"After {summary['sizes']['learned']} postures. Vision: later half of learning.",
@@ -116,8 +116,8 @@ def stage_table(summary: Summary) -> Table:
 
 
 def group_table(summary: Summary) -> Table:
-    """The three errors by group, before and after learning, beside drawing() and the floor."""
-    columns = {"before": OFF, "after": BEST, "floor": FLOOR, "drawing()": NOMINAL}
+    """Table of the three errors by group: before and after learning, lower bound, drawing()."""
+    columns = {"before": OFF, "after": BEST, "lower bound": FLOOR, "drawing()": NOMINAL}
     rows = []
     for key, label in ERRORS.items():
         for group in GROUPS:
@@ -144,28 +144,28 @@ def group_table(summary: Summary) -> Table:
 
 
 def observability_table(summary: Summary) -> Table:
-    """Constant errors that many looks hardly see."""
+    """Table of constant errors that are poorly observable in many observations."""
     rows = [
         (
             " ".join(f"{share:+.2f} {joint}" for joint, share in direction["joints"].items()),
             f"{direction['mm_per_deg']:.2f}",
             f"{direction['deg_per_deg']:.2f}",
         )
-        for direction in summary["unseen"]["many_observations"]
+        for direction in summary["observability"]["many_observations"]
     ]
-    low, high = summary["unseen"]["one_look_dimensions"]
+    low, high = summary["observability"]["one_observation_dimensions"]
     return Table(
-        "Constant errors of the joints that looks hardly show",
+        "Poorly observable constant errors of the joints",
         ("direction (unit length; joints below 0.2 left out)", "mm per deg", "deg per deg"),
         rows,
-        f"One look leaves {low if low == high else f'{low} to {high}'} of "
-        f"{len(summary['joints'])} dimensions open. Over many postures every direction shows, "
-        "these the least: what one degree along it moves the marker in the camera's frame.",
+        f"One observation does not determine {low if low == high else f'{low} to {high}'} of "
+        f"{len(summary['joints'])} dimensions. Many observations determine all directions, these "
+        "least. Columns: movement of the marker in the camera's frame for one degree.",
     )
 
 
 def learning_figure(summary: Summary) -> Figure:
-    """Error over postures learned, one panel a stage, the floor as a line."""
+    """Error over the number of learned postures, by stage, with the lower bound."""
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     best = summary["over_seeds"][FLOOR]["target_true_deg"]["all"]["median"]
@@ -178,27 +178,27 @@ def learning_figure(summary: Summary) -> Figure:
             _curve(axes, summary, trial, colour)
         axes.axhline(best, color="black", ls="--", lw=1, label=f"{LABELS[FLOOR]} ({best:.2f} deg)")
         axes.set_title(title, loc="left")
-        axes.set_xlabel("postures learned before")
+        axes.set_xlabel("number of learned postures")
         axes.grid(alpha=0.3)
         axes.margins(x=0)
         axes.legend(fontsize=8, framealpha=0.9, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     panels[0].set_ylabel("|target - true| [deg]")
-    panels[0].set_ylim(-0.5, None)  # the floor may be at zero
+    panels[0].set_ylim(-0.5, None)  # the lower bound may be zero
     return figure
 
 
 def joints_figure(summary: Summary) -> Figure:
-    """Bars by joint: error before and after; vision's error by one look and by all together."""
+    """Bars by joint: errors before and after, and errors of vision by both kinds of fit."""
     figure = Figure(figsize=(11, 6.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    shown = {OFF: "before", BEST: "after", FLOOR: "floor", NOMINAL: "drawing()"}
+    shown = {OFF: "before", BEST: "after", FLOOR: "lower bound", NOMINAL: "drawing()"}
     key = "target_true_joints_deg"
     _bars(above, summary, {label: (trial, key) for trial, label in shown.items()})
     above.set_ylabel("|target - true| [deg]")
     key = "seen_true_joints_deg"
     observations = {
-        "each look alone": ("2-one-observation", key),
-        "all looks together": ("2-together", key),
+        "each observation alone": ("2-one-observation", key),
+        "all observations together": ("2-together", key),
     }
     _bars(below, summary, observations)
     below.set_ylabel("|vision - true| [deg]")
@@ -207,15 +207,15 @@ def joints_figure(summary: Summary) -> Figure:
 
 
 def observability_figure(summary: Summary) -> Figure:
-    """Share of each joint that one look leaves open; weakest directions of many looks."""
+    """Undetermined share of each joint in one observation; weakest directions of many."""
     figure = Figure(figsize=(11, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    share = summary["unseen"]["one_look_share"]
+    share = summary["observability"]["one_observation_share"]
     left.barh(list(share), list(share.values()), color=COLOURS[0])
     left.invert_yaxis()
     left.set_xlim(0, 1)
-    left.set_xlabel("share not seen by one look (mean over postures)")
-    directions = summary["unseen"]["many_observations"]
+    left.set_xlabel("share not determined by one observation (mean over postures)")
+    directions = summary["observability"]["many_observations"]
     names = [
         "\n".join(
             " ".join(f"{x:+.1f} {joint}" for joint, x in pair)

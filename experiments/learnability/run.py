@@ -1,22 +1,21 @@
-"""Is it learnable? What the map can be taught, from what, and the floor of all.
+"""Learnability: errors that the map reaches from different data, and their lower bound.
 
 Three stages on each robot `actual(seed)`, always with both updaters:
 
 1. true joint angles with 0.5 deg of noise in place of vision: pairs that hold l_target, l or
    min(l, l_target), learned by the ridge rule or by the paper's minibatch rule;
-2. the marker's exact pose: inverse kinematics of each look by itself, as in the paper, against all
-   looks and the wires fitted together, over 14 joints of which one look sees 6 numbers;
-3. the floor: the best command that exists for each test posture on that very robot.
+2. exact pose of the marker: inverse kinematics of each observation alone, as in the paper, and the
+   joint fit of all observations and lengths; an observation has 6 numbers, the arm 14 joints;
+3. lower bound: the best command for each test posture on the same robot.
 
-Beside them stand the robot that never learns and the one without departures. Tests are on postures
-of the set from which nothing was learned.
+They are compared with a robot that does not learn and with one without departures. Tests are on
+postures of the set that are never learned from.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,16 +27,16 @@ from experiments.harness.common import (
 from experiments.harness.common import (
     Summary,
     check_jobs,
-    log_reported,
     make_summary,
     median_and_worst,
     parse_seeds,
     source_digest,
 )
+from experiments.harness.reported import log_reported
 from experiments.harness.runner import run_tasks
 from experiments.learnability.observers import Variant
-from experiments.learnability.trial import examine, floor, learn
-from experiments.robots.world import Body, Rest, Sizes, World
+from experiments.learnability.trial import evaluate, learn, lower_bound
+from experiments.robots.world import Body, Rest, Sizes, World, known_world
 from jmm_agent.types import Floats, Ints
 from kengoro.trained_maps import trained_map
 from kengoro_env.departures import actual, drawing
@@ -54,9 +53,9 @@ STAGE_1 = {
     "1-minibatch-output-min": Variant("true angles", "min", "minibatch, output layer"),
 }
 STAGE_2 = {
-    "2-together": Variant("looks together", "min", "ridge"),
-    "2-one-observation": Variant("one look", "min", "ridge"),
-    "2-paper": Variant("one look", "l_target", "minibatch"),
+    "2-together": Variant("observations together", "min", "ridge"),
+    "2-one-observation": Variant("one observation", "min", "ridge"),
+    "2-paper": Variant("one observation", "l_target", "minibatch"),
 }
 VARIANTS = {OFF: Variant(learns=False), **STAGE_1, **STAGE_2}
 TRIALS = (*VARIANTS, FLOOR, NOMINAL)
@@ -64,12 +63,12 @@ TRIALS = (*VARIANTS, FLOOR, NOMINAL)
 
 @dataclass(frozen=True)
 class Args(CommonArgs):
-    """What can be learned, from what, and the floor; robots 0 to 9 are for tuning.
+    """Errors that the map reaches from different data, and their lower bound.
 
     Attributes:
         seeds: robots, as A-B or A; seeds below 100 are for tuning.
-        out: folder of the results; trials that are there already are not run again.
-        sizes: how much is done on each robot.
+        out: folder of the results; finished trials are not run again.
+        sizes: amount of work on each robot.
     """
 
     seeds: str = "0-9"
@@ -77,19 +76,13 @@ class Args(CommonArgs):
     sizes: Sizes = field(default_factory=Sizes)
 
 
-@cache
-def known_world(maps: Path | None) -> World:
-    """The world of this process, with the map kept in ``maps``."""
-    return World(maps)
-
-
 def run_trial(trial: str, seed: int, sizes: Sizes, maps: Path | None) -> dict[str, Any]:
-    """One trial on one robot: angles [rad] of the postures learned from and tested on, as lists."""
+    """Run a trial on one robot; returns angles at the postures of learning and test [rad]."""
     world = known_world(maps)
     body = Body(world, drawing() if trial == NOMINAL else actual(seed), sizes)
     learned_from, tested_on = world.split(seed, sizes)
     if trial == FLOOR:
-        found = floor(body, tested_on, seed)
+        found = lower_bound(body, tested_on, seed)
         return {"tested": _listed(target=[t for t, _ in found], true=[q for _, q in found])}
     result: dict[str, Any] = {}
     jmm = world.map
@@ -97,7 +90,7 @@ def run_trial(trial: str, seed: int, sizes: Sizes, maps: Path | None) -> dict[st
         lesson = learn(body, learned_from, VARIANTS[trial], seed)
         jmm, result["learned"] = lesson.map, _rests(lesson.rests)
         result["learned"] |= _listed(seen=lesson.seen) | {"pairs": lesson.pairs}
-    return result | {"tested": _rests(examine(body, tested_on, jmm, seed))}
+    return result | {"tested": _rests(evaluate(body, tested_on, jmm, seed))}
 
 
 def _rests(rests: list[Rest]) -> dict[str, Any]:
@@ -110,13 +103,13 @@ def _listed(**arrays: list[Floats]) -> dict[str, Any]:
 
 
 def error_deg(rests: dict[str, Any], one: str, other: str, joints: Ints | None = None) -> Floats:
-    """RMS over (some) joints of the difference of two angles at each posture (K,) [deg]."""
+    """RMS over (some) joints of the difference of two angles by posture, shape (K,) [deg]."""
     gap = np.degrees(np.subtract(rests[one], rests[other]))
     return np.sqrt(np.mean(np.square(gap if joints is None else gap[:, joints]), axis=1))
 
 
 def joints_deg(rests: dict[str, Any], one: str, other: str, first: int = 0) -> Floats:
-    """RMS over postures, from the ``first`` on, of the difference at each joint (n,) [deg]."""
+    """RMS over postures from ``first`` on of the difference by joint, shape (n,) [deg]."""
     gap = np.degrees(np.subtract(rests[one][first:], rests[other][first:]))
     return np.sqrt(np.mean(np.square(gap), axis=0))
 
@@ -125,7 +118,7 @@ PAIRS = (("target", "true"), ("estimate", "true"), ("estimate", "target"))
 
 
 def tested_errors(world: World, rests: dict[str, Any]) -> dict[str, Any]:
-    """Medians over the tested postures: errors [deg] of all joints and by group, hand [mm]."""
+    """Medians over the test postures of the errors of joints, groups [deg] and hand [mm]."""
     groups = {"all": np.arange(len(world.limits))}
     groups |= world.owned()
     result: dict[str, Any] = {}
@@ -151,7 +144,7 @@ def tested_errors(world: World, rests: dict[str, Any]) -> dict[str, Any]:
 
 
 def trial_summary(world: World, result: dict[str, Any]) -> dict[str, Any]:
-    """What is told of one trial: errors on the tested postures, and on the way there."""
+    """Summary of a trial: errors on the test postures and during learning."""
     summary = tested_errors(world, result["tested"])
     learned = result.get("learned")
     if learned:
@@ -170,7 +163,7 @@ def trial_summary(world: World, result: dict[str, Any]) -> dict[str, Any]:
 
 
 def over_seeds(per_seed: dict[int, Any]) -> dict[str, Any]:
-    """Median and worst over the robots of each trial's medians over its postures."""
+    """Median and worst robot of each trial's medians over postures."""
     table: dict[str, Any] = {}
     for trial in TRIALS:
         rows = [result[trial] for result in per_seed.values()]
@@ -192,12 +185,12 @@ def over_seeds(per_seed: dict[int, Any]) -> dict[str, Any]:
 
 
 def main(args: Args) -> Summary:
-    """Run the study, or what of it is missing, and write summary.json and report.html."""
+    """Run the missing trials and write summary.json and report.html."""
     begin = time.perf_counter()
     seeds = parse_seeds(args.seeds)
     check_jobs(args.jobs)
-    log_reported(seeds)
-    trained_map(args.cache)  # once, before many processes would train it
+    log_reported("learnability", seeds)
+    trained_map(args.cache)  # once, before several processes would train it
     tasks = {
         f"{seed:03d}-{trial}": (trial, seed, args.sizes, args.cache)
         for seed in seeds
@@ -209,8 +202,8 @@ def main(args: Args) -> Summary:
 
 
 def conclude(args: Args, seeds: list[int], results: dict[str, Any], begin: float) -> Summary:
-    """Summary and report of trials that have ended; they began at ``begin`` (perf_counter)."""
-    from experiments.learnability.observability import unseen
+    """Write summary and report of the trials, which began at ``begin`` (`time.perf_counter`)."""
+    from experiments.learnability.observability import observability
     from experiments.learnability.report import report  # matplotlib takes a second to load
 
     world = known_world(args.cache)
@@ -225,7 +218,7 @@ def conclude(args: Args, seeds: list[int], results: dict[str, Any], begin: float
         sizes=asdict(args.sizes),
         joints=list(world.arm.joints),
         over_seeds=over_seeds(per_seed),
-        unseen=unseen(world),
+        observability=observability(world),
     )
     write_json(args.out / "summary.json", summary)
     report(summary, args.out)

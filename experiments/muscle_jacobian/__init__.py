@@ -1,1 +1,1 @@
-"""Moment arms of the map: rough or smooth (Fig. 7)."""
+"""Smoothness of the moment arms of the map (Fig. 7)."""

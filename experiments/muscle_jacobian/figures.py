@@ -1,4 +1,4 @@
-"""Pictures of the muscle Jacobians: during shoulder flexion, and errors and turns of all maps."""
+"""Figures of the muscle Jacobians: shoulder flexion, and errors and turns of all maps."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from kengoro.trained_maps import nominal_model
 COLOURS = {ANALYTIC: "#D55E00", QUADRATIC: "#0072B2", TRUE: "black"}
 
 NOTE = (
-    "Moment arms of the ten shoulder muscles about the shoulder's pitch while it moves through its "
-    "range and all other joints stand at zero. Solid: the map's; dotted: the true ones."
+    "Moment arms of the ten shoulder muscles about the shoulder pitch, which moves through its "
+    "range while all other joints are at zero. Solid: map; dotted: true."
 )
 
 
 def pictures(results: Results) -> list[Picture]:
-    """The paper's figure before and after learning, and the sum of it."""
+    """Figure of the paper before and after learning, and a summary."""
     first, result = next(iter(results.items()))
-    before = [stage for stage in STAGES if stage.examined == "nominal"]
-    after = [stage for stage in STAGES if stage.examined == "after"]
+    before = [stage for stage in STAGES if stage.evaluated == "nominal"]
+    after = [stage for stage in STAGES if stage.evaluated == "after"]
     found = [
         Picture(
             f"Muscle Jacobian during shoulder flexion, before learning, seed {first}",
@@ -43,7 +43,7 @@ def pictures(results: Results) -> list[Picture]:
         Picture(
             f"Muscle Jacobian during shoulder flexion, after learning, robot {first}",
             _flexion_figure(after, result),
-            NOTE + " The true ones are the robot's.",
+            NOTE + " True moment arms are those of the robot.",
         ),
         Picture(
             "Error and turns of both Jacobians on all maps",
@@ -57,17 +57,17 @@ def pictures(results: Results) -> list[Picture]:
 
 
 def _flexion_figure(stages: Sequence[Stage], result: dict[str, Any]) -> bytes:
-    """One row a stage: analytic left, quadratic right."""
+    """Moment arms with a row for each stage: analytic left, quadratic right."""
     flexion = Flexion(nominal_model())
     rows = len(stages)
     figure, axes = pyplot.subplots(
         rows, 2, figsize=(12, 0.6 + 3.6 * rows), sharex=True, sharey=True, squeeze=False
     )
     for row, stage in zip(axes, stages, strict=True):
-        arms = result[stage.condition][stage.examined]["flexion"]
+        arms = result[stage.condition][stage.evaluated]["flexion"]
         for ax, kind in zip(row, KINDS, strict=True):
             _draw(ax, flexion, np.array(arms[kind]), np.array(arms[TRUE]))
-            ax.set_title(f"{kind}: {stage.told}", fontsize=10)
+            ax.set_title(f"{kind}: {stage.title}", fontsize=10)
         row[0].set_ylabel("dl/dtheta [mm/rad]")
     for ax in axes[-1]:
         ax.set_xlabel("shoulder pitch [deg] (raised forward at the left)")
@@ -86,14 +86,12 @@ def _draw(axes: Axes, flexion: Flexion, arms: np.ndarray, true: np.ndarray) -> N
 
 
 def _summary_figure(results: Results) -> bytes:
-    """Error above, turns below; the whole range left, its inner part right."""
+    """Error (top) and turns (bottom) in the whole range (left) and its inner part (right)."""
     figure, axes = pyplot.subplots(2, 2, figsize=(12, 7.5), sharey="row", sharex=True)
     for column, part in enumerate(PARTS):
         _bars(axes[0, column], results, "error", part, KINDS)
         _bars(axes[1, column], results, "turns", part, (*KINDS, TRUE))
-        axes[0, column].set_title(
-            f"over {PARTS[part]}\nagainst the drawing | against the robot", fontsize=10
-        )
+        axes[0, column].set_title(f"over {PARTS[part]}\nnominal model | robot", fontsize=10)
     axes[0, 0].set_ylabel("RMS error of moment arms [mm/rad]")
     axes[1, 0].set_ylabel("turns per sweep and muscle")
     handles, labels = axes[1, 0].get_legend_handles_labels()
@@ -112,6 +110,6 @@ def _bars(axes: Axes, results: Results, name: str, part: str, kinds: Sequence[st
         axes.bar(locations, medians, 0.9 * width, yerr=reach, color=COLOURS[kind], label=kind,
                  capsize=2, ecolor="grey")  # fmt: skip
     axes.set_xticks(np.arange(len(STAGES)), [stage.short for stage in STAGES], fontsize=8)
-    drawn = sum(stage.truth == "nominal" for stage in STAGES)
-    axes.axvline(drawn - 0.5, color="grey", lw=0.8)
+    nominal = sum(stage.truth == "nominal" for stage in STAGES)
+    axes.axvline(nominal - 0.5, color="grey", lw=0.8)
     axes.grid(axis="y", alpha=0.3)

@@ -1,8 +1,9 @@
-"""Moment arms along sweeps of every joint through its range: a map's and the true ones.
+"""Moment arms of a map and true ones, along sweeps of every joint through its range.
 
-A sweep moves one joint through its range from a random posture. Along it stand the moment arms
-dl_i/dtheta_j of all muscles i whose network has the swept joint j as input: by the map's analytic
-Jacobian, by a difference, by the paper's quadratic through five points (sec. II-B), and true.
+A sweep moves one joint through its range from a random posture. It has the moment arms
+dl_i/dtheta_j of all muscles i whose network has the swept joint j as input: by the analytic
+Jacobian of the map, by a difference, by the paper's quadratic through five points (sec. II-B), and
+the true ones.
 """
 
 from __future__ import annotations
@@ -13,31 +14,32 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from jmm_agent.mapping.joint_muscle_map import METRES, QUADRATIC_STEP, JointMuscleMap
+from jmm_agent.mapping.group_map import METRES
+from jmm_agent.mapping.joint_muscle_map import QUADRATIC_STEP, JointMuscleMap
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats
 from kengoro_env.robot.robot import Robot
 
 Arms = Callable[[Floats], Floats]
-"""Posture (n,) [rad] -> dl/dq (m, n) [m/rad]."""
+"""Posture, shape (n,) [rad] -> dl/dq, shape (m, n) [m/rad]."""
 
 ANALYTIC, QUADRATIC, TRUE = "analytic", "quadratic", "true"
 KINDS = (ANALYTIC, QUADRATIC)
 
 STEP = float(np.deg2rad(2.5))
-"""Between two points of a sweep [rad]."""
+"""Distance of two points of a sweep [rad]."""
 
 LEAST = 5
-"""Points of a sweep, at least."""
+"""Least number of points of a sweep."""
 
 DIFFERENCE = np.deg2rad([-0.05, 0.05])
 FIVE_POINTS = QUADRATIC_STEP * np.array([-2.0, -1.0, 1.0, 2.0])
-"""Where lengths are taken for the paper's two ways to differentiate [rad]. The middle of the five
-points has no weight in the slope."""
+"""Offsets of the lengths for the two numerical derivatives of the paper [rad]. The middle one of
+the five points has no weight in the slope."""
 
 
 class RobotArms:
-    """True moment arms of an actual robot: how the paths of its wires change with its joints."""
+    """True moment arms of an actual robot: derivatives of its tendon lengths."""
 
     def __init__(self, robot: Robot) -> None:
         self._model, self._data = robot.model, mujoco.MjData(robot.model)
@@ -47,7 +49,7 @@ class RobotArms:
         self._muscles = np.array([robot.model.tendon(muscle).id for muscle in robot.muscles])
 
     def __call__(self, posture: Floats) -> Floats:
-        """dl/dq (m, n) [m/rad] at a posture (n,) [rad]."""
+        """dl/dq, shape (m, n) [m/rad], at a posture, shape (n,) [rad]."""
         model, data = self._model, self._data
         data.qpos[self._position] = posture
         mujoco.mj_kinematics(model, data)
@@ -65,20 +67,20 @@ class Sweep(NamedTuple):
 
     Attributes:
         joint: its index.
-        postures: (P, K, n) [rad]: P sweeps of K points, `STEP` apart.
+        postures: P sweeps of K points at distances of `STEP`, shape (P, K, n) [rad].
     """
 
     joint: int
     postures: Floats
 
 
-def sweeps(drawing: NominalModel, count: int, rng: np.random.Generator) -> list[Sweep]:
-    """Sweeps of every joint, each from its own ``count`` postures, uniform in the box."""
+def sweeps(nominal: NominalModel, count: int, rng: np.random.Generator) -> list[Sweep]:
+    """Sweeps of every joint, each from ``count`` postures, uniform in the joint ranges."""
     result = []
-    for joint in range(len(drawing.joints)):
-        low, high = drawing.lower[joint], drawing.upper[joint]
+    for joint in range(len(nominal.joints)):
+        low, high = nominal.lower[joint], nominal.upper[joint]
         points = 1 + int((high - low) / STEP + 1e-9)
-        start = rng.uniform(drawing.lower, drawing.upper, (count, len(drawing.joints)))
+        start = rng.uniform(nominal.lower, nominal.upper, (count, len(nominal.joints)))
         postures = np.repeat(start[:, None], points, axis=1)
         postures[:, :, joint] = low + STEP * np.arange(points)
         result.append(Sweep(joint, postures))
@@ -86,11 +88,16 @@ def sweeps(drawing: NominalModel, count: int, rng: np.random.Generator) -> list[
 
 
 def slope(jmm: JointMuscleMap, postures: Floats, joint: int, offsets: Floats) -> Floats:
-    """Slope (B, m) [m/rad] in the middle of the parabola through lengths beside postures (B, n).
+    """Slope of the least-squares parabola of the lengths, sum(d l(d)) / sum(d d).
 
     Args:
-        offsets: where along the joint lengths are taken [rad], symmetric: the least-squares
-            parabola's slope is then sum(d l(d)) / sum(d d).
+        jmm: the map.
+        postures: joint angles, shape (B, n) [rad].
+        joint: index of the joint.
+        offsets: symmetric offsets d of the joint [rad].
+
+    Returns:
+        Slopes, shape (B, m) [m/rad].
     """
     points = np.repeat(postures[:, None], len(offsets), axis=1)
     points[:, :, joint] += offsets
@@ -100,7 +107,7 @@ def slope(jmm: JointMuscleMap, postures: Floats, joint: int, offsets: Floats) ->
 
 
 def by_map(jmm: JointMuscleMap, postures: Floats, joint: int, kind: str) -> Floats:
-    """Moment arms (B, m) [m/rad] about one joint by one of the `KINDS`."""
+    """Moment arms about one joint by one of the `KINDS`, shape (B, m) [m/rad]."""
     if kind == QUADRATIC:
         return slope(jmm, postures, joint, FIVE_POINTS)
     return jmm.jacobian(postures)[:, :, joint]
@@ -112,7 +119,7 @@ class Curves(NamedTuple):
     Attributes:
         group: its name.
         joint: index of the swept joint.
-        arms: (P, K, k) [mm/rad], by the map's `KINDS`, and `TRUE`.
+        arms: moment arms, shape (P, K, k) [mm/rad], by the `KINDS` of the map, and `TRUE`.
     """
 
     group: str
@@ -136,7 +143,7 @@ def curves(jmm: JointMuscleMap, true: Arms, swept: Sequence[Sweep]) -> Iterator[
 
 
 def inner(found: Iterable[Curves]) -> Iterator[Curves]:
-    """The parts of the sweeps where all five points of the quadratic lie in the joint's range."""
+    """Parts of the sweeps where all five points of the quadratic are in the range of the joint."""
     edge = round(float(FIVE_POINTS.max()) / STEP)
     for curves in found:
         if curves.arms[TRUE].shape[1] - 2 * edge >= LEAST:

@@ -1,4 +1,4 @@
-"""The robot in the experiment on muscle Jacobians: it learns, then estimates by both Jacobians."""
+"""Robot of the experiment on muscle Jacobians: learning, and estimation by both Jacobians."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from experiments.robots.conditions import ACTUAL, make_session
 from experiments.robots.variants import PAPER_OPTIONS
-from jmm_agent.agent import PERIOD, WAKING
+from jmm_agent.agent import START_UPDATES
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.length_map import LengthMap, QuadraticJacobian
 from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.observation import CONTROL_PERIOD
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, make_agent, make_session
+from kengoro.agents import make_agent
 from kengoro.session import Session
 from kengoro.visits import visit
 
@@ -21,15 +23,18 @@ from kengoro.visits import visit
 def learn(
     jmm: JointMuscleMap, seed: int, postures: Floats, as_paper: bool, move: float, patience: float
 ) -> Session:
-    """The actual robot of a seed learns from all ``postures`` (K, n) [rad] but the first.
+    """Let the actual robot of a seed learn from postures.
 
     Args:
-        jmm: the map that it begins with.
-        as_paper: whether its map is moved as in the paper, or by the agent's defaults.
-        move, patience: time for each movement and longest wait for rest [s].
+        jmm: the initial map.
+        seed: of the robot.
+        postures: joint angles, shape (K, n) [rad]; the robot starts at the first.
+        as_paper: whether the map is updated as in the paper, or by the default rule.
+        move: duration of a movement [s].
+        patience: longest wait for rest [s].
     """
     options, rule = (PAPER_OPTIONS, MinibatchRule()) if as_paper else (None, None)
-    agent = make_agent(jmm, seed, options, rule)
+    agent = make_agent(seed, jmm=jmm, options=options, rule=rule)
     session = make_session(ACTUAL, seed, agent, postures[0])
     for posture in postures[1:]:
         visit(session, posture, None, move, patience)
@@ -38,37 +43,37 @@ def learn(
 
 @dataclass
 class FilteredReadings:
-    """What the robot measured and where it was, by control step.
+    """Filtered readings and true angles, by control step.
 
     Attributes:
-        lengths: (m,) [m] each.
-        true: joint angles (n,) [rad] each.
+        lengths: muscle lengths, shape (m,) [m] each.
+        true: joint angles, shape (n,) [rad] each.
     """
 
     lengths: list[Floats] = field(default_factory=list)
     true: list[Floats] = field(default_factory=list)
 
 
-def feel(session: Session, postures: Floats, move: float) -> FilteredReadings:
-    """Move through postures (K, n) [rad] without learning, ``move`` [s] each."""
+def record(session: Session, postures: Floats, move: float) -> FilteredReadings:
+    """Move through postures, shape (K, n) [rad], without learning, ``move`` [s] each."""
     session.agent.learning = False
-    felt = FilteredReadings()
+    readings = FilteredReadings()
     for posture in postures:
         session.agent.go(posture, move)
-        for _ in range(round(move / PERIOD)):
+        for _ in range(round(move / CONTROL_PERIOD)):
             session.step()
-            felt.lengths.append(session.readings.lengths)
-            felt.true.append(session.truth["joint_angles"])
-    return felt
+            readings.lengths.append(session.readings.lengths)
+            readings.true.append(session.truth["joint_angles"])
+    return readings
 
 
 def estimator_errors(
-    felt: FilteredReadings, jmm: JointMuscleMap, limits: Floats
+    readings: FilteredReadings, jmm: JointMuscleMap, limits: Floats
 ) -> dict[str, float]:
-    """RMS over time and joints [deg] of estimate - true by both Jacobians, and between the two."""
-    true = np.array(felt.true)
-    analytic = estimates(felt, jmm, limits)
-    quadratic = estimates(felt, QuadraticJacobian(jmm), limits)
+    """RMS over time and joints of estimate - true by both Jacobians, and between both [deg]."""
+    true = np.array(readings.true)
+    analytic = estimates(readings, jmm, limits)
+    quadratic = estimates(readings, QuadraticJacobian(jmm), limits)
     gaps = {
         "analytic": analytic - true,
         "quadratic": quadratic - true,
@@ -77,9 +82,9 @@ def estimator_errors(
     return {name: float(np.degrees(np.sqrt(np.mean(np.square(gap))))) for name, gap in gaps.items()}
 
 
-def estimates(felt: FilteredReadings, length_map: LengthMap, limits: Floats) -> Floats:
-    """Joint angles (K, n) [rad] by an estimator that begins at the true ones."""
-    estimator = JointEstimator(length_map, limits, q=felt.true[0])
-    for _ in range(WAKING):
-        estimator.update(felt.lengths[0], PERIOD)
-    return np.array([estimator.update(lengths, PERIOD).q for lengths in felt.lengths])
+def estimates(readings: FilteredReadings, length_map: LengthMap, limits: Floats) -> Floats:
+    """Joint angles of an estimator that starts at the true ones, shape (K, n) [rad]."""
+    estimator = JointEstimator(length_map, limits, q=readings.true[0])
+    for _ in range(START_UPDATES):
+        estimator.update(readings.lengths[0], CONTROL_PERIOD)
+    return np.array([estimator.update(lengths, CONTROL_PERIOD).q for lengths in readings.lengths])

@@ -1,7 +1,7 @@
-"""How wrong and how wavy moment arms are along sweeps of the joints.
+"""Errors and roughness of moment arms along sweeps of the joints.
 
-Wavy is what bends more than the truth does. Two numbers say so: the root mean square of the second
-derivative along the sweep, and the number of turns, where the moment arm goes back.
+Roughness has two measures, relative to the true moment arms: the root mean square of the second
+derivative along the sweep, and the number of turns, where the moment arm reverses its direction.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from jmm_agent.types import Floats
 ALL = "all"
 
 TURN = 1.0
-"""A moment arm turns where it then goes back by more than this [mm/rad]."""
+"""Change in the opposite direction that makes a turn [mm/rad]."""
 
 Measures = dict[str, dict[str, dict[str, float]]]
 """By kind (`KINDS` and `TRUE`), then group (or `ALL`): ``error`` RMS [mm/rad] (not of `TRUE`),
@@ -25,7 +25,7 @@ Measures = dict[str, dict[str, dict[str, float]]]
 
 
 def measures(found: Iterable[Curves]) -> Measures:
-    """Errors and waviness, by kind and group."""
+    """Errors and roughness, by kind and group."""
     sums: dict[tuple[str, str], list[Floats]] = defaultdict(list)
     for curves in found:
         for kind in (*KINDS, TRUE):
@@ -39,7 +39,7 @@ def measures(found: Iterable[Curves]) -> Measures:
 
 
 def _sums(arms: Floats, true: Floats) -> Floats:
-    """Squared errors and bends, turns; then the number of each."""
+    """Sums of squared errors, squared bends and turns, then the number of each."""
     lines = np.moveaxis(arms, 1, 2).reshape(-1, arms.shape[1])
     bend = np.diff(lines, 2, axis=1) / STEP**2
     return np.array(
@@ -61,7 +61,7 @@ def _means(total: Floats, kind: str) -> dict[str, float]:
 
 
 def turns(lines: Floats, least: float = TURN) -> Floats:
-    """How often each line (N, K) goes back by more than ``least``, (N,)."""
+    """Number of turns by more than ``least`` of each line, shape (N, K) -> (N,)."""
     count = np.zeros(len(lines))
     direction = np.zeros(len(lines))
     low, high = lines[:, 0].copy(), lines[:, 0].copy()
@@ -76,7 +76,11 @@ def turns(lines: Floats, least: float = TURN) -> Floats:
 
 
 def numbers(found: Measures, kind: str, group: str = ALL) -> dict[str, float]:
-    """What is compared: error [mm/rad], turns per sweep and muscle, and roughness: how often the
-    truth's bend the bend is, so that more than 1 is rougher than the truth."""
+    """Measures that are compared.
+
+    Returns:
+        ``error`` [mm/rad], ``turns`` per sweep and muscle, ``bend`` [mm/rad^3], and ``roughness``,
+        the ratio of bend and true bend.
+    """
     of, true = found[kind][group], found[TRUE][group]
     return {**of, "roughness": of["bend"] / true["bend"]}

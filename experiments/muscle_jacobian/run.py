@@ -1,4 +1,4 @@
-"""Muscle Jacobian (paper, sec. II-B, IV-A): is the analytic one wavy, the quadratic one smooth?
+"""Muscle Jacobian (paper, sec. II-B, IV-A): roughness of the analytic and the quadratic one.
 
 Both are compared with the true moment arms, along sweeps of every joint through its whole range
 from random postures, before and after online learning, on maps of our training and the paper's.
@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.harness.experiment import Findings, Results, Study
+from experiments.harness import common
+from experiments.harness.common import Summary
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.initial_training.flexion import Flexion
 from experiments.initial_training.paper_recipe import Share, train_as_paper
 from experiments.muscle_jacobian.moment_arms import (
@@ -30,7 +32,7 @@ from experiments.muscle_jacobian.moment_arms import (
     slope,
     sweeps,
 )
-from experiments.muscle_jacobian.robot import estimator_errors, feel, learn
+from experiments.muscle_jacobian.robot import estimator_errors, learn, record
 from experiments.muscle_jacobian.roughness import measures, numbers
 from experiments.muscle_jacobian.tables import (
     OURS,
@@ -43,11 +45,12 @@ from experiments.muscle_jacobian.tables import (
     group_table,
     metrics,
     stage_table,
-    told,
+    statements,
 )
-from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
+from jmm_agent.mapping.group_map import METRES
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.nominal_model import NominalModel
-from kengoro.arm import shuffled_postures
+from kengoro.robots import shuffled_postures
 from kengoro.trained_maps import ARM, nominal_model, trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.robot.nominal_model import NominalArm
@@ -55,14 +58,15 @@ from kengoro_env.robot.nominal_model import NominalArm
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of work on each robot.
 
     Attributes:
-        sweeps: of each joint.
-        postures: that the robot learns from.
-        tests: movements on which the joint estimators are compared.
-        move, patience: time for each movement and longest wait for rest [s].
-        samples, least_steps: of the paper's training, as in `Share`.
+        sweeps: number of sweeps of each joint.
+        postures: number of postures that the robot learns from.
+        tests: number of movements on which the joint estimators are compared.
+        move: duration of a movement [s].
+        patience: longest wait for rest [s].
+        samples, least_steps: of the paper's training, see `Share`.
     """
 
     sweeps: int = 8
@@ -78,45 +82,45 @@ QUICK = Sizes(3, 2, 1, 1.0, 1.0, 1_000, 1_000)
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """Examine a map against the drawing; or let a robot learn with ours and examine it then."""
-    drawing = nominal_model()
-    drawn = NominalArm(asset_path(ARM)).moment_arms
-    swept = sweeps(drawing, sizes.sweeps, np.random.default_rng([seed, 6]))
+    """Evaluate a map on the nominal model, or let a robot learn and evaluate the map on it."""
+    nominal = nominal_model()
+    true = NominalArm(asset_path(ARM)).moment_arms
+    swept = sweeps(nominal, sizes.sweeps, np.random.default_rng([seed, 6]))
     if condition == PAPER:
-        papers, _ = train_as_paper(drawing, seed, Share(sizes.samples, sizes.least_steps))
-        return {"nominal": examine(papers, drawn, drawing, swept)}
+        papers, _ = train_as_paper(nominal, seed, Share(sizes.samples, sizes.least_steps))
+        return {"nominal": evaluate(papers, true, nominal, swept)}
     ours = trained_map(cache)
     postures = shuffled_postures(seed)
     learned_from = postures[: 1 + sizes.postures]
     session = learn(ours, seed, learned_from, condition == RULE, sizes.move, sizes.patience)
     actual, learned = RobotArms(session.world.robot), session.agent.map
-    felt = feel(session, postures[-sizes.tests :], sizes.move)
+    readings = record(session, postures[-sizes.tests :], sizes.move)
     session.env.close()
     result = {
-        "after": examine(learned, actual, drawing, swept),
-        "estimator": estimator_errors(felt, learned, session.agent.kinematics.limits),
+        "after": evaluate(learned, actual, nominal, swept),
+        "estimator": estimator_errors(readings, learned, session.agent.kinematics.limits),
     }
     if condition == OURS:
-        result["nominal"] = examine(ours, drawn, drawing, swept)
-        result["before"] = examine(ours, actual, drawing, swept)
+        result["nominal"] = evaluate(ours, true, nominal, swept)
+        result["before"] = evaluate(ours, actual, nominal, swept)
     return result
 
 
-def examine(
-    jmm: JointMuscleMap, true: Arms, drawing: NominalModel, swept: Sequence[Sweep]
+def evaluate(
+    jmm: JointMuscleMap, true: Arms, nominal: NominalModel, swept: Sequence[Sweep]
 ) -> dict[str, Any]:
-    """Errors and waviness of a map, and its moment arms during shoulder flexion."""
+    """Errors and roughness of a map, and its moment arms during shoulder flexion."""
     found = list(curves(jmm, true, swept))
     return {
         "whole": measures(found),
         "inner": measures(inner(found)),
-        "flexion": flexion_arms(jmm, true, Flexion(drawing)),
-        "difference": difference_gap(jmm, Flexion(drawing)),
+        "flexion": flexion_arms(jmm, true, Flexion(nominal)),
+        "difference": difference_gap(jmm, Flexion(nominal)),
     }
 
 
 def flexion_arms(jmm: JointMuscleMap, true: Arms, flexion: Flexion) -> dict[str, Any]:
-    """Moment arms (K, k) [mm/rad] of the shoulder's muscles about its pitch during flexion."""
+    """Moment arms of the shoulder's muscles during flexion, shape (K, k) [mm/rad]."""
     arms = {
         kind: by_map(jmm, flexion.postures, flexion.joint, kind)[:, flexion.muscles]
         for kind in KINDS
@@ -127,14 +131,14 @@ def flexion_arms(jmm: JointMuscleMap, true: Arms, flexion: Flexion) -> dict[str,
 
 
 def difference_gap(jmm: JointMuscleMap, flexion: Flexion) -> float:
-    """Largest gap [mm/rad] between the analytic derivative and a difference over 0.1 deg."""
+    """Largest deviation of a difference over 0.1 deg from the analytic derivative [mm/rad]."""
     analytic = by_map(jmm, flexion.postures, flexion.joint, ANALYTIC)
     difference = slope(jmm, flexion.postures, flexion.joint, DIFFERENCE)
     return float(np.abs(difference - analytic).max() / METRES)
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """Errors and waviness of both Jacobians on all maps, and whether the claim holds."""
+    """Errors and roughness of both Jacobians on all maps, and the verdict on the claim."""
     from experiments.muscle_jacobian.figures import pictures
 
     per_seed = {
@@ -143,7 +147,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
                 kind: {
                     name: round(value, 3)
                     for name, value in numbers(
-                        result[stage.condition][stage.examined]["whole"], kind
+                        result[stage.condition][stage.evaluated]["whole"], kind
                     ).items()
                 }
                 for kind in KINDS
@@ -158,17 +162,19 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         group_table(results),
         estimator_table(results),
     ]
-    return Findings(metrics(results), per_seed, tables, pictures(results), {"told": told(results)})
+    return Findings(
+        metrics(results), per_seed, tables, pictures(results), {"statements": statements(results)}
+    )
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="muscle-jacobian",
     title="Muscle Jacobian",
     introduction=(
-        "The analytic Jacobian of the network and the paper's, through a parabola at five points "
-        "10 deg apart, against the true moment arms, along sweeps of every joint through its range "
-        "from random postures. The paper's map comes from its own recipe on a share of its data. "
-        "Actual robots then learn, by our rule and by the paper's."
+        "The analytic Jacobian of the network and the paper's, from a parabola through five points "
+        "at distances of 10 deg, are compared with the true moment arms, along sweeps of every "
+        "joint through its range from random postures. The paper's map is trained by its recipe on "
+        "a share of its data. Then actual robots learn, by our rule and by the paper's."
     ),
     figure="Fig. 7",
     others=("experiments/initial_training",),
@@ -178,3 +184,16 @@ STUDY = Study(
     run=run,
     conclude=conclude,
 )
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Muscle Jacobians of the map, compared with the true moment arms (Fig. 7)."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/muscle-jacobian")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

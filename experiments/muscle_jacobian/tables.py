@@ -1,4 +1,4 @@
-"""What the numbers on muscle Jacobians say: stages of a map, paired differences, the claim."""
+"""Tables of muscle Jacobians: stages of a map, paired differences, verdict on the claim."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from experiments.muscle_jacobian.roughness import ALL, TURN, numbers
 from kengoro_env.names import GROUP_JOINTS
 
 OURS, RULE, PAPER = "ours", "rule", "paper"
-"""Our map and learning; our map and the paper's learning; the paper's map, on no robot."""
+"""Conditions: our map and learning; our map and the paper's learning; the paper's map, no robot."""
 
 LEARNED = {OURS: "our map, our learning", RULE: "our map, the paper's learning"}
 """Conditions in which a robot learns."""
 
-WAVY = 1.5
-"""Moment arms that turn so many times as often as the true ones are called wavy."""
+ROUGH = 1.5
+"""Ratio of turns to true turns above which moment arms count as rough."""
 
 
 class Stage(NamedTuple):
-    """A map at some time, and what it is compared with.
+    """A map at some stage, and the truth that it is compared with.
 
     Attributes:
         key: in the names of metrics.
-        told: in tables.
-        short: in pictures.
-        condition, examined: where its numbers stand in the results.
+        title: in tables.
+        short: in figures.
+        condition, evaluated: keys of its numbers in the results.
     """
 
     key: str
-    told: str
+    title: str
     short: str
     condition: str
-    examined: str
+    evaluated: str
 
     @property
     def truth(self) -> str:
-        """What it is compared with."""
-        return "nominal" if self.examined == "nominal" else "robot"
+        """Source of the true moment arms."""
+        return "nominal" if self.evaluated == "nominal" else "robot"
 
 
 STAGES = (
@@ -64,7 +64,7 @@ MEASURED = {
     "roughness": "bend / true bend",
     "turns": "turns a sweep",
 }
-"""Numbers that are compared, as in `waviness.numbers`."""
+"""Numbers that are compared, as in `roughness.numbers`."""
 
 PARTS = {
     "whole": "the whole range",
@@ -75,9 +75,9 @@ PARTS = {
 def over_seeds(
     results: Results, stage: Stage, kind: str, name: str, part: str = "whole", group: str = ALL
 ) -> list[float]:
-    """A number of `waviness.numbers` for each seed."""
+    """A number of `roughness.numbers` for each seed."""
     return [
-        numbers(result[stage.condition][stage.examined][part], kind, group)[name]
+        numbers(result[stage.condition][stage.evaluated][part], kind, group)[name]
         for result in results.values()
     ]
 
@@ -93,26 +93,32 @@ def gain(
 
 
 class Verdict(NamedTuple):
-    """What holds of the paper's claim, in words."""
+    """Verdict on the claim of the paper.
 
-    wavy: bool
+    Attributes:
+        rough: whether the analytic Jacobian is rough.
+        turns: turns of the quadratic one compared with the analytic one.
+        error: error of the quadratic one compared with the analytic one.
+    """
+
+    rough: bool
     turns: str
     error: str
 
     @property
     def claim(self) -> str:
-        """Whether the claim holds: the analytic one is wavy, the quadratic one smoother."""
-        return {2: "yes", 1: "in part", 0: "no"}[self.wavy + (self.turns == "fewer")]
+        """Whether the analytic Jacobian is rough and the quadratic one smoother."""
+        return {2: "yes", 1: "in part", 0: "no"}[self.rough + (self.turns == "fewer")]
 
 
 def verdict(results: Results, stage: Stage, part: str = "whole", group: str = ALL) -> Verdict:
-    """What the intervals over robots say; nothing is said where they hold 0."""
+    """Verdict from intervals over robots; there is no difference if they include 0."""
     turns = np.array(over_seeds(results, stage, ANALYTIC, "turns", part, group))
     true = np.array(over_seeds(results, stage, TRUE, "turns", part, group))
     return Verdict(
-        interval(turns - WAVY * true).low > 0,
+        interval(turns - ROUGH * true).low > 0,
         _word(gain(results, stage, "turns", part, group), "fewer", "more"),
-        _word(gain(results, stage, "error", part, group), "closer", "farther"),
+        _word(gain(results, stage, "error", part, group), "smaller", "larger"),
     )
 
 
@@ -127,80 +133,81 @@ def claim_table(results: Results, part: str) -> Table:
         found = verdict(results, stage, part)
         rows.append(
             (
-                stage.told,
+                stage.title,
                 stage.truth,
-                "yes" if found.wavy else "no",
+                "yes" if found.rough else "no",
                 found.turns,
                 found.error,
                 found.claim,
             )
         )
     return Table(
-        f"Does the paper's claim hold? Over {PARTS[part]}",
+        f"Verdict on the paper's claim over {PARTS[part]}",
         (
             "map",
             "truth",
-            "analytic is wavy",
+            "analytic is rough",
             "quadratic turns",
-            "quadratic is to the truth",
-            "the claim holds",
+            "error of quadratic",
+            "claim holds",
         ),
         rows,
-        f"Wavy: it turns more than {WAVY:g} times as often as the true one. All by 95 % intervals "
-        "over robots, paired; the claim is that the analytic one is wavy and the quadratic one "
-        "turns less often. Within 20 deg of an end of a joint's range the five points reach beyond "
-        "it, where little or nothing was learned.",
+        f"Rough: it turns more than {ROUGH:g} times as often as the true one. All by paired 95 % "
+        "intervals over robots. The claim is that the analytic one is rough and the quadratic one "
+        "turns less often. Within 20 deg of an end of a joint's range some of the five points are "
+        "outside the range, where the map is hardly trained.",
     )
 
 
 def stage_table(results: Results, part: str) -> Table:
-    """All numbers of each map, all groups together."""
+    """Table of all numbers of each map over all groups."""
     rows: list[list[object]] = []
     for stage in STAGES:
-        for name, told in MEASURED.items():
+        for name, label in MEASURED.items():
             kinds = (ANALYTIC, QUADRATIC, TRUE) if name == "turns" else (ANALYTIC, QUADRATIC)
             cells = [interval(over_seeds(results, stage, kind, name, part)) for kind in kinds]
             rows.append(
                 [
-                    f"{stage.told} ({stage.truth}): {told}",
+                    f"{stage.title} ({stage.truth}): {label}",
                     *cells,
                     *[""] * (3 - len(cells)),
                     gain(results, stage, name, part),
                 ]
             )
     return Table(
-        f"Errors and waviness over {PARTS[part]}: median over robots with its 95 % interval",
+        f"Errors and roughness over {PARTS[part]}: median over robots with its 95 % interval",
         ("", "analytic", "quadratic", "true", "quadratic - analytic, paired"),
         rows,
-        "Bend: RMS of the second derivative along a sweep. A turn: a moment arm goes back by more "
+        "Bend: RMS of the second derivative along a sweep. Turn: the moment arm reverses by more "
         f"than {TURN:g} mm/rad. {_difference(results)} {_kinks(results)}",
     )
 
 
 def _difference(results: Results) -> str:
-    """How far the paper's difference is from the analytic derivative."""
-    gaps = [r[of.condition][of.examined]["difference"] for r in results.values() for of in STAGES]
+    """Sentence on the difference quotient of the paper and the analytic derivative."""
+    gaps = [r[of.condition][of.evaluated]["difference"] for r in results.values() for of in STAGES]
     return (
-        "The paper also names a difference over 0.1 deg; it is within "
-        f"{max(gaps):.1g} mm/rad of the analytic one during flexion."
+        "The paper also mentions a difference over 0.1 deg, which deviates from the analytic one "
+        f"by at most {max(gaps):.1g} mm/rad during flexion."
     )
 
 
 def _kinks(results: Results) -> str:
-    """How much rougher than the drawing's the true moment arms of the robots are."""
+    """Sentence on the roughness of the true moment arms of robots and nominal model."""
     ratios = [
         r[OURS]["before"]["whole"][TRUE][ALL]["bend"]
         / r[OURS]["nominal"]["whole"][TRUE][ALL]["bend"]
         for r in results.values()
     ]
     return (
-        f"The robots' true moment arms bend {np.median(ratios):.2g} times as much as the drawing's "
-        f"(at most {max(ratios):.2g}): where a wire begins to wrap over a bone they have a kink."
+        f"The bend of the robots' true moment arms is {np.median(ratios):.2g} times that of the "
+        f"nominal model (at most {max(ratios):.2g}), due to a kink where a muscle starts to "
+        "wrap around a bone."
     )
 
 
 def group_table(results: Results) -> Table:
-    """Error and turns by group, over the whole range."""
+    """Table of error and turns by group over the whole range."""
     rows = []
     for stage in STAGES:
         for group in GROUP_JOINTS:
@@ -209,7 +216,7 @@ def group_table(results: Results) -> Table:
                 for name, kinds in (("error", KINDS), ("turns", (*KINDS, TRUE)))
                 for kind in kinds
             ]
-            rows.append((f"{stage.told} ({stage.truth}): {group}", *cells))
+            rows.append((f"{stage.title} ({stage.truth}): {group}", *cells))
     return Table(
         "By group, over the whole range: medians over robots",
         (
@@ -225,22 +232,22 @@ def group_table(results: Results) -> Table:
 
 
 def estimator_table(results: Results) -> Table:
-    """Joint estimation by both Jacobians."""
+    """Table of the joint estimation by both Jacobians."""
     rows = []
-    for condition, told in LEARNED.items():
+    for condition, label in LEARNED.items():
         found = [result[condition]["estimator"] for result in results.values()]
         columns = {
             name: [of[name] for of in found] for name in ("analytic", "quadratic", "between")
         }
         rows.append(
             (
-                told,
+                label,
                 *map(interval, columns.values()),
                 paired(columns["quadratic"], columns["analytic"]),
             )
         )
     return Table(
-        "Does it matter? Joint angles estimated by both Jacobians on new movements [deg]",
+        "Joint angles estimated by both Jacobians on new movements [deg]",
         (
             "map after learning",
             "analytic: estimate - true",
@@ -249,28 +256,28 @@ def estimator_table(results: Results) -> Table:
             "quadratic - analytic, paired",
         ),
         rows,
-        "RMS over time and joints of each robot; the same measured lengths for both. Median over "
+        "RMS over time and joints of each robot, from the same measured lengths. Median over "
         "robots with its 95 % interval.",
     )
 
 
-def told(results: Results) -> list[str]:
-    """Whether the claim holds, in sentences."""
+def statements(results: Results) -> list[str]:
+    """Verdicts on the claim, in sentences."""
     sentences = []
     for part in PARTS:
         for stage in STAGES:
             found = verdict(results, stage, part)
-            wavy = "wavy" if found.wavy else "not wavy"
+            rough = "rough" if found.rough else "not rough"
             sentences.append(
-                f"{stage.told.capitalize()}, against the {stage.truth}, over {PARTS[part]}: "
-                f"claim holds: {found.claim}; the analytic Jacobian is {wavy}; "
-                f"turns of the quadratic one: {found.turns}; it is to the truth: {found.error}."
+                f"{stage.title.capitalize()}, compared with the {stage.truth}, over {PARTS[part]}: "
+                f"claim holds: {found.claim}; the analytic Jacobian is {rough}; "
+                f"turns of the quadratic one: {found.turns}; error of it: {found.error}."
             )
     return sentences
 
 
 def metrics(results: Results) -> dict[str, dict[str, Any]]:
-    """Errors of both Jacobians on each map, how wavy the analytic one is, what the other gains."""
+    """Metrics of errors and roughness of both Jacobians on each map."""
     found = {}
     for stage in STAGES:
         of = {
@@ -282,7 +289,7 @@ def metrics(results: Results) -> dict[str, dict[str, Any]]:
         found[f"{stage.key}_analytic_error"] = metric(of[ANALYTIC, "error"], "mm/rad")
         found[f"{stage.key}_quadratic_error"] = metric(of[QUADRATIC, "error"], "mm/rad")
         turned = of[ANALYTIC, "turns"] / true
-        found[f"{stage.key}_analytic_turns_per_true_turn"] = metric(turned, "", paper="wavy")
+        found[f"{stage.key}_analytic_turns_per_true_turn"] = metric(turned, "", paper="rough")
         for name, paper in (("error", None), ("roughness", "< 0"), ("turns", "< 0")):
             gained = of[QUADRATIC, name] - of[ANALYTIC, name]
             unit = "mm/rad" if name == "error" else ""

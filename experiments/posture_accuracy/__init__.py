@@ -1,1 +1,1 @@
-"""Both updaters, tested on new postures (Fig. 11)."""
+"""Accuracy of new postures with both updaters (Fig. 11)."""

@@ -1,4 +1,4 @@
-"""Pictures of the posture accuracy experiment: bars as in the paper, each robot, each joint."""
+"""Figures of posture accuracy: bars as in the paper, each robot, each joint."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from matplotlib.axes import Axes
 from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, png
 from experiments.posture_accuracy.tables import MEASURES, WHEN, by_posture
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import ERRORS, gaps
 from kengoro_env.names import JOINTS
 
@@ -62,10 +62,10 @@ def pictures(results: Results) -> list[Picture]:
     figure.tight_layout()
     found.append(
         Picture(
-            "Where the error lies after learning",
+            "Error by joint after learning",
             png(figure),
-            "Root mean square over the trials of a robot, median over the actual robots. Where "
-            "estimate - true is larger than estimate - seen, looks do not show the joint's error.",
+            "Root mean square over the trials of a robot, median over the actual robots. A joint "
+            "whose estimate - true is larger than estimate - seen is poorly observable.",
         )
     )
     pyplot.close("all")
@@ -73,7 +73,7 @@ def pictures(results: Results) -> list[Picture]:
 
 
 def draw_postures(axes: Axes, results: Results, pair: str, unit: str) -> None:
-    """Bars before and after, by posture."""
+    """Draw bars before and after learning, by posture."""
     count = 0
     for side, when in zip((-0.5, 0.5), WHEN, strict=True):
         found = [
@@ -94,15 +94,17 @@ def draw_postures(axes: Axes, results: Results, pair: str, unit: str) -> None:
 
 
 def _table(found: list[list[Floats]], measure: Callable[[Floats], Any]) -> Floats:
-    """A measure of each robot's trials to each posture, and its mean over postures as the last
-    column; nan where nothing was seen."""
+    """A measure of each robot's trials by posture, with the mean over postures as last column.
+
+    NaN where the hand was not seen.
+    """
     rows = [[measure(e) if e.size else np.nan for e in postures] for postures in found]
     table = np.array(rows, dtype=float)
     return np.column_stack([table, np.nanmean(table, axis=1)])
 
 
 def draw_robots(axes: Axes, results: Results, unit: str) -> None:
-    """Each robot's mean before and after, seen and true, with and without departures."""
+    """Draw each robot's mean before and after learning, seen and true."""
     observations = (
         (ACTUAL, "estimate_seen", "o", -0.2),
         (ACTUAL, "target_true", "D", 0.0),
@@ -123,7 +125,7 @@ def draw_robots(axes: Axes, results: Results, unit: str) -> None:
 
 
 def draw_joints(axes: Axes, results: Results) -> None:
-    """Each joint's error after learning."""
+    """Draw the error of each joint after learning."""
     colours = {"estimate_seen": "#D55E00", "estimate_true": "#0072B2", "target_true": "#009E73"}
     for number, (pair, colour) in enumerate(colours.items()):
         found = [gaps(result[ACTUAL]["after"], pair) for result in results.values()]

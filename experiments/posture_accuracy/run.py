@@ -1,9 +1,9 @@
-"""Antagonism Updater and Vision Updater (paper, sec. IV-D): are intended postures realised?
+"""Antagonism Updater and Vision Updater (paper, sec. IV-D): accuracy of new postures.
 
-Both updaters learn from 27 postures within 300 s. Before and after that, learning off, the robot
-moves to 5 new postures from 10 start postures each: 100 trials in all. None of the new postures and
-of the starts was learned from, and each new posture differs from all that were learned by at least
-20 deg in some joint.
+Both updaters learn from 27 postures within 300 s. Before and after, with learning off, the robot
+moves to 5 new postures from 10 start postures each: 100 trials in total. New postures and starts
+are not learned from, and each new posture differs from all learned postures by at least 20 deg in
+some joint.
 """
 
 from __future__ import annotations
@@ -14,11 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from experiments.harness import common
+from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
-from experiments.harness.experiment import Findings, Results, Study
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.posture_accuracy.tables import metrics, seed_entry, tables
+from experiments.robots.conditions import ACTUAL, NOMINAL, make_session
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, NOMINAL, make_session, new_agent, shuffled_postures
+from kengoro.agents import make_agent
+from kengoro.robots import shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import Visits, no_visits, visit
 
@@ -28,31 +32,36 @@ AWAY = 20.0
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of work on each robot.
 
     Attributes:
-        learned: postures from which is learned.
-        targets: new postures.
-        starts: start postures of the trials to each of them.
-        starts_drawing: the same for the robot without departures.
+        learned: number of postures that the robot learns from.
+        targets: number of new postures.
+        starts: number of start postures of the trials to each new posture.
+        starts_nominal: the same, for the robot without departures.
         move: duration of a movement [s].
-        patience: longest wait for rest and a look [s].
+        patience: longest wait for rest and an observation [s].
     """
 
     learned: int = 27
     targets: int = 5
     starts: int = 10
-    starts_drawing: int = 2
+    starts_nominal: int = 2
     move: float = 2.0
     patience: float = 2.5
 
 
-QUICK = Sizes(learned=3, targets=1, starts=2, starts_drawing=1, move=1.0, patience=1.5)
+QUICK = Sizes(learned=3, targets=1, starts=2, starts_nominal=1, move=1.0, patience=1.5)
 
 
 class Plan(NamedTuple):
-    """Postures of a robot [rad], each a row: where it wakes, what it learns from, what it is sent
-    to from which starts."""
+    """Postures of a robot, one in each row [rad].
+
+    Attributes:
+        first: initial posture.
+        learned: postures to learn from.
+        targets, starts: new postures, and start postures of the trials.
+    """
 
     first: Floats
     learned: Floats
@@ -61,10 +70,10 @@ class Plan(NamedTuple):
 
 
 def make_plan(seed: int, sizes: Sizes) -> Plan:
-    """Choose postures by chance; targets at least `AWAY` from all that are learned.
+    """Choose postures in random order, with targets at least `AWAY` from all learned postures.
 
     Raises:
-        ExperimentError: the posture set has not enough postures that far away.
+        ExperimentError: too few postures of the set are that far away.
     """
     postures = shuffled_postures(seed)
     first, learned, rest = np.split(postures, [1, 1 + sizes.learned])
@@ -79,17 +88,24 @@ def make_plan(seed: int, sizes: Sizes) -> Plan:
 
 
 def away(postures: Floats, learned: Floats) -> tuple[Floats, Floats]:
-    """How far postures (K, n) [rad] are from the nearest learned one [deg], (K,) each: by their
-    largest joint difference, and by the RMS over joints."""
+    """Distance of postures from the nearest learned posture.
+
+    Args:
+        postures: joint angles, shape (K, n) [rad].
+        learned: joint angles, shape (L, n) [rad].
+
+    Returns:
+        Distance by the largest joint difference, and by the RMS over joints, shape (K,) each [deg].
+    """
     gaps = np.degrees(np.abs(postures[:, None] - learned[None]))
     return gaps.max(axis=2).min(axis=1), np.sqrt((gaps**2).mean(axis=2)).min(axis=1)
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """One robot: trials, online learning with both updaters, the same trials again."""
+    """Run one robot: trials, online learning with both updaters, and the same trials again."""
     plan = make_plan(seed, sizes)
-    starts = plan.starts if condition == ACTUAL else plan.starts[: sizes.starts_drawing]
-    agent = new_agent(cache, seed)
+    starts = plan.starts if condition == ACTUAL else plan.starts[: sizes.starts_nominal]
+    agent = make_agent(seed, cache=cache)
     session = make_session(condition, seed, agent, plan.first)
     agent.learning = False
     before = trials(session, plan.targets, starts, sizes)
@@ -116,7 +132,11 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
 
 
 def trials(session: Session, targets: Floats, starts: Floats, sizes: Sizes) -> Visits:
-    """Each target (K, n) [rad] from each start (S, n) [rad]: K S visits, a target's in a row."""
+    """Visit each target, shape (K, n) [rad], from each start, shape (S, n) [rad].
+
+    Returns:
+        K S visits, ordered by target.
+    """
     visits = no_visits()
     for target in targets:
         for start in starts:
@@ -136,14 +156,14 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     return Findings(metrics(per_seed), per_seed, tables(per_seed), pictures(results), {})
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="posture-accuracy",
     title="Antagonism Updater and Vision Updater together",
     introduction=(
-        "The robot moves to new postures from start postures drawn by chance, before and after "
-        "online learning with both updaters from other postures; learning is off in these trials. "
-        "Beside the actual robots stand the same without departures, which show what gravity does "
-        "to the arm even where the map is right."
+        "The robot moves to new postures from random start postures, before and after online "
+        "learning with both updaters from other postures; learning is off in these trials. The "
+        "same is done on robots without departures, which show the sag under gravity with an exact "
+        "map."
     ),
     figure="Fig. 11",
     conditions=(ACTUAL, NOMINAL),
@@ -152,3 +172,16 @@ STUDY = Study(
     run=run,
     conclude=conclude,
 )
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Both updaters, tested on new postures (Fig. 11)."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/posture-accuracy")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

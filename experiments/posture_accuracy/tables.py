@@ -1,4 +1,4 @@
-"""Numbers and tables of posture accuracy: averages over trials, spread over start postures."""
+"""Metrics and tables of posture accuracy: averages over trials, spread over start postures."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, NOMINAL
 from kengoro.visits import ERRORS, Visits, error_rows, gaps, hand_mm, rmse_deg
 from kengoro_env.names import JOINTS
 
@@ -20,20 +20,20 @@ MEASURES = {"deg": rmse_deg, "mm": hand_mm}
 """RMSE_joint [deg] and Distance_hand [mm] of each visit."""
 
 NAMED = 3
-"""Joints that are named where the estimate is off."""
+"""Number of joints with the largest errors that are listed."""
 
 DISAGREE = 1.5
-"""How many times as large the true error is, from where on it is said to disagree."""
+"""Ratio of true to seen error from which on they disagree."""
 
 
 class Judged(NamedTuple):
-    """An error of `averages` and what it is judged by.
+    """An error of `averages` with its thresholds.
 
     Attributes:
         key: of `averages`.
-        paper: what the paper tells, before, after, and after as a share of before.
-        must, must_ratio: what after, and after as a share of before, must reach.
-        aim: what after should reach beyond that.
+        paper: numbers of the paper: before, after, and ratio after / before.
+        must, must_ratio: thresholds of after, and of the ratio.
+        aim: further threshold of after.
     """
 
     key: str
@@ -57,11 +57,11 @@ PerSeed = Mapping[int, Mapping[str, Any]]
 
 
 def by_posture(visits: Visits, starts: int, pair: str, unit: str) -> list[Floats]:
-    """Errors of each target posture's trials, a number a start from which there is one.
+    """Errors of the trials of each target posture, one number a start with an error.
 
     Args:
-        visits: those of a target in a row.
-        starts: start postures of each target.
+        visits: of all trials, ordered by target.
+        starts: number of start postures of each target.
         pair: of `ERRORS`.
         unit: of `MEASURES`.
     """
@@ -71,10 +71,13 @@ def by_posture(visits: Visits, starts: int, pair: str, unit: str) -> list[Floats
 
 
 def averages(visits: Visits, starts: int) -> dict[str, Any]:
-    """Means over trials as in the paper: ``PAIR_deg``, ``PAIR_mm``; their standard deviation over
-    the starts of a posture, mean over postures: ``PAIR_deg_std``, ``PAIR_mm_std``; and more.
+    """Means over trials, as in the paper.
 
-    A pair that was never found, such as what is seen when nothing was, is left out.
+    Returns:
+        ``PAIR_deg`` and ``PAIR_mm``: means. ``PAIR_deg_std`` and ``PAIR_mm_std``: standard
+        deviations over the starts of a posture, mean over postures. Further: largest tension,
+        numbers of trials and observations, and joints with the largest errors. Pairs without
+        any error are left out, such as those with seen angles if the hand was never seen.
     """
     result: dict[str, Any] = {}
     for pair in ERRORS:
@@ -93,7 +96,7 @@ def averages(visits: Visits, starts: int) -> dict[str, Any]:
 
 
 def seed_entry(result: Mapping[str, Any]) -> dict[str, Any]:
-    """What is told of one robot."""
+    """Entry of one robot in the summary."""
     more = ("learning_time", "updates", "dropped")
     return {
         **{when: averages(result[when], result["starts"]) for when in WHEN},
@@ -104,13 +107,13 @@ def seed_entry(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def of_robots(per_seed: PerSeed, key: str, when: str, condition: str = ACTUAL) -> dict[int, float]:
-    """A number of `averages` by robot, of those that have it."""
+    """A number of `averages` by robot, without robots that do not have it."""
     found = {seed: entry[condition][when] for seed, entry in per_seed.items()}
     return {seed: averages[key] for seed, averages in found.items() if key in averages}
 
 
 def metrics(per_seed: PerSeed) -> dict[str, dict[str, Any]]:
-    """Numbers that the experiment is judged by; one that no robot has is left out."""
+    """Metrics; those that no robot has are left out."""
     found: dict[str, tuple[Any, ...]] = {}  # by name, the arguments of `metric`
     for name, judged in JUDGED.items():
         before, after = (of_robots(per_seed, judged.key, when) for when in WHEN)
@@ -139,7 +142,7 @@ def metrics(per_seed: PerSeed) -> dict[str, dict[str, Any]]:
 
 
 def tables(per_seed: PerSeed) -> list[Table]:
-    """Both definitions of error, and each robot."""
+    """Tables of both definitions of error, and of each robot."""
     columns = {
         f"{condition}, {when}": [entry[condition][when] for entry in per_seed.values()]
         for condition in (ACTUAL, NOMINAL)
@@ -157,7 +160,7 @@ def tables(per_seed: PerSeed) -> list[Table]:
 
 
 def disagreement(per_seed: PerSeed) -> str:
-    """Whether what is seen tells the truth after learning."""
+    """Sentence on the agreement of seen and true errors after learning."""
     seen = of_robots(per_seed, "estimate_seen_deg", "after")
     true = of_robots(per_seed, "estimate_true_deg", "after")
     both = [(true[seed], seen[seed]) for seed in seen]
@@ -169,27 +172,27 @@ def disagreement(per_seed: PerSeed) -> str:
     if gap.low <= 0.0 or share.median < DISAGREE:
         return f"Seen and true agree after learning: estimate - true is {share} times as large."
     return (
-        f"Seen and true disagree after learning: the estimate is {gap} deg farther from the true "
-        f"joint angles than from those seen, {share} times as far. It is most often off in "
-        f"{joints}."
+        f"Seen and true disagree after learning: estimate - true is {gap} deg larger than "
+        f"estimate - seen, {share} times as large. The joints that most often have the largest "
+        f"errors are {joints}."
     )
 
 
 def sag(per_seed: PerSeed) -> str:
-    """How much of the error is there without any departure."""
-    drawn, actual = (
+    """Sentence on the error without departures."""
+    nominal, actual = (
         interval(list(of_robots(per_seed, "target_true_deg", "before", condition).values()))
         for condition in (NOMINAL, ACTUAL)
     )
     after = interval(list(of_robots(per_seed, "target_true_deg", "after", NOMINAL).values()))
     return (
-        f"Without departures, target - true is {drawn} deg before learning, which is sag under "
+        f"Without departures, target - true is {nominal} deg before learning, which is sag under "
         f"gravity, and {after} deg after; on the actual robots it is {actual} deg before."
     )
 
 
 def spread(per_seed: PerSeed) -> str:
-    """How much the start posture matters."""
+    """Sentence on the spread over start postures."""
     before, after = (
         interval(list(of_robots(per_seed, "target_true_deg_std", when).values())) for when in WHEN
     )
@@ -200,17 +203,17 @@ def spread(per_seed: PerSeed) -> str:
 
 
 def counted(per_seed: PerSeed) -> str:
-    """How many trials there were."""
+    """Sentence on the number of trials."""
     robot = next(iter(per_seed.values()))
-    own, drawn = (robot[condition]["before"]["trials"] for condition in (ACTUAL, NOMINAL))
+    own, nominal = (robot[condition]["before"]["trials"] for condition in (ACTUAL, NOMINAL))
     return (
-        f"Trials before and again after: {own} on each actual robot, {drawn} on each without "
-        "departures, from the first of the same starts."
+        f"Trials before, and the same after: {own} on each actual robot, and {nominal} on each "
+        "robot without departures, from the first of the same starts."
     )
 
 
 def robot_table(per_seed: PerSeed) -> Table:
-    """Each robot's means before and after."""
+    """Table of each robot's means before and after."""
     pairs = ("estimate_seen", "target_true")
     rows = []
     for seed, entry in per_seed.items():
@@ -229,9 +232,9 @@ def robot_table(per_seed: PerSeed) -> Table:
         "Each robot, before -> after",
         head,
         rows,
-        "Means over trials; mm is Distance_hand. Learning: time of the robot. Away: from a new "
-        "posture to the nearest learned one, by the largest joint difference (by the RMS over "
-        "joints), the least of the robot's new postures.",
+        "Means over trials; mm is Distance_hand. Learning: simulated time. Away: least "
+        "distance of a new posture from the nearest learned one, by the largest joint difference "
+        "(by the RMS over joints).",
     )
 
 

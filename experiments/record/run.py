@@ -1,8 +1,8 @@
-"""`kengoro record`, which notes runs on reporting seeds."""
+"""`kengoro record`, with runs on reporting seeds logged."""
 
 from __future__ import annotations
 
-from experiments.harness.common import log_reported
+from experiments.harness.reported import log_reported
 from kengoro.commands import record
 from kengoro.commands.record import Args
 
@@ -10,6 +10,6 @@ __all__ = ["Args", "main"]
 
 
 def main(args: Args) -> None:
-    """Record and write the study."""
-    log_reported([] if args.robot is None else [args.robot])
+    """Log the run, record the robot and write the study."""
+    log_reported("record", [] if args.robot is None else [args.robot])
     record.main(args)

@@ -1,4 +1,4 @@
-"""An agent drives a robot in another process, and learns on the way."""
+"""Agent that drives a robot in another process and learns meanwhile."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from kengoro.remote_robot import robot_process
 
 @dataclass(frozen=True)
 class Args:
-    """What is driven.
+    """An agent drives a robot in another process and learns meanwhile.
 
     Attributes:
         robot: seed of the actual robot.
-        postures: how many it goes to, one after the other.
+        postures: number of postures to visit.
     """
 
     robot: int = 1
@@ -25,21 +25,20 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Drive a robot in another process to some postures, and learn on the way."""
+    """Drive a robot in another process to some postures and learn meanwhile."""
     from jmm_agent.driver import drive
-    from kengoro.arm import make_agent
-    from kengoro.trained_maps import trained_map
+    from kengoro.agents import make_agent
     from kengoro_env.postures import posture_set
 
     if args.postures < 1:
         raise ExperimentError(f"Postures are {args.postures}, but at least 1 is needed.")
     console = Console()
-    agent = make_agent(trained_map(), args.robot)
+    agent = make_agent(args.robot)
     with robot_process("Posture", args.robot) as robot:
         for i, posture in enumerate(posture_set()[: args.postures]):
             agent.go(posture, 2.0)
             drive(agent, robot, 5.0)
             error = float("nan") if agent.seen is None else np.abs(agent.seen.error).mean()
             console.print(
-                f"posture {i}: {np.degrees(error):.2f} deg between what it believed and saw"
+                f"posture {i}: {np.degrees(error):.2f} deg between estimate and observation"
             )

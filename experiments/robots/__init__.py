@@ -1,1 +1,1 @@
-"""Robots and evaluations that several experiments share."""
+"""Robots, agents and evaluations that several experiments share."""

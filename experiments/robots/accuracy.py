@@ -1,4 +1,4 @@
-"""The error of a map against the robot's own lengths."""
+"""Accuracy of a map: its error against the muscle lengths of the robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kengoro_env.robot.robot import Robot
 
 
 class MapAccuracy:
-    """Measures a map's error against the robot's own lengths at postures drawn by chance.
+    """Error of maps against the muscle lengths of an actual robot at sampled postures.
 
     Args:
         seed: of the robot.
@@ -31,5 +31,5 @@ class MapAccuracy:
         self._lengths = np.array(lengths)
 
     def error_mm(self, agent: Agent) -> float:
-        """Median over postures of the RMS over wires of the map's error [mm]."""
+        """Median over postures of the RMS over muscles of the error of the agent's map [mm]."""
         return map_error_mm(agent.map, self._postures, self._lengths)

@@ -1,4 +1,4 @@
-"""What an agent has learned, in a file: its map, what its updaters remember, and its chance."""
+"""Checkpoint of a learned agent: its map, the memory of its updaters, and its random generator."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from mjcf_sandbox.files import write_bytes
 FORMAT = "memory-1"
 
 
-def save_memory(path: Path, agent: Agent) -> None:
-    """Write what an agent knows to ``path`` (.npz without pickle), whole or not at all."""
+def save_checkpoint(path: Path, agent: Agent) -> None:
+    """Write the learned state of an agent to ``path`` (.npz without pickle), atomically."""
     vision, antagonism = agent.vision.memory, agent.antagonism.memory
     joints, muscles = len(agent.map.joints), len(agent.map.muscles)
-    chance = json.dumps(agent.learner.rng.bit_generator.state)
+    generator = json.dumps(agent.learner.rng.bit_generator.state)
     content: dict[str, np.ndarray] = {
         "format": np.array(FORMAT),
-        "chance": np.array(chance),
-        "poses": np.array([look.pose for look in vision.observations]).reshape(-1, 4, 4),
-        "lengths": np.array([look.lengths for look in vision.observations]).reshape(-1, muscles),
-        "guesses": np.array([look.guess for look in vision.observations]).reshape(-1, joints),
+        "chance": np.array(generator),
+        "poses": np.array([found.pose for found in vision.observations]).reshape(-1, 4, 4),
+        "lengths": np.array([found.lengths for found in vision.observations]).reshape(-1, muscles),
+        "guesses": np.array([found.guess for found in vision.observations]).reshape(-1, joints),
         "commands": np.array(vision.commands).reshape(-1, muscles),
         "sound": np.array(vision.sound, dtype=bool),
         "angles": vision.angles,
-        "elongated": vision.gave,
+        "elongated": vision.elongated,
         "last": np.empty(0) if antagonism.last is None else antagonism.last,
     }
     for name, pairs in (("vision", vision.pairs), ("antagonism", antagonism.pairs)):
@@ -44,11 +44,15 @@ def save_memory(path: Path, agent: Agent) -> None:
     write_bytes(path, file.getvalue())
 
 
-def load_memory(path: Path, agent: Agent) -> None:
-    """Let an agent that has learned nothing yet know what `save_memory` wrote.
+def load_checkpoint(path: Path, agent: Agent) -> None:
+    """Restore the learned state that `save_checkpoint` wrote.
+
+    Args:
+        path: of the file.
+        agent: an agent that has learned nothing yet, of the same nominal model.
 
     Raises:
-        ExperimentError: the file is missing, or holds something else.
+        ExperimentError: the file is missing, damaged or of another format.
     """
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -61,7 +65,7 @@ def load_memory(path: Path, agent: Agent) -> None:
         }
         observations = zip(content["poses"], content["lengths"], content["guesses"], strict=True)
         vision = VisionMemory(
-            [MarkerObservation(*look) for look in observations],
+            [MarkerObservation(*found) for found in observations],
             list(content["commands"]),
             content["sound"].tolist(),
             content["angles"],
@@ -73,8 +77,8 @@ def load_memory(path: Path, agent: Agent) -> None:
         jmm = agent.map.with_output_layers(
             {name: (content[f"W2_{name}"], content[f"b2_{name}"]) for name in names}
         )
-        chance = json.loads(str(content["chance"]))
-    except Exception as error:  # numpy raises whatever it stumbles over in a damaged file
-        raise ExperimentError(f"{path} holds no memory of an agent ({error}).") from error
+        generator = json.loads(str(content["chance"]))
+    except Exception as error:  # numpy raises many types for a damaged file
+        raise ExperimentError(f"{path} is no checkpoint of an agent ({error}).") from error
     agent.recall(jmm, AntagonismMemory(last, pairs["antagonism"]), vision)
-    agent.learner.rng.bit_generator.state = chance
+    agent.learner.rng.bit_generator.state = generator

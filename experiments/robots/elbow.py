@@ -1,4 +1,4 @@
-"""The elbow with its three wires, and a mind that feels it but has no eyes (paper, sec. IV-B)."""
+"""Elbow with three muscles, and an agent without camera that learns it (paper, sec. IV-B)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from experiments.harness.errors import ExperimentError
+from experiments.robots.conditions import ACTUAL
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.kalman_filter_options import EstimatorOptions
 from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule, Rule
@@ -17,7 +18,7 @@ from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
-from kengoro.arm import ACTUAL, NO_END
+from kengoro.robots import NO_END
 from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual, drawing
@@ -28,40 +29,43 @@ SCENE = "mjcf/kengoro_arm/elbow.xml"
 MUSCLES = ("biceps", "brachialis", "triceps")
 AGONISTS, ANTAGONIST = (0, 1), 2
 STOPS = EstimatorOptions(limit_margin=0.0)
-"""An elbow does not bend backwards. Behind its stop the triceps would turn round, and an estimate
-that wires which contradict each other have pushed there would not come back."""
+"""Estimates stay within the joint limits. Beyond full extension the moment arm of the triceps
+changes its sign, and an estimate that contradictory lengths have pushed there would not return."""
 
 TYPICAL = 200
-"""Angles that set the scale of the prior."""
+"""Number of sampled angles that set the scale of the prior."""
 
 
 @dataclass(frozen=True)
 class Tightened:
-    """Every wire was zeroed too tight, by the same length: what makes wires fight each other.
+    """Departure: all muscles have the same offset of their encoders, which causes co-contraction.
 
     Attributes:
-        length: how much shorter each wire is than it reads [m]; negative for looser.
+        length: by how much each muscle is shorter than its encoder reads [m]; negative for longer.
     """
 
     length: float
 
     def edit(self, draft: Draft) -> None:
-        """Shift the lengths that encoders read."""
+        """Add the length to the offset of each encoder."""
         offset = draft.sensor_errors.length_offset
         for muscle in draft.tendons:
             offset[muscle] = offset.get(muscle, 0.0) + self.length
 
 
 class Elbow:
-    """``Kengoro/Elbow-v0`` and a mind with an Antagonism Updater alone.
+    """``Kengoro/Elbow-v0`` with an agent that has an Antagonism Updater only.
 
     Args:
-        condition: `ACTUAL`, or any other word for the robot without departures.
-        seed: of the robot, and of what is drawn by chance.
-        tightened: by how much all wires were zeroed too tight [m].
+        condition: `ACTUAL`, or any other text for the robot without departures.
+        seed: of the robot and of random samples.
+        tightened: length of `Tightened` [m].
         cache: folder of trained maps.
-        rule: how the map is moved; the ridge rule if left out.
-        learning: whether it learns.
+        rule: update rule of the map; the ridge rule if left out.
+        learning: whether the agent learns.
+
+    Raises:
+        ExperimentError: the environment has other muscles than `MUSCLES`.
     """
 
     def __init__(
@@ -78,19 +82,19 @@ class Elbow:
         if not isinstance(env.unwrapped, KengoroEnv) or env.unwrapped.muscles != MUSCLES:
             raise ExperimentError(f"The elbow needs the muscles {', '.join(MUSCLES)}.")
         self.world = env.unwrapped
-        drawn = trained_map(cache, scene=asset_path(SCENE))
+        start = trained_map(cache, scene=asset_path(SCENE))
         robot, rng = self.world.robot, np.random.default_rng([seed, 2])
         limits = np.column_stack([robot.lower, robot.upper])
         typical = rng.uniform(robot.lower, robot.upper, (TYPICAL, 1))
-        prior = MapPrior(drawn, typical, PriorOptions())
-        self.learner = Learner(drawn, limits, rule or RidgeRule(prior), BatchOptions(), rng)
+        prior = MapPrior(start, typical, PriorOptions())
+        self.learner = Learner(start, limits, rule or RidgeRule(prior), BatchOptions(), rng)
         self._antagonism = AntagonismUpdater(self.learner, AntagonismOptions())
         self._none = Pairs.none(1, len(MUSCLES))
-        self._estimator = JointEstimator(drawn, limits, STOPS)
+        self._estimator = JointEstimator(start, limits, STOPS)
         self._settling = SettlingDetector(SettlingOptions())
         self.learning, self._steps = learning, 0
         self.at = 0.0
-        """Angle that was last commanded [rad]."""
+        """Angle of the last command [rad]."""
         self._observation, self._truth = self.world.reset(seed=seed, options={"posture": [self.at]})
 
     @property
@@ -105,12 +109,20 @@ class Elbow:
 
     @property
     def fired(self) -> int:
-        """How often the map was moved."""
+        """Number of updates of the map."""
         return self._antagonism.fired
 
     def go(self, angle: float, move: float, hold: float) -> Floats:
-        """Move to an angle [rad] within ``move`` [s] and stay ``hold`` [s]; true tensions (K, 3)
-        [N] at each control step."""
+        """Move to an angle and hold it.
+
+        Args:
+            angle: of the elbow [rad].
+            move: duration of the movement [s].
+            hold: time at the angle after it [s].
+
+        Returns:
+            True tensions at each control step, shape (K, 3) [N].
+        """
         moving, holding = round(move / CONTROL_PERIOD), round(hold / CONTROL_PERIOD)
         start, tensions = self.at, []
         for step in range(moving + holding):

@@ -1,7 +1,8 @@
-"""A map is examined: it moves a robot to postures that nothing was learned from.
+"""Evaluation of maps: each moves the same robot to postures that were not learned from.
 
-The robot has no camera: the marker's exact pose stands in for it, seen through the eyes of the
-agent that learned. So many maps can be examined in little time, all from the same start.
+The robot has no camera. The exact pose of the marker replaces the detected one, and the Vision
+Updater of the agent that learned computes joint angles from it. So an evaluation takes little time,
+and all maps start from the same posture.
 """
 
 from __future__ import annotations
@@ -11,32 +12,32 @@ from typing import Protocol
 
 import numpy as np
 
+from experiments.robots.conditions import ACTUAL
 from experiments.robots.world import World
 from jmm_agent.mapping.length_map import LengthMap
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionUpdater
-from kengoro.arm import ACTUAL
 from kengoro.visits import ANGLES, Visits, no_visits
 from kengoro_env.departures import actual, drawing
-from kengoro_env.robot.motors import Gains
+from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.robot import Robot
 
 
 class PostureMap(LengthMap, Protocol):
-    """Lengths from joint angles: what moves an arm and tells where it is."""
+    """Map from joint angles to muscle lengths that can command and estimate an arm."""
 
     def lengths(self, q: Floats) -> Floats:
         """Muscle lengths [m]: (n,) -> (m,), or (B, n) -> (B, m)."""
 
 
-class Examiner:
-    """A robot without camera that maps are tried on.
+class Evaluator:
+    """A robot without camera on which maps are evaluated.
 
     Args:
-        world: what is known without moving a robot.
+        world: nominal model and postures.
         condition: `ACTUAL` or `NOMINAL`.
         seed: of the robot and of its sensors' noise.
-        move: time for a movement [s].
+        move: duration of a movement [s].
         hold: time to come to rest [s].
     """
 
@@ -48,15 +49,19 @@ class Examiner:
         share = np.minimum(1.0, np.arange(1, moving + holding + 1) / moving)
         self._trajectory = (share * share * (3.0 - 2.0 * share))[:, None]
 
-    def examine(self, jmm: PostureMap, postures: Floats, detector: VisionUpdater) -> Visits:
-        """Move from the first posture to all others in turn, with nothing learned on the way.
+    def evaluate(self, jmm: PostureMap, postures: Floats, vision: VisionUpdater) -> Visits:
+        """Move from the first posture to all others in turn, without learning.
 
-        What is estimated is what explains the lengths at rest best, as the filter does there.
+        The estimate is the least-squares solution for the lengths at rest, to which the Kalman
+        filter converges.
 
         Args:
-            jmm: the map that commands and estimates.
-            postures: joint angles (1 + K, n) [rad].
-            eyes: tell the joint angles that are seen.
+            jmm: map that commands and estimates.
+            postures: joint angles, shape (1 + K, n) [rad].
+            vision: computes joint angles from the pose of the marker.
+
+        Returns:
+            K visits.
         """
         robot, world, visits = self._robot, self._world, no_visits()
         robot.reset(postures[0], np.random.default_rng([self._seed, 4]))
@@ -68,7 +73,7 @@ class Examiner:
             true, lengths = robot.joint_angles, robot.measured_lengths()
             estimate = world.estimate(jmm, lengths, target)
             tensions = robot.measured_tensions()
-            seen = detector.seen(
+            seen = vision.seen(
                 world.marker(true), estimate, lengths, robot.target, tensions, learn=False
             ).angles
             for key, angles in zip(ANGLES, (target, true, estimate, seen), strict=True):
@@ -78,7 +83,14 @@ class Examiner:
         return visits
 
     def own_lengths(self, postures: Floats) -> Floats:
-        """What the encoders would read (K, m) [m] at postures (K, n) [rad], all wires at T_bias."""
+        """Encoder readings of the robot with all muscles at T_bias.
+
+        Args:
+            postures: joint angles, shape (K, n) [rad].
+
+        Returns:
+            Lengths, shape (K, m) [m].
+        """
         rng = np.random.default_rng([self._seed, 5])
         lengths = []
         for posture in postures:
@@ -88,12 +100,12 @@ class Examiner:
 
 
 def map_error_mm(jmm: PostureMap, postures: Floats, lengths: Floats) -> float:
-    """Median over postures (K, n) [rad] of the RMS over wires of a map's error [mm].
+    """Median over postures of the RMS over muscles of a map's error [mm].
 
     Args:
         jmm: the map.
-        postures: (K, n) [rad].
-        lengths: the robot's own there (K, m) [m].
+        postures: joint angles, shape (K, n) [rad].
+        lengths: of the robot at the postures, shape (K, m) [m].
     """
     error = 1e3 * (jmm.lengths(postures) - lengths)
     return float(np.median(np.sqrt(np.mean(error**2, axis=1))))

@@ -1,8 +1,9 @@
-"""The robots of the learnability study, and what is known without moving them."""
+"""Nominal world of the arm, and a robot that a map moves from posture to posture at rest."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,25 +22,27 @@ from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.draft import Departure
-from kengoro_env.robot.motors import Gains
+from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 EYE, MARKER, GRIP = "eye", "marker_hand", "grip"
-ESTIMATE_MARGIN = 0.1  # [rad] by which an estimate may lie outside the joint limits
-WEAK_PULL = 1e-8  # [m^2/rad^2] towards the start, for joints that no wire sees
+ESTIMATE_MARGIN = 0.1
+"""By how much an estimate may exceed the joint limits [rad]."""
+WEAK_PULL = 1e-8
+"""Weight of the start of the estimate, for joints that no length determines [m^2/rad^2]."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done.
+    """Amount of work on each robot.
 
     Attributes:
-        learned: postures from which is learned.
-        tested: other postures, on which the map is tested.
-        move: time for a movement [s].
+        learned: number of postures that the agent learns from.
+        tested: number of other postures on which the map is tested.
+        move: duration of a movement [s].
         hold: time to come to rest [s].
-        corrections: how often a command is corrected for the floor.
+        corrections: number of corrections of each command for the lower bound of the error.
     """
 
     learned: int = 27
@@ -50,7 +53,13 @@ class Sizes:
 
 
 class Rest(NamedTuple):
-    """A robot at rest: angles (n,) [rad], lengths and command (m,) [m], tensions (m,) [N]."""
+    """A robot at rest.
+
+    Attributes:
+        target, true, estimate: joint angles, shape (n,) [rad].
+        lengths, command: measured and commanded muscle lengths, shape (m,) [m].
+        tensions: measured, shape (m,) [N].
+    """
 
     target: Floats
     true: Floats
@@ -61,7 +70,11 @@ class Rest(NamedTuple):
 
 
 class World:
-    """What is known without moving a robot: its drawn map, its kinematics, and postures."""
+    """Nominal model of the arm: its trained map with prior, kinematics, limits and postures.
+
+    Args:
+        cache: folder of trained maps.
+    """
 
     def __init__(self, cache: Path | None) -> None:
         self.cache = cache
@@ -70,31 +83,44 @@ class World:
         self.limits = np.column_stack([self.arm.lower, self.arm.upper])
         self.map = trained_map(cache)
         self.kinematics = ArmKinematics(self.scene, self.arm.joints)
-        self.sight = MarkerResidual(self.kinematics, EYE, MARKER)
+        self.marker_residual = MarkerResidual(self.kinematics, EYE, MARKER)
         self.postures = posture_set()
         self.prior = MapPrior(self.map, self.postures, PriorOptions())
 
     def marker(self, q: Floats) -> Floats:
-        """Exact pose_marker_in_camera (4, 4) at true angles (n,) [rad]."""
+        """Exact pose_marker_in_camera, shape (4, 4), at true joint angles, shape (n,) [rad]."""
         return self.kinematics.pose(MARKER, q, relative_to=EYE)
 
     def hand(self, q: Floats) -> Floats:
-        """Grip point (3,) [m] in the world at angles (n,) [rad]."""
+        """Grip point in the world, shape (3,) [m], at joint angles, shape (n,) [rad]."""
         return self.kinematics.pose(GRIP, q)[:3, 3]
 
     def owned(self) -> dict[str, NDArray[np.intp]]:
-        """Indices of the joints that each group owns."""
+        """Indices of the joints of each group."""
         index = self.arm.joints.index
         return {name: np.array([index(j) for j in own]) for name, own in GROUP_JOINTS.items()}
 
     def split(self, seed: int, sizes: Sizes) -> tuple[Floats, Floats]:
-        """Postures to learn from, and others to test on, after one to start from each."""
+        """Postures to learn from and postures to test on, each after one to start at.
+
+        Returns:
+            Joint angles, shapes (1 + learned, n) and (1 + tested, n) [rad].
+        """
         order = np.random.default_rng([seed, 1]).permutation(len(self.postures))
         learn, test = order[: 1 + sizes.learned], order[-1 - sizes.tested :]
         return self.postures[learn], self.postures[test]
 
     def estimate(self, jmm: LengthMap, lengths: Floats, start: Floats) -> Floats:
-        """Angles (n,) [rad] that explain the lengths best: the filter's estimate at rest."""
+        """Least-squares joint angles for muscle lengths, the limit of the Kalman filter at rest.
+
+        Args:
+            jmm: the map.
+            lengths: shape (m,) [m].
+            start: initial joint angles, shape (n,) [rad].
+
+        Returns:
+            Joint angles, shape (n,) [rad].
+        """
 
         def residual(q: Floats) -> tuple[Floats, Floats]:
             expected, jacobian = jmm.lengths_and_jacobian(q)
@@ -105,8 +131,20 @@ class World:
         return minimise(residual, start, low, high, pull, 60).x
 
 
+@cache
+def known_world(maps: Path | None) -> World:
+    """World of this process, with its map in the folder ``maps``."""
+    return World(maps)
+
+
 class Body:
-    """A robot that moves to postures by a map."""
+    """A robot that maps move to postures.
+
+    Args:
+        world: nominal model of the arm.
+        departures: of the robot from it.
+        sizes: durations of movement and rest.
+    """
 
     def __init__(self, world: World, departures: tuple[Departure, ...], sizes: Sizes) -> None:
         self.world, self.sizes = world, sizes
@@ -115,12 +153,12 @@ class Body:
         self._at = np.zeros(len(self.robot.joints))
 
     def reset(self, posture: Floats, rng: np.random.Generator) -> None:
-        """Put the arm at a posture (n,) [rad]."""
+        """Put the arm at a posture, shape (n,) [rad]."""
         self.robot.reset(posture, rng)
         self._at = posture
 
     def go(self, target: Floats, jmm: JointMuscleMap) -> Rest:
-        """Move to a target posture (n,) [rad] by a map, and come to rest."""
+        """Move to a target posture, shape (n,) [rad], by a map and come to rest."""
         moving, holding = self._steps
         for step in range(moving + holding):
             share = min(1.0, (step + 1) / moving)
@@ -130,7 +168,15 @@ class Body:
         return self._rest(target, jmm)
 
     def shift(self, target: Floats, command: Floats) -> Floats:
-        """Move on to a command (m,) [m] and rest there; true angles (n,) [rad]."""
+        """Move to given muscle lengths and come to rest.
+
+        Args:
+            target: joint angles that the command is meant for, shape (n,) [rad].
+            command: muscle lengths, shape (m,) [m].
+
+        Returns:
+            True joint angles, shape (n,) [rad].
+        """
         start, (_, holding) = self.robot.target, self._steps
         for step in range(2 * holding):
             share = min(1.0, (step + 1) / holding)

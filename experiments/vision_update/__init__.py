@@ -1,1 +1,1 @@
-"""The estimate comes to what is seen (Fig. 10)."""
+"""Vision Updater: the estimate approaches the observation (Fig. 10)."""

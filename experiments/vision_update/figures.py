@@ -1,4 +1,4 @@
-"""Pictures of the Vision Updater's experiment: the marker seen and believed, errors over time."""
+"""Figures of the Vision Updater: seen and estimated marker, errors over postures."""
 
 from __future__ import annotations
 
@@ -16,22 +16,25 @@ from matplotlib.axes import Axes
 
 from experiments.harness.experiment import Results
 from experiments.harness.report import GROUP_COLOURS, Picture, png
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from jmm_agent.types import Floats
-from kengoro.arm import ACTUAL, CAMERA, HAND, NOMINAL, SIDES
+from kengoro.robots import CAMERA, HAND, SIDES
 from kengoro.session import Session
 from kengoro.visits import group_joints, rmse_deg
 
-SEEN, BELIEVED = "#D55E00", "#0072B2"
+SEEN, ESTIMATED = "#D55E00", "#0072B2"
 
 
-def believed_and_seen(session: Session) -> dict[str, Any]:
-    """The newest frame with the corners of the marker [px], as seen and as the map believes.
+def estimated_and_seen(session: Session) -> dict[str, Any]:
+    """Newest frame with the corners of the marker, detected and at the estimated joint angles.
 
-    ``seen`` is None where the marker was not found.
+    Returns:
+        ``frame``: JPEG in base64. ``estimated``, ``seen``: corners, shape (4, 2) [px]; ``seen`` is
+        None without a detection.
     """
     agent, options = session.agent, session.agent.options
     session.wait(0.4)
-    marker = agent.look(session.readings).get(HAND)
+    marker = agent.detect_markers(session.readings).get(HAND)
     pose = agent.kinematics.pose(
         options.marker_site, agent.joint_angles, relative_to=options.camera
     )
@@ -39,13 +42,13 @@ def believed_and_seen(session: Session) -> dict[str, Any]:
     jpeg = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, 80])[1]
     return {
         "frame": base64.b64encode(jpeg.tobytes()).decode("ascii"),
-        "believed": corners(pose).tolist(),
+        "estimated": corners(pose).tolist(),
         "seen": None if marker is None else corners(marker.pose_marker_in_camera).tolist(),
     }
 
 
 def corners(pose: Floats) -> Floats:
-    """Where the camera as drawn would show the corners of the hand's marker (4, 2) [px]."""
+    """Corners of the hand's marker in the nominal camera, shape (4, 2) [px]."""
     half = SIDES[HAND] / 2
     square = np.array([[-half, half], [half, half], [half, -half], [-half, -half]])
     points = square @ pose[:3, :2].T + pose[:3, 3]
@@ -64,10 +67,10 @@ def pictures(results: Results) -> list[Picture]:
     figure.tight_layout()
     found = [
         Picture(
-            f"The hand's marker in the robot's camera, seen and believed, robot {first}",
+            f"The hand's marker in the robot's camera, seen and estimated, robot {first}",
             png(figure),
-            "Seen: found in the frame. Believed: where the map and the wires say that it is. The "
-            "posture was not learned from.",
+            "Seen: detected in the frame. Estimated: computed from map and muscle lengths. The "
+            "posture is not learned from.",
         )
     ]
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 4), sharey=True)
@@ -79,10 +82,10 @@ def pictures(results: Results) -> list[Picture]:
     figure.tight_layout()
     found.append(
         Picture(
-            "RMSE_joint over time, each posture before it was learned from",
+            "RMSE_joint over time, at each posture before learning from it",
             png(figure),
-            "Solid: estimate against seen, as in the paper. Dotted: estimate against true, all "
-            "joints. Medians over robots; band: quartiles for the shoulder.",
+            "Solid: estimate - seen, as in the paper. Dotted: estimate - true, all joints. Medians "
+            "over robots; band: quartiles for the shoulder.",
         )
     )
     pyplot.close("all")
@@ -98,11 +101,11 @@ def shown_robot(results: Results) -> tuple[int, dict[str, Any]]:
 
 
 def draw_marker(axes: Axes, shot: dict[str, Any]) -> None:
-    """A frame with both markers."""
+    """Draw a frame with both markers."""
     data = np.frombuffer(base64.b64decode(shot["frame"]), np.uint8)
     frame = cv2.cvtColor(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB)
     axes.imshow(frame)
-    for name, colour in (("seen", SEEN), ("believed", BELIEVED)):
+    for name, colour in (("seen", SEEN), ("estimated", ESTIMATED)):
         if shot[name] is not None:
             outline = np.array([*shot[name], shot[name][0]])
             axes.plot(*outline.T, color=colour, lw=2, label=name)
@@ -113,7 +116,7 @@ def draw_marker(axes: Axes, shot: dict[str, Any]) -> None:
 
 
 def draw_errors(axes: Axes, results: Results, condition: str) -> None:
-    """Errors by group over the visits' times."""
+    """Draw errors by group over the times of the visits."""
     visits = [result[condition]["visits"] for result in results.values()]
     time = np.median([v["time"] for v in visits], axis=0)
     for group, joints in group_joints().items():
@@ -130,7 +133,7 @@ def draw_errors(axes: Axes, results: Results, condition: str) -> None:
 
 
 def _filled(visits: dict[str, list[Any]], pair: str, joints: np.ndarray) -> Floats:
-    """RMSE at each visit [deg], nan where the hand was not seen."""
+    """RMSE at each visit [deg]; NaN where the hand was not seen."""
     seen = np.array([angles is not None for angles in visits["seen"]])
     result = np.full(len(seen), np.nan)
     result[seen] = rmse_deg(visits, pair, joints)

@@ -1,7 +1,7 @@
-"""Vision Updater (paper, sec. IV-C): the estimate comes to where the eyes see the hand.
+"""Vision Updater (paper, sec. IV-C): the estimate approaches the observation.
 
-The Vision Updater works alone while the arm moves its hand before its eyes. At each posture, which
-is always a new one, the estimate is compared with what is seen before it is learned from.
+The Vision Updater works alone while the robot moves its hand in view of the camera. At each
+posture, which is always new, the estimate is compared with the observation before learning from it.
 """
 
 from __future__ import annotations
@@ -12,11 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from experiments.harness.experiment import Findings, Results, Study
+from experiments.harness import common
+from experiments.harness.common import Summary
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import Table
 from experiments.harness.statistics import metric
+from experiments.robots.conditions import ACTUAL, NOMINAL, make_session
 from jmm_agent.agent import AgentOptions
-from kengoro.arm import ACTUAL, NOMINAL, make_session, new_agent, shuffled_postures
+from kengoro.agents import make_agent
+from kengoro.robots import shuffled_postures
 from kengoro.visits import (
     ERRORS,
     error_rows,
@@ -28,12 +32,18 @@ from kengoro.visits import (
 )
 
 EARLY, LATE = 3, 9
-"""Visits at the beginning and at the end over which the median is taken."""
+"""Number of visits at the beginning and at the end for the medians."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is done: number of postures, time for each movement and wait for rest [s]."""
+    """Amount of work on each robot.
+
+    Attributes:
+        postures: number of postures.
+        move: duration of a movement [s].
+        patience: longest wait for rest [s].
+    """
 
     postures: int = 36
     move: float = 2.0
@@ -44,22 +54,22 @@ QUICK = Sizes(postures=5, move=1.0, patience=1.5)
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """One robot moves its hand before its eyes and learns from what it sees."""
-    from experiments.vision_update.figures import believed_and_seen
+    """Run one robot, which moves its hand in view of the camera and learns."""
+    from experiments.vision_update.figures import estimated_and_seen
 
-    agent = new_agent(cache, seed, options=AgentOptions(learn_antagonism=False))
+    agent = make_agent(seed, options=AgentOptions(learn_antagonism=False), cache=cache)
     start, shown, *postures = shuffled_postures(seed)[: 2 + sizes.postures]
     session = make_session(condition, seed, agent, start)
     agent.learning = False
     visit(session, shown, None, sizes.move, sizes.patience)
-    before = believed_and_seen(session)
+    before = estimated_and_seen(session)
     agent.learning = True
     visits = no_visits()
     for posture in postures:
         visit(session, posture, visits, sizes.move, sizes.patience)
     agent.learning = False
     visit(session, shown, None, sizes.move, sizes.patience)
-    after = believed_and_seen(session)
+    after = estimated_and_seen(session)
     session.env.close()
     return {
         "visits": visits,
@@ -71,13 +81,13 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
 
 
 def part(result: dict[str, Any], late: bool) -> dict[str, list[Any]]:
-    """The early or the late visits of a robot."""
+    """Early or late visits of a robot."""
     chosen = slice(-LATE, None) if late else slice(EARLY)
     return {key: values[chosen] for key, values in result["visits"].items()}
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """Shoulder's error at the beginning and at the end, by both definitions."""
+    """Error of the shoulder at the beginning and at the end, by both definitions."""
     from experiments.vision_update.figures import pictures
 
     shoulder = group_joints()["shoulder"]
@@ -125,7 +135,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
 
 
 def group_table(results: Results) -> Table:
-    """Each group's error at the beginning and at the end."""
+    """Table of each group's error at the beginning and at the end."""
     rows = []
     for group, joints in group_joints().items():
         for pair in ("estimate_seen", "estimate_true"):
@@ -140,19 +150,19 @@ def group_table(results: Results) -> Table:
             rows.append((f"{group}, {ERRORS[pair]} [deg]", *cells))
     return Table(
         "RMSE_joint by group: median over robots (worst robot)",
-        ("", "actual, first", "actual, last", "drawing, first", "drawing, last"),
+        ("", "actual, first", "actual, last", "nominal, first", "nominal, last"),
         rows,
-        "Each posture is a new one, compared before it is learned from.",
+        "Each posture is new; the estimate is compared before learning from it.",
     )
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="vision-update",
     title="Vision Updater",
     introduction=(
-        "The Vision Updater works alone. The robot moves its hand before its eyes; at each new "
-        "posture the estimated joint angles are compared with those seen, then learned from. "
-        "Beside the actual robots stand the same without departures."
+        "The Vision Updater works alone. The robot moves its hand in view of the camera; at each "
+        "new posture the estimated joint angles are compared with those seen, before learning. The "
+        "same is done on robots without departures."
     ),
     figure="Fig. 10",
     conditions=(ACTUAL, NOMINAL),
@@ -161,3 +171,16 @@ STUDY = Study(
     run=run,
     conclude=conclude,
 )
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Vision Updater: the estimate approaches the joint angles that are seen (Fig. 10)."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/vision-update")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

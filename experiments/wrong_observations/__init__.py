@@ -1,1 +1,1 @@
-"""Wrong marker observations are noticed and undone."""
+"""Detection of updates from wrong marker observations."""

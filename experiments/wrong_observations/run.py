@@ -1,8 +1,8 @@
-"""Looks that are wrong, and pass for right: is what they teach noticed, and undone?
+"""Wrong marker observations: detection of updates from them, with observations held out.
 
-A robot at rest is looked at in one posture after the other; its own lengths and the marker's true
-pose are what the agent is given. Some looks are wrong: the marker is not where it seems. The
-agent learns from all that it believes, with and without looks held back to test updates on.
+A robot is observed at rest in one posture after the other. The agent gets its muscle lengths and
+the true pose of the marker. In some observations the pose is wrong. The agent learns from all
+observations that it accepts, with and without observations that are held out to test updates.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from experiments.harness import common
 from experiments.harness.common import Summary
-from experiments.harness.experiment import Findings, Results, Study, run_study
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import Picture, Table
 from experiments.harness.statistics import metric
 from experiments.robots.accuracy import MapAccuracy
@@ -25,7 +25,8 @@ from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
-from kengoro.arm import new_agent, shuffled_postures
+from kengoro.agents import make_agent
+from kengoro.robots import shuffled_postures
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
@@ -33,34 +34,36 @@ from kengoro_env.robot.robot import Robot
 
 PLAIN, TESTED, RIGHT, RIGHT_TESTED = "plain", "tested", "right", "right-tested"
 CONDITIONS = (PLAIN, TESTED, RIGHT, RIGHT_TESTED)
-TOLD = {
-    PLAIN: "wrong looks, none held back",
-    TESTED: "wrong looks, some held back",
-    RIGHT: "right looks only, none held back",
-    RIGHT_TESTED: "right looks only, some held back",
+LABELS = {
+    PLAIN: "wrong observations, no hold-out",
+    TESTED: "wrong observations, with hold-out",
+    RIGHT: "right observations only, no hold-out",
+    RIGHT_TESTED: "right observations only, with hold-out",
 }
 KINDS = {"60 mm and 23 deg": (60.0, 23.0), "150 mm": (150.0, 0.0), "20 mm and 8 deg": (20.0, 8.0)}
-"""By how much the marker seems displaced and turned, each in a direction drawn by chance."""
+"""Displacement [mm] and rotation [deg] of the marker in wrong observations."""
 
 HARM = 1.2
-"""An update that raises the map's error by this factor did harm."""
+"""Factor of the map's error from which on an update counts as harmful."""
 
 STEPS, PERIOD = 25, 0.02
+"""Number of steps of the estimator for an observation, and their period [s]."""
 CALM = 50.0
-"""Tension of each wire [N], far from what saturates a motor."""
+"""Tension of each muscle, far below saturation of the motors [N]."""
 
 NOISE_POSITION, NOISE_ROTATION = 0.001, 0.005
-"""Standard deviation of each part of a right look, too [m, rad]."""
+"""Standard deviation of each component of all observed poses [m, rad]."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much each robot is looked at.
+    """Amount of work on each robot.
 
     Attributes:
-        looks: number of postures, a look in each.
-        first, every: the first wrong look, and how many looks on the next one comes.
-        tested: number of postures over which the map's error is taken.
+        observations: number of postures, with one observation each.
+        first: index of the first wrong observation.
+        every: number of observations between two wrong ones.
+        tested: number of postures over which the error of the map is evaluated.
     """
 
     observations: int = 28
@@ -68,24 +71,25 @@ class Sizes:
     every: int = 3
     tested: int = 50
 
-    def kind(self, look: int) -> str:
-        """What is wrong with a look; empty if nothing."""
-        since, rest = divmod(look - self.first, self.every)
-        return list(KINDS)[since % len(KINDS)] if look >= self.first and not rest else ""
+    def kind(self, number: int) -> str:
+        """Kind of a wrong observation; empty for right ones."""
+        since, rest = divmod(number - self.first, self.every)
+        return list(KINDS)[since % len(KINDS)] if number >= self.first and not rest else ""
 
 
 @dataclass(frozen=True)
 class Args(common.Args):
-    """Looks that are wrong, and pass for right: is what they teach noticed, and undone?"""
+    """Detection of updates from wrong marker observations."""
 
     seeds: str = "0-9"
     out: Path = Path("out/wrong-observations")
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
-    """What became of each look, and of the map's error [mm]."""
+    """Run one robot; returns the outcome of each observation and the error of the map [mm]."""
     hold_out = HoldOutOptions() if condition in (TESTED, RIGHT_TESTED) else None
-    agent = new_agent(cache, seed, options=AgentOptions(vision=VisionOptions(hold_out=hold_out)))
+    options = AgentOptions(vision=VisionOptions(hold_out=hold_out))
+    agent = make_agent(seed, options=options, cache=cache)
     robot, accuracy = Robot(asset_path(ARM), actual(seed)), MapAccuracy(seed, sizes.tested)
     rng, wrong = np.random.default_rng([seed, 12]), np.random.default_rng([seed, 13])
     observations = []
@@ -98,7 +102,7 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
         if kind:
             far, turned = KINDS[kind]
             pose = displaced(pose, 1e-3 * far, np.radians(turned), wrong, exactly=True)
-        outcome = look(agent, pose, robot.measured_lengths(), posture)
+        outcome = observe(agent, pose, robot.measured_lengths(), posture)
         after = accuracy.error_mm(agent)
         observations.append({"wrong": kind, "outcome": outcome, "before": before, "after": after})
         before = after
@@ -108,8 +112,16 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
 def displaced(
     pose: Floats, far: float, turned: float, rng: np.random.Generator, exactly: bool = False
 ) -> Floats:
-    """A pose (4, 4) moved and turned by chance: ``far`` [m] and ``turned`` [rad] in all, or as
-    standard deviation along and about each axis."""
+    """Displace and rotate a pose in random directions.
+
+    Args:
+        pose: homogeneous matrix, shape (4, 4).
+        far: displacement [m].
+        turned: rotation [rad].
+        rng: chooses the directions.
+        exactly: whether ``far`` and ``turned`` are total amounts, and not standard deviations along
+            and about each axis.
+    """
     move, turn = rng.standard_normal((2, 3))
     if exactly:
         move, turn = move / np.linalg.norm(move), turn / np.linalg.norm(turn)
@@ -119,8 +131,12 @@ def displaced(
     return result
 
 
-def look(agent: Agent, pose: Floats, lengths: Floats, start: Floats) -> str:
-    """Let an agent look at its robot at rest: "learned", "undone", "held back" or "refused"."""
+def observe(agent: Agent, pose: Floats, lengths: Floats, start: Floats) -> str:
+    """Give an observation at rest to an agent.
+
+    Returns:
+        "learned", "undone", "held out" or "rejected".
+    """
     agent.estimator.reset(start)
     for _ in range(STEPS):
         agent.estimator.update(lengths, PERIOD)
@@ -129,17 +145,18 @@ def look(agent: Agent, pose: Floats, lengths: Floats, start: Floats) -> str:
     if seen.learned:
         agent.estimator.set_map(agent.map)
         return "learned"
-    outcomes = ("undone", "held back")
-    return next((name for name in outcomes if seen.reason.startswith(name)), "refused")
+    outcomes = {"undone": "undone", "held": "held out"}  # by the start of the reason
+    found = (name for start, name in outcomes.items() if seen.reason.startswith(start))
+    return next(found, "rejected")
 
 
 def main(args: Args) -> Summary:
-    """Run all robots, or what of it is missing; write summary and report."""
-    return run_study(STUDY, args)
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """What became of wrong looks and of right ones, with and without looks held back."""
+    """Outcomes of wrong and right observations, with and without hold-out."""
     found = {
         name: [result[name]["observations"] for result in results.values()] for name in CONDITIONS
     }
@@ -156,7 +173,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
             [_worst(observations) for observations in found[TESTED]], "", HARM
         ),
         "right_observations_undone": metric([float(count) for count in undone], "", 0.0),
-        "cost_of_holding_back": metric(cost, ""),
+        "cost_of_hold_out": metric(cost, ""),
         **{f"last_mm_{name}": metric(errors, "mm") for name, errors in last.items()},
     }
     per_seed = {
@@ -176,37 +193,37 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         if kind == "" or name in (PLAIN, TESTED)
     ]
     head = (
-        "condition", "look wrong by", "observations", "refused", "undone", "held back", "learned",
-        f"of these harmful (x {HARM:g})", "map's error after / before, worst",
+        "condition", "observation wrong by", "observations", "rejected", "undone", "held out",
+        "learned", f"of these harmful (x {HARM:g})", "map's error after / before, worst",
     )  # fmt: skip
     note = (
-        f"{len(results)} robots, {sizes.observations} looks each. The map's error is the median "
-        f"over {sizes.tested} postures of its RMS difference from the robot's own lengths. "
-        "Refused: no posture explains the look and the lengths together."
+        f"{len(results)} robots, {sizes.observations} observations each. The error of the map is "
+        f"the median over {sizes.tested} postures of the RMS difference from the robot's lengths. "
+        "Rejected: no posture explains observation and lengths together."
     )
-    table = Table("What became of looks", head, rows, note)
+    table = Table("Outcomes of observations", head, rows, note)
     return Findings(metrics, per_seed, [table], [picture(found, sizes)], {})
 
 
 def _worst(observations: Sequence[Mapping[str, Any]]) -> float:
-    """The largest factor by which one wrong look raised the map's error."""
+    """Largest factor by which a wrong observation changed the error of the map."""
     return max([x["after"] / x["before"] for x in observations if x["wrong"]], default=1.0)
 
 
 def row(name: str, kind: str, observations: Sequence[Mapping[str, Any]]) -> list[object]:
-    """What became of looks of one kind."""
+    """Row of the observations of one kind."""
     ratios = [x["after"] / x["before"] for x in observations]
     counts = [
         sum(x["outcome"] == outcome for x in observations)
-        for outcome in ("refused", "undone", "held back", "learned")
+        for outcome in ("rejected", "undone", "held out", "learned")
     ]
     harmful = sum(ratio > HARM for ratio in ratios)
     worst = f"{max(ratios, default=1.0):.2f}"
-    return [TOLD[name], kind or "nothing", len(observations), *counts, harmful, worst]
+    return [LABELS[name], kind or "nothing", len(observations), *counts, harmful, worst]
 
 
 def picture(found: Mapping[str, Sequence[Sequence[Mapping[str, Any]]]], sizes: Sizes) -> Picture:
-    """The map's error look by look."""
+    """Figure of the error of the map over observations."""
     from matplotlib import pyplot
 
     from experiments.harness.report import png
@@ -216,9 +233,9 @@ def picture(found: Mapping[str, Sequence[Sequence[Mapping[str, Any]]]], sizes: S
         errors = np.median(
             [[x["after"] for x in observations] for observations in found[name]], axis=0
         )
-        axes.plot(np.arange(1, len(errors) + 1), errors, style, label=TOLD[name])
+        axes.plot(np.arange(1, len(errors) + 1), errors, style, label=LABELS[name])
     wrong = [k + 1 for k in range(sizes.observations) if sizes.kind(k)]
-    axes.plot(wrong, np.zeros(len(wrong)), "k^", clip_on=False, label="a wrong look")
+    axes.plot(wrong, np.zeros(len(wrong)), "k^", clip_on=False, label="wrong observation")
     axes.set(
         xlabel="observation", ylabel="error of the map, median over robots [mm]", ylim=(0, None)
     )
@@ -226,19 +243,18 @@ def picture(found: Mapping[str, Sequence[Sequence[Mapping[str, Any]]]], sizes: S
     figure.tight_layout()
     image = png(figure)
     pyplot.close(figure)
-    return Picture("The map's error, look by look", image, "One look in each posture.")
+    return Picture("Error of the map over observations", image, "One observation in each posture.")
 
 
-STUDY = Study(
+EXPERIMENT = Experiment(
     name="wrong-observations",
-    title="Looks that are wrong, and pass for right",
+    title="Wrong marker observations",
     introduction=(
-        "A robot is looked at in one posture after the other. Some looks are wrong: the marker is "
-        "not where it seems. The agent learns from all that it believes. Every fifth look is held "
-        "back, and an update with which these looks are explained much worse is undone."
+        "A robot is observed in one posture after the other. In some observations the pose of the "
+        "marker is wrong. The agent learns from all observations that it accepts. Every fifth "
+        "observation is held out, and an update is undone if it explains these much worse."
     ),
     figure="beyond the paper",
-    others=("experiments/faults",),
     conditions=CONDITIONS,
     sizes=Sizes(),
     quick=Sizes(observations=18, first=12, every=2, tested=10),

@@ -1,4 +1,4 @@
-"""The mechanisms of all effects, by their ids."""
+"""Mechanisms of all effects by their ids."""
 
 from __future__ import annotations
 
@@ -15,14 +15,18 @@ MECHANISMS: dict[str, Mechanism] = {
 
 
 def mechanism_of(effect: Effect | Structure) -> Mechanism:
-    """The mechanism of an effect."""
+    """Return the mechanism of an effect.
+
+    Raises:
+        ValueError: the id is unknown.
+    """
     if effect.id not in MECHANISMS:
-        raise ValueError(f"no effect {effect.id!r}; there are: {', '.join(MECHANISMS)}")
+        raise ValueError(f"unknown effect {effect.id!r}; valid are: {', '.join(MECHANISMS)}")
     return MECHANISMS[effect.id]
 
 
 def resized(effect: Effect, amplitude: float) -> Effect:
-    """The same effect at another amplitude."""
+    """Return the same effect at another amplitude."""
     parameters = mechanism_of(effect).parameters(effect.parameters, amplitude)
     return Effect(effect.id, effect.elements, parameters, amplitude)
 
@@ -42,35 +46,34 @@ SHOWN_TENDONS = (
     "supinator",
 )
 SHOWN_JOINTS = ("neck_pitch", "sc_yaw", "sh_pitch", "sh_roll", "elbow", "wrist_flex")
-"""Where effects are hidden in the whole arm: each of its floors takes minutes."""
+"""Elements of the arm that effects act on: only some, as each detection limit takes minutes."""
 
 
 def structures(machine: Machine, id: str) -> list[Structure]:
-    """Where an effect may act on a machine; on the arm, some wires and joints, one shape each."""
-    every = MECHANISMS[id].structures(machine)
+    """List where and in which shapes an effect may act on a machine.
+
+    On the arm only `SHOWN_TENDONS` and `SHOWN_JOINTS` are used, each with one of the shapes.
+    """
+    all_structures = MECHANISMS[id].structures(machine)
     if machine.name == "elbow":
-        return every
-    hidden = set(machine.tendons).difference(SHOWN_TENDONS)
-    hidden |= set(machine.joints).difference(SHOWN_JOINTS)
-    shown = set(SHOWN_TENDONS)
-    hidden_sites = {
-        site
-        for tendon, path in zip(machine.tendons, machine.paths, strict=True)
-        for site in path
-        if tendon not in shown
-    }
-    by_place: dict[tuple[str, ...], list[Structure]] = {}
-    for structure in every:
-        by_place.setdefault(structure.elements, []).append(structure)
-    if len(by_place) == 1:
-        return every
+        return all_structures
+    unused = set(machine.tendons).difference(SHOWN_TENDONS)
+    unused |= set(machine.joints).difference(SHOWN_JOINTS)
+    for name, sites in zip(machine.tendons, machine.paths, strict=True):
+        if name not in SHOWN_TENDONS:
+            unused.update(sites)
+    by_elements: dict[tuple[str, ...], list[Structure]] = {}
+    for structure in all_structures:
+        by_elements.setdefault(structure.elements, []).append(structure)
+    if len(by_elements) == 1:
+        return all_structures
     return [
         shapes[k % len(shapes)]
-        for k, (place, shapes) in enumerate(by_place.items())
-        if len(place) > 2 or not any(_inside(name, hidden | hidden_sites) for name in place)
+        for k, (elements, shapes) in enumerate(by_elements.items())
+        if len(elements) > 2 or not any(_in(name, unused) for name in elements)
     ]
 
 
-def _inside(name: str, hidden: set[str]) -> bool:
-    """Whether an element, or the wire that a sensor reads, is hidden."""
-    return name in hidden or name.removeprefix("length_").removeprefix("tension_") in hidden
+def _in(name: str, unused: set[str]) -> bool:
+    """Whether an element, or the tendon that a sensor measures, is among ``unused``."""
+    return name in unused or name.removeprefix("length_").removeprefix("tension_") in unused

@@ -1,11 +1,12 @@
-"""What the camera and the marker are off by.
+"""Camera and marker: offsets, mounting and focal length.
 
 Parameters and amplitudes:
 
-* marker_offset: ``x, y, z`` [m] in the frame of the marker's body.
-* camera_mounting: shifted by ``x, y, z`` [m] in its body's frame and turned by ``turn_x, turn_y,
-  turn_z`` [rad] about its own axes.
-* camera_focal: the depth of the marker, z in the camera's frame, times (1 + ``excess``).
+* marker_offset: the marker moves by ``x, y, z`` [m] in the frame of its body.
+* camera_mounting: the camera moves by ``x, y, z`` [m] in the frame of its body and turns by
+  ``turn_x, turn_y, turn_z`` [rad] about its own axes.
+* camera_focal: the marker's measured z in the camera's frame is (1 + ``excess``) [1] times the
+  true one.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from hidden_plants.mechanisms.mechanism import (
     Shape,
     Structure,
     along,
-    random_way,
+    random_direction,
     shapes_of,
     signed,
     vector,
@@ -28,17 +29,18 @@ from hidden_plants.robot import Readings, Robot, move_camera
 from hidden_plants.secret import Effect
 
 TURN_OF_SHIFT = 3.0
-"""A mounting that turns by 1 rad per 1/3 m that it shifts: both scale together [rad/m]."""
+"""Ratio of a mounting's turn to its shift, which scale together [rad/m]."""
 
 
-def _ways(id: str, place: str, count: int, names: str) -> list[Structure]:
-    rng = shapes_of(id, place)
+def _directions(id: str, element: str, *names: str) -> list[Structure]:
+    """Structures with random directions, each given by three of ``names``."""
+    rng = shapes_of(id, element)
     structures = []
-    for _ in range(count):
+    for _ in range(4):
         shape: dict[str, float] = {}
-        for i in range(0, len(names), 3):
-            shape |= random_way(rng, names[i : i + 3])
-        structures.append(Structure(id, (place,), shape))
+        for three in names:
+            shape |= random_direction(rng, three)
+        structures.append(Structure(id, (element,), shape))
     return structures
 
 
@@ -50,7 +52,7 @@ def _mounting(shape: Shape, amplitude: float) -> dict[str, float]:
     turns = {f"turn_{axis}": f"direction_{name}" for axis, name in zip("xyz", "uvw", strict=True)}
     return {
         **along(shape, amplitude),
-        **{turn: TURN_OF_SHIFT * amplitude * shape[way] for turn, way in turns.items()},
+        **{turn: TURN_OF_SHIFT * amplitude * shape[name] for turn, name in turns.items()},
     }
 
 
@@ -60,40 +62,40 @@ def _tune_mounting(robot: Robot, effect: Effect) -> None:
 
 
 def _tune_focal(robot: Robot, effect: Effect) -> None:
-    def sense(readings: Readings, robot: Robot) -> None:
+    def change(readings: Readings, robot: Robot) -> None:
         readings["marker_position"][:, 2] *= 1.0 + effect.parameters["excess"]
 
-    robot.senses.append(sense)
+    robot.sensor_effects.append(change)
 
 
 MECHANISMS = (
     Mechanism(
-        "marker_offset",
-        "m",
-        3e-3,
-        0.03,
-        lambda machine: _ways("marker_offset", MARKER, 4, "xyz"),
-        along,
+        id="marker_offset",
+        unit="m",
+        typical=3e-3,
+        bound=0.03,
+        structures=lambda machine: _directions("marker_offset", MARKER, "xyz"),
+        parameters=along,
         tune=_tune_marker,
     ),
     Mechanism(
-        "camera_mounting",
-        "m",
-        5e-3,
-        0.05,
-        lambda machine: _ways("camera_mounting", machine.camera, 4, "xyzuvw"),
-        _mounting,
+        id="camera_mounting",
+        unit="m",
+        typical=5e-3,
+        bound=0.05,
+        structures=lambda machine: _directions("camera_mounting", machine.camera, "xyz", "uvw"),
+        parameters=_mounting,
         tune=_tune_mounting,
     ),
     Mechanism(
-        "camera_focal",
-        "1",
-        0.01,
-        0.15,
-        lambda machine: [
+        id="camera_focal",
+        unit="1",
+        typical=0.01,
+        bound=0.15,
+        structures=lambda machine: [
             Structure("camera_focal", (machine.camera,), shape) for shape in BOTH_SIGNS
         ],
-        signed("excess"),
+        parameters=signed("excess"),
         tune=_tune_focal,
     ),
 )

@@ -1,17 +1,17 @@
-"""Motors that lag, are late, or give another force than they are asked for.
+"""Drives: lag and delay of motors, and errors of their force.
 
 Parameters and amplitudes:
 
-* actuator_lag: ``time_constant`` [s], the sum of its lags.
-* delay: ``delay`` [s], of the commands of wires, or of the readings of sensors (``of_sensor`` 1).
-* force_scale: the motor gives (1 + ``excess``) times what the motor law asks [1].
-* force_offset: ``force`` [N] more than asked.
+* actuator_lag: ``time_constant`` [s], the sum of the lags in `POLES`.
+* delay: ``delay`` [s] of the commands of tendons, or of sensor readings (``of_sensor`` 1).
+* force_scale: the motor's tension is (1 + ``excess``) times that of the motor law [1].
+* force_offset: the motor's tension is ``force`` [N] more than that of the motor law.
 """
 
 from __future__ import annotations
 
 from functools import partial
-from math import exp
+from math import exp, isnan
 
 from hidden_plants.machine import Machine
 from hidden_plants.mechanisms.mechanism import (
@@ -26,11 +26,11 @@ from hidden_plants.robot import Robot, State
 from hidden_plants.secret import Effect
 
 POLES = (0.45, 0.45, 0.10)
-"""Shares of a motor's lag: rotor and gear, gear and spool, current loop."""
+"""Shares of a motor's time constant: rotor and gear, gear and spool, current loop."""
 
 
 class Lag:
-    """Three lags in a row, each integrated in closed form over a step."""
+    """Three first-order lags in series, each integrated in closed form over a step."""
 
     def __init__(self, tendon: int, time_constant: float, step: float) -> None:
         self.tendon = tendon
@@ -38,9 +38,9 @@ class Lag:
         self.levels = [float("nan")] * len(POLES)
 
     def __call__(self, state: State) -> None:
-        """Delay what the motor gives."""
+        """Filter the motor's tension."""
         value = float(state.motor[self.tendon])
-        if self.levels[0] != self.levels[0]:
+        if isnan(self.levels[0]):
             self.levels = [value] * len(POLES)
         for i, keep in enumerate(self.keep):
             value += keep * (self.levels[i] - value)
@@ -51,18 +51,18 @@ class Lag:
 def _tune_lag(robot: Robot, effect: Effect) -> None:
     time_constant = effect.parameters["time_constant"]
     for name in effect.elements:
-        robot.drive.append(partial(Lag, robot.tendon(name), time_constant, robot.step))
+        robot.motor_devices.append(partial(Lag, robot.tendon(name), time_constant, robot.step))
 
 
 def _delays(machine: Machine) -> list[Structure]:
     tendons = machine.tendons
-    places = [
+    choices = [
         (tendons, 0.0),
         (tuple(f"length_{tendon}" for tendon in tendons), 1.0),
         (tuple(f"tension_{tendon}" for tendon in tendons), 1.0),
         (("marker_position", "marker_orientation"), 1.0),
     ]
-    return [Structure("delay", elements, {"of_sensor": kind}) for elements, kind in places]
+    return [Structure("delay", elements, {"of_sensor": kind}) for elements, kind in choices]
 
 
 def _tune_delay(robot: Robot, effect: Effect) -> None:

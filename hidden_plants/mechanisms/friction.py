@@ -1,7 +1,8 @@
-"""Friction of wires and joints: bristles that bend, then slide."""
+"""Friction of tendons and joints: Coulomb, viscous, load-dependent, direction-dependent."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from math import copysign, exp
 
@@ -11,13 +12,17 @@ from hidden_plants.robot import Device, Robot, State
 from hidden_plants.secret import Effect
 
 JOINT_BRISTLE = 5e-4
-"""Turn within which dry friction of a joint builds up [rad]."""
+"""Angle over which the dry friction of a joint builds up [rad]."""
 
 
-def _coulomb_places(machine: Machine) -> list[Structure]:
-    id = "coulomb_friction"
-    tendons = each_tendon(id, ({"on_joint": 0.0},))(machine)
-    return tendons + [Structure(id, (joint,), {"on_joint": 1.0}) for joint in machine.joints]
+def _each_tendon_and_joint(id: str) -> Callable[[Machine], list[Structure]]:
+    """Structures that act on one tendon or one joint, for all of them."""
+
+    def structures(machine: Machine) -> list[Structure]:
+        tendons = each_tendon(id, ({"on_joint": 0.0},))(machine)
+        return tendons + [Structure(id, (joint,), {"on_joint": 1.0}) for joint in machine.joints]
+
+    return structures
 
 
 def _tune_coulomb(robot: Robot, effect: Effect) -> None:
@@ -25,30 +30,24 @@ def _tune_coulomb(robot: Robot, effect: Effect) -> None:
         if effect.parameters["on_joint"]:
             dof = int(robot.model.joint(name).dofadr[0])
             level = effect.parameters["force"]
-            robot.body.append(partial(JointFriction, dof, level))
+            robot.body_devices.append(partial(JointFriction, dof, level))
         else:
             robot.friction_out[robot.tendon(name)] += effect.parameters["force"]
             robot.friction_in[robot.tendon(name)] += effect.parameters["force"]
 
 
 class JointFriction:
-    """Dry friction of a joint, as bristles with a state."""
+    """Dry friction of a joint by Dahl's model of bristles that bend, then slide."""
 
     def __init__(self, dof: int, level: float) -> None:
         self.dof, self.level, self.torque = dof, level, 0.0
 
     def __call__(self, state: State) -> None:
-        """Brake the joint."""
+        """Subtract the friction from the joint's torque."""
         speed = float(state.data.qvel[self.dof])
         end = copysign(self.level, speed)
         self.torque = end + (self.torque - end) * exp(-state.step * abs(speed) / JOINT_BRISTLE)
         state.data.qfrc_applied[self.dof] -= self.torque
-
-
-def _viscous_places(machine: Machine) -> list[Structure]:
-    id = "viscous_friction"
-    tendons = each_tendon(id, ({"on_joint": 0.0},))(machine)
-    return tendons + [Structure(id, (joint,), {"on_joint": 1.0}) for joint in machine.joints]
 
 
 def _tune_viscous(robot: Robot, effect: Effect) -> None:
@@ -56,10 +55,10 @@ def _tune_viscous(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
         if effect.parameters["on_joint"]:
             dof = int(robot.model.joint(name).dofadr[0])
-            robot.body.append(partial(_joint_drag, dof, coefficient))
+            robot.body_devices.append(partial(_joint_drag, dof, coefficient))
         else:
             tendon = robot.tendon(name)
-            robot.tug.append(partial(_tendon_drag, tendon, coefficient))
+            robot.pull_devices.append(partial(_tendon_drag, tendon, coefficient))
 
 
 def _tendon_drag(tendon: int, coefficient: float) -> Device:
@@ -100,22 +99,22 @@ COULOMB = Mechanism(
     unit="N or N m",
     typical=3.0,
     bound=20.0,
-    structures=_coulomb_places,
+    structures=_each_tendon_and_joint("coulomb_friction"),
     parameters=scaled("force"),
     tune=_tune_coulomb,
 )
-"""``force`` [N] of a wire, [N m] of a joint (``on_joint`` 1)."""
+"""``force``: of a tendon [N], or of a joint [N m] (``on_joint`` 1)."""
 
 VISCOUS = Mechanism(
     id="viscous_friction",
     unit="N s/m or N m s/rad",
     typical=60.0,
     bound=600.0,
-    structures=_viscous_places,
+    structures=_each_tendon_and_joint("viscous_friction"),
     parameters=scaled("coefficient"),
     tune=_tune_viscous,
 )
-"""``coefficient`` [N s/m] of a wire, [N m s/rad] of a joint (``on_joint`` 1)."""
+"""``coefficient``: of a tendon [N s/m], or of a joint [N m s/rad] (``on_joint`` 1)."""
 
 LOAD_DEPENDENT = Mechanism(
     id="load_dependent_friction",
@@ -126,7 +125,7 @@ LOAD_DEPENDENT = Mechanism(
     parameters=scaled("share"),
     tune=_tune_load_dependent,
 )
-"""``share``: dry friction over tension, as over one guide of a fixed wrap angle [1]."""
+"""``share``: ratio of dry friction to tension, as at a guide of a fixed wrap angle [1]."""
 
 DIRECTION_DEPENDENT = Mechanism(
     id="direction_dependent_friction",
@@ -139,6 +138,6 @@ DIRECTION_DEPENDENT = Mechanism(
     parameters=_two_levels,
     tune=_tune_direction_dependent,
 )
-"""``force_out`` while the wire lengthens, ``force_in`` while it shortens [N]."""
+"""``force_out`` while the tendon lengthens, ``force_in`` while it shortens [N]."""
 
 MECHANISMS = (COULOMB, VISCOUS, LOAD_DEPENDENT, DIRECTION_DEPENDENT)

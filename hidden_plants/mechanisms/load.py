@@ -1,15 +1,14 @@
-"""Bones that are heavier, springs and pushes that nobody drew, and where down really is.
+"""Loads: masses, springs and forces that the nominal model lacks, and the direction of gravity.
 
 Parameters and amplitudes:
 
-* link_mass: ``mass`` [kg] more.
-* centre_of_mass: moved by ``x, y, z`` [m] in the body's frame.
-* payload: ``mass`` [kg] at ``x, y, z`` [m] of the body's frame.
-* joint_stiffness: ``stiffness`` [N m/rad] about ``rest`` [rad].
-* gravity_direction: down is turned by ``tilt`` [rad] towards ``azimuth`` [rad] (from x to y).
-* external_force: ``x, y, z`` [N] in the world's frame on the centre of the body, from ``start``
-  [s] for ``duration`` [s]; in every episode's own time (``every_episode`` 1), or once, in log
-  time.
+* link_mass: ``mass`` [kg] is added to the body; its inertia scales with its mass.
+* centre_of_mass: moves by ``x, y, z`` [m] in the frame of the body.
+* payload: ``mass`` [kg] at ``x, y, z`` [m] in the frame of the body.
+* joint_stiffness: ``stiffness`` [N m/rad] about the angle ``rest`` [rad].
+* gravity_direction: gravity turns by ``tilt`` [rad] towards ``azimuth`` [rad] (from x to y).
+* external_force: ``x, y, z`` [N] in the world's frame at the body's centre of mass, from ``start``
+  [s] for ``duration`` [s]: in every episode (``every_episode`` 1), or once in log time.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from hidden_plants.mechanisms.mechanism import (
     Mechanism,
     Structure,
     along,
-    random_way,
+    random_direction,
     scaled,
     shapes_of,
     vector,
@@ -35,9 +34,9 @@ from hidden_plants.secret import Effect
 
 LINKS = {"elbow": ("ulna", "radius", HAND), "arm": ("humerus", "ulna", "radius", HAND)}
 EDGE = 0.06
-"""How long a push grows and fades [s]."""
+"""Rise and fall time of an external force [s]."""
 SPAN = 3.0
-"""Turn by which each of a joint's two rubber bands is stretched in the middle [rad]."""
+"""Stretch of a joint's two rubber bands at the rest angle [rad]."""
 
 
 def _links(machine: Machine) -> list[Structure]:
@@ -52,11 +51,11 @@ def _tune_mass(robot: Robot, effect: Effect) -> None:
         robot.model.body_inertia[body] *= factor
 
 
-def _ways(id: str, machine: Machine, places: tuple[str, ...], count: int) -> list[Structure]:
-    structures = []
-    for place in places:
-        rng = shapes_of(id, machine.name, place)
-        structures += [Structure(id, (place,), random_way(rng)) for _ in range(count)]
+def _centres(machine: Machine) -> list[Structure]:
+    id, structures = "centre_of_mass", []
+    for link in LINKS[machine.name]:
+        rng = shapes_of(id, machine.name, link)
+        structures += [Structure(id, (link,), random_direction(rng)) for _ in range(3)]
     return structures
 
 
@@ -67,14 +66,14 @@ def _tune_centre(robot: Robot, effect: Effect) -> None:
 
 def _payloads(machine: Machine) -> list[Structure]:
     rng = shapes_of("payload", machine.name)
-    places = np.round(rng.uniform([-0.02, 0.02, -0.09], [0.02, 0.05, -0.05], (2, 3)), 3)
+    positions = np.round(rng.uniform([-0.02, 0.02, -0.09], [0.02, 0.05, -0.05], (2, 3)), 3)
     return [
         Structure("payload", (HAND,), {"x": float(x), "y": float(y), "z": float(z)})
-        for x, y, z in places
+        for x, y, z in positions
     ]
 
 
-def _hold(spec: mujoco.MjSpec, effect: Effect) -> None:
+def _add_payload(spec: mujoco.MjSpec, effect: Effect) -> None:
     size, mass = 0.02, effect.parameters["mass"]
     for name in effect.elements:
         load = spec.body(name).add_body(name="payload", pos=vector(effect))
@@ -98,11 +97,11 @@ def _tune_spring(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
         joint = robot.model.joint(name)
         address, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
-        robot.body.append(partial(_bands, address, dof, stiffness, rest))
+        robot.body_devices.append(partial(_bands, address, dof, stiffness, rest))
 
 
 def _bands(address: int, dof: int, stiffness: float, rest: float) -> Device:
-    """Two stretched rubber bands that pull a joint from both sides, each only while stretched."""
+    """Two rubber bands that pull a joint in opposite directions, each only while stretched."""
 
     def act(state: State) -> None:
         turn = float(state.data.qpos[address]) - rest
@@ -124,7 +123,7 @@ def _tune_gravity(robot: Robot, effect: Effect) -> None:
     robot.model.opt.gravity[:] = size * (side - np.array([0.0, 0.0, np.cos(tilt)]))
 
 
-def _pushes(machine: Machine) -> list[Structure]:
+def _forces(machine: Machine) -> list[Structure]:
     rng = shapes_of("external_force", machine.name)
     structures = []
     for every in (1.0, 1.0, 1.0, 0.0, 0.0):
@@ -132,13 +131,13 @@ def _pushes(machine: Machine) -> list[Structure]:
             "start": round(rng.uniform(0.8, 2.6) if every else rng.uniform(5.0, 15.0), 3),
             "duration": round(rng.uniform(0.2, 1.0), 3),
             "every_episode": every,
-            **random_way(rng),
+            **random_direction(rng),
         }
         structures.append(Structure("external_force", (HAND,), shape))
     return structures
 
 
-def _tune_push(robot: Robot, effect: Effect) -> None:
+def _tune_force(robot: Robot, effect: Effect) -> None:
     force, numbers = vector(effect), effect.parameters
     start, end = numbers["start"], numbers["start"] + numbers["duration"]
 
@@ -152,24 +151,62 @@ def _tune_push(robot: Robot, effect: Effect) -> None:
         return act
 
     for name in effect.elements:
-        robot.body.append(partial(device, robot.model.body(name).id))
+        robot.body_devices.append(partial(device, robot.model.body(name).id))
 
 
 MECHANISMS = (
-    Mechanism("link_mass", "kg", 0.1, 1.0, _links, scaled("mass"), tune=_tune_mass),
     Mechanism(
-        "centre_of_mass",
-        "m",
-        0.02,
-        0.08,
-        lambda machine: _ways("centre_of_mass", machine, LINKS[machine.name], 3),
-        along,
+        id="link_mass",
+        unit="kg",
+        typical=0.1,
+        bound=1.0,
+        structures=_links,
+        parameters=scaled("mass"),
+        tune=_tune_mass,
+    ),
+    Mechanism(
+        id="centre_of_mass",
+        unit="m",
+        typical=0.02,
+        bound=0.08,
+        structures=_centres,
+        parameters=along,
         tune=_tune_centre,
     ),
-    Mechanism("payload", "kg", 0.1, 1.0, _payloads, scaled("mass"), reshape=_hold),
     Mechanism(
-        "joint_stiffness", "N m/rad", 0.5, 8.0, _springs, scaled("stiffness"), tune=_tune_spring
+        id="payload",
+        unit="kg",
+        typical=0.1,
+        bound=1.0,
+        structures=_payloads,
+        parameters=scaled("mass"),
+        reshape=_add_payload,
     ),
-    Mechanism("gravity_direction", "rad", 0.05, 0.35, _tilts, scaled("tilt"), tune=_tune_gravity),
-    Mechanism("external_force", "N", 3.0, 40.0, _pushes, along, tune=_tune_push),
+    Mechanism(
+        id="joint_stiffness",
+        unit="N m/rad",
+        typical=0.5,
+        bound=8.0,
+        structures=_springs,
+        parameters=scaled("stiffness"),
+        tune=_tune_spring,
+    ),
+    Mechanism(
+        id="gravity_direction",
+        unit="rad",
+        typical=0.05,
+        bound=0.35,
+        structures=_tilts,
+        parameters=scaled("tilt"),
+        tune=_tune_gravity,
+    ),
+    Mechanism(
+        id="external_force",
+        unit="N",
+        typical=3.0,
+        bound=40.0,
+        structures=_forces,
+        parameters=along,
+        tune=_tune_force,
+    ),
 )

@@ -1,4 +1,4 @@
-"""What every mechanism of a hidden effect says of itself."""
+"""Record of a mechanism, and helpers for its shapes and parameters."""
 
 from __future__ import annotations
 
@@ -17,9 +17,13 @@ Shape = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Structure:
-    """An effect without its size: where it acts, and the parameters that do not scale.
+    """An effect without amplitude.
 
-    ``least`` and ``most`` in a shape bound the amplitudes that are drawn further.
+    Attributes:
+        id: of the effect.
+        elements: names of the model's elements that it acts on.
+        shape: parameters that do not scale with the amplitude. ``least`` and ``most`` bound the
+            sampled amplitudes further.
     """
 
     id: str
@@ -28,7 +32,7 @@ class Structure:
 
 
 def scaled(name: str) -> Callable[[Shape, float], dict[str, float]]:
-    """Parameters whose one scaled number ``name`` is the amplitude itself."""
+    """Parameters of which ``name`` is the amplitude and the rest is the shape."""
     return lambda shape, amplitude: {**shape, name: amplitude}
 
 
@@ -36,7 +40,7 @@ BOTH_SIGNS: tuple[Shape, ...] = ({"sign": 1.0}, {"sign": -1.0})
 
 
 def signed(name: str) -> Callable[[Shape, float], dict[str, float]]:
-    """Parameters whose one scaled number ``name`` is the amplitude times the shape's sign."""
+    """Parameters of which ``name`` is the amplitude times the sign of the shape."""
     return lambda shape, amplitude: {**shape, name: shape["sign"] * amplitude}
 
 
@@ -47,12 +51,12 @@ class Mechanism:
     Attributes:
         id: of the catalogues in `hidden_plants.secret`.
         unit: of the amplitude.
-        typical: an amplitude that shows well; searches start there.
-        bound: the largest amplitude that is physical.
-        structures: where it may act on a machine, some with several shapes.
-        parameters: of an effect, from its shape and amplitude; SI.
-        reshape: writes it into the model before it is compiled.
-        tune: writes it into the machine after.
+        typical: a detectable amplitude; searches start there.
+        bound: largest physical amplitude.
+        structures: lists where and in which shapes the effect may act on a machine.
+        parameters: computes an effect's parameters in SI units from shape and amplitude.
+        reshape: applies the effect to the spec before it is compiled.
+        tune: applies the effect to the robot after.
     """
 
     id: str
@@ -65,42 +69,40 @@ class Mechanism:
     tune: Callable[[Robot, Effect], None] | None = None
 
     def effect(self, structure: Structure, amplitude: float) -> Effect:
-        """The effect of a structure at an amplitude."""
+        """Return the effect of a structure at an amplitude."""
         parameters = self.parameters(structure.shape, amplitude)
         return Effect(self.id, structure.elements, parameters, amplitude)
 
 
-def each_tendon(
-    id: str, shapes: tuple[Shape, ...] = ({},), group: bool = False
-) -> Callable[[Machine], list[Structure]]:
-    """Every wire alone, with every shape; with ``group`` also all wires of the machine at once."""
+def each_tendon(id: str, shapes: tuple[Shape, ...] = ({},)) -> Callable[[Machine], list[Structure]]:
+    """Structures that act on one tendon, for every tendon and every shape."""
 
     def structures(machine: Machine) -> list[Structure]:
-        places = [(tendon,) for tendon in machine.tendons] + ([machine.tendons] if group else [])
-        return [Structure(id, place, shape) for place in places for shape in shapes]
+        return [Structure(id, (tendon,), shape) for tendon in machine.tendons for shape in shapes]
 
     return structures
 
 
-def random_way(rng: np.random.Generator, names: str = "xyz") -> dict[str, float]:
-    """A random unit vector, as the shape's ``way_<name>`` for three names."""
-    way = rng.standard_normal(3)
-    way /= np.linalg.norm(way)
+def random_direction(rng: np.random.Generator, names: str = "xyz") -> dict[str, float]:
+    """A random unit vector, as entries ``direction_<name>`` of a shape."""
+    direction = rng.standard_normal(3)
+    direction /= np.linalg.norm(direction)
     return {
-        f"direction_{name}": round(float(part), 4) for name, part in zip(names, way, strict=True)
+        f"direction_{name}": round(float(part), 4)
+        for name, part in zip(names, direction, strict=True)
     }
 
 
 def along(shape: Shape, amplitude: float) -> dict[str, float]:
-    """``x``, ``y``, ``z``: the amplitude along the shape's unit vector."""
+    """Parameters ``x``, ``y``, ``z``: the amplitude times the unit vector of the shape."""
     return {**shape, **{axis: amplitude * shape[f"direction_{axis}"] for axis in "xyz"}}
 
 
 def vector(effect: Effect) -> Floats:
-    """``x``, ``y``, ``z`` of an effect (3,)."""
+    """Parameters ``x``, ``y``, ``z`` of an effect as a vector (3,)."""
     return np.array([effect.parameters[axis] for axis in "xyz"])
 
 
 def shapes_of(id: str, *names: str) -> np.random.Generator:
-    """The random numbers that the shapes of a mechanism at a place are drawn from."""
+    """Random generator for the shapes of a mechanism at the elements ``names``."""
     return np.random.default_rng(list("/".join((id, *names)).encode()))

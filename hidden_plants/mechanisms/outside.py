@@ -1,13 +1,16 @@
-"""Effects that are in nobody's catalogue.
+"""Effects outside of the diagnosis's catalogue.
 
 Parameters and amplitudes:
 
-* cogging_torque: ``torque`` [N m] times sin(``periods`` * angle + ``phase``).
-* cogging_motor: ``force`` [N] times the sine of the encoder's length over ``pitch`` [m].
-* tension_crosstalk: the first sensor adds ``share`` of the second [1]; length_crosstalk: [m/N].
-* hard_stop: a stop at ``angle`` [rad] on the upper (``side`` 1) or lower side.
-* catching_wire: a knot at ``length`` [m] that holds up to ``force`` [N].
-* cover_stiffness: a cover that folds from ``corner`` [rad] on, ``stiffness`` [N m/rad^3].
+* cogging_torque: ``torque`` [N m] times sin(``periods`` angle + ``phase``) on a joint.
+* cogging_motor: ``force`` [N] times sin(2 pi length / ``pitch`` + ``phase``) on a motor, with the
+  encoder's length and ``pitch`` [m].
+* tension_crosstalk, length_crosstalk: the first sensor's reading increases by ``share`` times the
+  second's; ``share`` [1], [m/N].
+* hard_stop: a stop at ``angle`` [rad] on the upper (``side`` 1) or lower (-1) side.
+* catching_tendon: a knot catches at ``length`` [m] and holds up to ``force`` [N].
+* cover_stiffness: the torque ``stiffness`` [N m/rad^3] (angle - ``corner``)^3 of a cover that folds
+  beyond ``corner`` [rad].
 """
 
 from __future__ import annotations
@@ -26,12 +29,13 @@ from hidden_plants.robot import Readings, Robot, State
 from hidden_plants.secret import Effect
 
 STOP_STIFFNESS, STOP_DAMPING = 150.0, 2.0
-"""Of a hard stop [N m/rad], [N m s/rad]."""
+"""Stiffness and damping of a hard stop [N m/rad], [N m s/rad]."""
 CATCH_STIFFNESS = 2e4
-"""Of what holds a caught wire [N/m]."""
+"""Stiffness of the contact that holds a caught tendon [N/m]."""
 
 
 def _joint(robot: Robot, name: str) -> tuple[int, int]:
+    """Addresses of a joint in ``qpos`` and ``qvel``."""
     joint = robot.model.joint(name)
     return int(joint.qposadr[0]), int(joint.dofadr[0])
 
@@ -62,7 +66,7 @@ def _tune_cogging_joint(robot: Robot, effect: Effect) -> None:
         angle = float(state.data.qpos[address])
         state.data.qfrc_applied[dof] += torque * sin(periods * angle + phase)
 
-    robot.body.append(lambda: act)
+    robot.body_devices.append(lambda: act)
 
 
 def _cogging_motors(machine: Machine) -> list[Structure]:
@@ -84,29 +88,29 @@ def _tune_cogging_motor(robot: Robot, effect: Effect) -> None:
     def act(state: State) -> None:
         state.motor[tendon] += force * sin(tau * float(state.encoder[tendon]) / pitch + phase)
 
-    robot.drive.append(lambda: act)
+    robot.motor_devices.append(lambda: act)
 
 
-def _neighbours(machine: Machine, id: str, listener: str) -> list[Structure]:
+def _sensor_pairs(machine: Machine, id: str, receiver: str) -> list[Structure]:
     tendons = machine.tendons
     return [
-        Structure(id, (f"{listener}_{tendon}", f"tension_{tendons[(i + skip) % len(tendons)]}"), {})
+        Structure(id, (f"{receiver}_{tendon}", f"tension_{tendons[(i + skip) % len(tendons)]}"), {})
         for i, tendon in enumerate(tendons)
         for skip in (1, 2)
     ]
 
 
 def _tune_crosstalk(robot: Robot, effect: Effect) -> None:
-    heard, spoken = effect.elements
+    receiver, source = effect.elements
 
-    def sense(readings: Readings, robot: Robot) -> None:
-        readings[heard] = readings[heard] + effect.parameters["share"] * readings[spoken]
+    def change(readings: Readings, robot: Robot) -> None:
+        readings[receiver] = readings[receiver] + effect.parameters["share"] * readings[source]
 
-    robot.senses.append(sense)
+    robot.sensor_effects.append(change)
 
 
 def _stops(machine: Machine) -> list[Structure]:
-    """Stops on both sides of the elbow's motions."""
+    """Stops at both ends of the elbow's motions."""
     ends = {1.0: 1.95, -1.0: 0.2} if machine.name == "elbow" else {1.0: 1.95, -1.0: 0.65}
     return [
         Structure("hard_stop", ("elbow",), {"side": side, "end": end}) for side, end in ends.items()
@@ -128,28 +132,29 @@ def _tune_stop(robot: Robot, effect: Effect) -> None:
             torque = STOP_STIFFNESS * depth + STOP_DAMPING * speed * min(1.0, depth / 0.01)
             state.data.qfrc_applied[dof] -= side * max(0.0, torque)
 
-    robot.body.append(lambda: act)
+    robot.body_devices.append(lambda: act)
 
 
 def _catches(machine: Machine) -> list[Structure]:
     zero = machine.lengths(machine.model.qpos0[None])[0]
-    away = {"biceps": -0.03, "brachialis": -0.027, "triceps": 0.04}
-    return [
-        Structure("catching_tendon", (tendon,), {"length": round(float(zero[i]) + away[tendon], 4)})
-        for i, tendon in enumerate(machine.tendons)
-        if tendon in away
-    ]
+    from_zero = {"biceps": -0.03, "brachialis": -0.027, "triceps": 0.04}
+    structures = []
+    for tendon, length in zip(machine.tendons, zero, strict=True):
+        if tendon in from_zero:
+            shape = {"length": round(float(length) + from_zero[tendon], 4)}
+            structures.append(Structure("catching_tendon", (tendon,), shape))
+    return structures
 
 
 class Catch:
-    """A knot that catches at a length, holds up to a force, and jumps free."""
+    """A knot that catches when the tendon passes a length and slips above a force."""
 
     def __init__(self, tendon: int, length: float, force: float) -> None:
         self.tendon, self.length, self.force = tendon, length, force
         self.side, self.held = 0.0, False
 
     def __call__(self, state: State) -> None:
-        """Hold the wire where it is caught."""
+        """Add the force of the caught knot to the pull."""
         beyond = float(state.length[self.tendon]) - self.length
         side = copysign(1.0, beyond)
         if not self.held and self.side and side != self.side:
@@ -164,7 +169,7 @@ class Catch:
 def _tune_catch(robot: Robot, effect: Effect) -> None:
     tendon = robot.tendon(effect.elements[0])
     length, force = effect.parameters["length"], effect.parameters["force"]
-    robot.tug.append(lambda: Catch(tendon, length, force))
+    robot.pull_devices.append(lambda: Catch(tendon, length, force))
 
 
 def _covers(machine: Machine) -> list[Structure]:
@@ -184,55 +189,71 @@ def _tune_cover(robot: Robot, effect: Effect) -> None:
         if fold > 0.0:
             state.data.qfrc_applied[dof] -= side * effect.parameters["stiffness"] * fold**3
 
-    robot.body.append(lambda: act)
+    robot.body_devices.append(lambda: act)
 
 
 MECHANISMS = (
     Mechanism(
-        "cogging_torque",
-        "N m",
-        0.5,
-        3.0,
-        _cogging_joints,
-        scaled("torque"),
+        id="cogging_torque",
+        unit="N m",
+        typical=0.5,
+        bound=3.0,
+        structures=_cogging_joints,
+        parameters=scaled("torque"),
         tune=_tune_cogging_joint,
     ),
     Mechanism(
-        "cogging_motor",
-        "N",
-        5.0,
-        60.0,
-        _cogging_motors,
-        scaled("force"),
+        id="cogging_motor",
+        unit="N",
+        typical=5.0,
+        bound=60.0,
+        structures=_cogging_motors,
+        parameters=scaled("force"),
         tune=_tune_cogging_motor,
     ),
     Mechanism(
-        "tension_crosstalk",
-        "1",
-        0.03,
-        0.4,
-        lambda machine: _neighbours(machine, "tension_crosstalk", "tension"),
-        scaled("share"),
+        id="tension_crosstalk",
+        unit="1",
+        typical=0.03,
+        bound=0.4,
+        structures=lambda machine: _sensor_pairs(machine, "tension_crosstalk", "tension"),
+        parameters=scaled("share"),
         tune=_tune_crosstalk,
     ),
     Mechanism(
-        "length_crosstalk",
-        "m/N",
-        5e-6,
-        1e-4,
-        lambda machine: _neighbours(machine, "length_crosstalk", "length"),
-        scaled("share"),
+        id="length_crosstalk",
+        unit="m/N",
+        typical=5e-6,
+        bound=1e-4,
+        structures=lambda machine: _sensor_pairs(machine, "length_crosstalk", "length"),
+        parameters=scaled("share"),
         tune=_tune_crosstalk,
     ),
-    Mechanism("hard_stop", "rad", 0.15, 0.8, _stops, _stop_angle, tune=_tune_stop),
-    Mechanism("catching_tendon", "N", 30.0, 150.0, _catches, scaled("force"), tune=_tune_catch),
     Mechanism(
-        "cover_stiffness",
-        "N m/rad^3",
-        2.0,
-        60.0,
-        _covers,
-        scaled("stiffness"),
+        id="hard_stop",
+        unit="rad",
+        typical=0.15,
+        bound=0.8,
+        structures=_stops,
+        parameters=_stop_angle,
+        tune=_tune_stop,
+    ),
+    Mechanism(
+        id="catching_tendon",
+        unit="N",
+        typical=30.0,
+        bound=150.0,
+        structures=_catches,
+        parameters=scaled("force"),
+        tune=_tune_catch,
+    ),
+    Mechanism(
+        id="cover_stiffness",
+        unit="N m/rad^3",
+        typical=2.0,
+        bound=60.0,
+        structures=_covers,
+        parameters=scaled("stiffness"),
         tune=_tune_cover,
     ),
 )

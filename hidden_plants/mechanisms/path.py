@@ -1,11 +1,11 @@
-"""Wires that run another way than the drawing draws.
+"""Paths of tendons: shifted attachments, and wrapping over bones that the nominal model lacks.
 
 Parameters and amplitudes:
 
 * attachment_shift: the site moves by ``x, y, z`` [m] in its body's frame.
-* missing_wrapping: the wire lies on a round bone of ``radius`` [m]; its amplitude is what the
-  radius exceeds the straight wire's ``clearance`` at ``qpos0`` by [m], and it is drawn so that
-  the wire touches within the motions.
+* missing_wrapping: the tendon wraps over a round bone of ``radius`` [m]. The amplitude is radius
+  minus ``clearance`` [m], the smallest distance of the straight tendon from the bone's centre or
+  axis. It is bounded so that the tendon touches the bone within the motions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hidden_plants.mechanisms.mechanism import (
     Shape,
     Structure,
     along,
-    random_way,
+    random_direction,
     shapes_of,
     vector,
 )
@@ -31,15 +31,16 @@ from hidden_plants.secret import Effect
 from hidden_plants.types import Floats
 
 SHIFTS_PER_SITE = 3
+"""Directions in which each site may shift."""
 
 
 def _shifts(machine: Machine) -> list[Structure]:
-    """Every site that a wire runs over, each in a few directions."""
+    """Every site of the tendons' paths, each with a few directions."""
     structures = []
     for site in machine.sites:
         rng = shapes_of("attachment_shift", site)
         for _ in range(SHIFTS_PER_SITE):
-            structures.append(Structure("attachment_shift", (site,), random_way(rng)))
+            structures.append(Structure("attachment_shift", (site,), random_direction(rng)))
     return structures
 
 
@@ -50,13 +51,13 @@ def _tune_shift(robot: Robot, effect: Effect) -> None:
 
 @dataclass(frozen=True)
 class Bone:
-    """A round bone that a wire may lie on.
+    """A round bone that a tendon may wrap over.
 
     Attributes:
-        body: that it belongs to; "world" for the trunk.
-        before: the site of the wire that comes after the bone.
-        centre: in the body's frame [m].
-        axis: of a cylinder; none for a ball.
+        body: its body; "world" for the trunk.
+        before: first site of the tendon after the bone.
+        centre: in the frame of the body [m].
+        axis: of a cylinder, in the frame of the body; None for a sphere.
     """
 
     body: str
@@ -83,18 +84,21 @@ BONES = {
         "lat_dorsi": Bone("world", "lat_dorsi_2", RIBS, UP),
     },
 }
-"""By machine and wire."""
+"""Bones by machine and tendon."""
 TOUCH = 0.0015
-"""The bone is larger than what the wire clears, and smaller than what its sites do, by this [m]."""
+"""Margin of the radius above the tendon's smallest and below its sites' smallest distance [m]."""
 
 
 def clearances(machine: Machine, tendon: str, qpos: Floats) -> Floats:
-    """How far the straight wire and its sites are from the bone's centre or axis (k, 2) [m].
+    """Compute the distances of the straight tendon and of its sites from the bone.
 
     Args:
-        machine: the drawing.
-        wire: of `BONES`.
+        machine: nominal model.
+        tendon: name of a tendon in `BONES`.
         qpos: postures (k, joints) [rad].
+
+    Returns:
+        Distances from the bone's centre or axis (k, 2) [m]: the tendon's and its nearest site's.
     """
     bone = BONES[machine.name][tendon]
     path = machine.paths[machine.tendons.index(tendon)]
@@ -118,7 +122,7 @@ def clearances(machine: Machine, tendon: str, qpos: Floats) -> Floats:
 
 
 def _postures(machine: Machine) -> Floats:
-    """Postures that motions pass (k, joints) [rad]."""
+    """Postures in the range of the motions (k, joints) [rad]."""
     if machine.name == "elbow":
         return np.linspace(0.25, 1.85, 33)[:, None]
     rng = shapes_of("missing_wrapping", machine.name)
@@ -128,17 +132,18 @@ def _postures(machine: Machine) -> Floats:
 
 
 def _wraps(machine: Machine) -> list[Structure]:
-    """Wires that a bone can touch within the motions without swallowing their sites."""
+    """Tendons that a bone can touch within the motions without enclosing their sites."""
     structures = []
     zero = np.array(machine.model.qpos0)[None]
     moved = _postures(machine)
     for tendon in BONES[machine.name]:
-        there, at_zero = clearances(machine, tendon, moved), clearances(machine, tendon, zero)
-        free = round(float(min(there[:, 0].min(), at_zero[0, 0])), 5)
+        in_motion, at_zero = clearances(machine, tendon, moved), clearances(machine, tendon, zero)
+        clearance = round(float(min(in_motion[:, 0].min(), at_zero[0, 0])), 5)
+        largest = float(min(in_motion[:, 1].min(), at_zero[0, 1]))
         shape = {
-            "clearance": free,
-            "least": round(float(there[:, 0].min()) + TOUCH - free, 5),
-            "most": round(float(min(there[:, 1].min(), at_zero[0, 1])) - TOUCH - free, 5),
+            "clearance": clearance,
+            "least": round(float(in_motion[:, 0].min()) + TOUCH - clearance, 5),
+            "most": round(largest - TOUCH - clearance, 5),
             "on_arm": float(machine.name == "arm"),
         }
         if shape["least"] < shape["most"]:
@@ -151,7 +156,7 @@ def _radius(shape: Shape, amplitude: float) -> dict[str, float]:
 
 
 def _wrap(spec: mujoco.MjSpec, effect: Effect) -> None:
-    """Draw the wire anew, over its bone."""
+    """Add the bone and let the tendon wrap over it."""
     table = BONES["arm" if effect.parameters["on_arm"] else "elbow"]
     for name in effect.elements:
         bone, kinds = table[name], mujoco.mjtGeom
@@ -166,11 +171,11 @@ def _wrap(spec: mujoco.MjSpec, effect: Effect) -> None:
         )
         if bone.axis is not None:
             mujoco.mju_quatZ2Vec(geom.quat, np.array(bone.axis))
-        _redraw(spec, name, bone.before, geom.name)
+        _rebuild_tendons(spec, name, bone.before, geom.name)
 
 
-def _redraw(spec: mujoco.MjSpec, wrapped: str, before: str, bone: str) -> None:
-    """Draw all wires again, in order; ``wrapped`` meets ``bone`` before the site ``before``."""
+def _rebuild_tendons(spec: mujoco.MjSpec, wrapped: str, before: str, bone: str) -> None:
+    """Create all tendons again, in order; ``wrapped`` meets ``bone`` before the site ``before``."""
     paths = {
         tendon.name: ([wrap.target.name for wrap in tendon.path], float(tendon.damping[0]))
         for tendon in spec.tendons

@@ -1,12 +1,14 @@
-"""Sensors that read another number than the true one.
+"""Sensors of lengths and tensions: offsets and scales.
 
 Parameters and amplitudes:
 
-* length_offset: ``length`` [m] more than true, in the controller too.
-* length_scale: (1 + ``excess``) about the length at ``qpos0``, in the controller too.
-* tension_offset, tension_scale: of the reading alone, ``force`` [N], ``excess`` [1].
-* joint_offset: every encoder reads l(angle) - l(0) too much, as if it had been zeroed while the
-  joint stood ``angle`` [rad] before its zero.
+* length_offset: the encoder reads ``length`` [m] too much, also for the controller.
+* length_scale: the encoder's change from the length at ``qpos0`` is (1 + ``excess``) [1] times the
+  true one, also for the controller.
+* tension_offset, tension_scale: ``force`` [N] is added, or the factor is (1 + ``excess``) [1]; the
+  reading changes, the tension does not.
+* joint_offset: every encoder reads l(angle) - l(0) too much, as if it had been zeroed with the
+  joint at -``angle`` [rad].
 """
 
 from __future__ import annotations

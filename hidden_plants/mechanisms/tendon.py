@@ -1,18 +1,18 @@
-"""Wires that are not what the drawing draws: elastic, grown longer, loose in the gears, hanging.
+"""Tendons and their gears: elasticity, permanent elongation, backlash and slack.
 
 Parameters and amplitudes:
 
 * tendon_elasticity: ``compliance`` [m/N], ``stiffness`` [N/m] (secant at 150 N).
-* wire_elongation: ``length`` [m], ``start`` [s of log time, episodes end to end], ``duration``
-  [s], 0 if sudden.
-* backlash: ``play`` [m], whole width.
+* wire_elongation: ``length`` [m] more after ``start`` [s of log time], reached over ``duration``
+  [s]; 0 for a sudden elongation.
+* backlash: ``play`` [m], the whole width.
 * slack: ``slack`` [m] at zero tension.
 """
 
 from __future__ import annotations
 
 from functools import partial
-from math import exp
+from math import exp, isnan
 
 from hidden_plants.machine import BIAS, CUT, STIFFNESS, Machine
 from hidden_plants.mechanisms.mechanism import (
@@ -27,44 +27,44 @@ from hidden_plants.robot import Device, Robot, State
 from hidden_plants.secret import Effect
 
 SPOOL_MASS = 0.01
-"""Inertia of a motor and its spool, seen at the wire [kg]."""
+"""Inertia of a motor and its spool, reflected to the tendon [kg]."""
 TENDON_LOSS = 60.0
-"""Damping inside an elastic wire [N s/m]."""
+"""Internal damping of an elastic tendon [N s/m]."""
 TENSION_OF_STIFFNESS = 150.0
-"""The tension at which a wire's secant stiffness is stated [N]."""
+"""Tension at which the secant stiffness of a tendon is stated [N]."""
 TOE_TENSION = 60.0
-"""Scale of the tension that pulls a hanging wire straight [N]."""
+"""Tension at which the slack falls to 1/e [N]."""
 TOE_TIME = 0.002
-"""How fast it hangs or straightens [s]."""
+"""Time constant of the slack [s]."""
 
 
 class Spool:
-    """A motor's spool that hangs on an elastic wire; the encoder reads the spool.
+    """A motor's spool behind an elastic tendon; the encoder reads the spool.
 
-    The wire is one-sided and hardens: T(x) = k (0.75 x + 0.25 x^2 / x_r) with x_r the stretch at
-    150 N, where the secant stiffness is k. As it is far stiffer than the bones, the spool moves by
-    backward Euler steps: with the wire's law they are the root of a quadratic.
+    The tendon only pulls, and it hardens: T(x) = k (0.75 x + 0.25 x^2 / x_r), where x_r is the
+    stretch at 150 N and k the secant stiffness there. The spool's equation of motion is stiff, so
+    it is integrated by backward Euler steps, each of which is the root of a quadratic equation.
     """
 
     def __init__(self, tendon: int, stiffness: float) -> None:
         self.tendon, self.slope = tendon, 0.75 * stiffness
         self.curve = 0.25 * stiffness * stiffness / TENSION_OF_STIFFNESS
-        self.free, self.place, self.speed = 0.0, float("nan"), 0.0
+        self.free, self.position, self.speed = 0.0, float("nan"), 0.0
 
     def read(self, state: State) -> None:
-        """The encoder sees the spool."""
+        """Replace the encoder reading by the spool's position."""
         self.free = float(state.encoder[self.tendon])
-        if self.place != self.place:
-            self.place = self.free - self._stretch(float(state.motor[self.tendon]))
-        state.encoder[self.tendon] = self.place
+        if isnan(self.position):
+            self.position = self.free - self._stretch(float(state.motor[self.tendon]))
+        state.encoder[self.tendon] = self.position
 
     def pull(self, state: State) -> None:
-        """The spool moves, and the wire instead of the motor pulls at the bone."""
+        """Move the spool; the tension of the tendon replaces that of the motor at the bone."""
         step, rate = state.step, float(state.velocity[self.tendon])
         motor = float(state.motor[self.tendon])
         gain = STIFFNESS if BIAS * 1.001 < motor < CUT * 0.999 else 0.0
         push = SPOOL_MASS / step * self.speed - motor
-        gap = self.free + step * rate - self.place
+        gap = self.free + step * rate - self.position
         resist = SPOOL_MASS / step + TENDON_LOSS + gain * step
         pressed = resist * gap / step - push - TENDON_LOSS * rate
         if pressed > 0.0:
@@ -78,7 +78,7 @@ class Spool:
             self.speed = push / (SPOOL_MASS / step + gain * step)
             tension = 0.0
         state.pull[self.tendon] = max(0.0, tension)
-        self.place += step * self.speed
+        self.position += step * self.speed
 
     def _stretch(self, tension: float) -> float:
         root = (self.slope * self.slope + 4.0 * self.curve * tension) ** 0.5
@@ -87,19 +87,19 @@ class Spool:
 
 def _tune_elasticity(robot: Robot, effect: Effect) -> None:
     for name in effect.elements:
-        _hang(robot, robot.tendon(name), effect.parameters["stiffness"])
+        _add_spool(robot, robot.tendon(name), effect.parameters["stiffness"])
 
 
-def _hang(robot: Robot, tendon: int, stiffness: float) -> None:
-    """Put the spool before all other devices of the wire: they act on what it gives."""
+def _add_spool(robot: Robot, tendon: int, stiffness: float) -> None:
+    """Insert the spool before all other devices of the tendon, which act on its results."""
     spools: list[Spool] = []
 
     def reader() -> Device:
         spools.append(Spool(tendon, stiffness))
         return spools[-1].read
 
-    robot.encode.insert(0, reader)
-    robot.tug.insert(0, lambda: spools[-1].pull)
+    robot.encoder_devices.insert(0, reader)
+    robot.pull_devices.insert(0, lambda: spools[-1].pull)
 
 
 def _compliance(shape: Shape, amplitude: float) -> dict[str, float]:
@@ -129,19 +129,19 @@ def _tune_elongation(robot: Robot, effect: Effect) -> None:
         return act
 
     for name in effect.elements:
-        robot.encode.append(partial(device, robot.tendon(name)))
+        robot.encoder_devices.append(partial(device, robot.tendon(name)))
 
 
 class Play:
-    """An encoder gear with play: its reading follows only when the play is taken up."""
+    """Encoder gear with play: the reading follows only when the play is taken up."""
 
     def __init__(self, tendon: int, play: float) -> None:
         self.tendon, self.half, self.reading = tendon, 0.5 * play, float("nan")
 
     def __call__(self, state: State) -> None:
-        """Read the wire through the gear."""
+        """Replace the encoder reading by that behind the gear."""
         true = float(state.encoder[self.tendon])
-        if self.reading != self.reading:
+        if isnan(self.reading):
             self.reading = true
         self.reading = min(max(self.reading, true - self.half), true + self.half)
         state.encoder[self.tendon] = self.reading
@@ -150,26 +150,26 @@ class Play:
 def _tune_backlash(robot: Robot, effect: Effect) -> None:
     play = effect.parameters["play"]
     for name in effect.elements:
-        robot.encode.append(partial(Play, robot.tendon(name), play))
+        robot.encoder_devices.append(partial(Play, robot.tendon(name), play))
 
 
 class Toe:
-    """A wire that hangs: at low tension more of it is paid out than the path is long."""
+    """Slack tendon: at low tension the paid-out length exceeds the length of the path."""
 
     def __init__(self, tendon: int, slack: float) -> None:
         self.tendon, self.slack, self.extra = tendon, slack, 0.0
 
     def __call__(self, state: State) -> None:
-        """The encoder counts what hangs."""
-        hanging = self.slack * exp(-float(state.motor[self.tendon]) / TOE_TENSION)
-        self.extra += (hanging - self.extra) * (1.0 - exp(-state.step / TOE_TIME))
+        """Add the slack to the encoder reading."""
+        slack = self.slack * exp(-float(state.motor[self.tendon]) / TOE_TENSION)
+        self.extra += (slack - self.extra) * (1.0 - exp(-state.step / TOE_TIME))
         state.encoder[self.tendon] += self.extra
 
 
 def _tune_slack(robot: Robot, effect: Effect) -> None:
     slack = effect.parameters["slack"]
     for name in effect.elements:
-        robot.encode.append(partial(Toe, robot.tendon(name), slack))
+        robot.encoder_devices.append(partial(Toe, robot.tendon(name), slack))
 
 
 MECHANISMS = (

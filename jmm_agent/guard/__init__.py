@@ -1,1 +1,1 @@
-"""Faults of the robot: monitors of muscles, motion and camera, and the guard that acts on them."""
+"""Faults of the robot: monitors of muscles, motion and camera, and the guard that uses them."""

@@ -1,7 +1,8 @@
-"""A camera that is frozen; a marker that is hidden, doubled or mirrored.
+"""Monitors of a frozen camera, and of a marker that is hidden, doubled or mirrored.
 
-The wires tell how the marker moves from frame to frame far better than where it is: the pose that
-is expected in a frame is the last pose that was believed, moved as the estimate moved since.
+The estimated joint angles show how the marker moves from frame to frame far better than where it
+is. So the pose that is expected in a frame is the last pose that was believed, moved as the
+predicted pose moved since.
 """
 
 from __future__ import annotations
@@ -21,21 +22,24 @@ from jmm_agent.vision.marker_detector import MarkerPose, Skip
 
 @dataclass(frozen=True)
 class CameraMonitorOptions:
-    """When pictures are not believed.
+    """Thresholds from which on frames and markers are not believed.
 
     Attributes:
-        silence: no new frame for so long, and the camera is frozen [s].
-        moved: the same picture of the hand though some wire moved by this is frozen, too [m].
-        turned: so is any picture if the camera itself turned by this [rad].
+        silence: a camera without a new frame for this time is frozen [s].
+        moved: the camera is frozen if a frame with the hand in view stays the same while some
+            muscle moves by this [m].
+        turned: the camera is frozen if a frame stays the same while the camera turns by this [rad].
         memory: time over which hidden markers are counted [s].
-        hidden_frames: so many frames without the marker within it, and it is hidden.
-        still_m, still_rad: as long as the map is not trusted, a marker is only missed if since it
-            was seen it moved no further [m], [rad], by the wires.
-        margin: how far inside the frame the marker must be expected to be missed [px].
-        facing: and its face at most this far from the line of sight [rad].
+        hidden_frames: number of frames without the marker, within `memory`, from which on it is
+            hidden.
+        still_m: while the map is not trusted, a marker is only missed if its predicted position
+            has moved by less than this since it was seen [m], ...
+        still_rad: ... and its predicted orientation has turned by less than this [rad].
+        margin: a marker is only missed if it is expected this far inside the frame [px], ...
+        facing: ... and its normal at most this far from the line of sight [rad].
         mirrored: least angle between the expected and a mirrored pose [rad].
-        nearer: one of the two poses is clearly nearer to the expected one by this factor [1].
-        longest: a pose that stays mirrored for longer is right, and what was expected wrong [s].
+        nearer: factor by which one of the two poses must be nearer to the expected one [1].
+        longest: a pose that stays mirrored for longer is right, and the expected one wrong [s].
     """
 
     silence: float = 1.0
@@ -53,7 +57,11 @@ class CameraMonitorOptions:
 
 
 class FrozenCameraMonitor:
-    """Notices that no new picture comes, or that the newest is an old one."""
+    """Finds that no new frame arrives, or that the newest one is an old one.
+
+    Args:
+        options: thresholds.
+    """
 
     def __init__(self, options: CameraMonitorOptions) -> None:
         self._options = options
@@ -68,7 +76,12 @@ class FrozenCameraMonitor:
         self._silent = self._same = False
 
     def is_new(self, time: float, frame_time: float) -> bool:
-        """Whether a frame of ``frame_time`` [s] is newer than all before; called at each step."""
+        """Whether a frame is newer than all before; called in each control step.
+
+        Args:
+            time: now [s].
+            frame_time: time at which the newest frame was taken [s].
+        """
         new = frame_time > self._frame_time
         if new:
             self._came, self._frame_time = time, frame_time
@@ -76,7 +89,7 @@ class FrozenCameraMonitor:
         return new
 
     def forget_estimate(self) -> None:
-        """The map has changed: how the camera was turned then is not comparable any more."""
+        """Forget the orientation of the camera: that of another map cannot be compared."""
         self._rotation = None
 
     def is_another(
@@ -86,16 +99,17 @@ class FrozenCameraMonitor:
         hand_in_view: bool,
         rotation: Floats | None = None,
     ) -> bool:
-        """Whether a new frame (H, W, 3) shows another picture than the last one.
+        """Whether a new frame differs from the last one.
 
-        If it does not, but since that picture came first the camera has turned, or the hand is in
-        view and wires have moved, the camera is frozen.
+        If it does not, the camera is frozen if it has turned since that frame was first seen, or
+        if the hand is in view and muscles have moved.
 
         Args:
-            frame: (H, W, 3).
-            lengths: of the wires (m,) [m].
+            frame: (H, W, 3) uint8.
+            lengths: of the muscles (m,) [m].
             hand_in_view: whether the frame shows the hand's marker.
-            rotation: of the camera (3, 3) by the wires when the frame was taken; None if unknown.
+            rotation: estimated orientation of the camera (3, 3) when the frame was taken; None if
+                unknown.
         """
         options = self._options
         digest = zlib.crc32(np.ascontiguousarray(frame).data)
@@ -118,10 +132,10 @@ class FrozenCameraMonitor:
 
 
 class MarkerMonitor:
-    """Compares each frame with where the marker must be.
+    """Compares the marker in each frame with its expected pose.
 
     Args:
-        camera: that the frames come from.
+        camera: the camera that the frames come from.
         options: thresholds.
     """
 
@@ -138,47 +152,47 @@ class MarkerMonitor:
         self._mirrored_since = np.inf
         self._seen: Floats | None = None
         self._sighting = np.eye(4)
-        self._believed: Floats | None = None
+        self._predicted: Floats | None = None
 
     def forget_estimate(self) -> None:
-        """The map has changed: what was believed then is not comparable any more.
+        """Forget the predicted pose: that of another map cannot be compared.
 
-        The map changes at rest, so that the marker still is where it was in the last frame when
-        the next is believed.
+        The map changes at rest, so the marker is still where it was in the last frame.
         """
-        self._believed = None
+        self._predicted = None
 
     def update(
         self,
         frame_time: float,
         outcome: MarkerPose | Skip,
-        believed: Floats | None,
+        predicted: Floats | None,
         trusted: bool = True,
     ) -> None:
-        """Take what a new frame shows of the marker.
+        """Add the result of a new frame.
 
         Args:
-            frame_time: when the frame was taken [s].
-            outcome: of the detection.
-            believed: pose_marker_in_camera (4, 4) by the wires at that time; None if unknown.
-            trusted: whether the map is.
+            frame_time: time at which the frame was taken [s].
+            outcome: result of the detection.
+            predicted: pose_marker_in_camera (4, 4) at the estimate of that time; None if unknown.
+            trusted: whether the map is trusted.
         """
         self._doubled = outcome is Skip.TWICE
-        if believed is not None:
-            self._compare(frame_time, outcome, believed, trusted)
+        if predicted is not None:
+            self._compare(frame_time, outcome, predicted, trusted)
         while self._hidden and frame_time - self._hidden[0] > self._options.memory:
             self._hidden.popleft()
 
     def _compare(
-        self, frame_time: float, outcome: MarkerPose | Skip, believed: Floats, trusted: bool
+        self, frame_time: float, outcome: MarkerPose | Skip, predicted: Floats, trusted: bool
     ) -> None:
-        expected = believed
+        """Compare the outcome with the expected pose (module docstring)."""
+        expected = predicted
         if self._seen is not None:
             moved = (
-                np.eye(4) if self._believed is None else np.linalg.inv(self._believed) @ believed
+                np.eye(4) if self._predicted is None else np.linalg.inv(self._predicted) @ predicted
             )
             self._seen = expected = self._seen @ moved
-        self._believed = believed
+        self._predicted = predicted
         if isinstance(outcome, MarkerPose):
             self._mirrored = self._is_mirrored(outcome, expected)
             since = min(self._mirrored_since, frame_time) if self._mirrored else np.inf
@@ -193,7 +207,7 @@ class MarkerMonitor:
                 self._hidden.append(frame_time)
 
     def found(self) -> Iterator[str]:
-        """Kinds of faults that are seen now."""
+        """Kinds of faults that are found now."""
         if len(self._hidden) >= self._options.hidden_frames:
             yield MARKER_HIDDEN
         if self._doubled:
@@ -202,6 +216,7 @@ class MarkerMonitor:
             yield MIRRORED_MARKER
 
     def _is_mirrored(self, marker: MarkerPose, expected: Floats) -> bool:
+        """Whether the flipped pose of a marker is the one that is expected (4, 4)."""
         options = self._options
         away = _angle(marker.pose_marker_in_camera, expected)
         other = _angle(marker.flipped_in_camera, expected)
@@ -210,12 +225,13 @@ class MarkerMonitor:
         return away > options.mirrored and other < options.nearer * away
 
     def _is_still(self, pose: Floats) -> bool:
-        """Whether the marker, by its pose (4, 4), is about where it was seen last."""
+        """Whether an expected pose (4, 4) is close to where the marker was seen last."""
         moved = float(np.linalg.norm(pose[:3, 3] - self._sighting[:3, 3]))
         turned = _angle(pose, self._sighting)
         return moved <= self._options.still_m and turned <= self._options.still_rad
 
     def _must_be_in_view(self, pose: Floats) -> bool:
+        """Whether a marker at a pose (4, 4) is well inside the frame and faces the camera."""
         position, normal = pose[:3, 3], pose[:3, 2]
         if position[2] <= 0.0:
             return False

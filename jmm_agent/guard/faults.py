@@ -1,9 +1,8 @@
-"""What is wrong with the robot right now, as far as its own senses show it.
+"""Faults of the robot that a guard names, and the motor control that it assumes.
 
-Watchers look for one kind of symptom each: `wire_watch` at encoders, tension sensors and wires,
-`sight_watch` at the camera and the marker, `motion_watch` at late commands and at pushes. The
-`guard` asks them all, keeps what a fault touches from being learned, and holds commands within the
-motors' limit.
+Each monitor finds one kind of symptom in the sensor readings: `muscle_monitor` those of encoders,
+tension sensors and muscles, `camera_monitor` those of the camera and the marker, `motion_monitor`
+late commands and pushes. The `guard` runs them all.
 """
 
 from __future__ import annotations
@@ -29,23 +28,23 @@ COMMAND_LATE = "command_late"
 PUSHED = "pushed"
 
 KINDS = {
-    ENCODER_DEAD: "the encoder gives no number",
+    ENCODER_DEAD: "the encoder's reading is not a finite number",
     ENCODER_STUCK: "the encoder's reading no longer changes, not even by its noise",
-    ENCODER_JUMP: "the encoder's reading jumped farther than a wire can move",
-    TENSION_SENSOR_DEAD: "the tension sensor reads nothing, but the wire still moves as it should",
-    MUSCLE_SNAPPED: "the wire has no tension and its motor winds it up",
-    CAMERA_FROZEN: "no new picture comes, or the same one again while the hand moves",
-    MARKER_HIDDEN: "the marker is not seen where it must be in view",
-    SECOND_MARKER: "the hand's marker is in the picture more than once",
-    MIRRORED_MARKER: "the marker's pose is the mirror image of what the wires tell",
-    COMMAND_LATE: "the wires pull as older commands would have it",
-    PUSHED: "tensions and gravity do not balance: something pushes the hand",
+    ENCODER_JUMP: "the encoder's reading jumped farther than a muscle can move",
+    TENSION_SENSOR_DEAD: "the tension sensor reads nothing, but the muscle moves as expected",
+    MUSCLE_SNAPPED: "the muscle has no tension, and its motor winds it up",
+    CAMERA_FROZEN: "no new frame arrives, or frames stay the same while the hand moves",
+    MARKER_HIDDEN: "the marker is not found where it must be in view",
+    SECOND_MARKER: "the hand's marker is in the frame more than once",
+    MIRRORED_MARKER: "the marker's pose is the mirror image of the predicted one",
+    COMMAND_LATE: "the tensions are those that older commands demand",
+    PUSHED: "tensions and gravity do not balance: an external force acts on the hand",
 }
-"""Every kind of fault that is named, and what it means."""
+"""All kinds of faults, and the meaning of each."""
 
 
 class Fault(NamedTuple):
-    """One fault that is seen now.
+    """One fault that is found now.
 
     Attributes:
         kind: a key of `KINDS`.
@@ -59,21 +58,25 @@ class Fault(NamedTuple):
 
 
 def faults_for_info(faults: list[Fault]) -> list[dict[str, Any]]:
-    """Faults as the entry ``faults`` of an ``info``: plain dictionaries."""
+    """Faults as plain dictionaries, for the entry ``faults`` of a Gymnasium ``info``.
+
+    Args:
+        faults: to convert.
+    """
     return [fault._asdict() for fault in faults]
 
 
 @dataclass(frozen=True)
 class MotorControl:
-    """Muscle stiffness control as the motors do it: T = bias + max(0, stiffness (l - l_target)).
+    """Muscle stiffness control: T = bias + max(0, stiffness (l - l_target)) (sec. III-B).
 
     Attributes:
         stiffness: K_stiff [N/m].
         bias: T_bias [N].
-        limit: the largest tension that may be commanded [N].
+        limit: largest tension that may be commanded [N].
 
     Raises:
-        AgentError: a number that is not positive and finite, or a bias above the limit.
+        AgentError: a number is not positive and finite, or the bias is above the limit.
     """
 
     stiffness: float = 30_000.0
@@ -93,9 +96,24 @@ class MotorControl:
             )
 
     def demanded(self, lengths: Floats, target_lengths: Floats) -> Floats:
-        """Tension [N] that the control demands at lengths for target lengths [m], of any shape."""
+        """Tensions that the control demands.
+
+        Args:
+            lengths: measured muscle lengths [m], of any shape.
+            target_lengths: [m], of a shape that broadcasts with the lengths.
+
+        Returns:
+            Tensions [N], not limited.
+        """
         return self.bias + self.stiffness * np.maximum(0.0, lengths - target_lengths)
 
     def shortest_target(self, lengths: Floats) -> Floats:
-        """The target lengths [m] that demand the limit at given lengths [m]."""
+        """Target lengths that demand the limit.
+
+        Args:
+            lengths: measured muscle lengths [m], of any shape.
+
+        Returns:
+            Target lengths [m].
+        """
         return lengths - (self.limit - self.bias) / self.stiffness

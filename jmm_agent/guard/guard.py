@@ -1,7 +1,7 @@
-"""Watches over robot and agent: names faults, and keeps commands within the motors' limit.
+"""Guard of robot and agent: names faults and keeps commands within the motors' limit.
 
-The watchers only use what the agent feels, sees and commands. While anything is found the agent
-learns nothing, and it takes back what it learned just before that was noticed.
+The monitors only use what the agent measures, sees and commands. While a fault is found the agent
+learns nothing, and it takes back what it learned just before the fault was noticed.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from jmm_agent.guard.arm_state import ArmState
 from jmm_agent.guard.camera_monitor import CameraMonitorOptions, FrozenCameraMonitor, MarkerMonitor
 from jmm_agent.guard.faults import (
     CAMERA_FROZEN,
@@ -28,27 +29,35 @@ from jmm_agent.guard.motion_monitor import (
 )
 from jmm_agent.guard.muscle_monitor import FilteredReadings, MuscleMonitor, MuscleMonitorOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.marker_detector import MarkerPose, Skip
+from jmm_agent.vision.hand_marker import HandMarker
+from jmm_agent.vision.marker_detector import MarkerPose
 
 Gravity = Callable[[Floats], Floats]
 """Joint angles (n,) [rad] -> torques (n,) [N m] with which gravity bends the joints."""
 
+ROUNDING = 1e-9
+"""Difference below which two times are the same [s]."""
+
 
 @dataclass(frozen=True)
 class GuardOptions:
-    """What the guard looks at, and the thresholds of all watchers.
+    """Frames that the guard uses, and the thresholds of all monitors.
 
     Attributes:
-        hand: the frame that may be pushed.
-        eye: that of the camera.
-        learned: so many looks must be remembered before the map is trusted: before that it may be
-            wrong by as much as a push would have it, or a marker that is hidden as the hand moves.
-            0 for a map that is right from the start.
-        history: for how long estimates are kept, since frames come late [s].
-        take_back: what was learned for so long before a fault was noticed is taken back [s].
-        wires, late, push, sight: of the watchers.
+        hand: frame of the hand, on which external disturbances act.
+        eye: frame of the camera.
+        learned: number of marker observations that the map must have learned from before it is
+            trusted. Until then its error may look like a push, or like a hidden marker while the
+            hand moves. 0 for a map that is right from the start.
+        history: how long estimates are kept, because frames arrive late [s].
+        take_back: what was learned less than this before a fault was noticed is taken back [s].
+        muscles: thresholds of the muscle monitor.
+        delay: thresholds of the delay monitor.
+        disturbance: thresholds of the disturbance monitor.
+        camera: thresholds of the camera and marker monitors.
     """
 
     hand: str = "grip"
@@ -57,24 +66,28 @@ class GuardOptions:
     history: float = 2.0
     take_back: float = 1.0
     muscles: MuscleMonitorOptions = field(default_factory=MuscleMonitorOptions)
-    late: DelayMonitorOptions = field(default_factory=DelayMonitorOptions)
-    push: DisturbanceMonitorOptions = field(default_factory=DisturbanceMonitorOptions)
-    sight: CameraMonitorOptions = field(default_factory=CameraMonitorOptions)
+    delay: DelayMonitorOptions = field(default_factory=DelayMonitorOptions)
+    disturbance: DisturbanceMonitorOptions = field(default_factory=DisturbanceMonitorOptions)
+    camera: CameraMonitorOptions = field(default_factory=CameraMonitorOptions)
 
 
 class Guard:
-    """All watchers of one robot; an `Agent` calls it at each step.
+    """All monitors of one robot.
+
+    In each control step an `Agent` calls `filter` before it estimates the joint angles, `watch`
+    after, and `limit` on its command.
 
     Args:
         muscles: names of the m muscles.
-        kinematics: of the arm as drawn.
-        camera: that the frames come from.
-        gravity: of the arm as drawn; None: pushes are not looked for.
+        kinematics: of the nominal model.
+        camera: the camera that the frames come from.
+        gravity: torques of gravity in the nominal model; None: no external disturbance is found.
         motors: how the motors turn commands into tensions, and their limit.
         options: thresholds.
 
     Attributes:
         faults: what is found now, in the order in which it was noticed.
+        options: as given, or the defaults.
     """
 
     def __init__(
@@ -90,101 +103,127 @@ class Guard:
         self._kinematics, self._gravity = kinematics, gravity
         self._motors = motors = motors or MotorControl()
         self._muscles = MuscleMonitor(muscles, motors, options.muscles)
-        self._late = DelayMonitor(motors, options.late)
-        self._push = DisturbanceMonitor(options.push)
-        self._camera = FrozenCameraMonitor(options.sight)
-        self._marker = MarkerMonitor(camera, options.sight)
-        self._felt: FilteredReadings
+        self._delay = DelayMonitor(motors, options.delay)
+        self._disturbance = DisturbanceMonitor(options.disturbance)
+        self._camera = FrozenCameraMonitor(options.camera)
+        self._marker = MarkerMonitor(camera, options.camera)
+        self._filtered: FilteredReadings
         self.reset()
 
+    @property
+    def take_back(self) -> float:
+        """What was learned less than this before a fault was noticed is taken back [s]."""
+        return self.options.take_back
+
     def reset(self) -> None:
-        """Forget the robot's state, as at the start of an episode."""
-        for watch in (self._muscles, self._late, self._push, self._camera, self._marker):
-            watch.reset()
+        """Forget the state of the robot, as at the start of an episode."""
+        monitors = (self._muscles, self._delay, self._disturbance, self._camera, self._marker)
+        for monitor in monitors:
+            monitor.reset()
         self._estimates = deque[tuple[float, Floats]]()
         self._steps, self._force_time = 0, -np.inf
-        self.trust(0)
         self.faults: list[Fault] = []
 
     def map_changed(self) -> None:
-        """Estimates of another map are not comparable with those before."""
+        """Forget earlier estimates: those of another map cannot be compared with the next ones."""
         self._estimates.clear()
         self._camera.forget_estimate()
         self._marker.forget_estimate()
 
-    def feel(
-        self, period: float, lengths: Floats, tensions: Floats, command: Floats, expected: Floats
+    def filter(
+        self, readings: SensorReadings, after: float, command: Floats, expected: Floats
     ) -> FilteredReadings:
-        """What can be used of the readings; see `MuscleMonitor.update`."""
-        self._felt = felt = self._muscles.update(period, lengths, tensions, command, expected)
-        self._late.update(felt.lengths, felt.tensions, command, ~(felt.doubted | felt.numb))
-        return felt
-
-    def trust(self, observations: int) -> None:
-        """Trust the map if enough looks are remembered that it learned from."""
-        self._trusted = observations >= self.options.learned
-
-    def watch_hand(self, time: float, estimate: Floats, map_jacobian: Callable[[], Floats]) -> None:
-        """Look for a push, where all wires can be believed.
+        """Readings of which each can be used, and which of them are in doubt.
 
         Args:
-            time: now [s].
-            estimate: joint angles (n,) [rad].
-            map_jacobian: gives moment arms (m, n) [m/rad] at the estimate.
+            readings: of this control step; some may be not finite.
+            after: time of the readings before [s]; -inf for the first.
+            command: target lengths (m,) [m] while they were measured.
+            expected: muscle lengths (m,) [m] by the map at the estimate.
+
+        Raises:
+            AgentError: the readings are of the wrong shape or not later, or no length is finite.
         """
+        readings = readings.checked(after, len(command), gaps=True)
+        dt = readings.time - after if np.isfinite(after) else CONTROL_PERIOD
+        lengths, tensions = readings.lengths, readings.tensions
+        filtered = self._muscles.update(dt, lengths, tensions, command, expected)
+        usable = ~(filtered.doubted | filtered.numb)
+        self._delay.update(filtered.lengths, filtered.tensions, command, usable)
+        self._filtered = filtered
+        return filtered
+
+    def watch(self, readings: SensorReadings, state: ArmState) -> bool:
+        """Bring ``faults`` up to date after the estimation.
+
+        Args:
+            readings: of this control step, filtered.
+            state: what the agent knows of the arm.
+
+        Returns:
+            Whether a fault is new.
+
+        Raises:
+            AgentError: the frame has a wrong shape or type.
+        """
+        trusted = state.observations >= self.options.learned
+        if state.hand_is_free:
+            self._watch_hand(readings.time, state, trusted)
+        else:
+            self._disturbance.reset()
+        if state.marker is not None:
+            self._watch_camera(readings, state.q, state.marker, trusted)
+        return self._update_faults(readings.time)
+
+    def limit(self, target_lengths: Floats) -> Floats:
+        """Target lengths (m,) [m] that demand no tension above the motors' limit.
+
+        Snapped muscles, and those whose encoder is not believed, are left at T_bias.
+        """
+        filtered = self._filtered
+        shortest = self._motors.shortest_target(filtered.lengths)
+        return np.maximum(target_lengths, np.where(filtered.unsafe, filtered.lengths, shortest))
+
+    def _watch_hand(self, time: float, state: ArmState, trusted: bool) -> None:
+        """Estimate the external force on the hand, if no muscle is in doubt."""
+        estimate = state.q
         self._estimates.append((time, estimate))
         while time - self._estimates[0][0] > self.options.history:
             self._estimates.popleft()
         self._steps += 1
-        every = self.options.push.every
-        doubtful = (self._felt.doubted | self._felt.numb).any()
-        if self._gravity is None or self._steps % every or doubtful:
+        every = self.options.disturbance.every
+        in_doubt = (self._filtered.doubted | self._filtered.numb).any()
+        if self._gravity is None or self._steps % every or in_doubt:
             return
-        torques = self._gravity(estimate) - map_jacobian().T @ self._felt.tensions
+        torques = self._gravity(estimate) - state.map.jacobian(estimate).T @ self._filtered.tensions
         jacobian = self._kinematics.frame_jacobian(self.options.hand, estimate)[:3]
         rotation = self._kinematics.pose(self.options.hand, estimate)[:3, :3]
-        self._push.update(time - self._force_time, torques, jacobian, rotation, self._trusted)
+        self._disturbance.update(time - self._force_time, torques, jacobian, rotation, trusted)
         self._force_time = time
 
-    def leave_hand(self) -> None:
-        """The hand holds something: what pushes it now is no fault."""
-        self._push.reset()
-
-    def watch_camera(
-        self,
-        time: float,
-        frame: np.ndarray | None,
-        frame_time: float,
-        detect: Callable[[np.ndarray], MarkerPose | Skip],
-        believe: Callable[[Floats], Floats],
+    def _watch_camera(
+        self, readings: SensorReadings, q: Floats, marker: HandMarker, trusted: bool
     ) -> None:
-        """Look at a frame if it is new.
-
-        Args:
-            time: now [s].
-            frame: newest frame (H, W, 3) uint8, or None.
-            frame_time: when it was taken [s].
-            detect: finds the hand's marker in a frame.
-            believe: pose_marker_in_camera (4, 4) at joint angles (n,) [rad].
-        """
-        if not self._camera.is_new(time, frame_time) or frame is None:
+        """Compare a new frame with the one before and with what the estimate predicts."""
+        frame, frame_time = readings.frame, readings.frame_time
+        if not self._camera.is_new(readings.time, frame_time) or frame is None:
             return
-        outcome = detect(frame)
+        outcome = marker.find(frame, q)
         in_view = isinstance(outcome, MarkerPose)
         estimate = self._estimate_at(frame_time)
         eye = None if estimate is None else self._kinematics.pose(self.options.eye, estimate)
         rotation = None if eye is None else eye[:3, :3]
-        if not self._camera.is_another(frame, self._felt.lengths, in_view, rotation):
+        if not self._camera.is_another(frame, self._filtered.lengths, in_view, rotation):
             return
-        believed = None if estimate is None else believe(estimate)
-        self._marker.update(frame_time, outcome, believed, self._trusted)
+        predicted = None if estimate is None else marker.pose(estimate)
+        self._marker.update(frame_time, outcome, predicted, trusted)
 
     def _estimate_at(self, time: float) -> Floats | None:
-        """Joint angles (n,) [rad] as estimated at a time [s]; None from before the history."""
-        past = [estimate for at, estimate in self._estimates if at <= time + 1e-9]
+        """Estimated joint angles (n,) [rad] at a time [s]; None from before the history."""
+        past = [estimate for at, estimate in self._estimates if at <= time + ROUNDING]
         return past[-1] if past else None
 
-    def judge(self, time: float) -> bool:
+    def _update_faults(self, time: float) -> bool:
         """Bring ``faults`` up to date; whether one is new."""
         known = {(fault.kind, fault.where): fault for fault in self.faults}
         found = list(self._found())
@@ -193,21 +232,13 @@ class Guard:
         return any(fault not in known for fault in found)
 
     def _found(self) -> Iterator[tuple[str, str]]:
+        """Kind and location of each fault that is found now."""
         yield from self._muscles.found()
-        if self._late.late:
+        if self._delay.late:
             yield COMMAND_LATE, "commands"
-        if self._push.pushed:
+        if self._disturbance.pushed:
             yield PUSHED, "hand"
         if self._camera.frozen:
             yield CAMERA_FROZEN, "camera"
         for kind in self._marker.found():
             yield kind, "marker"
-
-    def safe(self, target_lengths: Floats) -> Floats:
-        """Target lengths (m,) [m] that demand no tension above the limit.
-
-        Wires whose encoder cannot be believed, and those that snapped, are left at T_bias.
-        """
-        felt = self._felt
-        least = np.where(felt.unsafe, felt.lengths, self._motors.shortest_target(felt.lengths))
-        return np.maximum(target_lengths, least)

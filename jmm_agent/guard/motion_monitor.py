@@ -1,4 +1,4 @@
-"""Commands that come late, and pushes: what tensions tell beyond single wires."""
+"""Monitors of late commands and of external forces on the hand, by the tensions of all muscles."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from jmm_agent.types import Bools, Floats
 
 @dataclass(frozen=True)
 class DelayMonitorOptions:
-    """When commands count as late.
+    """Thresholds of late commands.
 
     Attributes:
-        delays: how many steps late commands may be.
-        window: number of steps that are judged together.
-        least: RMS difference of tensions that says anything [N].
-        share: an older command explains tensions if it leaves this share of the difference [1].
-        shortest: number of steps from which on it is called late.
+        delays: largest delay that is found, in steps.
+        window: number of steps over which differences of tensions are averaged.
+        least: RMS difference of tensions below which nothing is concluded [N].
+        share: an older command explains tensions if it leaves less than this share of the
+            difference that the newest command leaves [1].
+        shortest: smallest delay that counts as late, in steps.
     """
 
     delays: int = 10
@@ -36,6 +37,9 @@ class DelayMonitor:
     Args:
         motors: how commands become tensions.
         options: thresholds.
+
+    Attributes:
+        late: whether commands are late.
     """
 
     def __init__(self, motors: MotorControl, options: DelayMonitorOptions) -> None:
@@ -49,8 +53,17 @@ class DelayMonitor:
         self.late = False
 
     def update(self, lengths: Floats, tensions: Floats, command: Floats, usable: Bools) -> bool:
-        """Take what was measured (m,) [m], [N] while ``command`` (m,) [m] was the newest; whether
-        commands are late. Only ``usable`` wires (m,) are asked."""
+        """Add the readings of one control step.
+
+        Args:
+            lengths: measured muscle lengths (m,) [m].
+            tensions: measured muscle tensions (m,) [N].
+            command: the newest target lengths at that time (m,) [m].
+            usable: muscles whose readings can be used (m,).
+
+        Returns:
+            Whether commands are late.
+        """
         options = self._options
         self._commands.appendleft(command.copy())
         if len(self._commands) <= options.delays or not usable.any():
@@ -71,19 +84,19 @@ class DelayMonitor:
 
 @dataclass(frozen=True)
 class DisturbanceMonitorOptions:
-    """When a force on the hand counts as a push.
+    """Thresholds of pushes.
 
     Attributes:
         every: number of steps between two estimates of the force.
-        average: number of estimates that are averaged, now and before.
-        between: number of estimates between those.
-        onset: time in which a push comes and goes [s].
-        least: no smaller change of the force is a push [N].
-        factor: nor one below this many times its usual change [1].
-        usual_change: what is thought of that at first [N].
-        usual_memory: time over which it is learned [s].
-        end: share of the push by which the force must go back for the push to be over [1].
-        longest: a force that stays for longer is no push, but a load [s].
+        average: number of estimates that are averaged, the newest and earlier ones.
+        between: number of estimates between the newest and the earlier ones.
+        onset: time within which a push begins or ends [s].
+        least: smallest change of the force that is a push [N].
+        factor: smallest change of the force that is a push, in usual changes [1].
+        usual_change: usual change of the force, before it is learned [N].
+        usual_memory: time over which the usual change is learned [s].
+        end: share of the push by which the force must fall for the push to end [1].
+        longest: a force that lasts longer is a load, not a push [s].
     """
 
     every: int = 2
@@ -99,11 +112,17 @@ class DisturbanceMonitorOptions:
 
 
 class DisturbanceMonitor:
-    """Finds the force on the hand that balances tensions and gravity best, and sees it change.
+    """Estimates the external force on the hand, and finds fast changes of it.
 
-    At rest -G' T + g + J' F = 0 with the muscle Jacobian G, gravity's torques g and the hand's
-    Jacobian J. A map with errors shows a force F that is not there, but as the arm moves that
-    changes slowly; a push comes and goes within a fifth of a second.
+    At rest -G' T + g + J' F = 0 with the muscle Jacobian G, tensions T, torques g of gravity and
+    the Jacobian J of the hand. Errors of the map cause an apparent force F, which changes slowly
+    as the arm moves; a push begins and ends within a fifth of a second.
+
+    Args:
+        options: thresholds.
+
+    Attributes:
+        pushed: whether the hand is pushed.
     """
 
     def __init__(self, options: DisturbanceMonitorOptions) -> None:
@@ -112,7 +131,7 @@ class DisturbanceMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all forces; keep how much they usually change."""
+        """Forget all forces; keep their usual change."""
         options = self._options
         self._forces: deque[Floats] = deque(maxlen=2 * options.average + options.between)
         self._before = self._push = np.zeros(3)
@@ -127,15 +146,18 @@ class DisturbanceMonitor:
         rotation: Floats,
         trusted: bool = True,
     ) -> bool:
-        """Take one estimate; whether the hand is pushed.
+        """Add one estimate of the force.
 
         Args:
-            dt: time since the last estimate [s]; after more than `onset` all begins anew, for
-                what comes cannot be compared with what was before.
-            torques: what tensions and gravity leave in the joints (n,) [N m].
-            hand_jacobian: velocity of the hand in its own axes per joint (3, n) [m/rad].
-            rotation: of the hand in the world (3, 3).
-            trusted: whether the map is; as long as it is not, every change is the map's error.
+            dt: time since the last estimate [s]; after more than `onset` the earlier estimates are
+                dropped, because they cannot be compared with new ones.
+            torques: remaining torques of tensions and gravity in the joints (n,) [N m].
+            hand_jacobian: velocity of the hand in its own axes per joint velocity (3, n) [m/rad].
+            rotation: orientation of the hand in the world (3, 3).
+            trusted: whether the map is trusted; if not, every change is an error of the map.
+
+        Returns:
+            Whether the hand is pushed.
         """
         options, forces = self._options, self._forces
         if dt > options.onset:
@@ -147,7 +169,7 @@ class DisturbanceMonitor:
             return self.pushed
         past = np.array(forces)
         before, force = past[: options.average].mean(axis=0), past[-options.average :].mean(axis=0)
-        if self._lasted < options.onset:  # the force is still on its way to what it will be
+        if self._lasted < options.onset:  # the force is still changing
             self._push = force - self._before
             return self.pushed
         change = force - before
@@ -157,7 +179,7 @@ class DisturbanceMonitor:
         return self.pushed
 
     def _begins(self, change: Floats, dt: float, trusted: bool) -> bool:
-        """Whether a change of the force (3,) [N] is a push; learns how much it usually changes."""
+        """Whether a change of the force (3,) [N] is a push; if not, it is learned as usual."""
         options, size = self._options, float(np.linalg.norm(change))
         least = max(options.least, options.factor * float(np.sqrt(self._variance)))
         if trusted and size > least:
@@ -166,6 +188,6 @@ class DisturbanceMonitor:
         return False
 
     def _ends(self, change: Floats) -> bool:
-        """Whether a change of the force (3,) [N] takes the push back, or it has been too long."""
+        """Whether a change of the force (3,) [N] ends the push, or the push has lasted too long."""
         back = -float(change @ self._push) / float(self._push @ self._push)
         return back > self._options.end or self._lasted > self._options.longest

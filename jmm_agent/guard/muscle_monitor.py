@@ -1,4 +1,4 @@
-"""Encoders that stick, jump or die, tension sensors that drop out, wires that snap."""
+"""Monitor of each muscle: stuck, jumped or dead encoders, dead tension sensors, snapped muscles."""
 
 from __future__ import annotations
 
@@ -22,22 +22,23 @@ from jmm_agent.types import Bools, Floats
 
 @dataclass(frozen=True)
 class MuscleMonitorOptions:
-    """From when on a reading is not believed.
+    """Thresholds from which on readings of a muscle are not believed.
 
     Attributes:
-        stuck_after: an encoder that is known to be noisy sticks if it reads the same so long [s].
-        noisy_steps: so many steps with an unchanged command tell whether an encoder is noisy.
-        still: a reading that was the same so long may have been late, and may catch up [s].
-        speed: no wire moves faster [m/s]; a reading that does has jumped.
-        offset: a reading that is off by less after its jumps is believed again [m].
-        moved_share: so is one that differs from what the other wires tell by as much as before it
-            jumped, give or take this share of the jump [1] ...
-        moved_after: ... for so long: the wire moved, and its encoder was right [s].
-        moved_before: that is, so many steps before, for a yank takes some.
-        slack_share: a tension below this share of T_bias is none [1].
-        numb_after: for so long, and the sensor is dead [s] ...
-        wound_up: ... unless the wire shortened by this meanwhile: then it has snapped [m].
-        doubt_after: without tension for so long a wire is doubted, whatever the reason [s].
+        stuck_after: a noisy encoder is stuck if its reading stays the same for this time [s].
+        noisy_steps: steps with an unchanged command that show whether an encoder is noisy.
+        still: after a reading stayed the same for this time it may catch up at once [s].
+        speed: a reading that changes faster has jumped [m/s]; no muscle does.
+        offset: a reading is believed again if all its jumps add up to less than this [m].
+        moved_share: a reading is also believed again if its residual against the map at the
+            estimate is as before the jump, within this share of the jump [1] ...
+        moved_after: ... for this time: then the muscle moved, and its encoder was right [s].
+        moved_before: number of steps before the jump at which that residual is taken, because a
+            yank takes some steps.
+        slack_share: a tension below this share of T_bias counts as none [1].
+        numb_after: a sensor without tension for this time is dead [s], ...
+        wound_up: ... unless the muscle has shortened by this meanwhile: then it has snapped [m].
+        doubt_after: a muscle without tension for this time is in doubt for any reason [s].
     """
 
     stuck_after: float = 0.4
@@ -55,14 +56,14 @@ class MuscleMonitorOptions:
 
 
 class FilteredReadings(NamedTuple):
-    """Readings that can be used, and which of them are not to be believed.
+    """Readings of m muscles of which each can be used, and which of them are in doubt.
 
     Attributes:
-        lengths: measured lengths (m,) [m]; the last usable one where there is no number.
-        tensions: measured tensions (m,) [N]; what the motors were told where they are numb.
-        doubted: whose length is not to be believed (m,).
-        numb: whose tension is not to be believed (m,).
-        unsafe: which wires must not pull by their encoder (m,).
+        lengths: measured lengths (m,) [m]; the last finite one if there is none.
+        tensions: measured tensions (m,) [N]; the commanded ones for dead sensors.
+        doubted: muscles whose length is in doubt (m,).
+        numb: muscles whose tension is in doubt (m,).
+        unsafe: muscles that must not pull by their encoder (m,).
     """
 
     lengths: Floats
@@ -73,7 +74,7 @@ class FilteredReadings(NamedTuple):
 
 
 class MuscleMonitor:
-    """Watches each wire by its own encoder and tension sensor.
+    """Watches each muscle by its own encoder and tension sensor.
 
     Args:
         muscles: names of the m muscles.
@@ -105,13 +106,14 @@ class MuscleMonitor:
     def update(
         self, dt: float, lengths: Floats, tensions: Floats, command: Floats, expected: Floats
     ) -> FilteredReadings:
-        """Take what was measured while ``command`` was held.
+        """Add the readings of one control step.
 
         Args:
             dt: time since the last readings [s].
-            lengths, tensions: as they were read (m,) [m], [N]; may be no numbers.
-            command: target lengths (m,) [m].
-            expected: lengths (m,) [m] by the map where the arm is believed to be.
+            lengths: as they were read (m,) [m]; some may be not finite.
+            tensions: as they were read (m,) [N]; some may be not finite.
+            command: target lengths (m,) [m] while they were measured.
+            expected: muscle lengths (m,) [m] by the map at the estimate.
         """
         if not self._begun:
             self._reading, self._command = expected.copy(), command.copy()
@@ -133,6 +135,7 @@ class MuscleMonitor:
         return self._offset != 0.0
 
     def _watch_encoders(self, dt: float, reading: Floats, command: Floats) -> None:
+        """Find jumps and stuck encoders."""
         options = self._options
         moved, waited = reading - self._reading, self._unchanged + dt
         fresh = moved != 0.0
@@ -151,7 +154,7 @@ class MuscleMonitor:
         self._stuck = noisy & (self._unchanged >= options.stuck_after) & ~self._dead
 
     def _watch_jumps(self, dt: float, residual: Floats) -> None:
-        """Believe encoders again that jumped with their wires, as the other wires tell."""
+        """Believe encoders again that jumped because their muscles moved."""
         options = self._options
         change = np.abs(residual - self._residual_before_jump)
         as_before = self._jumped & (change < options.moved_share * np.abs(self._offset))
@@ -161,6 +164,7 @@ class MuscleMonitor:
     def _watch_tensions(
         self, dt: float, reading: Floats, tensions: Floats, command: Floats, residual: Floats
     ) -> Floats:
+        """Find dead sensors and snapped muscles; tensions (m,) [N] that can be used."""
         options = self._options
         missing = ~np.isfinite(tensions)
         slack = ~missing & (np.nan_to_num(tensions) < options.slack_share * self._motors.bias)
@@ -175,7 +179,7 @@ class MuscleMonitor:
         return np.where(self._numb, demanded, tensions)
 
     def found(self) -> Iterator[tuple[str, str]]:
-        """Kind and muscle of every fault that is seen now."""
+        """Kind and muscle of every fault that is found now."""
         intact = ~self._snapped & ~self._dead
         for kind, muscles in (
             (ENCODER_DEAD, self._dead),
@@ -189,5 +193,5 @@ class MuscleMonitor:
 
     @property
     def _decided(self) -> Bools:
-        """Whether it is known of a wire that it has not snapped."""
+        """Whether it is known that a muscle has not snapped (m,)."""
         return (self._slack_time == 0.0) | self._numb

@@ -1,38 +1,61 @@
-"""Forward and inverse kinematics of the drawing (Kawaharazuka et al. 2018, sec. III-C), Pinocchio.
+"""Forward and inverse kinematics of the nominal model, by Pinocchio.
 
-All poses and Jacobians may be relative to another moving frame: the camera on the head and the
-marker on the hand both move with the joints.
+All poses and Jacobians may be relative to another moving frame, because the camera on the head and
+the marker on the hand both move with the joints. Inverse kinematics serves the Vision Updater and
+grasping (Kawaharazuka et al. 2018, sec. III-C and IV).
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jmm_agent.kinematics.bounded_least_squares import Minimum, minimise
-from jmm_agent.kinematics.pinocchio_model import KinematicsError, load_model
+from jmm_agent.kinematics.goals import PointingGoal, PoseGoal
+from jmm_agent.kinematics.pinocchio_model import KinematicsError
+from jmm_agent.kinematics.relative_frames import RelativeFrames, finite
 from jmm_agent.types import Floats
 
-__all__ = ["ArmKinematics", "IkResult", "KinematicsError"]
+__all__ = ["ArmKinematics", "IkOptions", "IkResult", "KinematicsError"]
 
 
-RIGID_TOLERANCE = 1e-6  # of a rotation matrix times its transpose
-LIMIT_TOLERANCE = 1e-9  # [rad]
-LEAST_DISTANCE = 1e-6  # [m] of a point that a camera looks at
+LIMIT_TOLERANCE = 1e-9
+"""Distance from a limit within which a joint is at it [rad]."""
+POINTING_TOLERANCE = 1e-3
+"""Largest angle between the camera's axis and a point that it is pointed at [rad]."""
+POINTING_ITERATIONS = 100
 RESTART_SEED = 0
 
 
-class IkResult(NamedTuple):
-    """What inverse kinematics found.
+@dataclass(frozen=True)
+class IkOptions:
+    """How long inverse kinematics searches, and what it accepts.
 
     Attributes:
-        q: joints, shape (n,) [rad], inside the limits.
-        converged: the search ended in a minimum and both errors are within tolerance.
+        position_tolerance: largest position error of a converged result [m].
+        rotation_tolerance: largest rotation error of a converged result [rad].
+        max_iterations: largest number of steps of each search.
+        restarts: searches from other postures in the joint limits when the first does not
+            converge; the postures are the same in each call.
+    """
+
+    position_tolerance: float = 1e-3
+    rotation_tolerance: float = 1e-2
+    max_iterations: int = 200
+    restarts: int = 0
+
+
+class IkResult(NamedTuple):
+    """Result of inverse kinematics.
+
+    Attributes:
+        q: joint angles (n,) [rad], inside the limits.
+        converged: whether the search ended in a minimum with both errors within tolerance.
         position_error: distance to the target along the weighted axes [m].
         rotation_error: angle to the target about the weighted axes [rad].
         iterations: steps of the search.
@@ -50,13 +73,17 @@ class IkResult(NamedTuple):
 class ArmKinematics:
     """Kinematics of some joints of an MJCF file; every other joint is locked.
 
-    Frames are the file's sites, bodies and cameras. Cameras are in OpenCV's convention (x right,
+    Frames are the file's sites, bodies and cameras. Cameras follow OpenCV's convention (x right,
     y down, z forward), which is MuJoCo's turned by half a turn about x.
 
     Args:
-        mjcf_path: the drawing.
-        joints: the n joints, in the order of every q.
+        mjcf_path: MJCF file of the nominal model.
+        joints: names of the n joints, in the order of every q.
         locked: angles of other joints [rad]; zero where left out.
+
+    Attributes:
+        joints: as given.
+        limits: lowest and highest angle of each joint (n, 2) [rad], read-only.
 
     Raises:
         KinematicsError: the file is missing or broken, or a joint is unknown.
@@ -69,36 +96,49 @@ class ArmKinematics:
         locked: Mapping[str, float] | None = None,
     ) -> None:
         self.joints = tuple(joints)
-        self._model, names, self._frames = load_model(mjcf_path, self.joints, locked or {})
-        self._data = self._model.createData()
-        self._rank = np.array([self.joints.index(name) for name in names])
-        self._column = np.argsort(self._rank)
-        if self._model.nq != len(names) or self._model.nv != len(names):
-            raise KinematicsError("Kinematics: every joint must be a hinge or a slide.")
-        self.limits: Floats = np.column_stack(
-            [self._model.lowerPositionLimit, self._model.upperPositionLimit]
-        )[self._column]
-        self.limits.setflags(write=False)
+        self._frames = RelativeFrames(mjcf_path, self.joints, locked or {})
+        self.limits = self._frames.limits
 
     @property
     def frames(self) -> tuple[str, ...]:
         """Names of all frames."""
-        return tuple(self._frames)
+        return self._frames.names
 
     def pose(self, frame: str, q: ArrayLike, relative_to: str | None = None) -> Floats:
-        """Pose of `frame` in `relative_to` (None: world) at `q` (n,) [rad]; shape (4, 4)."""
-        ends = self._frame(frame), self._frame(relative_to)
-        pin.computeJointJacobians(self._model, self._data, self._posture(q)[self._rank])
-        return np.array(self._relative(*ends).homogeneous)
+        """Pose of a frame.
+
+        Args:
+            frame: name of the frame.
+            q: joint angles (n,) [rad].
+            relative_to: name of the frame in which the pose is given; None: world.
+
+        Returns:
+            Homogeneous matrix (4, 4), translation in metres.
+
+        Raises:
+            KinematicsError: an unknown frame, a wrong shape or an angle that is not finite.
+        """
+        ends = self._frames.number(frame), self._frames.number(relative_to)
+        return np.array(self._frames.relative(self._posture(q), *ends).homogeneous)
 
     def frame_jacobian(self, frame: str, q: ArrayLike, relative_to: str | None = None) -> Floats:
-        """Twist of `frame` against `relative_to`, in the axes of `frame`, per joint: (6, n).
+        """Velocity of a frame against another one, per joint velocity.
 
-        Rows 0 to 2: velocity of the origin [m/rad]; rows 3 to 5: angular velocity [rad/rad].
+        Args:
+            frame: name of the frame, in whose axes the velocity is given.
+            q: joint angles (n,) [rad].
+            relative_to: name of the other frame; None: world.
+
+        Returns:
+            Jacobian (6, n): velocity of the origin in rows 0 to 2 [m/rad], angular velocity in rows
+            3 to 5 [rad/rad].
+
+        Raises:
+            KinematicsError: an unknown frame, a wrong shape or an angle that is not finite.
         """
-        ends = self._frame(frame), self._frame(relative_to)
-        pin.computeJointJacobians(self._model, self._data, self._posture(q)[self._rank])
-        return self._jacobian(*ends, self._relative(*ends))[:, self._column]
+        ends = self._frames.number(frame), self._frames.number(relative_to)
+        relative = self._frames.relative(self._posture(q), *ends)
+        return self._frames.jacobian(*ends, relative)[:, self._frames.column]
 
     def solve(
         self,
@@ -109,109 +149,76 @@ class ArmKinematics:
         weights: ArrayLike = (1.0,) * 6,
         prior_precision: ArrayLike | None = None,
         free: ArrayLike | None = None,
-        position_tolerance: float = 1e-3,
-        rotation_tolerance: float = 1e-2,
-        max_iterations: int = 200,
-        restarts: int = 0,
+        options: IkOptions | None = None,
     ) -> IkResult:
-        """Joints that bring `frame` to `pose_target` in `relative_to`, joint limits kept.
+        """Find joint angles within their limits that bring a frame to a pose.
 
-        Minimises e' W e + (q - q_start)' L (q - q_start), e = (offset of the origin [m], rotation
-        vector [rad]) from the target, in the target's axes; not joined to a twist, so that a
-        weight on one does not act on the other. With W = 1 / variance of the seen pose and L =
-        inverse covariance of the estimate this is the likeliest posture (covariance-weighted IK).
+        Minimises e' W e + (q - q_start)' L (q - q_start) with e = (offset of the origin [m],
+        rotation vector [rad]) from the target, in the target's axes. With W = 1 / variance of a
+        measured pose and L = inverse covariance of an estimate this is the likeliest posture.
 
         Args:
-            frame: the moving frame.
-            pose_target: its pose to reach, (4, 4).
-            q_start: where to start, (n,) [rad]; clipped into the limits.
-            relative_to: the frame the target is given in; None: world.
-            weights: diagonal of W, (6,); zero for an axis that does not matter.
-            prior_precision: L, (n,) or (n, n) [1/rad^2]; None: zero.
-            free: mask of the joints that may move, (n,); None: all.
-            position_tolerance: largest position error of a converged result [m].
-            rotation_tolerance: largest rotation error of a converged result [rad].
-            max_iterations: of each search.
-            restarts: searches from other postures of the box when the first does not converge;
-                always the same ones.
+            frame: name of the moving frame.
+            pose_target: the pose to reach (4, 4).
+            q_start: start of the search (n,) [rad]; clipped into the limits.
+            relative_to: name of the frame in which the target is given; None: world.
+            weights: diagonal of W (6,); zero for an axis that does not matter.
+            prior_precision: L (n,) or (n, n) [1/rad^2]; None: zero.
+            free: which joints may move (n,); None: all.
+            options: tolerances, iterations and restarts.
 
         Raises:
-            KinematicsError: an unknown frame, a wrong shape, something not finite, no rigid pose.
+            KinematicsError: an unknown frame, a wrong shape, a number that is not finite, or a
+                target that is not a rigid pose.
         """
-        ends = self._frame(frame), self._frame(relative_to)
-        target = _rigid(pose_target)
-        turned, origin = target[:3, :3].T, target[:3, 3]
-        weight = _finite("weights", weights, (6,))
-        if (weight < 0).any() or not weight.any():
-            raise KinematicsError("IK: weights must be zero or positive, and not all zero.")
+        options = options or IkOptions()
+        ends = self._frames.number(frame), self._frames.number(relative_to)
+        goal = PoseGoal(self._frames, *ends, pose_target, weights)
         low, high, start = self._box(q_start, free)
-        precision = self._precision(prior_precision)
-        root = np.sqrt(weight)
+        precision, steps = self._precision(prior_precision), options.max_iterations
 
-        def residual(q: Floats) -> tuple[Floats, Floats]:
-            pin.computeJointJacobians(self._model, self._data, q[self._rank])
-            relative = self._relative(*ends)
-            rotation = turned @ relative.rotation
-            jacobian = self._jacobian(*ends, relative)
-            error = np.concatenate([turned @ (relative.translation - origin), pin.log3(rotation)])
-            slope = np.concatenate([rotation @ jacobian[:3], pin.Jlog3(rotation) @ jacobian[3:]])
-            return root * error, root[:, None] * slope[:, self._column]
-
-        def judged(found: Minimum) -> IkResult:
-            weighted = weight > 0
-            error = np.where(weighted, residual(found.x)[0] / np.where(weighted, root, 1.0), 0.0)
-            errors = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
-            good = errors[0] <= position_tolerance and errors[1] <= rotation_tolerance
-            reason = self._reason(found, good, *errors, low, high)
-            return IkResult(found.x, good and found.stationary, *errors, found.iterations, reason)
+        def search(begin: Floats) -> IkResult:
+            found = minimise(goal, begin, low, high, precision, steps, centre=start)
+            return self._judged(found, goal.errors(found.x), options, low, high)
 
         random = np.random.default_rng(RESTART_SEED)
-        best = judged(minimise(residual, start, low, high, precision, max_iterations))
-        for _ in range(restarts):
+        best = search(start)
+        for _ in range(options.restarts):
             if best.converged:
                 break
-            other = random.uniform(low, high)
-            found = minimise(residual, other, low, high, precision, max_iterations, centre=start)
-            best = min(best, judged(found), key=lambda r: (not r.converged, r.position_error))
+            other = search(random.uniform(low, high))
+            best = min(best, other, key=lambda r: (not r.converged, r.position_error))
         return best
 
-    def look_at(
+    def point_camera(
         self, camera: str, point: ArrayLike, q_start: ArrayLike, joints: Sequence[str]
     ) -> IkResult:
-        """Turn `joints` until the axis (z) of `camera` points at `point` (3,) [m, world].
+        """Turn joints within their limits until the axis (z) of a camera points at a point.
 
-        The least movement from `q_start` (n,) [rad] that does it, joint limits kept; the
-        rotation error is the angle between axis and point.
+        Args:
+            camera: name of the camera's frame.
+            point: in the world (3,) [m].
+            q_start: joint angles (n,) [rad] from which the movement is the least.
+            joints: names of the joints that turn.
+
+        Returns:
+            The result; its rotation error is the angle between axis and point.
 
         Raises:
-            KinematicsError: as `solve`, or the point lies in the camera.
+            KinematicsError: as `solve`; or a joint is unknown, or the point lies in the camera.
         """
-        end = self._frame(camera)
-        goal = _finite("point", point, (3,))
+        goal = PointingGoal(self._frames, self._frames.number(camera), point)
         for joint in joints:
             if joint not in self.joints:
-                raise KinematicsError(f"look_at: unknown joint {joint!r}; joints: {self.joints}.")
+                raise KinematicsError(
+                    f"point_camera: unknown joint {joint!r}; joints: {self.joints}."
+                )
         low, high, start = self._box(q_start, [name in joints for name in self.joints])
-
-        def residual(q: Floats) -> tuple[Floats, Floats]:
-            pin.computeJointJacobians(self._model, self._data, q[self._rank])
-            eye = self._relative(end, None)
-            seen = eye.actInv(goal)
-            distance = float(np.linalg.norm(seen))
-            if distance < LEAST_DISTANCE:
-                raise KinematicsError("look_at: the point lies in the camera's centre.")
-            x, y, z = seen / distance
-            sine = np.hypot(x, y)
-            angle = np.arctan2(sine, z)
-            error = angle * np.array([-y, x]) / sine if sine > 0 else np.array([angle, 0.0])
-            jacobian = self._jacobian(end, None, eye)[:, self._column]
-            swing = np.cross(seen, jacobian[:3].T).T / distance**2 + jacobian[3:]
-            return error, -swing[:2]
-
-        found = minimise(residual, start, low, high, np.zeros((start.size,) * 2), 100)
-        angle = float(np.linalg.norm(residual(found.x)[0]))
-        reason = self._reason(found, angle <= 1e-3, 0.0, angle, low, high)
-        return IkResult(found.x, angle <= 1e-3, 0.0, angle, found.iterations, reason)
+        found = minimise(goal, start, low, high, self._precision(None), POINTING_ITERATIONS)
+        angle = float(np.linalg.norm(goal(found.x)[0]))
+        reached = angle <= POINTING_TOLERANCE
+        reason = self._reason(found, reached, 0.0, angle, low, high)
+        return IkResult(found.x, reached, 0.0, angle, found.iterations, reason)
 
     def unobservable_subspace(
         self,
@@ -221,42 +228,33 @@ class ArmKinematics:
         weights: ArrayLike = (1.0,) * 6,
         threshold: float = 1e-6,
     ) -> Floats:
-        """Directions of joint space that the pose of `frame` in `relative_to` does not show.
+        """Directions of joint space that do not change the pose of a frame.
 
-        Singular vectors of sqrt(W) J with singular values below `threshold`: orthonormal rows,
-        shape (k, n), k >= n - 6; the least seen direction last.
+        These are the singular vectors of sqrt(W) J with singular values below a threshold.
+
+        Args:
+            frame: name of the frame.
+            q: joint angles (n,) [rad].
+            relative_to: name of the frame in which the pose is given; None: world.
+            weights: diagonal of W (6,).
+            threshold: of the singular values.
+
+        Returns:
+            Orthonormal rows (k, n), k >= n - 6; the least observable direction last.
+
+        Raises:
+            KinematicsError: an unknown frame, a wrong shape or a number that is not finite.
         """
-        root = np.sqrt(_finite("weights", weights, (6,)))
+        root = np.sqrt(finite("weights", weights, (6,)))
         jacobian = root[:, None] * self.frame_jacobian(frame, q, relative_to)
         _, values, vectors = np.linalg.svd(jacobian)
         return vectors[int(np.sum(values >= threshold)) :]
 
-    def _frame(self, name: str | None) -> Any:
-        if name is None:
-            return None
-        if name not in self._frames:
-            raise KinematicsError(f"Kinematics: unknown frame {name!r}; frames: {self.frames}.")
-        return self._frames[name]
-
     def _posture(self, q: ArrayLike) -> Floats:
-        return _finite("q", q, (len(self.joints),))
-
-    def _relative(self, frame: int, reference: int | None) -> Any:
-        pose = pin.updateFramePlacement(self._model, self._data, frame)
-        if reference is None:
-            return pose
-        return pin.updateFramePlacement(self._model, self._data, reference).actInv(pose)
-
-    def _jacobian(self, frame: int, reference: int | None, relative: Any) -> Floats:
-        """(6, n) in Pinocchio's order of joints; `relative` is the pose of the one in the other."""
-        local = pin.ReferenceFrame.LOCAL
-        jacobian = pin.getFrameJacobian(self._model, self._data, frame, local)
-        if reference is None:
-            return jacobian
-        other = pin.getFrameJacobian(self._model, self._data, reference, local)
-        return jacobian - relative.toActionMatrixInverse() @ other
+        return finite("q", q, (len(self.joints),))
 
     def _box(self, q_start: ArrayLike, free: ArrayLike | None) -> tuple[Floats, Floats, Floats]:
+        """Lowest, highest and first joint angles (n,) [rad] of a search."""
         low, high = self.limits.T
         start = np.clip(self._posture(q_start), low, high)
         if free is None:
@@ -272,7 +270,20 @@ class ArmKinematics:
             return np.zeros((n, n))
         given = np.asarray(prior, dtype=float)
         matrix = np.diag(given) if given.shape == (n,) else given
-        return _finite("prior_precision", matrix, (n, n))
+        return finite("prior_precision", matrix, (n, n))
+
+    def _judged(
+        self,
+        found: Minimum,
+        errors: tuple[float, float],
+        options: IkOptions,
+        low: Floats,
+        high: Floats,
+    ) -> IkResult:
+        metres, angle = errors
+        good = metres <= options.position_tolerance and angle <= options.rotation_tolerance
+        reason = self._reason(found, good, metres, angle, low, high)
+        return IkResult(found.x, good and found.stationary, *errors, found.iterations, reason)
 
     def _reason(
         self, found: Minimum, good: bool, metres: float, angle: float, low: Floats, high: Floats
@@ -289,22 +300,3 @@ class ArmKinematics:
             f"Out of reach from this start: the closest posture misses by {miss}; "
             f"joints at their limits: {names or 'none'}."
         )
-
-
-def _finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise KinematicsError(f"Kinematics: {name} must be finite numbers of shape {shape}.")
-    return array
-
-
-def _rigid(pose: ArrayLike) -> Floats:
-    matrix = _finite("pose_target", pose, (4, 4))
-    rotation = matrix[:3, :3]
-    skew = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if skew > RIGID_TOLERANCE or np.linalg.det(rotation) < 0 or np.any(matrix[3] != (0, 0, 0, 1)):
-        raise KinematicsError("IK: pose_target must be a rotation, a translation, and (0 0 0 1).")
-    return matrix

@@ -1,14 +1,15 @@
-"""The kinematic tree of an MJCF file for Pinocchio, without the traps of its reader.
+"""Reads the kinematic tree of an MJCF file for Pinocchio, around the defects of its reader.
 
 Pinocchio 4.1 reads MJCF, but silently drops the pose and the sites of a root body without joints,
 every root body but the first, and cameras; it merges several joints of one body into one, and
 ignores `<frame>`, a joint's `ref` and the default pose of sites. So the kinematic part of the
 file is rewritten first:
 
-* everything hangs below two bodies without joints, whose poses are zero and may be dropped;
+* all bodies are placed below two bodies without joints, whose poses are zero and may be dropped;
 * a body with several joints becomes a chain of bodies with one each;
-* joints get a prefix, since a body of the same name makes Pinocchio stumble;
-* cameras become sites; bodies that float freely (their pose is no function of the joints) go;
+* joints get a prefix, because Pinocchio confuses a joint with a body of the same name;
+* cameras become sites, and bodies that float freely are removed, because their poses do not depend
+  on the joints;
 * `<frame>`, `ref` and default poses of sites and cameras are refused.
 """
 
@@ -34,18 +35,23 @@ OPENCV_IN_MUJOCO = pin.SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
 
 
 class KinematicsError(AgentError):
-    """The kinematics were given a file, joint, frame, posture or pose that they cannot use."""
+    """A file, joint, frame, posture or pose that the kinematics cannot use."""
 
 
 def load_model(
     path: str | os.PathLike[str], joints: Sequence[str], locked: Mapping[str, float]
 ) -> tuple[Any, list[str], dict[str, int]]:
-    """Pinocchio's model of some joints, their names in its own order, and its frames.
+    """Read Pinocchio's model of some joints; all others are locked.
 
-    All joints but `joints` are locked at `locked` [rad], or at zero.
+    Args:
+        path: MJCF file.
+        joints: names of the joints that move.
+        locked: angles of other joints [rad]; zero where left out.
 
-    Frames are sites, bodies and cameras by name (a body yields to a site or camera of its name).
-    Cameras are in OpenCV's convention: x right, y down, z forward.
+    Returns:
+        Pinocchio's model, the names of its joints in its own order, and the numbers of its frames
+        by name. Frames are sites, bodies and cameras; a site or camera takes precedence over a body
+        of its name. Cameras follow OpenCV's convention: x right, y down, z forward.
 
     Raises:
         KinematicsError: the file is missing or broken, or has no such joint.
@@ -85,7 +91,7 @@ def load_model(
 
 
 def _read(path: Path) -> ET.Element:
-    """The file's root element, with includes in their places."""
+    """The root element of a file, its includes replaced by their content."""
     try:
         root = ET.parse(path).getroot()
     except FileNotFoundError:
@@ -93,18 +99,18 @@ def _read(path: Path) -> ET.Element:
     except (OSError, ET.ParseError) as error:
         raise KinematicsError(f"MJCF {path}: cannot be read: {error}.") from error
     for parent in list(root.iter()):
-        for place, child in reversed(list(enumerate(parent))):
-            if child.tag == "include":
-                parent.remove(child)
-                included = _read(path.parent / child.get("file", ""))
-                parent[place:place] = list(included)
+        for position, element in reversed(list(enumerate(parent))):
+            if element.tag == "include":
+                parent.remove(element)
+                included = _read(path.parent / element.get("file", ""))
+                parent[position:position] = list(included)
     if root.tag != "mujoco" or root.find("worldbody") is None:
         raise KinematicsError(f"MJCF {path}: it has no <mujoco> with a <worldbody>.")
     return root
 
 
 def _kinematic_part(root: ET.Element) -> list[str]:
-    """Reduce `root` to what Pinocchio reads as MuJoCo does; returns the cameras' names."""
+    """Reduce the root to what Pinocchio reads as MuJoCo does; return the names of cameras."""
     for element in root.iter():
         if element.tag == "frame":
             raise KinematicsError("MJCF: <frame> is not supported; write its pose into its bodies.")
@@ -132,29 +138,30 @@ def _kinematic_part(root: ET.Element) -> list[str]:
 
 
 def _prune(parent: ET.Element, cameras: list[str]) -> None:
-    """Keep bodies, joints and sites below `parent`; cameras become sites."""
-    for place, child in reversed(list(enumerate(parent))):
-        if child.tag == "camera" and "name" in child.attrib:
-            cameras.append(child.attrib["name"])
-            kept = {key: child.attrib[key] for key in CAMERA_ATTRIBUTES if key in child.attrib}
-            parent[place] = ET.Element("site", kept)
-        elif child.tag not in KINEMATIC_ELEMENTS or _floats(child):
-            parent.remove(child)
-        elif child.tag == "joint":
-            child.set("name", JOINT_PREFIX + child.get("name", ""))
-        elif child.tag == "body":
-            _prune(child, cameras)
-            parent[place] = _one_joint_a_body(child)
+    """Keep bodies, joints and sites below an element; cameras become sites."""
+    for position, element in reversed(list(enumerate(parent))):
+        if element.tag == "camera" and "name" in element.attrib:
+            cameras.append(element.attrib["name"])
+            kept = {key: element.attrib[key] for key in CAMERA_ATTRIBUTES if key in element.attrib}
+            parent[position] = ET.Element("site", kept)
+        elif element.tag not in KINEMATIC_ELEMENTS or _floats_freely(element):
+            parent.remove(element)
+        elif element.tag == "joint":
+            element.set("name", JOINT_PREFIX + element.get("name", ""))
+        elif element.tag == "body":
+            _prune(element, cameras)
+            parent[position] = _one_joint_a_body(element)
 
 
-def _floats(element: ET.Element) -> bool:
+def _floats_freely(element: ET.Element) -> bool:
+    """Whether an element is a body with a free joint."""
     joints = element.findall("joint") if element.tag == "body" else []
     free = any(joint.get("type") == "free" for joint in joints)
     return free or element.find("freejoint") is not None
 
 
 def _one_joint_a_body(body: ET.Element) -> ET.Element:
-    """A chain of bodies with one joint each; the last one has the name and the content."""
+    """A body as a chain of bodies with one joint each, the last with its name and content."""
     joints = body.findall("joint")
     if len(joints) < 2:
         return body

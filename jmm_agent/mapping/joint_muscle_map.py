@@ -1,7 +1,7 @@
 """The joint-muscle mapping (JMM): lengths of all muscles and their Jacobian from joint angles.
 
-One network with one hidden layer of sigmoids per group (Kawaharazuka et al. 2018, sec. II-A, II-B).
-Inside it works in rad and mm as the paper does; every method speaks rad and m.
+Each group of muscles has a network with one hidden layer of sigmoids (Kawaharazuka et al. 2018,
+sec. II-A, II-B). The layers are in rad and mm as in the paper; all methods use rad and m.
 """
 
 from __future__ import annotations
@@ -10,116 +10,39 @@ import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
-from jmm_agent.types import Floats, Ints
+from jmm_agent.mapping.group_map import ARRAYS, METRES, GroupMap, MappingError
+from jmm_agent.types import Floats
 from mjcf_sandbox.files import whole_file
 
-METRES = 1e-3  # metres per millimetre
-QUADRATIC_STEP = float(np.deg2rad(10.0))  # [rad] sec. II-B
+QUADRATIC_STEP = float(np.deg2rad(10.0))
+"""Distance of the points of the quadratic Jacobian (sec. II-B) [rad]."""
 FORMAT = "jmm-1"
 MAX_BYTES = 256 << 20
-"""Largest map, unfolded [bytes]; the arm's has less than one MiB."""
-LARGEST = 1e30
-"""Largest number of a map, of `scale` the largest inverse: none of their products overflows."""
-_ARRAYS = ("joint_index", "muscle_index", "centre", "scale", "W1", "b1", "W2", "b2")
-
-
-class MappingError(AgentError):
-    """A mapping was given arrays or postures that do not fit it."""
+"""Largest map file, unpacked [bytes]; that of the arm has less than one MiB."""
 
 
 class CheckpointError(AgentError):
-    """A file does not hold a mapping."""
-
-
-@dataclass(frozen=True, eq=False)
-class GroupMap:
-    """The network of one group: l [mm] = W2 sigmoid(W1 (q - centre) / scale + b1) + b2.
-
-    Attributes:
-        name: the group's name.
-        joint_index: its inputs among all joints, shape (n_in,).
-        muscle_index: its outputs among all muscles, shape (k,).
-        centre, scale: map the inputs' limits to [-1, 1] [rad], shape (n_in,).
-        W1, b1: hidden layer, shapes (H, n_in) and (H,).
-        W2, b2: output layer [mm], shapes (k, H) and (k,).
-
-    All arrays are read-only float64.
-
-    Raises:
-        MappingError: shapes do not fit together, or a number is not finite, or beyond `LARGEST`.
-    """
-
-    name: str
-    joint_index: Ints
-    muscle_index: Ints
-    centre: Floats
-    scale: Floats
-    W1: Floats
-    b1: Floats
-    W2: Floats
-    b2: Floats
-
-    def __post_init__(self) -> None:
-        for field in _ARRAYS:
-            kind = np.intp if field.endswith("index") else np.float64
-            object.__setattr__(self, field, _frozen(getattr(self, field), kind))
-        n, k, h = self.joint_index.size, self.muscle_index.size, self.b1.size
-        shapes = ((n,), (k,), (n,), (n,), (h, n), (h,), (k, h), (k,))
-        for field, shape in zip(_ARRAYS, shapes, strict=True):
-            array = getattr(self, field)
-            if array.shape != shape:
-                raise MappingError(
-                    f"Group {self.name!r}: {field} has shape {array.shape}, but {shape} fits."
-                )
-            if not (np.abs(array) <= LARGEST).all():
-                raise MappingError(
-                    f"Group {self.name!r}: {field} has a number that is not finite, or beyond "
-                    f"{LARGEST:g}."
-                )
-        if not (self.scale >= 1.0 / LARGEST).all():
-            raise MappingError(f"Group {self.name!r}: scale must be {1.0 / LARGEST:g} or more.")
-
-    def hidden(self, q: Floats) -> Floats:
-        """Activities (B, H) in (0, 1) of the hidden units at all joints' postures (B, n) [rad]."""
-        return sigmoid((q[:, self.joint_index] - self.centre) @ self._inner.T + self.b1)
-
-    def lengths(self, q: Floats) -> Floats:
-        """Lengths (B, k) [m] of the group's muscles at postures (B, n) [rad] of all joints."""
-        return METRES * (self.hidden(q) @ self.W2.T + self.b2)
-
-    @cached_property
-    def _inner(self) -> Floats:
-        """Hidden weights (H, n_in) [1/rad]."""
-        return self.W1 / self.scale
-
-    def output_jacobian(self, hidden: Floats) -> Floats:
-        """Jacobian (B, k, n_in) [m/rad] given the hidden activities (B, H)."""
-        slope = METRES * hidden * (1.0 - hidden)
-        if len(slope) == 1:
-            return ((self.W2 * slope) @ self._inner)[None]
-        pairs = self.W2.T[:, :, None] * self._inner[:, None, :]
-        h, k, n = pairs.shape
-        return (slope @ pairs.reshape(h, k * n)).reshape(-1, k, n)
+    """A file that does not hold a map."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointMuscleMap:
-    """All groups' networks stacked: every muscle from every joint.
+    """Map from joint angles to muscle lengths: the networks of all groups.
+
+    It is immutable; learning makes a new map by `with_output_layers`.
 
     Attributes:
         joints: names of the n joints.
         muscles: names of the m muscles; each is the output of exactly one group.
         groups: the networks.
 
-    Immutable: learning makes a new map with `with_output_layers`.
+    Raises:
+        MappingError: a muscle is not the output of exactly one group, or an index is out of range.
     """
 
     joints: tuple[str, ...]
@@ -135,7 +58,17 @@ class JointMuscleMap:
                 raise MappingError(f"Group {group.name!r}: a joint index is out of range.")
 
     def lengths(self, q: Floats) -> Floats:
-        """Muscle lengths [m] relative to q = 0: (n,) -> (m,), or (B, n) -> (B, m)."""
+        """Muscle lengths relative to q = 0.
+
+        Args:
+            q: joint angles (n,) or (B, n) [rad].
+
+        Returns:
+            Lengths (m,) or (B, m) [m].
+
+        Raises:
+            MappingError: a wrong shape, or an angle that is not finite.
+        """
         postures = self._postures(q)
         result = np.empty((len(postures), len(self.muscles)))
         for group in self.groups:
@@ -143,11 +76,31 @@ class JointMuscleMap:
         return result if np.ndim(q) == 2 else result[0]
 
     def jacobian(self, q: Floats) -> Floats:
-        """Analytic muscle Jacobian [m/rad]: (n,) -> (m, n), or (B, n) -> (B, m, n)."""
+        """Analytic muscle Jacobian G = dl/dq (sec. II-B).
+
+        Args:
+            q: joint angles (n,) or (B, n) [rad].
+
+        Returns:
+            Jacobian (m, n) or (B, m, n) [m/rad].
+
+        Raises:
+            MappingError: a wrong shape, or an angle that is not finite.
+        """
         return self.lengths_and_jacobian(q)[1]
 
     def lengths_and_jacobian(self, q: Floats) -> tuple[Floats, Floats]:
-        """Both at once, for one pass through the hidden layers; shapes as of the two alone."""
+        """Muscle lengths and Jacobian, by one pass through the hidden layers.
+
+        Args:
+            q: joint angles (n,) or (B, n) [rad].
+
+        Returns:
+            Lengths (m,) or (B, m) [m], and Jacobian (m, n) or (B, m, n) [m/rad].
+
+        Raises:
+            MappingError: a wrong shape, or an angle that is not finite.
+        """
         postures = self._postures(q)
         lengths = np.empty((len(postures), len(self.muscles)))
         jacobian = np.zeros((len(postures), len(self.muscles), len(self.joints)))
@@ -159,12 +112,22 @@ class JointMuscleMap:
         return (lengths, jacobian) if np.ndim(q) == 2 else (lengths[0], jacobian[0])
 
     def jacobian_quadratic(self, q: Floats, step: float = QUADRATIC_STEP) -> Floats:
-        """Muscle Jacobian [m/rad] smoothed by a quadratic through five points (sec. II-B).
+        """Muscle Jacobian, smoothed by a quadratic through five points (sec. II-B).
 
-        The points are q_j - 2 step .. q_j + 2 step [rad]. For such symmetric points the slope in
-        the middle of the least-squares quadratic is sum(k l_k) / (10 step), k = -2 .. 2: the
-        middle point has no weight, so four points per joint are evaluated, all in one call.
-        Shapes: (n,) -> (m, n), or (B, n) -> (B, m, n).
+        The points are q_j - 2 step .. q_j + 2 step. For such symmetric points the slope of the
+        least-squares quadratic at the middle is sum(k l_k) / (10 step), k = -2 .. 2. The middle
+        point has no weight, so four points per joint are evaluated.
+
+        Args:
+            q: joint angles (n,) or (B, n) [rad].
+            step: distance of the points [rad].
+
+        Returns:
+            Jacobian (m, n) or (B, m, n) [m/rad].
+
+        Raises:
+            MappingError: a wrong shape, an angle that is not finite, or a step that is not
+                positive.
         """
         if not (np.isfinite(step) and step > 0):
             raise MappingError(f"Quadratic Jacobian: step is {step} rad, but must be positive.")
@@ -184,10 +147,13 @@ class JointMuscleMap:
         return result if np.ndim(q) == 2 else result[0]
 
     def with_output_layers(self, layers: Mapping[str, tuple[Floats, Floats]]) -> JointMuscleMap:
-        """A new map in which the named groups have the output layers (W2 (k, H), b2 (k,)) [mm].
+        """A new map with other output layers.
+
+        Args:
+            layers: W2 (k, H) and b2 (k,) [mm] by the name of the group; others stay.
 
         Raises:
-            MappingError: an unknown group, a wrong shape or a value that is not finite.
+            MappingError: an unknown group, a wrong shape or a number that is not finite.
         """
         names = [group.name for group in self.groups]
         for name in layers:
@@ -202,7 +168,11 @@ class JointMuscleMap:
         return replace(self, groups=groups)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the map to `path` (.npz without pickle), whole or not at all."""
+        """Write the map to a file (.npz without pickle), atomically.
+
+        Args:
+            path: of the file.
+        """
         content: dict[str, np.ndarray] = {
             "format": np.array(FORMAT),
             "joints": np.array(self.joints),
@@ -210,7 +180,7 @@ class JointMuscleMap:
             "groups": np.array([group.name for group in self.groups]),
         }
         for rank, group in enumerate(self.groups):
-            content |= {f"{rank}_{field}": getattr(group, field) for field in _ARRAYS}
+            content |= {f"{rank}_{field}": getattr(group, field) for field in ARRAYS}
         with whole_file(Path(path)) as beside, beside.open("wb") as file:
             np.savez(file, **content)  # type: ignore[arg-type]
 
@@ -218,8 +188,11 @@ class JointMuscleMap:
     def load(cls, path: str | os.PathLike[str]) -> JointMuscleMap:
         """Read a map that `save` wrote.
 
+        Args:
+            path: of the file.
+
         Raises:
-            CheckpointError: the file is missing, broken or something else.
+            CheckpointError: the file is missing, broken or does not hold a map.
         """
         if not os.path.isfile(path):  # also where its name is too long
             raise CheckpointError(f"Checkpoint {os.fspath(path)}: there is no such file.")
@@ -230,13 +203,13 @@ class JointMuscleMap:
                     raise MappingError(f"its format is {content['format']}, not {FORMAT}")
                 names = [str(name) for name in content["groups"]]
                 groups = tuple(
-                    GroupMap(name, *(content[f"{rank}_{field}"] for field in _ARRAYS))
+                    GroupMap(name, *(content[f"{rank}_{field}"] for field in ARRAYS))
                     for rank, name in enumerate(names)
                 )
                 joints = tuple(str(name) for name in content["joints"])
                 muscles = tuple(str(name) for name in content["muscles"])
             return cls(joints, muscles, groups)
-        except Exception as error:  # numpy raises whatever it stumbles over in a damaged file
+        except Exception as error:  # numpy raises errors of many types for a damaged file
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise CheckpointError(
                 f"Checkpoint {os.fspath(path)}: not a joint-muscle map ({reason})."
@@ -254,23 +227,9 @@ class JointMuscleMap:
         return postures
 
 
-def sigmoid(z: NDArray[Any]) -> NDArray[Any]:
-    """Logistic function of an array of floats of any precision, without overflow."""
-    return 1.0 / (1.0 + np.exp(np.minimum(-z, 80.0)))
-
-
 def _check_size(path: str | os.PathLike[str]) -> None:
-    """Refuse an archive that unfolds into more than a map ever has."""
+    """Refuse an archive that unpacks into more than `MAX_BYTES`."""
     with zipfile.ZipFile(path) as archive:
         size = sum(member.file_size for member in archive.infolist())
     if size > MAX_BYTES:
-        raise MappingError(f"it unfolds into {size >> 20} MiB, and a map has {MAX_BYTES >> 20}")
-
-
-def _frozen(array: Floats, kind: type) -> np.ndarray:
-    """`array` itself when it is read-only already, else a read-only copy."""
-    array = np.asarray(array, dtype=kind)
-    if array.flags.writeable:
-        array = array.copy()
-        array.setflags(write=False)
-    return array
+        raise MappingError(f"it unpacks into {size >> 20} MiB, and a map has {MAX_BYTES >> 20}")

@@ -1,11 +1,11 @@
-"""How a map is moved by the pairs that the updaters bring (paper, sec. II-C).
+"""Online learning of the map from pairs of postures and lengths (paper, sec. II-C).
 
-Every update takes a batch: the new pair, the pair (0, 0), and random pairs of the current map.
-Two rules move the map by it:
+Every update uses a batch: the new pair, the pair (0, 0), and random pairs of the current map, which
+rehearse it. Two rules move the map:
 
-* `RidgeRule` moves the output layers only, by the smallest change, counted from the drawing's map
-  and weighed by its prior, that explains the batch and all pairs remembered. The default.
-* `MinibatchRule` is the paper's: some gradient steps on the batch alone.
+* `RidgeRule`, the default, changes the output layers only: by the smallest change from the nominal
+  map, weighed by its prior, that explains the batch and all remembered pairs.
+* `minibatch.MinibatchRule` is the paper's: some gradient steps on the batch alone.
 """
 
 from __future__ import annotations
@@ -21,36 +21,55 @@ from jmm_agent.types import Floats
 
 
 class Pairs(NamedTuple):
-    """Pairs to learn: postures (K, n) [rad], lengths (K, m) [m], how exact each is (K,) [m]."""
+    """Pairs to learn.
+
+    Attributes:
+        postures: (K, n) [rad].
+        lengths: muscle lengths (K, m) [m].
+        noise: standard deviation of the lengths of each pair (K,) [m].
+    """
 
     postures: Floats
     lengths: Floats
     noise: Floats
 
     def joined(self, other: Pairs) -> Pairs:
-        """These pairs and the others."""
+        """These pairs, followed by others.
+
+        Args:
+            other: of the same joints and muscles.
+        """
         return Pairs(*(np.concatenate(both) for both in zip(self, other, strict=True)))
 
     def last(self, count: int) -> Pairs:
-        """The newest ``count`` pairs."""
+        """The last pairs.
+
+        Args:
+            count: number of pairs; all if there are fewer.
+        """
         return Pairs(*(part[len(part) - min(count, len(part)) :] for part in self))
 
     @classmethod
     def none(cls, joints: int, muscles: int) -> Pairs:
-        """No pairs, of the right shapes."""
+        """No pairs, in arrays of the right shapes.
+
+        Args:
+            joints: number of joints, n.
+            muscles: number of muscles, m.
+        """
         return cls(np.empty((0, joints)), np.empty((0, muscles)), np.empty(0))
 
 
 @dataclass(frozen=True)
 class BatchOptions:
-    """What is learned beside the new pair.
+    """Pairs that are learned beside the new one.
 
     Attributes:
         rehearsal: number of random pairs of the current map (paper: 8).
-        rehearsal_noise: how far they may be missed [m]; used by the ridge rule.
+        rehearsal_noise: standard deviation of their lengths [m]; used by the ridge rule.
         zero: whether the pair (0, 0) is learned.
-        zero_noise: how far the pair (0, 0) may be missed [m]; used by the ridge rule. Lengths may
-            have been zeroed at a posture that was not zero, so this is no small number.
+        zero_noise: standard deviation of the lengths of (0, 0) [m]; used by the ridge rule. It is
+            not small, because lengths may have been zeroed at a posture that was not zero.
     """
 
     rehearsal: int = 8
@@ -63,29 +82,45 @@ class Rule(Protocol):
     """Moves a map by a batch of pairs."""
 
     def move(self, current: JointMuscleMap, remembered: Pairs, batch: Pairs) -> JointMuscleMap:
-        """The map after the update; ``remembered`` are the earlier pairs, without the batch."""
+        """The map after an update.
+
+        Args:
+            current: the map before.
+            remembered: earlier pairs, without the batch.
+            batch: the new pair, and pairs that are learned beside it.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class RidgeRule:
-    """Smallest change of the output layers that explains all pairs remembered and the batch."""
+    """Smallest change of the output layers that explains remembered pairs and batch.
+
+    Attributes:
+        prior: of the nominal map, from which the change is counted.
+    """
 
     prior: MapPrior
 
     def move(self, current: JointMuscleMap, remembered: Pairs, batch: Pairs) -> JointMuscleMap:
-        """See `Rule`; the current map enters by the batch's rehearsal pairs."""
+        """The map after an update; see `Rule`.
+
+        Args:
+            current: the map before; it is only used by the rehearsal pairs of the batch.
+            remembered: earlier pairs, without the batch.
+            batch: the new pair, and pairs that are learned beside it.
+        """
         return self.prior.corrected(*remembered.joined(batch))
 
 
 class Learner:
-    """Holds the map and moves it by pairs.
+    """Holds the map, and moves it by pairs.
 
     Args:
         start: the map before learning.
-        limits: (n, 2) joint limits, from which rehearsal postures are drawn [rad].
+        limits: joint limits (n, 2) [rad], within which rehearsal postures are sampled.
         rule: how the map is moved.
-        options: what is in a batch.
-        rng: draws rehearsal postures.
+        options: pairs of a batch.
+        rng: samples rehearsal postures.
 
     Attributes:
         map: as learned so far.
@@ -105,7 +140,11 @@ class Learner:
         self.rng = rng
 
     def batch(self, new: Pairs) -> Pairs:
-        """The update batch: new pairs, (0, 0) and random pairs of the current map."""
+        """The batch of an update: new pairs, (0, 0) and random pairs of the current map.
+
+        Args:
+            new: new pairs.
+        """
         options = self._options
         low, high = self._limits.T
         random = self.rng.uniform(low, high, (options.rehearsal, len(low)))
@@ -120,5 +159,10 @@ class Learner:
         return new.joined(zero.last(int(options.zero))).joined(rehearsed)
 
     def learn(self, new: Pairs, remembered: Pairs) -> None:
-        """Move the map by new pairs, given what is remembered beside them."""
+        """Move the map by new pairs.
+
+        Args:
+            new: new pairs.
+            remembered: earlier pairs.
+        """
         self.map = self._rule.move(self.map, remembered, self.batch(new))

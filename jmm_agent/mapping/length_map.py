@@ -1,4 +1,4 @@
-"""What the estimator asks of a map from joint angles to muscle lengths."""
+"""Interface of the maps from joint angles to muscle lengths that the estimator uses."""
 
 from __future__ import annotations
 
@@ -23,10 +23,21 @@ class SmoothedMap(Protocol):
 
 @dataclass(frozen=True)
 class QuadraticJacobian:
-    """Gives the estimator the quadratic Jacobian of `source` instead of the analytic one."""
+    """Map with the quadratic Jacobian of another one instead of the analytic one.
+
+    Attributes:
+        source: the other map.
+    """
 
     source: SmoothedMap
 
     def lengths_and_jacobian(self, q: Floats) -> tuple[Floats, Floats]:
-        """Lengths (m,) [m] and smoothed Jacobian (m, n) [m/rad]."""
+        """Muscle lengths and smoothed Jacobian.
+
+        Args:
+            q: joint angles (n,) [rad].
+
+        Returns:
+            Lengths (m,) [m] and Jacobian (m, n) [m/rad].
+        """
         return self.source.lengths(q), self.source.jacobian_quadratic(q)

@@ -1,4 +1,4 @@
-"""The paper's update: gradient steps on one batch of ten pairs (sec. II-C)."""
+"""Update rule of the paper: gradient steps on one batch of ten pairs (sec. II-C)."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap
+from jmm_agent.mapping.group_map import METRES, GroupMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
 
 
 @dataclass(frozen=True)
 class MinibatchRule:
-    """Adam steps on the batch alone, all layers or the output layer only.
+    """Adam steps on the batch alone, in all layers or the output layer only.
 
     Attributes:
-        steps: gradient steps per update.
+        steps: number of gradient steps of an update.
         rate: Adam's step size.
         all_layers: whether the hidden layer moves too.
     """
@@ -27,7 +28,13 @@ class MinibatchRule:
     all_layers: bool = True
 
     def move(self, current: JointMuscleMap, remembered: Pairs, batch: Pairs) -> JointMuscleMap:
-        """See `learner.Rule`; what is remembered is not used."""
+        """The map after an update; see `learner.Rule`.
+
+        Args:
+            current: the map before.
+            remembered: earlier pairs; not used.
+            batch: the new pair, and pairs that are learned beside it.
+        """
         groups = tuple(self._descend(group, batch) for group in current.groups)
         return replace(current, groups=groups)
 

@@ -1,9 +1,9 @@
-"""Fitting one group's network: Adam on both layers, then a solve of the output layer.
+"""Fits the network of one group: Adam on both layers, then a ridge solve of the output layer.
 
 The paper takes 8.5 million Adam steps of five samples (Kawaharazuka et al. 2018, sec. IV-A). Here
 the sigmoids start centred at random points of the box of joint limits, Adam with a falling rate
-moves both layers, and a ridge solve settles the output layer: seconds instead of half an hour, and
-a tenth of the error.
+moves both layers, and a ridge solve fits the output layer. This takes seconds instead of half an
+hour, and leaves a tenth of the error.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
-from jmm_agent.mapping.joint_muscle_map import METRES, sigmoid
+from jmm_agent.mapping.group_map import METRES, sigmoid
 from jmm_agent.types import Floats
 
 Singles = NDArray[np.float32]
@@ -27,11 +27,18 @@ SOLVED = 10_000  # samples in the final solve
 
 
 class TrainingError(AgentError):
-    """A map cannot be trained as asked."""
+    """Options or data by which a map cannot be trained."""
 
 
 class Layers(NamedTuple):
-    """Hidden layer W1 (H, n), b1 (H,) and output layer W2 (k, H), b2 (k,) [mm]."""
+    """Layers of a network, for scaled inputs and lengths in mm.
+
+    Attributes:
+        W1: weights of the hidden layer (H, n).
+        b1: offsets of the hidden layer (H,).
+        W2: weights of the output layer (k, H) [mm].
+        b2: offsets of the output layer (k,) [mm].
+    """
 
     W1: Floats
     b1: Floats
@@ -41,17 +48,17 @@ class Layers(NamedTuple):
 
 @dataclass(frozen=True)
 class Recipe:
-    """How the networks are trained.
+    """Options of training.
 
     Attributes:
-        hidden: hidden units per group.
-        samples: random postures of the drawing, shared by all groups.
-        margin: how far beyond the limits they reach, as a fraction of half the range.
-        slope: size of the initial sigmoids' slopes across the box.
-        steps: Adam steps of a group, for each squared number of its joints.
-        batch: postures per step.
+        hidden: number of hidden units of each group.
+        samples: number of random postures of the nominal model, shared by all groups.
+        margin: how far the postures reach beyond the limits, as a share of half the range.
+        slope: size of the slopes of the initial sigmoids across the box of limits.
+        steps: Adam steps of a group, to be multiplied by the square of its number of joints.
+        batch: number of postures in each step.
         rate: largest learning rate; it falls as half a cosine.
-        ridge: how firmly the final solve holds the output layer where Adam left it, per sample.
+        ridge: weight that holds the output layer where Adam left it in the final solve, per sample.
     """
 
     hidden: int = 1000
@@ -80,10 +87,17 @@ def fit(
     recipe: Recipe,
     progress: Callable[[float], None],
 ) -> tuple[Layers, tuple[float, ...]]:
-    """Train one network on scaled inputs x (N, n) and lengths y (N, k) [mm].
+    """Train one network.
 
-    Returns its layers, for inputs scaled alike and outputs in mm, and the RMSE [m] over each 250
-    steps. `progress` hears the fraction that is done.
+    Args:
+        x: inputs (N, n), scaled to [-1, 1] within the limits.
+        y: lengths (N, k) [mm].
+        rng: random numbers.
+        recipe: options of training.
+        progress: called with the share that is done.
+
+    Returns:
+        The layers, and the RMSE [m] over each 250 steps.
 
     Raises:
         TrainingError: training diverged.
@@ -116,10 +130,14 @@ def fit(
 
 
 class Network:
-    """The network in float32 with its gradient and its Adam state, each in one flat array.
+    """Network in float32 with its gradient and its Adam state, each in one flat array.
 
-    Written out, because a step takes a third of the time that autograd needs for it. The biases
-    are the last rows of the two weight matrices; a batch (B, n + 1) of inputs ends in ones.
+    Written out in NumPy, because this takes a third of the time of automatic differentiation. The
+    offsets are the last rows of the two weight matrices.
+
+    Args:
+        layers: at the start.
+        batch: number of postures in each step, B.
     """
 
     def __init__(self, layers: Layers, batch: int) -> None:
@@ -137,7 +155,15 @@ class Network:
         self._hidden = np.ones((batch, len(outer)), dtype=np.float32)
 
     def gradient(self, inputs: Singles, targets: Singles) -> float:
-        """Set the gradient of the mean square error, which is returned."""
+        """Compute the gradient of the mean square error.
+
+        Args:
+            inputs: scaled inputs with a last column of ones (B, n + 1).
+            targets: lengths (B, k) [mm].
+
+        Returns:
+            The mean square error [mm^2].
+        """
         h = self._hidden[:, :-1]
         h[:] = sigmoid(inputs @ self._inner)
         error = self._hidden @ self._outer - targets
@@ -148,7 +174,11 @@ class Network:
         return loss
 
     def step(self, rate: float) -> None:
-        """One step of Adam (Kingma and Ba 2015) along the gradient."""
+        """One step of Adam (Kingma and Ba 2015) along the gradient.
+
+        Args:
+            rate: learning rate.
+        """
         self._count += 1
         self._mean += (1.0 - BETA1) * (self._slope - self._mean)
         self._square += (1.0 - BETA2) * (self._slope * self._slope - self._square)
@@ -156,11 +186,11 @@ class Network:
         self._weights -= (rate * unbias) * self._mean / (np.sqrt(self._square) + 1e-8)
 
     def layers(self) -> Layers:
-        """The layers as they stand, in float64."""
+        """The present layers, in float64."""
         return _unpacked(self._inner, self._outer)
 
     def slopes(self) -> Layers:
-        """The gradient by the layers' entries, in float64."""
+        """The gradient by each entry of the layers, in float64."""
         return _unpacked(self._d_inner, self._d_outer)
 
 
@@ -170,9 +200,13 @@ def _unpacked(inner: Singles, outer: Singles) -> Layers:
 
 
 def settle(x: Floats, y: Floats, layers: Layers, ridge: float) -> Layers:
-    """The layers with the output layer that fits y (N, k) [mm] at x (N, n) best.
+    """Fit the output layer by ridge regression towards the one before.
 
-    The ridge holds it where it was: what the samples do not say stays as it is.
+    Args:
+        x: scaled inputs (N, n).
+        y: lengths (N, k) [mm].
+        layers: before; the hidden layer stays.
+        ridge: weight of the change of the output layer, per sample.
     """
     hidden = sigmoid(x @ layers.W1.T + layers.b1)
     features = np.column_stack([hidden, np.ones(len(x))])

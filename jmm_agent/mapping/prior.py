@@ -1,10 +1,11 @@
-"""What is known of a map's error before anything was learned: a Gaussian prior on output layers.
+"""Gaussian prior of a map's error before anything was learned.
 
 The map is corrected in its output layers only: delta(theta) = D phi(theta) with the features
-phi = (1, centred hidden activities), scaled such that the offset of a wire has a standard
-deviation of `offset` and its deviation in shape one of `shape` over typical postures. All wires
-of a group share the kernel phi(theta)' phi(theta'). Each time that a wire gives for good, what was
-measured before is off by one more unknown number, of standard deviation `give`, at all postures.
+phi = (1, centred hidden activities), scaled such that over typical postures the offset of a
+muscle's length has the standard deviation `offset`, and its change with posture `shape`. All
+muscles of a group share the kernel phi(theta)' phi(theta'). Each permanent elongation of a muscle
+adds one unknown number of standard deviation `elongation` to all lengths that were measured before
+it, at any posture.
 """
 
 from __future__ import annotations
@@ -16,63 +17,78 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from jmm_agent.errors import AgentError
-from jmm_agent.mapping.joint_muscle_map import METRES, GroupMap, JointMuscleMap
+from jmm_agent.mapping.group_map import METRES, GroupMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.types import Floats, Ints
 
 
 @dataclass(frozen=True)
 class PriorOptions:
-    """Standard deviations of the drawing's errors and of events.
+    """Standard deviations of the nominal model's errors and of elongations.
 
     Attributes:
-        offset: of a wire's length over all postures, from zeroing lengths by hand [m].
-        shape: of how its length changes with posture, from points that lie elsewhere [m].
+        offset: of a muscle's length over all postures, because lengths are zeroed by hand [m].
+        shape: of the change of a length with posture, because points of attachment differ [m].
         noise: of what the map cannot follow: friction, stretch, play [m].
-        give: of how far a wire gives when it gives for good [m].
+        elongation: of one permanent elongation of a muscle [m].
     """
 
     offset: float = 0.025
     shape: float = 0.005
     noise: float = 0.001
-    give: float = 0.02
+    elongation: float = 0.02
 
 
 class GroupKernel:
-    """Kernel at K postures, plus noise, factorised, of wires that share it.
+    """Kernel at K postures plus noise, factorised, of muscles that share it.
+
+    Args:
+        muscles: indices of the muscles, which are of one group and were elongated at the same
+            times.
+        features: phi (K, 1 + H) [m].
+        noise: standard deviation of each length (K,) [m].
+        elongation: covariance (K, K) of the elongation of such a muscle since each posture [m^2].
 
     Attributes:
-        muscles: wires of one group that gave at the same times.
-        features: phi (K, 1 + H) [m].
-        given: covariance (K, K) of how far such a wire gave since each posture [m^2].
+        muscles: as given.
+        features: as given.
+        elongation: as given.
     """
 
-    def __init__(self, muscles: Ints, features: Floats, noise: Floats, given: Floats) -> None:
+    def __init__(self, muscles: Ints, features: Floats, noise: Floats, elongation: Floats) -> None:
         self.muscles = muscles
         self.features = features
-        self.given = given
-        self._factor = cho_factor(features @ features.T + given + np.diag(noise**2))
+        self.elongation = elongation
+        self._factor = cho_factor(features @ features.T + elongation + np.diag(noise**2))
 
     def whiten(self, residual: Floats) -> Floats:
-        """(Phi Phi' + given + noise^2)^-1 residual, for residuals (K, ...) [m]."""
+        """(Phi Phi' + elongation + noise^2)^-1 residual, for residuals (K, ...) [m]."""
         return cho_solve(self._factor, residual)
 
 
 class MapPrior:
-    """Prior of the error of a map that was trained on the drawing.
+    """Prior of the error of a map that was trained on the nominal model.
 
     Args:
-        drawn: the map before learning; every correction is counted from it.
+        nominal_map: the map before learning, from which every correction is counted.
         postures: typical postures (N, n) [rad], N > 1, which set the scale of `shape`.
+        options: standard deviations.
+
+    Attributes:
+        map: the nominal map.
+        options: as given.
 
     Raises:
-        AgentError: the postures are all alike.
+        AgentError: the postures do not differ in the joints of some group.
     """
 
-    def __init__(self, drawn: JointMuscleMap, postures: Floats, options: PriorOptions) -> None:
-        self.map, self.options = drawn, options
+    def __init__(
+        self, nominal_map: JointMuscleMap, postures: Floats, options: PriorOptions
+    ) -> None:
+        self.map, self.options = nominal_map, options
         self._centres = []
         self._scales = []
-        for group in drawn.groups:
+        for group in nominal_map.groups:
             hidden = group.hidden(postures)
             centre = hidden.mean(axis=0)
             spread = np.sqrt(np.mean(np.sum((hidden - centre) ** 2, axis=1)))
@@ -81,29 +97,30 @@ class MapPrior:
             self._centres.append(centre)
             self._scales.append(options.shape / float(spread))
 
-    def _features(self, rank: int, postures: Floats) -> Floats:
-        hidden = self.map.groups[rank].hidden(postures)
-        shape = self._scales[rank] * (hidden - self._centres[rank])
-        return np.hstack([np.full((len(postures), 1), self.options.offset), shape])
-
     def groups(
-        self, postures: Floats, noise: Floats | None = None, gave: Floats | None = None
+        self, postures: Floats, noise: Floats | None = None, elongated: Floats | None = None
     ) -> Sequence[GroupKernel]:
-        """Kernels of all wires; where none gave, one a group, in the map's order.
+        """Kernels of all muscles; without elongations one for each group, in the map's order.
 
         Args:
             postures: (K, n) [rad].
-            noise: (K,) how far each may be missed [m]; the prior's if left out.
-            gave: (K, m) how often each wire gave for good since; never if left out.
+            noise: standard deviation of the lengths at each posture (K,) [m]; the prior's if left
+                out.
+            elongated: number of elongations of each muscle since each posture (K, m); none if left
+                out.
         """
         spread = np.full(len(postures), self.options.noise) if noise is None else noise
         kernels = []
         for rank, group in enumerate(self.map.groups):
             features, muscles = self._features(rank, postures), group.muscle_index
-            history = np.zeros((len(postures), len(muscles))) if gave is None else gave[:, muscles]
+            history = (
+                np.zeros((len(postures), len(muscles)))
+                if elongated is None
+                else elongated[:, muscles]
+            )
             for times, alike in _histories(history):
-                given = self.options.give**2 * np.minimum.outer(times, times)
-                kernels.append(GroupKernel(muscles[alike], features, spread, given))
+                elongation = self.options.elongation**2 * np.minimum.outer(times, times)
+                kernels.append(GroupKernel(muscles[alike], features, spread, elongation))
         return kernels
 
     def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:
@@ -111,8 +128,8 @@ class MapPrior:
 
         Args:
             postures: (K, n) [rad].
-            lengths: (K, m) [m].
-            noise: (K,) how far each pair may be missed [m].
+            lengths: muscle lengths (K, m) [m].
+            noise: standard deviation of the lengths of each pair (K,) [m].
         """
         residual = lengths - self.map.lengths(postures)
         layers: dict[str, tuple[Floats, Floats]] = {}
@@ -123,6 +140,12 @@ class MapPrior:
             layers[group.name] = self._layer(rank, group, change)
         return self.map.with_output_layers(layers)
 
+    def _features(self, rank: int, postures: Floats) -> Floats:
+        """Features (K, 1 + H) [m] of a group at postures (K, n) [rad]."""
+        hidden = self.map.groups[rank].hidden(postures)
+        shape = self._scales[rank] * (hidden - self._centres[rank])
+        return np.hstack([np.full((len(postures), 1), self.options.offset), shape])
+
     def _layer(self, rank: int, group: GroupMap, change: Floats) -> tuple[Floats, Floats]:
         """Output layer of a group for a change (1 + H, k) [mm] of the features' weights."""
         weights = self._scales[rank] * change[1:].T
@@ -130,11 +153,11 @@ class MapPrior:
         return group.W2 + weights, group.b2 + offset
 
 
-def _histories(gave: Floats) -> Iterator[tuple[Floats, Ints]]:
-    """Different columns (K,) of ``gave`` (K, k), and which columns are like each."""
-    if not gave.any():
-        yield np.zeros(len(gave)), np.arange(gave.shape[1])
+def _histories(elongated: Floats) -> Iterator[tuple[Floats, Ints]]:
+    """Different columns (K,) of ``elongated`` (K, k), and the indices of those like each."""
+    if not elongated.any():
+        yield np.zeros(len(elongated)), np.arange(elongated.shape[1])
         return
-    columns, kind = np.unique(gave, axis=1, return_inverse=True)
+    columns, kind = np.unique(elongated, axis=1, return_inverse=True)
     for number, column in enumerate(columns.T):
         yield column, np.flatnonzero(kind.ravel() == number)

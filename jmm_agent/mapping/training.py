@@ -1,7 +1,8 @@
-"""Training the joint-muscle mapping from the drawing (Kawaharazuka et al. 2018, sec. II-A).
+"""Trains the joint-muscle mapping from the nominal model (Kawaharazuka et al. 2018, sec. II-A).
 
-Every group is trained on the same random postures of the drawing; `jmm_agent.mapping.network_fit`
-says how. A trained map is cached by the content of all that it depends on.
+Every group is trained on the same random postures of the nominal model, as described in
+`jmm_agent.mapping.network_fit`. A trained map is kept in a file whose name is the hash of all that
+training depends on.
 """
 
 from __future__ import annotations
@@ -17,13 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jmm_agent.mapping.joint_muscle_map import (
-    FORMAT,
-    METRES,
-    CheckpointError,
-    GroupMap,
-    JointMuscleMap,
-)
+from jmm_agent.mapping.group_map import METRES, GroupMap
+from jmm_agent.mapping.joint_muscle_map import FORMAT, CheckpointError, JointMuscleMap
 from jmm_agent.mapping.network_fit import Recipe, TrainingError, fit
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats
@@ -32,20 +28,23 @@ Progress = Callable[[str, float], None]
 """Called with a group's name and the fraction of its training that is done."""
 
 PROBES = 256
+"""Number of postures at which the lengths of a nominal model enter its hash."""
+
 VALIDATION = 5000
+"""Number of postures at which a map is validated."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class GroupReport:
-    """How the training of one group went.
+    """Errors of one trained group.
 
     Attributes:
-        training_rmse: [m] on postures of the training; for a map from the cache as below.
-        validation_rmse: [m] on fresh postures inside the limits.
-        history: RMSE [m] over each 250 Adam steps; empty for a map from the cache.
-        seconds: time taken; 0 for a map from the cache.
+        training_rmse: RMSE on postures of the training [m]; for a map from a file as below.
+        validation_rmse: RMSE on other postures inside the limits [m].
+        history: RMSE over each 250 Adam steps [m]; empty for a map from a file.
+        seconds: duration; 0 for a map from a file.
     """
 
     training_rmse: float
@@ -56,7 +55,13 @@ class GroupReport:
 
 @dataclass(frozen=True)
 class TrainingReport:
-    """How training went, by group; `seconds` in all, `cached` when a file was read instead."""
+    """Errors of a trained map.
+
+    Attributes:
+        groups: errors by the name of the group.
+        seconds: duration of all.
+        cached: whether a file was read instead of training.
+    """
 
     groups: dict[str, GroupReport]
     seconds: float
@@ -64,70 +69,96 @@ class TrainingReport:
 
 
 def train(
-    drawing: NominalModel, seed: int, recipe: Recipe | None = None, progress: Progress | None = None
+    nominal: NominalModel, seed: int, recipe: Recipe | None = None, progress: Progress | None = None
 ) -> tuple[JointMuscleMap, TrainingReport]:
-    """Train the map of every group from the drawing.
+    """Train the map of every group from the nominal model (sec. II-A).
 
-    The same seed gives the same bits, as long as BLAS runs on the same number of threads.
+    The same seed makes the same bits, as long as BLAS runs on the same number of threads.
+
+    Args:
+        nominal: the nominal model.
+        seed: of the postures and the initial layers.
+        recipe: options of training; the defaults if left out.
+        progress: called with the name of a group and the share of its training that is done.
+
+    Returns:
+        The map, and its errors.
 
     Raises:
-        TrainingError: the drawing's lengths are not finite, or training diverged.
+        TrainingError: lengths of the nominal model are not finite, or training diverged.
     """
     recipe = recipe or Recipe()
     begin = time.perf_counter()
-    data_rng, *group_rngs = _generators(drawing, seed)
-    x, lengths = _sample(drawing, data_rng, recipe.samples, 1.0 + recipe.margin)
-    centre, scale = _box(drawing)
+    data_rng, *group_rngs = _generators(nominal, seed)
+    x, lengths = _sample(nominal, data_rng, recipe.samples, 1.0 + recipe.margin)
+    centre, scale = _box(nominal)
     groups, histories, seconds = [], [], []
-    for topology, rng in zip(drawing.topology(), group_rngs, strict=True):
+    for topology, rng in zip(nominal.topology(), group_rngs, strict=True):
         started = time.perf_counter()
         name, joints, muscles = topology
         weights, history = fit(
-            x[:, joints], lengths[:, muscles] / METRES, rng, recipe, partial(_tell, progress, name)
+            x[:, joints],
+            lengths[:, muscles] / METRES,
+            rng,
+            recipe,
+            partial(_report, progress, name),
         )
         groups.append(GroupMap(name, joints, muscles, centre[joints], scale[joints], *weights))
         histories.append(history)
         seconds.append(time.perf_counter() - started)
-    jmm = JointMuscleMap(drawing.joints, drawing.muscles, tuple(groups))
+    jmm = JointMuscleMap(nominal.joints, nominal.muscles, tuple(groups))
     fitted = _rmse(jmm, centre + scale * x[:VALIDATION], lengths[:VALIDATION])
     reports = {
         group.name: GroupReport(training, validation, history, taken)
         for group, training, validation, history, taken in zip(
-            groups, fitted, _validate(jmm, drawing, seed), histories, seconds, strict=True
+            groups, fitted, _validate(jmm, nominal, seed), histories, seconds, strict=True
         )
     }
     return jmm, TrainingReport(reports, time.perf_counter() - begin, cached=False)
 
 
 def load_or_train(
-    drawing: NominalModel,
+    nominal: NominalModel,
     seed: int,
     cache_dir: str | os.PathLike[str],
     recipe: Recipe | None = None,
     progress: Progress | None = None,
 ) -> tuple[JointMuscleMap, TrainingReport]:
-    """The map that `train` gives, read from `cache_dir` when the same was trained before.
+    """Read the map that `train` returns from a file, or train it and write the file.
 
-    A file's name is the hash of all that training depends on. A broken file is logged and trained
-    anew; a directory that cannot be written is logged, and the map returned all the same.
+    A broken file is logged, and the map is trained again. A folder that cannot be written is
+    logged; the map is still returned.
+
+    Args:
+        nominal: the nominal model.
+        seed: of the postures and the initial layers.
+        cache_dir: folder of trained maps.
+        recipe: options of training; the defaults if left out.
+        progress: called with the name of a group and the share of its training that is done.
+
+    Returns:
+        The map, and its errors.
+
+    Raises:
+        TrainingError: lengths of the nominal model are not finite, or training diverged.
     """
     recipe = recipe or Recipe()
-    path = Path(cache_dir) / f"jmm-{content_hash(drawing, seed, recipe)}.npz"
+    path = Path(cache_dir) / f"jmm-{content_hash(nominal, seed, recipe)}.npz"
     if path.exists():
         begin = time.perf_counter()
         try:
             jmm = JointMuscleMap.load(path)
-            if (jmm.joints, jmm.muscles) != (drawing.joints, drawing.muscles):
+            if (jmm.joints, jmm.muscles) != (nominal.joints, nominal.muscles):
                 raise CheckpointError(f"Checkpoint {path}: it holds the map of another robot.")
-            errors = _validate(jmm, drawing, seed)
+            errors = _validate(jmm, nominal, seed)
             reports = {
                 group.name: GroupReport(error, error, (), 0.0)
                 for group, error in zip(jmm.groups, errors, strict=True)
             }
             return jmm, TrainingReport(reports, time.perf_counter() - begin, cached=True)
         except CheckpointError as error:
-            _log.warning("%s The map is trained anew.", error)
-    jmm, report = train(drawing, seed, recipe, progress)
+            _log.warning("%s The map is trained again.", error)
+    jmm, report = train(nominal, seed, recipe, progress)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         jmm.save(path)
@@ -136,47 +167,53 @@ def load_or_train(
     return jmm, report
 
 
-def content_hash(drawing: NominalModel, seed: int, recipe: Recipe) -> str:
-    """Hexadecimal digest of the drawing (by its lengths at 256 postures), recipe and seed."""
-    x, lengths = _sample(drawing, np.random.default_rng(0), PROBES, 1.0)
-    named = (FORMAT, seed, drawing.joints, drawing.muscles, drawing.groups, asdict(recipe))
+def content_hash(nominal: NominalModel, seed: int, recipe: Recipe) -> str:
+    """Hexadecimal digest of all that training depends on.
+
+    Args:
+        nominal: the nominal model, whose lengths enter at `PROBES` postures.
+        seed: of training.
+        recipe: options of training.
+    """
+    x, lengths = _sample(nominal, np.random.default_rng(0), PROBES, 1.0)
+    named = (FORMAT, seed, nominal.joints, nominal.muscles, nominal.groups, asdict(recipe))
     digest = hashlib.sha256(repr(named).encode())
-    for array in (drawing.lower, drawing.upper, drawing.crosses, x, lengths):
+    for array in (nominal.lower, nominal.upper, nominal.crosses, x, lengths):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:24]
 
 
-def _tell(progress: Progress | None, name: str, done: float) -> None:
+def _report(progress: Progress | None, name: str, done: float) -> None:
     if progress is not None:
         progress(name, done)
 
 
-def _generators(drawing: NominalModel, seed: int) -> list[np.random.Generator]:
-    children = np.random.SeedSequence(seed).spawn(1 + len(drawing.groups))
-    return [np.random.default_rng(child) for child in children]
+def _generators(nominal: NominalModel, seed: int) -> list[np.random.Generator]:
+    sequences = np.random.SeedSequence(seed).spawn(1 + len(nominal.groups))
+    return [np.random.default_rng(sequence) for sequence in sequences]
 
 
-def _box(drawing: NominalModel) -> tuple[Floats, Floats]:
+def _box(nominal: NominalModel) -> tuple[Floats, Floats]:
     """Centre and half range of the joint limits [rad], each (n,)."""
-    return (drawing.upper + drawing.lower) / 2.0, (drawing.upper - drawing.lower) / 2.0
+    return (nominal.upper + nominal.lower) / 2.0, (nominal.upper - nominal.lower) / 2.0
 
 
 def _sample(
-    drawing: NominalModel, rng: np.random.Generator, count: int, reach: float
+    nominal: NominalModel, rng: np.random.Generator, count: int, reach: float
 ) -> tuple[Floats, Floats]:
     """Postures (count, n) scaled so that the limits are -1 and 1, and lengths (count, m) [m]."""
-    centre, scale = _box(drawing)
-    x = rng.uniform(-reach, reach, (count, len(drawing.joints)))
-    lengths = np.asarray(drawing.lengths(centre + scale * x), dtype=np.float64)
+    centre, scale = _box(nominal)
+    x = rng.uniform(-reach, reach, (count, len(nominal.joints)))
+    lengths = np.asarray(nominal.lengths(centre + scale * x), dtype=np.float64)
     if not np.isfinite(lengths).all():
-        raise TrainingError("The drawing's lengths are not finite near the joint limits.")
+        raise TrainingError("Nominal model: lengths are not finite near the joint limits.")
     return x, lengths
 
 
-def _validate(jmm: JointMuscleMap, drawing: NominalModel, seed: int) -> list[float]:
-    """RMSE [m] by group on postures that no training has seen."""
-    x, lengths = _sample(drawing, np.random.default_rng([seed, VALIDATION]), VALIDATION, 1.0)
-    centre, scale = _box(drawing)
+def _validate(jmm: JointMuscleMap, nominal: NominalModel, seed: int) -> list[float]:
+    """RMSE [m] by group on postures that are not those of training."""
+    x, lengths = _sample(nominal, np.random.default_rng([seed, VALIDATION]), VALIDATION, 1.0)
+    centre, scale = _box(nominal)
     return _rmse(jmm, centre + scale * x, lengths)
 
 

@@ -1,1 +1,1 @@
-"""The camera: marker poses, what they say of the joints, and the fit of many of them."""
+"""Marker poses in camera frames, and the joint angles that they show."""

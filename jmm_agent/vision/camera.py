@@ -1,4 +1,4 @@
-"""The pinhole camera that the agent believes in."""
+"""Pinhole camera model of the agent."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,12 @@ class Camera:
     """Pinhole camera without distortion: square pixels, axes x right, y down, z forward (OpenCV).
 
     Attributes:
-        width, height: size of the frame [px].
+        width: of the frame [px].
+        height: of the frame [px].
         focal_px: focal length [px], the same along x and y.
 
     Raises:
-        AgentError: a size below 1 px, or a focal length that is not positive and finite.
+        AgentError: a size is below 1 px, or the focal length is not positive and finite.
     """
 
     width: int
@@ -35,7 +36,16 @@ class Camera:
 
     @classmethod
     def from_fovy(cls, width: int, height: int, fovy_rad: float) -> "Camera":
-        """The camera whose frame spans `fovy_rad` [rad] from its upper to its lower border."""
+        """Camera with a vertical field of view.
+
+        Args:
+            width: of the frame [px].
+            height: of the frame [px].
+            fovy_rad: angle between the upper and the lower border of the frame [rad].
+
+        Raises:
+            AgentError: the angle is not between 0 and pi, or a size is below 1 px.
+        """
         if not 0 < fovy_rad < np.pi:
             raise AgentError(
                 f"The camera's vertical view is {fovy_rad} rad; it must lie between 0 and pi."
@@ -44,7 +54,7 @@ class Camera:
 
     @property
     def matrix(self) -> np.ndarray:
-        """Intrinsic matrix (3, 3) [px]; pixels have their centres at integers."""
+        """Intrinsic matrix (3, 3) [px]; the centres of pixels are at integers."""
         return np.array(
             [
                 [self.focal_px, 0.0, (self.width - 1) / 2],

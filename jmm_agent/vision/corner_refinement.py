@@ -1,36 +1,32 @@
-"""Sub-pixel corners of a dark square on a light ground, where lines along its edges meet."""
+"""Sub-pixel corners of a dark square on a light ground: intersections of lines along its edges."""
 
 import numpy as np
 
-ALONG = np.linspace(
-    0.1, 0.9, 48
-)  # profiles, as parts of an edge; near its ends the neighbouring edge blurs them
-ACROSS = np.linspace(
-    -1.0, 1.0, 15
-)  # samples of a profile, in reaches, from the dark side to the light one
+ALONG = np.linspace(0.1, 0.9, 48)
+"""Positions of the profiles, as shares of an edge; near its ends the next edge blurs them."""
+ACROSS = np.linspace(-1.0, 1.0, 15)
+"""Samples of a profile, in reaches, from the dark side to the light one."""
 MIDDLES = (ACROSS[1:] + ACROSS[:-1]) / 2
-REACH_CELLS = 0.35  # reach of a profile to either side, at most ...
-REACHES_PX = (
-    np.inf,
-    3.0,
-    3.0,
-)  # ... this, pass by pass; each pass follows the lines of the one before
-CONTRAST = 0.4  # a profile counts if its step is at least this part of the edge's upper quartile
-CUTS_PX = (3.0, 1.0, 0.4, 0.4)  # where Tukey's biweight reaches zero, fit by fit
-MIN_PROFILES = 12  # per edge
-NEXT, OPPOSITE, BEFORE = (
-    [1, 2, 3, 0],
-    [2, 3, 0, 1],
-    [3, 0, 1, 2],
-)  # corners, or edges, seen from each one
+REACH_CELLS = 0.35
+"""Largest reach of a profile to either side, in cells."""
+REACHES_PX = (np.inf, 3.0, 3.0)
+"""Largest reach in each pass [px]; each pass follows the lines of the one before."""
+CONTRAST = 0.4
+"""A profile counts if its step is at least this share of the upper quartile of the edge."""
+CUTS_PX = (3.0, 1.0, 0.4, 0.4)
+"""Distance at which Tukey's biweight reaches zero, in each fit of the lines [px]."""
+MIN_PROFILES = 12
+"""Least number of profiles that count on each edge."""
+NEXT, OPPOSITE, BEFORE = [1, 2, 3, 0], [2, 3, 0, 1], [3, 0, 1, 2]
+"""Other corners, or edges, of each one."""
 
 
 def refine_corners(gray: np.ndarray, corners: np.ndarray, cells: int) -> np.ndarray | None:
-    """Corners of a dark square, `cells` cells wide, with dark outer cells and a light surround.
+    """Refine the corners of a dark square with dark outer cells and a light surround.
 
-    Across each edge a row of profiles is taken; the middle of a profile's step (the mean of its
-    positions, weighted with its gradient) does not depend on a symmetric blur. Robust lines go
-    through the steps of each edge, and the corners are where the lines meet.
+    A row of profiles crosses each edge. The middle of a profile's step (the mean of its positions,
+    weighted with its gradient) does not depend on a symmetric blur. A robust line is fitted through
+    the steps of each edge; the corners are the intersections of the lines.
 
     Args:
         gray: (H, W) uint8.
@@ -38,8 +34,8 @@ def refine_corners(gray: np.ndarray, corners: np.ndarray, cells: int) -> np.ndar
         cells: width of the square in cells; a light margin of half a cell is needed.
 
     Returns:
-        (4, 2) corners [px], or None where an edge has too few clean profiles (hidden, or out of
-        the frame) or its line leads away from the rough corners.
+        Corners (4, 2) [px]; None if an edge has too few clean profiles, because it is hidden or out
+        of the frame, or if its line leads away from the rough corners.
     """
     quad = np.asarray(corners, dtype=float)
     for reach_px in REACHES_PX:
@@ -69,7 +65,7 @@ def refine_corners(gray: np.ndarray, corners: np.ndarray, cells: int) -> np.ndar
 def _steps(
     gray: np.ndarray, foot: np.ndarray, outward: np.ndarray, reach: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far outward of `foot` (4, n, 2) the steps lie (4, n) [px]; which are clean (4, n)."""
+    """Distance of the steps outward of `foot` (4, n, 2), (4, n) [px]; which are clean (4, n)."""
     offset = reach[:, None] * ACROSS
     x = foot[:, :, None, 0] + (offset * outward[:, :1])[:, None]
     y = foot[:, :, None, 1] + (offset * outward[:, 1:])[:, None]
@@ -114,7 +110,7 @@ def _fit(
 
 
 def _meet(point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Where each edge meets the edge before it (4, 2), from a point and a normal (4, 2) of each."""
+    """Intersections (4, 2) of each edge and the one before; a point and a normal (4, 2) of each."""
     level = (point * normal).sum(axis=1)
     before, level_before = normal[BEFORE], level[BEFORE]
     area = before[:, 0] * normal[:, 1] - before[:, 1] * normal[:, 0]

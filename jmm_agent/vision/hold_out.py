@@ -1,9 +1,9 @@
-"""Looks that are not learned from: they tell whether an update made the map worse.
+"""Held-out marker observations, which show whether an update made the map worse.
 
-Of the looks that are believed, one in five is held back. An update with which the map explains
-these looks much worse than before was learned from something wrong, such as a marker that is not
-where it seems, and is undone. Where one update after the other does so, the robot is not what it
-was when the looks were held back: then they are forgotten, and the update stays.
+Of the observations that are believed, one in five is not learned from. If a map fits these much
+worse after an update than before, the update was learned from a wrong observation, such as a
+displaced marker, and is undone. If several updates in a row do so, the robot itself has changed
+since the observations were held out: then they are forgotten, and the update stays.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from jmm_agent.mapping.learner import Pairs
 
 @dataclass(frozen=True)
 class HoldOutOptions:
-    """Which looks are held back, and when an update counts as harmful.
+    """Which observations are held out, and when an update counts as harmful.
 
     Attributes:
-        every: of so many looks that are believed, the last is held back.
-        memory: so many are remembered.
-        least: fewer tell nothing.
-        factor: a harmful update raises their error by more than this factor ...
-        noise: ... and this much [m].
-        patience: after so many harmful updates in a row the looks are forgotten instead.
+        every: one in this number of believed observations is held out.
+        memory: number of newest held-out observations that are remembered.
+        least: least number of held-out observations by which an update is judged.
+        factor: a harmful update raises their error by more than this factor [1] ...
+        noise: ... plus this length [m].
+        patience: after this number of harmful updates in a row, the observations are forgotten
+            instead.
     """
 
     every: int = 5
@@ -40,21 +41,23 @@ class HoldOutOptions:
     def __post_init__(self) -> None:
         if min(self.every - 1, self.memory, self.least, self.patience) < 1:
             raise AgentError(
-                "Looks held back: every must be 2 or more, memory, least and patience 1 or more."
+                "HoldOutOptions: every must be 2 or more, memory, least and patience 1 or more."
             )
 
 
 class HoldOut:
-    """Pairs of the looks that are held back, and what they say about updates.
+    """Pairs of the held-out observations, and the judgement of updates by them.
 
-    They stay when the updater's ``memory`` is set to what it was before: one wrong pair among
-    them does not move their median.
+    They stay when the updater's ``memory`` is set to an earlier value: one wrong pair among them
+    does not move their median.
 
     Args:
-        options: see there.
+        options: which observations are held out, and when an update is harmful.
+        joints: number of joints, n.
+        muscles: number of muscles, m.
 
     Attributes:
-        pairs: newest last; none of them was learned.
+        pairs: held-out pairs, the newest last; none of them was learned.
     """
 
     def __init__(self, options: HoldOutOptions, joints: int, muscles: int) -> None:
@@ -63,7 +66,11 @@ class HoldOut:
         self.pairs = Pairs.none(joints, muscles)
 
     def keeps(self, pair: Pairs) -> bool:
-        """Whether the pair of a look that is believed is held back, and must not be learned."""
+        """Whether the pair of a believed observation is held out, and must not be learned.
+
+        Args:
+            pair: of the observation.
+        """
         self._believed += 1
         if self._believed % self._options.every:
             return False
@@ -71,7 +78,12 @@ class HoldOut:
         return True
 
     def harmed(self, before: JointMuscleMap, after: JointMuscleMap) -> bool:
-        """Whether an update is to be undone, since it made the map worse."""
+        """Whether an update made the map worse and must be undone.
+
+        Args:
+            before: the map before the update.
+            after: the map after the update.
+        """
         options = self._options
         if len(self.pairs.noise) < options.least:
             return False
@@ -85,6 +97,6 @@ class HoldOut:
         return True
 
     def _error(self, jmm: JointMuscleMap) -> float:
-        """Median over pairs of the RMS over wires [m]: a wrong pair changes little."""
+        """Median over pairs of the RMS over muscles [m]; one wrong pair changes it little."""
         errors = jmm.lengths(self.pairs.postures) - self.pairs.lengths
         return float(np.median(np.sqrt(np.mean(errors**2, axis=1))))

@@ -12,15 +12,15 @@ from jmm_agent.errors import AgentError
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.corner_refinement import refine_corners
 
-CELLS = 6  # a DICT_4X4 marker: 4 cells of code between two of black border
+CELLS = 6  # of a DICT_4X4 marker: 4 cells of code between two of black border
 ALIKE = 2.0  # two solutions fit alike if their errors differ by less than this factor ...
 NOISE_PX = 0.03  # ... or if both errors are below this
-SQUARE_PX = 0.4  # corners farther than this from those of any square have a line on something else
+SQUARE_PX = 0.4  # corners farther than this from those of a square are not the marker's
 
-# OpenCV's rotation vectors fail at half a turn, which an upright marker that faces the camera has.
-# So its poses are found in a frame that is turned in steps of 90 deg until it is nearly level with
-# the camera (x right, y down, z forward): pose_level_in_marker (4, 4), by the corner that comes
-# first in the image.
+# OpenCV's rotation vectors fail at half a turn, the rotation of an upright marker that faces the
+# camera. So poses are computed in a frame that is turned in steps of 90 deg until it is nearly
+# level with the camera (x right, y down, z forward): pose_level_in_marker (4, 4), by the first
+# corner in the image.
 LEVEL_IN_MARKER = [
     np.array([[c, -s, 0, 0], [-s, -c, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1.0]])
     for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))
@@ -45,10 +45,10 @@ class MarkerPose:
         id: number of the marker in its dictionary.
         pose_marker_in_camera: (4, 4), metres; camera x right, y down, z forward.
         corners_px: (4, 2), from the printed upper left one, clockwise as printed.
-        reprojection_px: root mean square distance of the four corners from the pose's.
-        flipped_in_camera: (4, 4), the other pose that the plane allows, as IPPE gives it: its
-            normal is about mirrored at the line of sight. Without one, the only solution.
-        flipped_reprojection_px: what that one leaves.
+        reprojection_px: RMS distance of the four corners from those of the pose.
+        flipped_in_camera: (4, 4), the second solution for a plane by IPPE, whose normal is nearly
+            mirrored at the line of sight; the only solution if there is no second one.
+        flipped_reprojection_px: RMS distance of the four corners from those of that pose.
     """
 
     id: int
@@ -60,43 +60,49 @@ class MarkerPose:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether the corners cannot tell the pose from the flipped one."""
+        """Whether both poses fit the corners alike."""
         return _alike(self.reprojection_px, self.flipped_reprojection_px)
 
 
 @dataclass(frozen=True)
 class Detections:
-    """What a frame shows: every expected id is a key of exactly one of `poses` and `skips`.
+    """Markers in a frame: every expected id is a key of exactly one of `poses` and `skips`.
 
     Attributes:
         poses: markers with a pose.
-        skips: markers without one, and why.
-        strangers: ids in the frame that nobody expects, ascending.
+        skips: markers without a pose, and why.
+        unexpected: ids in the frame that are not expected, ascending.
     """
 
     poses: dict[int, MarkerPose]
     skips: dict[int, Skip]
-    strangers: tuple[int, ...]
+    unexpected: tuple[int, ...]
 
 
 class Detector(Protocol):
-    """Whatever finds markers in frames."""
+    """Interface of the objects that find markers in frames."""
 
     def detect(
         self, frame_rgb: np.ndarray, expected: Mapping[int, np.ndarray] | None = None
     ) -> Detections:
-        """Poses of the expected markers; see `MarkerDetector.detect`."""
+        """Poses of the expected markers; see `MarkerDetector.detect`.
+
+        Args:
+            frame_rgb: (H, W, 3) uint8.
+            expected: predicted pose_marker_in_camera (4, 4) of some ids.
+        """
 
 
 class MarkerDetector:
     """Finds ArUco markers (DICT_4X4_50), and their poses from lines along the black square's edges.
 
     Args:
-        camera: the camera that the frames are taken to come from.
-        side_by_id: for each expected marker the side of its black square [m].
+        camera: model of the camera that the frames come from.
+        side_by_id: side of the black square of each expected marker [m].
 
     Raises:
-        AgentError: no marker, an id outside 0 to 49, or a side that is not positive and finite.
+        AgentError: there is no marker, an id is outside 0 to 49, or a side is not positive and
+            finite.
     """
 
     def __init__(self, camera: Camera, side_by_id: Mapping[int, float]):
@@ -127,12 +133,12 @@ class MarkerDetector:
     def detect(
         self, frame_rgb: np.ndarray, expected: Mapping[int, np.ndarray] | None = None
     ) -> Detections:
-        """Poses of the expected markers.
+        """Find the poses of the expected markers.
 
         Args:
             frame_rgb: (H, W, 3) uint8 of the camera's size.
-            expected: predicted `pose_marker_in_camera` (4, 4) of some ids; it decides between
-                the two solutions of a plane where the corners do not.
+            expected: predicted pose_marker_in_camera (4, 4) of some ids; it decides between the two
+                solutions for a plane if both fit the corners alike.
 
         Raises:
             AgentError: the frame or a predicted pose has a wrong shape, type or value.
@@ -166,6 +172,7 @@ class MarkerDetector:
         quads: list[np.ndarray],
         expected: Mapping[int, np.ndarray],
     ) -> MarkerPose | Skip:
+        """Pose of one marker from its rough corners (4, 2) [px], or why it has none."""
         if len(quads) != 1:
             return Skip.TWICE if quads else Skip.NOT_SEEN
         corners = refine_corners(gray, quads[0], CELLS)

@@ -1,4 +1,4 @@
-"""What a look at the marker says of the joints: error of a posture against a seen pose."""
+"""Residual of a posture against a measured pose of the marker (paper, sec. III-C)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from jmm_agent.types import Floats
 
 
 class MarkerResidual:
-    """Error of the marker's pose in the camera frame, and how the joints change it.
+    """Error of the marker's pose in the camera frame, with its Jacobian.
 
     Args:
         kinematics: of all joints between camera and marker.
         camera: the camera's frame.
-        marker_site: the site that carries the marker; any site may.
+        marker_site: the site that carries the marker.
+
+    Raises:
+        KinematicsError: there is no such frame.
     """
 
     def __init__(self, kinematics: ArmKinematics, camera: str, marker_site: str) -> None:
@@ -23,10 +26,15 @@ class MarkerResidual:
         kinematics.pose(marker_site, np.zeros(len(kinematics.joints)), relative_to=camera)
 
     def __call__(self, q: Floats, pose: Floats) -> tuple[Floats, Floats]:
-        """Error (6,) of posture ``q`` (n,) [rad] against a seen pose (4, 4), and Jacobian (6, n).
+        """Error of a posture against a measured pose.
 
-        Rows 0 to 2 are the marker's offset [m], rows 3 to 5 its rotation vector [rad], both in
-        the axes of the seen marker.
+        Args:
+            q: joint angles (n,) [rad].
+            pose: measured pose_marker_in_camera (4, 4).
+
+        Returns:
+            Error (6,) and its Jacobian by q (6, n). Rows 0 to 2 are the marker's offset [m], rows 3
+            to 5 its rotation vector [rad], both in the axes of the measured marker.
         """
         expected = self._kinematics.pose(self._marker, q, relative_to=self._camera)
         slope = self._kinematics.frame_jacobian(self._marker, q, relative_to=self._camera)

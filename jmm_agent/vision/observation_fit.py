@@ -1,22 +1,25 @@
-"""Many looks at the hand and what the wires measured, fitted together.
+"""Joint angles of many marker observations, fitted together with the muscle lengths.
 
-One look has six numbers and the arm fourteen joints, so inverse kinematics from one look leaves
-joints wrong that the look cannot tell apart. But the wires' error is no accident of each posture:
-lengths zeroed at a wrong posture or a point that lies elsewhere make a smooth function of the
-joint angles, the same in all looks. Write the measured lengths of look k as
+One marker observation has six numbers and the arm fourteen joints, so inverse kinematics from one
+observation leaves errors in the joint angles that the marker does not show. But the error of the
+muscle lengths is not independent from posture to posture: lengths that were zeroed at a wrong
+posture, or a point of attachment that lies elsewhere, make it a smooth function of the joint
+angles, the same in all observations. Write the measured lengths of observation k as
 
     l_k = f(theta_k) + delta(theta_k) + e_k
 
-with the drawing's map f, and let delta be a Gaussian process whose kernel is that of the output
-layer's prior (`MapPrior`). Then all joint angles theta_1..theta_K are found at once, with delta
-integrated out:
+with the nominal model's map f, and let delta be a Gaussian process whose kernel is that of the
+output layer's prior (`MapPrior`). Then all joint angles theta_1..theta_K are found at once, with
+delta integrated out:
 
     min  sum_k |log(P_vision,k^-1 P(theta_k))|^2_V  +  sum_m r_m' (Phi Phi' + s^2 I)^-1 r_m,
     r_m = (l_km - f_m(theta_k))_k,
 
-by Gauss-Newton steps inside the joint limits; joints that the cost pushes against a limit are held
-there, and the others find their way. The paper (sec. III-C) solves each look alone, with
-the least movement from the estimate; `fit_alone` does.
+by damped Gauss-Newton steps inside the joint limits. Joints that the gradient pushes against a
+limit are held there while the others move.
+
+Kawaharazuka et al. 2018 (sec. III-C) solve each observation alone, with the least movement from
+the estimate; `fit_alone` does this.
 """
 
 from __future__ import annotations
@@ -32,21 +35,26 @@ from jmm_agent.kinematics.bounded_least_squares import minimise
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 
-Sight = Callable[[Floats, Floats], tuple[Floats, Floats]]
-"""(q (n,), pose_marker_in_camera (4, 4)) -> error (6,) [m, rad] and its Jacobian (6, n)."""
-
+PoseResidual = Callable[[Floats, Floats], tuple[Floats, Floats]]
+"""(q (n,), pose_marker_in_camera (4, 4)) -> residual (6,) [m, rad] and its Jacobian (6, n)."""
 
 ALONE_STEPS = 100
-"""Gauss-Newton steps at most for one look alone."""
+"""Largest number of Gauss-Newton steps for one observation alone."""
+
+START_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-6, 1e6
+"""Damping relative to the diagonal of the Gauss-Newton matrix."""
+
+LARGEST_STEP = 0.3
+"""Largest change of a joint angle in one step [rad]."""
 
 
 class MarkerObservation(NamedTuple):
     """One settled posture in which the marker was seen.
 
     Attributes:
-        pose: pose_marker_in_camera (4, 4), measured.
-        lengths: measured lengths (m,) [m].
-        guess: joint angles (n,) [rad] to start from, the estimate of the time.
+        pose: measured pose_marker_in_camera (4, 4).
+        lengths: measured muscle lengths (m,) [m].
+        guess: estimated joint angles (n,) [rad], where the fit starts.
     """
 
     pose: Floats
@@ -56,20 +64,21 @@ class MarkerObservation(NamedTuple):
 
 @dataclass(frozen=True)
 class ObservationFitOptions:
-    """How sure the fit is of what.
+    """Noise levels and limits of the fit.
 
     Attributes:
-        position_noise: of the marker's position in the camera frame [m].
-        rotation_noise: of the marker's orientation [rad].
-        steps: Gauss-Newton steps at most.
+        position_noise: standard deviation of the marker's position in the camera frame [m].
+        rotation_noise: standard deviation of the marker's orientation [rad].
+        steps: largest number of Gauss-Newton steps.
         tolerance: a step smaller than this ends the fit [rad].
-        gain: and one that lowers the cost, which is twice a negative log-likelihood, by less.
-        limit_margin: how far outside its limits a joint may be found [rad].
-        memory: number of looks that are kept, the newest.
-        least_movement: pull towards the estimate when a look is solved alone [1/rad^2].
-        give_evidence: least logarithm of the Bayes factor to believe that a wire gave for good;
-            infinite to believe that wires never do.
-        give_recent: a wire is only believed to have given among this many newest looks.
+        gain: a step that lowers the cost by less than this ends the fit; the cost is twice a
+            negative log-likelihood.
+        limit_margin: how far outside its limits a joint angle may be [rad].
+        memory: number of newest observations that are remembered.
+        least_movement: pull towards the estimate when an observation is solved alone [1/rad^2].
+        elongation_evidence: least logarithm of the Bayes factor from which on a permanent
+            elongation is believed; infinite to believe in none.
+        elongation_recent: number of newest observations among which one is looked for.
     """
 
     position_noise: float = 0.003
@@ -80,138 +89,189 @@ class ObservationFitOptions:
     limit_margin: float = 0.02
     memory: int = 60
     least_movement: float = 0.1
-    give_evidence: float = 4.0
-    give_recent: int = 5
+    elongation_evidence: float = 4.0
+    elongation_recent: int = 5
 
 
 class ObservationFit(NamedTuple):
-    """Joint angles of all looks (K, n) [rad], whether the fit came to rest, and what vision says.
+    """Result of a fit.
 
-    `sight_error` holds for each look the norms of position [m] and rotation [rad] left over.
+    Attributes:
+        angles: joint angles of all K observations (K, n) [rad].
+        converged: whether the fit ended in a minimum.
+        residual_norms: remaining distance [m] and angle [rad] of the marker in each observation
+            (K, 2).
     """
 
     angles: Floats
     converged: bool
-    sight_error: Floats
+    residual_norms: Floats
 
 
 def fit_observations(
     observations: Sequence[MarkerObservation],
     prior: MapPrior,
-    sight: Sight,
+    marker_residual: PoseResidual,
     limits: Floats,
     options: ObservationFitOptions,
     start: Floats | None = None,
-    gave: Floats | None = None,
+    elongated: Floats | None = None,
 ) -> ObservationFit:
-    """Joint angles of all looks at once (module docstring).
+    """Fit the joint angles of all observations at once (module docstring).
 
     Args:
-        looks: K looks.
-        prior: what is known of the map's error.
-        sight: error of the marker's pose at a posture.
-        limits: (n, 2) lowest and highest angles [rad].
-        start: angles (K, n) to start from; the looks' guesses if left out.
-        gave: (K, m) how often each wire gave for good since each look; never if left out.
+        observations: K observations.
+        prior: prior of the map's error.
+        marker_residual: residual of the marker's pose at a posture.
+        limits: lowest and highest angle of each joint (n, 2) [rad].
+        options: noise levels and limits of the fit.
+        start: angles (K, n) [rad] to start from; the observations' guesses if left out.
+        elongated: number of permanent elongations of each muscle since each observation (K, m);
+            none if left out.
     """
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
-    guesses = np.array([look.guess for look in observations]) if start is None else start
-    angles = np.clip(guesses, low, high)
-    problem = ObservationProblem(observations, prior, sight, options, gave)
-    cost, errors = problem.cost(angles)
-    damping, converged = 1e-3, False
-    for _ in range(options.steps):
-        matrix, gradient = problem.normal_equations(angles)
-        rising = gradient.reshape(angles.shape) >= 0.0
-        held = np.where(rising, angles <= low, angles >= high)  # pushed against their limits
-        free = np.flatnonzero(~held)
-        slope, curvature = gradient[free], matrix[np.ix_(free, free)]
-        scale = np.diag(curvature)
-        while damping < 1e6:
-            damped = cho_factor(curvature + np.diag(damping * scale))
-            step = np.zeros(angles.shape)
-            step.flat[free] = -cho_solve(damped, slope)
-            trial = np.clip(angles + np.clip(step, -0.3, 0.3), low, high)
-            trial_cost, trial_errors = problem.cost(trial)
-            if trial_cost <= cost:
-                break
-            damping *= 10.0
-        else:  # no step lowers the cost
-            converged = True
-            break
-        moved, gained = float(np.abs(trial - angles).max()), cost - trial_cost
-        angles, cost, errors = trial, trial_cost, trial_errors
-        damping = max(damping / 10.0, 1e-6)
-        if moved < options.tolerance or gained < options.gain:
-            converged = True
-            break
-    norms = np.column_stack(
-        [np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)]
-    )
-    return ObservationFit(angles, converged, norms)
+    guesses = np.array([found.guess for found in observations]) if start is None else start
+    problem = ObservationProblem(observations, prior, marker_residual, options, elongated)
+    end, converged = _descend(problem, np.clip(guesses, low, high), low, high, options)
+    position, rotation = end.residuals[:, :3], end.residuals[:, 3:]
+    norms = np.column_stack([np.linalg.norm(position, axis=1), np.linalg.norm(rotation, axis=1)])
+    return ObservationFit(end.angles, converged, norms)
 
 
 def fit_alone(
-    look: MarkerObservation, sight: Sight, limits: Floats, options: ObservationFitOptions
+    observation: MarkerObservation,
+    marker_residual: PoseResidual,
+    limits: Floats,
+    options: ObservationFitOptions,
 ) -> ObservationFit:
-    """Joint angles of one look, as near as possible to its guess: the paper's IK (sec. III-C)."""
+    """Fit the joint angles of one observation, as near as possible to its guess (sec. III-C).
+
+    Args:
+        observation: the observation; its lengths are not used.
+        marker_residual: residual of the marker's pose at a posture.
+        limits: lowest and highest angle of each joint (n, 2) [rad].
+        options: noise levels and limits of the fit.
+    """
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
     root = np.repeat([1.0 / options.position_noise, 1.0 / options.rotation_noise], 3)
 
     def residual(q: Floats) -> tuple[Floats, Floats]:
-        error, slope = sight(q, look.pose)
+        error, slope = marker_residual(q, observation.pose)
         return root * error, root[:, None] * slope
 
-    start = np.clip(look.guess, low, high)
+    start = np.clip(observation.guess, low, high)
     pull = options.least_movement * np.eye(len(start))
     found = minimise(residual, start, low, high, pull, ALONE_STEPS)
-    error = sight(found.x, look.pose)[0]
+    error = marker_residual(found.x, observation.pose)[0]
     norms = np.array([[np.linalg.norm(error[:3]), np.linalg.norm(error[3:])]])
     return ObservationFit(found.x[None], found.stationary, norms)
 
 
 class ObservationProblem:
-    """What `fit_observations` minimises; joint angles are (K, n) [rad]."""
+    """Cost that `fit_observations` minimises, as a function of joint angles (K, n) [rad].
+
+    Args:
+        observations: K observations.
+        prior: prior of the map's error.
+        marker_residual: residual of the marker's pose at a posture.
+        options: noise levels.
+        elongated: number of permanent elongations of each muscle since each observation (K, m);
+            none if left out.
+    """
 
     def __init__(
         self,
         observations: Sequence[MarkerObservation],
         prior: MapPrior,
-        sight: Sight,
+        marker_residual: PoseResidual,
         options: ObservationFitOptions,
-        gave: Floats | None = None,
+        elongated: Floats | None = None,
     ) -> None:
-        self._observations, self._prior, self._sight, self._gave = observations, prior, sight, gave
-        self._lengths = np.array([look.lengths for look in observations])
+        self._observations, self._prior, self._elongated = observations, prior, elongated
+        self._marker_residual = marker_residual
+        self._lengths = np.array([found.lengths for found in observations])
         self._weight = np.repeat([options.position_noise**-2, options.rotation_noise**-2], 3)
 
     def cost(self, angles: Floats) -> tuple[float, Floats]:
-        """Cost, and the errors of sight (K, 6)."""
+        """Cost at angles (K, n) [rad], and the marker's residuals (K, 6) [m, rad]."""
         pairs = zip(angles, self._observations, strict=True)
-        errors = np.array([self._sight(q, look.pose)[0] for q, look in pairs])
-        residual = self._lengths - self._prior.map.lengths(angles)
-        cost = float(np.sum(self._weight * errors**2))
-        for group in self._prior.groups(angles, gave=self._gave):
-            mine = residual[:, group.muscles]
-            cost += float(np.sum(mine * group.whiten(mine)))
-        return cost, errors
+        residuals = np.array([self._marker_residual(q, found.pose)[0] for q, found in pairs])
+        missed = self._lengths - self._prior.map.lengths(angles)
+        cost = float(np.sum(self._weight * residuals**2))
+        for group in self._prior.groups(angles, elongated=self._elongated):
+            own = missed[:, group.muscles]
+            cost += float(np.sum(own * group.whiten(own)))
+        return cost, residuals
 
     def normal_equations(self, angles: Floats) -> tuple[Floats, Floats]:
-        """Gauss-Newton matrix (K n, K n) and gradient (K n,), the kernel held fixed."""
+        """Gauss-Newton matrix (K n, K n) and gradient (K n,) at angles (K, n) [rad].
+
+        Both are half those of the cost; the kernel is held fixed.
+        """
         count, joints = angles.shape
         expected, jacobian = self._prior.map.lengths_and_jacobian(angles)
-        residual = self._lengths - expected
+        missed = self._lengths - expected
         matrix = np.zeros((count, joints, count, joints))
         gradient = np.zeros((count, joints))
-        for k, (q, look) in enumerate(zip(angles, self._observations, strict=True)):
-            error, slope = self._sight(q, look.pose)
+        for k, (q, found) in enumerate(zip(angles, self._observations, strict=True)):
+            residual, slope = self._marker_residual(q, found.pose)
             matrix[k, :, k, :] += slope.T @ (self._weight[:, None] * slope)
-            gradient[k] += slope.T @ (self._weight * error)
-        for group in self._prior.groups(angles, gave=self._gave):
-            arms = jacobian[:, group.muscles]  # (K, k, n)
+            gradient[k] += slope.T @ (self._weight * residual)
+        for group in self._prior.groups(angles, elongated=self._elongated):
+            arms = jacobian[:, group.muscles]  # (K, muscles of the group, n)
             information = group.whiten(np.eye(count))
             products = np.einsum("kmi,lmj->kilj", arms, arms, optimize=True)
             matrix += information[:, None, :, None] * products
-            gradient -= np.einsum("kmi,km->ki", arms, group.whiten(residual[:, group.muscles]))
+            gradient -= np.einsum("kmi,km->ki", arms, group.whiten(missed[:, group.muscles]))
         size = count * joints
         return matrix.reshape(size, size), gradient.ravel()
+
+
+class _Point(NamedTuple):
+    """Joint angles (K, n) [rad], their cost, and the marker's residuals (K, 6) [m, rad]."""
+
+    angles: Floats
+    cost: float
+    residuals: Floats
+
+
+def _descend(
+    problem: ObservationProblem,
+    start: Floats,
+    low: Floats,
+    high: Floats,
+    options: ObservationFitOptions,
+) -> tuple[_Point, bool]:
+    """Lowest point that is found from a start (K, n) [rad], and whether it is a minimum."""
+    here, damping = _Point(start, *problem.cost(start)), START_DAMPING
+    for _ in range(options.steps):
+        there, damping = _step(problem, here, damping, low, high)
+        if there is None:
+            return here, True
+        moved, gained = float(np.abs(there.angles - here.angles).max()), here.cost - there.cost
+        here, damping = there, max(damping / 10.0, LEAST_DAMPING)
+        if moved < options.tolerance or gained < options.gain:
+            return here, True
+    return here, False
+
+
+def _step(
+    problem: ObservationProblem, here: _Point, damping: float, low: Floats, high: Floats
+) -> tuple[_Point | None, float]:
+    """The next point, None if no step lowers the cost; and the damping that it took."""
+    matrix, gradient = problem.normal_equations(here.angles)
+    rising = gradient.reshape(here.angles.shape) >= 0.0
+    held = np.where(rising, here.angles <= low, here.angles >= high)  # pushed against their limits
+    free = np.flatnonzero(~held)
+    slope, curvature = gradient[free], matrix[np.ix_(free, free)]
+    scale = np.diag(curvature)
+    while damping < MOST_DAMPING:
+        damped = cho_factor(curvature + np.diag(damping * scale))
+        step = np.zeros(here.angles.shape)
+        step.flat[free] = -cho_solve(damped, slope)
+        angles = np.clip(here.angles + np.clip(step, -LARGEST_STEP, LARGEST_STEP), low, high)
+        there = _Point(angles, *problem.cost(angles))
+        if there.cost <= here.cost:
+            return there, damping
+        damping *= 10.0
+    return None, damping

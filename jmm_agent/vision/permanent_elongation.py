@@ -1,24 +1,28 @@
-"""Wires that give for good, found among looks and allowed for.
+"""Permanent elongations of muscles: found among marker observations, and allowed for.
 
-A knot slips or a strand breaks, and from then on a wire's measured length differs by the same
-amount at all postures. What earlier looks told of it is off by one number; the rest still holds:
+When a knot slips or a strand breaks, the measured length of a muscle differs from then on by the
+same amount at all postures. The lengths of earlier observations are then off by one number; all
+else that they show still holds:
 
     l_km = f_m(theta_k) + delta_m(theta_k) + d_km + e_km,
 
-where d_km, how far wire m gave since look k, is a sum of steps of the prior's `give`. Whether a
-wire gave just before look j is asked of the fit's residuals r_m. A step of size x adds x u to them,
-u_k = 1 for k < j and 0 after; all joint angles may follow it. To first order the fit then holds
+where d_km, the elongation of muscle m since observation k, is a sum of steps whose standard
+deviation is the prior's `elongation`, s below.
 
-    I = u' C^-1 u - v' H^-1 v    and    b = u' C^-1 r_m + v' s
+Whether muscle m was elongated just before observation j is tested on the fit's residuals r_m. A
+step of size x adds x u to them, with u_k = 1 for k < j and 0 after; all joint angles may follow it.
+To first order the fit then has on x the information I and the slope b,
 
-on x, with the wire's covariance C, the fit's Gauss-Newton matrix H and its remaining step -s, and
+    I = u' C^-1 u - v' H^-1 v    and    b = u' C^-1 r_m + v' z,
+
+with the muscle's covariance C, the fit's Gauss-Newton matrix H and its remaining step -z, and
 v = (C^-1 u)_k df_m/dtheta(theta_k) stacked over k. The Bayes factor for such a step is
 
-    exp(b^2 / 2 (I + give^-2)) / sqrt(1 + give^2 I).
+    exp(b^2 / 2 (I + s^-2)) / sqrt(1 + s^2 I).
 
-The step with the largest factor is taken if that is large enough, all angles are fitted anew, and
-so on until none is. The paper's own rule forgets earlier pairs and so follows elongation (sec. I)
-by itself; `RidgeRule` remembers them, and takes this to follow it.
+The step with the largest factor is accepted if that is large enough; then all angles are fitted
+again, until no step is accepted. The update rule of Kawaharazuka et al. 2018 forgets earlier pairs
+and so follows elongation (sec. I) by itself; `RidgeRule` remembers them, and needs this module.
 """
 
 from __future__ import annotations
@@ -35,101 +39,121 @@ from jmm_agent.vision.observation_fit import (
     ObservationFit,
     ObservationFitOptions,
     ObservationProblem,
-    Sight,
+    PoseResidual,
     fit_observations,
 )
 
-HOLD = 1e-6
+REGULARISATION = 1e-6
 """Added to the Gauss-Newton matrix, relative to its diagonal."""
 
 
 def fit_with_elongation(
     observations: Sequence[MarkerObservation],
     prior: MapPrior,
-    sight: Sight,
+    marker_residual: PoseResidual,
     limits: Floats,
     options: ObservationFitOptions,
     start: Floats,
-    gave: Floats,
+    elongated: Floats,
 ) -> tuple[ObservationFit, Floats]:
-    """`fit_observations`, and which wires gave among the newest looks.
+    """Fit all observations, and find which muscles were elongated among the newest ones.
 
     Args:
-        looks, prior, sight, limits, options, start: of `fit_observations`.
-        gave: (K, m) how often each wire gave since each look, as believed so far.
+        observations: K observations.
+        prior: prior of the map's error and of elongations.
+        marker_residual: residual of the marker's pose at a posture.
+        limits: lowest and highest angle of each joint (n, 2) [rad].
+        options: noise levels and limits of the fit.
+        start: angles (K, n) [rad] to start from.
+        elongated: number of elongations of each muscle since each observation (K, m), as believed
+            so far.
 
     Returns:
-        the fit, and how often each wire gave since each look (K, m).
+        The fit, and the number of elongations of each muscle since each observation (K, m).
     """
-    fit = fit_observations(observations, prior, sight, limits, options, start, gave)
-    recent = min(options.give_recent, len(observations) - 1)
-    if recent < 1 or options.give_evidence == np.inf:
-        return fit, gave
-    for _ in range(gave.shape[1]):
-        evidence = log_bayes_factors(observations, prior, sight, options, fit.angles, gave, recent)
-        if evidence.max() < options.give_evidence:
+    fit = fit_observations(observations, prior, marker_residual, limits, options, start, elongated)
+    recent = min(options.elongation_recent, len(observations) - 1)
+    if recent < 1 or options.elongation_evidence == np.inf:
+        return fit, elongated
+    for _ in range(elongated.shape[1]):
+        evidence = log_bayes_factors(
+            observations, prior, marker_residual, options, fit.angles, elongated, recent
+        )
+        if evidence.max() < options.elongation_evidence:
             break
-        look, muscle = np.unravel_index(evidence.argmax(), evidence.shape)
-        gave = gave.copy()
-        gave[: len(observations) - recent + look, muscle] += 1.0
-        fit = fit_observations(observations, prior, sight, limits, options, fit.angles, gave)
-    return fit, gave
+        rank, muscle = np.unravel_index(evidence.argmax(), evidence.shape)
+        elongated = elongated.copy()
+        elongated[: len(observations) - recent + rank, muscle] += 1.0
+        fit = fit_observations(
+            observations, prior, marker_residual, limits, options, fit.angles, elongated
+        )
+    return fit, elongated
 
 
 def elongations(
-    observations: Sequence[MarkerObservation], prior: MapPrior, angles: Floats, gave: Floats
+    observations: Sequence[MarkerObservation], prior: MapPrior, angles: Floats, elongated: Floats
 ) -> Floats:
-    """By how much the length of each wire at each look (K, m) [m] exceeds what it would be now.
+    """Difference of each measured length from what it would be now.
 
     Args:
-        looks: K looks.
-        prior: what is known of the map's error, and of how far a wire gives.
-        angles: their joint angles (K, n) [rad].
-        gave: (K, m) how often each wire gave since each look.
+        observations: K observations.
+        prior: prior of the map's error and of elongations.
+        angles: joint angles of the observations (K, n) [rad].
+        elongated: number of elongations of each muscle since each observation (K, m).
+
+    Returns:
+        Lengths (K, m) [m] to subtract from the measured ones.
     """
-    residual = np.array([look.lengths for look in observations]) - prior.map.lengths(angles)
-    found = np.zeros_like(residual)
-    if gave.any():
-        for kernel in prior.groups(angles, gave=gave):
-            found[:, kernel.muscles] = kernel.given @ kernel.whiten(residual[:, kernel.muscles])
+    measured = np.array([found.lengths for found in observations])
+    missed = measured - prior.map.lengths(angles)
+    found = np.zeros_like(missed)
+    if elongated.any():
+        for kernel in prior.groups(angles, elongated=elongated):
+            found[:, kernel.muscles] = kernel.elongation @ kernel.whiten(missed[:, kernel.muscles])
     return found
 
 
 def log_bayes_factors(
     observations: Sequence[MarkerObservation],
     prior: MapPrior,
-    sight: Sight,
+    marker_residual: PoseResidual,
     options: ObservationFitOptions,
     angles: Floats,
-    gave: Floats,
+    elongated: Floats,
     recent: int,
 ) -> Floats:
-    """Evidence that a wire gave just before each of the newest looks, (recent, m).
+    """Evidence that a muscle was elongated just before each of the newest observations.
 
     Args:
-        looks, prior, sight, options: of `fit_observations`.
-        angles: joint angles of the looks (K, n) [rad], at or near the fit's.
-        gave: (K, m) how often each wire gave since each look, as believed so far.
-        recent: number of newest looks, below K.
+        observations: K observations.
+        prior: prior of the map's error and of elongations.
+        marker_residual: residual of the marker's pose at a posture.
+        options: noise levels.
+        angles: joint angles of the observations (K, n) [rad], at or near the fit's.
+        elongated: number of elongations of each muscle since each observation (K, m), as believed
+            so far.
+        recent: number of newest observations, below K.
+
+    Returns:
+        Logarithms of the Bayes factors (recent, m).
     """
-    count, give = len(observations), prior.options.give
-    matrix, gradient = ObservationProblem(
-        observations, prior, sight, options, gave
-    ).normal_equations(angles)
-    matrix[np.diag_indices_from(matrix)] *= 1.0 + HOLD
+    count, size = len(observations), prior.options.elongation
+    problem = ObservationProblem(observations, prior, marker_residual, options, elongated)
+    matrix, gradient = problem.normal_equations(angles)
+    matrix[np.diag_indices_from(matrix)] *= 1.0 + REGULARISATION
     factor = cho_factor(matrix)
     left = cho_solve(factor, gradient)
     expected, jacobian = prior.map.lengths_and_jacobian(angles)
-    residual = np.array([look.lengths for look in observations]) - expected
+    missed = np.array([found.lengths for found in observations]) - expected
     steps = np.tri(count, k=-1).T[:, count - recent :]  # u, a column each
-    evidence = np.zeros((recent, gave.shape[1]))
-    for kernel in prior.groups(angles, gave=gave):
+    evidence = np.zeros((recent, elongated.shape[1]))
+    for kernel in prior.groups(angles, elongated=elongated):
         white = kernel.whiten(steps)
         alone = np.sum(steps * white, axis=0)
         for muscle in kernel.muscles:
             pull = (jacobian[:, muscle, :, None] * white[:, None, :]).reshape(left.size, recent)
             known = np.maximum(alone - np.sum(pull * cho_solve(factor, pull), axis=0), 0.0)
-            slope = white.T @ residual[:, muscle] + pull.T @ left
-            gain = slope**2 / (known + give**-2)
-            evidence[:, muscle] = 0.5 * (gain - np.log1p(give**2 * known))
+            slope = white.T @ missed[:, muscle] + pull.T @ left
+            gain = slope**2 / (known + size**-2)
+            evidence[:, muscle] = 0.5 * (gain - np.log1p(size**2 * known))
     return evidence

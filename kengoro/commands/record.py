@@ -1,9 +1,8 @@
-"""Record: a log of a robot that moves, as a study for `reality_gap`.
+"""`kengoro record`: a log of a moving robot and its study for `reality_gap`.
 
-Written are what the agent commands, feels and sees, and the drawing as a model that reads the same:
-``STUDY.yaml``, ``model.xml``, and for each episode ``log_0.csv`` and, with a camera,
-``camera_0.csv``, which has times of its own. `python -m reality_gap diagnose STUDY.yaml` then says
-what the drawing gets wrong.
+The folder then holds ``STUDY.yaml``, the nominal model with its sensors as ``model.xml``, and for
+each episode ``log_N.csv`` and, with a camera, ``camera_N.csv``. `reality-gap diagnose STUDY.yaml`
+says what the nominal model gets wrong.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ import numpy as np
 from rich.console import Console
 
 from jmm_agent.types import Floats
-from kengoro.arm import shuffled_postures
 from kengoro.errors import UsageError
-from kengoro.recording import Arm, Tour, elbow, record, whole_arm
+from kengoro.recording import Arm, Recording, Tour, elbow, record_episode, whole_arm
+from kengoro.robots import shuffled_postures
 from kengoro.study_writer import write_study
 from kengoro_env.robot.nominal_model import NominalArm
 
@@ -31,17 +30,17 @@ NAMES = {"whole": "head and arm", "elbow": "elbow"}
 
 @dataclass(frozen=True)
 class Args:
-    """What is recorded.
+    """Record a moving robot as a study for reality_gap.
 
     Attributes:
         out: folder of the study.
-        robot: seed of the actual robot; the drawing if left out.
+        robot: seed of the actual robot; the nominal model if left out.
         arm: the whole arm with its camera, or the elbow alone.
-        targets: CSV file of postures to visit, one a row, with the joints' names as header [deg];
-            postures drawn by chance if left out.
-        motion: seed of that chance, and of the sensors' noise.
-        episodes: how many logs; each begins where no other did.
-        duration: of each log [s], unless there is a file of targets; rounded up to whole visits.
+        targets: CSV file of postures to visit [deg], one in each row, with the joint names as
+            header; sampled postures if left out.
+        motion: seed of the sampled postures and of the sensor noise.
+        episodes: number of logs; each has postures of its own.
+        duration: of each log [s], rounded up to whole visits; not used with targets.
         move: duration of a movement [s].
         hold: how long the arm stays at each posture [s].
     """
@@ -58,20 +57,62 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Record and write the study."""
+    """Record, write the study, and print how much was recorded."""
+    path, recordings = _record(args)
+    observations = sum(len(recording.observation_time) for recording in recordings)
+    rows = sum(len(recording.time) for recording in recordings)
+    Console().print(f"{path}: {rows} rows, {observations} marker observations")
+
+
+def record(
+    out: Path | str,
+    *,
+    robot: int | None = None,
+    arm: Literal["whole", "elbow"] = "whole",
+    targets: Path | None = None,
+    motion: int = 0,
+    episodes: int = 1,
+    duration: float = 60.0,
+    move: float = 1.0,
+    hold: float = 1.0,
+) -> Path:
+    """Record a moving robot as a study for `reality_gap`.
+
+    Args:
+        out: folder of the study.
+        robot: seed of the actual robot; None for the nominal model.
+        arm: the whole arm with its camera, or the elbow alone.
+        targets: CSV file of postures to visit [deg], one in each row, with the joint names as
+            header; sampled postures if left out.
+        motion: seed of the sampled postures and of the sensor noise.
+        episodes: number of logs; each has postures of its own.
+        duration: of each log [s], rounded up to whole visits; not used with targets.
+        move: duration of a movement [s].
+        hold: how long the arm stays at each posture [s].
+
+    Returns:
+        Path of ``STUDY.yaml``, for `reality_gap.load_study`.
+
+    Raises:
+        UsageError: an argument is out of its range, or the targets cannot be read.
+    """
+    args = Args(Path(out), robot, arm, targets, motion, episodes, duration, move, hold)
+    return _record(args)[0]
+
+
+def _record(args: Args) -> tuple[Path, list[Recording]]:
     _check(args)
     arm = ARMS[args.arm]()
     recordings = [
-        record(arm, args.robot, tour, seed=args.motion + number)
+        record_episode(arm, args.robot, tour, seed=args.motion + number)
         for number, tour in enumerate(_tours(args, arm))
     ]
-    write_study(args.out, NAMES[args.arm], arm, recordings)
-    observations = sum(len(recording.observation_time) for recording in recordings)
-    rows = sum(len(recording.time) for recording in recordings)
-    Console().print(f"{args.out}/STUDY.yaml: {rows} rows, {observations} looks at the hand")
+    return write_study(args.out, NAMES[args.arm], arm.scene, recordings), recordings
 
 
 def _check(args: Args) -> None:
+    if args.arm not in ARMS:
+        raise UsageError(f"The arm is {args.arm!r}, but it must be one of: {', '.join(ARMS)}.")
     for name, value in (("move", args.move), ("hold", args.hold), ("duration", args.duration)):
         if not 0.0 < value < np.inf:
             raise UsageError(f"{name} is {value:g} s, but it must be above 0 and finite.")
@@ -89,8 +130,8 @@ def _tours(args: Args, arm: Arm) -> list[Tour]:
             Tour(part, args.move, args.hold) for part in np.array_split(postures, args.episodes)
         ]
     visits = 1 + int(np.ceil((args.duration - args.hold) / (args.move + args.hold) - 1e-9))
-    drawn = _postures(args, max(1, visits) * args.episodes)
-    return [Tour(part, args.move, args.hold) for part in np.split(drawn, args.episodes)]
+    postures = _postures(args, max(1, visits) * args.episodes)
+    return [Tour(part, args.move, args.hold) for part in np.split(postures, args.episodes)]
 
 
 def _postures(args: Args, count: int) -> Floats:
@@ -102,10 +143,11 @@ def _postures(args: Args, count: int) -> Floats:
 
 
 def read_targets(path: Path, arm: NominalArm) -> Floats:
-    """Postures (K, n) [rad] from a CSV file in degrees with the joints' names as header.
+    """Postures from a CSV file in degrees with the joint names as header, shape (K, n) [rad].
 
     Raises:
-        UsageError: no such file, other columns, or what is not an angle within the limits.
+        UsageError: the file is missing, has other columns, or holds something else than angles
+            within the joint limits.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:

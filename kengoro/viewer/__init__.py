@@ -1,1 +1,1 @@
-"""Watch a robot: in a window, in a browser, or as a film."""
+"""Views of a session: MuJoCo's viewer, a page for a browser, a video, and a progress bar."""

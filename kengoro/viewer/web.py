@@ -1,9 +1,10 @@
-"""The page of `--view`: a small web server on this computer, and what it hands out.
+"""Web server of the viewer's page and of its stream of server-sent events.
 
-MuJoCo 4 has a web viewer of its own (`mujoco.studio`). It is not used: it listens on every network
-interface, without a choice of address, and whoever reaches it may send it files and read the log.
-The page here is served on 127.0.0.1 only, takes nothing from who looks at it, and knows two
-addresses: itself and the stream of its pictures.
+The server listens on 127.0.0.1 only, reads nothing from its clients but the request, and has two
+paths: ``/`` is the page, ``/events`` the stream.
+
+MuJoCo 4 has a web viewer, `mujoco.studio`. It is not used because it listens on every network
+interface, and each client that reaches it can send it files and read the log.
 """
 
 from __future__ import annotations
@@ -21,21 +22,22 @@ import cv2
 
 from kengoro_env.vision.rendering import Image
 
-SILENCE = 5.0
-"""After so long [s] a page that does not read is given up, and one without news is told so."""
+TIMEOUT = 5.0
+"""Longest wait for a client, and for new content [s]. After such a wait a stream sends a comment,
+which fails if the client has disconnected."""
 
-NAMES = ("127.0.0.1", "localhost")
-"""By which the page may be asked for: no other site can reach it by a name of its own."""
+HOSTS = ("127.0.0.1", "localhost")
+"""Host names that requests may use; this prevents DNS rebinding by another site."""
 
-POLICY = (
+CONTENT_POLICY = (
     "default-src 'none'; connect-src 'self'; img-src data:; "
     "script-src 'unsafe-inline'; style-src 'unsafe-inline'"
 )
-"""What the page may load: its pictures come inside the stream, and nothing from elsewhere."""
+"""Content security policy of the page: pictures come in the stream, nothing from other sites."""
 
 
-class Shown(NamedTuple):
-    """What a page shows.
+class PageContent(NamedTuple):
+    """Content of the page at one moment.
 
     Attributes:
         texts: by the ids of the page's elements.
@@ -48,47 +50,59 @@ class Shown(NamedTuple):
 
 
 def data_url(picture: Image, kind: str) -> str:
-    """A picture (h, w, 3), RGB, as text that a page can show; ``kind`` is "jpeg" or "png"."""
+    """Encode a picture as a data URL.
+
+    Args:
+        picture: shape (h, w, 3), RGB.
+        kind: "jpeg" or "png".
+    """
     encoded = cv2.imencode(f".{kind}", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
     return f"data:image/{kind};base64,{base64.b64encode(encoded).decode('ascii')}"
 
 
 class Broadcast:
-    """Hands the newest to everybody who looks; what is older is forgotten.
+    """Passes the newest content to all clients; older content is dropped.
 
     Attributes:
-        watchers: how many look.
-        ended: whether nothing more will come.
+        watchers: number of clients that read the stream.
+        ended: whether the run has ended.
     """
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._number, self._newest = 0, Shown({}, "", "")
+        self._number, self._newest = 0, PageContent({}, "", "")
         self.watchers = 0
         self.ended = False
 
-    def publish(self, shown: Shown) -> None:
-        """Show something new."""
+    def publish(self, content: PageContent) -> None:
+        """Replace the content."""
         with self._changed:
-            self._number, self._newest = self._number + 1, shown
+            self._number, self._newest = self._number + 1, content
             self._changed.notify_all()
 
     def end(self) -> None:
-        """Nothing more will come."""
+        """Mark the end of the run."""
         with self._changed:
             self.ended = True
             self._changed.notify_all()
 
-    def after(self, number: int) -> tuple[int, Shown]:
-        """What came after the given number, with its own; the same number again if nothing does
-        for `SILENCE` or nothing more will come."""
+    def after(self, number: int) -> tuple[int, PageContent]:
+        """Wait for newer content, at most `TIMEOUT` or until the run ends.
+
+        Args:
+            number: of the content that the client has; 0 for none.
+
+        Returns:
+            Number of the newest content, which is ``number`` if there is no newer one, and the
+            content.
+        """
         with self._changed:
-            self._changed.wait_for(lambda: self._number != number or self.ended, SILENCE)
+            self._changed.wait_for(lambda: self._number != number or self.ended, TIMEOUT)
             return self._number, self._newest
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """Somebody looks."""
+        """Count a client in `watchers` within this context."""
         with self._changed:
             self.watchers += 1
         try:
@@ -101,21 +115,24 @@ class Broadcast:
 class PageServer:
     """Serves the page on a free port of 127.0.0.1 until it is closed.
 
+    Args:
+        broadcast: source of the page's content.
+
     Attributes:
         port: of the server.
-        address: of the page.
+        address: URL of the page.
     """
 
     def __init__(self, broadcast: Broadcast) -> None:
         self._broadcast = broadcast
         self._server = _Server(broadcast)
         self.port = int(self._server.server_address[1])
-        self.address = f"http://{NAMES[0]}:{self.port}/"
+        self.address = f"http://{HOSTS[0]}:{self.port}/"
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Tell the pages that the run has ended, and stop."""
+        """Mark the end of the run on the pages, and stop the server."""
         self._broadcast.end()
         self._server.shutdown()
         self._server.server_close()
@@ -123,25 +140,25 @@ class PageServer:
 
 
 class _Server(ThreadingHTTPServer):
-    """One thread for each request."""
+    """HTTP server with a thread for each request."""
 
-    daemon_threads = False  # closing waits until each page has been told the end
+    daemon_threads = False  # so that closing waits until each stream has sent its end
 
     def __init__(self, broadcast: Broadcast) -> None:
-        super().__init__((NAMES[0], 0), _Handler)
+        super().__init__((HOSTS[0], 0), _Handler)
         self.broadcast = broadcast
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers one request: the page, or its stream."""
+    """Answers a request with the page or its stream."""
 
-    timeout = SILENCE
+    timeout = TIMEOUT
     server: _Server
 
     def do_GET(self) -> None:
-        """The page at /, the stream at /events, and nothing else."""
-        if self.headers.get("Host", "").rsplit(":", 1)[0] not in NAMES:
-            self.send_error(403, "This page is for this computer only")
+        """Answer a GET request."""
+        if self.headers.get("Host", "").rsplit(":", 1)[0] not in HOSTS:
+            self.send_error(403, "This page is served to this computer only")
         elif self.path == "/":
             self._send_head("text/html; charset=utf-8")
             self.wfile.write((files("kengoro.viewer") / "window.html").read_bytes())
@@ -155,27 +172,27 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_head(self, kind: str) -> None:
         self.send_response(200)
         self.send_header("Content-Type", kind)
-        self.send_header("Content-Security-Policy", POLICY)
+        self.send_header("Content-Security-Policy", CONTENT_POLICY)
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
 
     def _stream(self) -> None:
-        """Send what is new; the panel only where it changed."""
+        """Send new content until the run ends; the panel only if it changed."""
         broadcast, number, panel = self.server.broadcast, 0, ""
         with broadcast.watched():
             while True:
-                newer, shown = broadcast.after(number)
+                newer, content = broadcast.after(number)
                 if newer == number:
                     if broadcast.ended:
                         break
-                    self.wfile.write(b": nothing new\n\n")
+                    self.wfile.write(b": no new content\n\n")
                     continue
-                event = {**shown.texts, "scene": shown.scene}
-                if shown.panel != panel:
-                    event["panel"] = shown.panel
-                number, panel = newer, shown.panel
+                event = {**content.texts, "scene": content.scene}
+                if content.panel != panel:
+                    event["panel"] = content.panel
+                number, panel = newer, content.panel
                 self.wfile.write(f"data: {json.dumps(event)}\n\n".encode())
             self.wfile.write(b"event: end\ndata: -\n\n")
 
     def log_message(self, format: str, *args: object) -> None:
-        """Say nothing: the terminal shows the run."""
+        """Log nothing: the terminal shows the run."""

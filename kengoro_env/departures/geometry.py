@@ -1,4 +1,4 @@
-"""Departures of the wires' geometry: where they are attached, and which bones they wrap over."""
+"""Departures of the muscles' geometry: attachment points, and bones that tendons wrap over."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from kengoro_env.robot.draft import Draft
 
 @dataclass(frozen=True)
 class AttachmentDisplacement:
-    """Start, relay and end points lie elsewhere than drawn.
+    """Start, relay and end points are displaced from the nominal model.
 
     Attributes:
-        sigma: standard deviation of the displacement along each axis [m], cut at two sigma.
-        seed: which displaced robot.
+        sigma: standard deviation of the displacement along each axis [m], clipped at two
+            sigma.
+        seed: seed of the displacements.
     """
 
     sigma: float = 0.0
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
-        """Move every site of every wire."""
+        """Move every site of every tendon."""
         if self.sigma == 0.0:
             return
         rng = np.random.default_rng([self.seed, 101])
@@ -36,14 +37,15 @@ class AttachmentDisplacement:
 
 @dataclass(frozen=True)
 class Bone:
-    """A bone that wires wrap over: a sphere or a cylinder along an axis, fixed to a body.
+    """A bone that tendons wrap over: a sphere or a cylinder, fixed to a body.
 
     Attributes:
-        body: carries the bone.
+        body: name of the body.
         position: centre in the body's frame [m].
-        radius: of the full-grown bone [m].
-        axis: direction of a cylinder in the body's frame; None for a sphere.
-        wires: (muscle, segment of its path, direction of the side it passes in the body's frame).
+        radius: radius at the scale 1 [m].
+        axis: direction of the cylinder in the body's frame; None: a sphere.
+        tendons: muscle, segment of its path, and direction from the bone's centre to the side on
+            which the tendon passes, in the body's frame.
     """
 
     body: str
@@ -85,22 +87,22 @@ BONES: dict[str, Bone] = {
 
 @dataclass(frozen=True)
 class BoneWrapping:
-    """Wires go over bones where the drawing lets them run straight through.
+    """Tendons wrap over bones that they pass straight through in the nominal model.
 
     Attributes:
-        scale: radius of the bones, as a share of the full-grown ones [1].
+        scale: radius of the bones relative to `BONES` [1].
     """
 
     scale: float = 0.0
 
     def edit(self, draft: Draft) -> None:
-        """Add the bones and lay the wires that pass them over them."""
+        """Add the bones, and wrap the tendons over them."""
         if self.scale == 0.0:
             return
         for name, bone in BONES.items():
             body = draft.spec.body(bone.body)
             tendons = [tendon for tendon in bone.tendons if tendon[0] in draft.tendons]
-            if not tendons:  # a scene with a part of the arm only
+            if not tendons:  # the scene has only a part of the arm
                 continue
             radius = self.scale * bone.radius
             geom = body.add_geom(

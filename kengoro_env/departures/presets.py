@@ -1,4 +1,4 @@
-"""Robots that experiments name: the drawing, and actual robots by their seed."""
+"""Presets: the nominal model, and actual robots by their seed."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from kengoro_env.robot.draft import Departure
 
 
 def drawing() -> tuple[Departure, ...]:
-    """The robot as drawn: no departure."""
+    """The nominal model: no departure."""
     return ()
 
 
 def actual(seed: int) -> tuple[Departure, ...]:
-    """One actual robot: every kind of departure but `Elongation`, which is an event.
+    """An actual robot: every kind of departure except `Elongation`, which is an event.
 
-    Its draws are given by ``seed``: seeds below 100 are for tuning, others for reporting.
+    Args:
+        seed: seed of the random parts; seeds below 100 are for tuning, others for reports.
     """
     return (
         AttachmentDisplacement(sigma=0.004, seed=seed),

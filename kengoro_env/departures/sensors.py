@@ -1,4 +1,4 @@
-"""Departures of what the robot feels and sees: encoders, tension sensors, camera, zero posture."""
+"""Departures of the sensors: encoders, tension sensors, camera and zero posture."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.robot.draft import Draft
 
 EYE = "eye"
+"""Name of the camera in the head."""
 
 
 @dataclass(frozen=True)
 class EncoderError:
-    """Encoders of the motors err.
+    """Errors of the motors' encoders.
 
     Attributes:
         offset: standard deviation of each muscle's constant offset [m].
         noise: standard deviation of each reading [m].
         quantum: smallest step of a reading [m].
-        seed: which offsets.
+        seed: seed of the offsets.
     """
 
     offset: float = 0.0
@@ -30,7 +31,7 @@ class EncoderError:
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
-        """Write offsets, noise and quantum into the senses."""
+        """Write offsets, noise and quantum into the sensor errors."""
         if self.offset > 0.0:
             rng = np.random.default_rng([self.seed, 102])
             draft.sensor_errors.length_offset = {
@@ -44,12 +45,12 @@ class EncoderError:
 
 @dataclass(frozen=True)
 class TensionSensorError:
-    """Tension sensors err.
+    """Errors of the tension sensors.
 
     Attributes:
         noise: standard deviation of each reading [N].
         offset: standard deviation of each muscle's constant offset [N].
-        seed: which offsets.
+        seed: seed of the offsets.
     """
 
     noise: float = 0.0
@@ -57,7 +58,7 @@ class TensionSensorError:
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
-        """Write noise and offsets into the senses."""
+        """Write noise and offsets into the sensor errors."""
         if self.noise > 0.0:
             draft.sensor_errors.tension_noise = self.noise
         if self.offset > 0.0:
@@ -69,13 +70,13 @@ class TensionSensorError:
 
 @dataclass(frozen=True)
 class CameraError:
-    """The camera is not mounted as drawn, and its lens is another.
+    """Errors of the camera's focal length and mounting.
 
     Attributes:
         focal: standard deviation of the focal length's relative error [1].
         position: standard deviation of the mounting along each axis [m].
         rotation: standard deviation of the mounting about each axis [rad].
-        seed: which camera.
+        seed: seed of the errors.
     """
 
     focal: float = 0.0
@@ -84,7 +85,7 @@ class CameraError:
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
-        """Move the camera and change its lens, where the scene has one."""
+        """Move the camera and change its focal length, if the scene has a camera."""
         if self.focal == 0.0 and self.position == 0.0 and self.rotation == 0.0:
             return
         if EYE not in [camera.name for camera in draft.spec.cameras]:
@@ -105,7 +106,7 @@ class CameraError:
 
 
 def orientation_of(camera: mujoco.MjsCamera) -> np.ndarray:
-    """Quaternion of a camera in its body's frame, however the model file gave it."""
+    """Quaternion of a camera in its body's frame, from either notation of the model file."""
     if camera.alt.type != mujoco.mjtOrientation.mjORIENTATION_XYAXES:
         return np.array(camera.quat)
     x, y = camera.alt.xyaxes[:3], camera.alt.xyaxes[3:]
@@ -119,30 +120,34 @@ def orientation_of(camera: mujoco.MjsCamera) -> np.ndarray:
 
 @dataclass(frozen=True)
 class FrameDelay:
-    """Frames reach the agent late, by ``delay`` [s]."""
+    """Delay of the camera's frames.
+
+    Attributes:
+        delay: age of a frame when the agent gets it [s].
+    """
 
     delay: float = 0.0
 
     def edit(self, draft: Draft) -> None:
-        """Write the delay into the senses."""
+        """Write the delay into the sensor errors."""
         if self.delay > 0.0:
             draft.sensor_errors.frame_delay = self.delay
 
 
 @dataclass(frozen=True)
 class ZeroPosture:
-    """Lengths were zeroed by hand, at a posture that was not zero.
+    """Error of the posture in which the lengths were zeroed.
 
-    Who resets the lengths of a hanging arm leaves its elbow a little bent and the arm a little
-    off the body: elbow and shoulder roll err to that side only, the other joints to either. Each
-    angle lies between half and one and a half of the one given.
+    A person zeroes the lengths of a hanging arm, whose elbow is then slightly bent and whose upper
+    arm is slightly off the body: the errors of elbow and shoulder roll have that sign, those of
+    other joints either sign. Each angle lies between 0.5 and 1.5 times the value given.
 
     Attributes:
-        shoulder: how far shoulder and elbow joints were from zero [rad].
-        scapula: the same for the four joints of the scapula [rad].
-        forearm: the same for radioulnar joint and wrist [rad].
-        neck: the same for the neck, which is easier to set: the face looks straight ahead [rad].
-        seed: which posture.
+        shoulder: angle of the shoulder and elbow joints [rad].
+        scapula: angle of the joints of the scapula [rad].
+        forearm: angle of the radioulnar joint and the wrist [rad].
+        neck: angle of the joints of the neck, which is easier to set [rad].
+        seed: seed of the posture.
     """
 
     shoulder: float = 0.0
@@ -152,7 +157,7 @@ class ZeroPosture:
     seed: int = 0
 
     def edit(self, draft: Draft) -> None:
-        """Draw the posture and note it."""
+        """Sample the posture and write it into the sensor errors."""
         angle = {group: float(getattr(self, group)) for group in GROUP_JOINTS}
         if not any(angle.values()):
             return

@@ -1,4 +1,4 @@
-"""Departures of the wires and their motors: stretch, elongation, dry friction, inertia."""
+"""Departures of the tendons and their motors: stretch, elongation, dry friction, inertia."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from kengoro_env.robot.draft import Draft, Event
 
 @dataclass(frozen=True)
 class TendonStretch:
-    """Wires are one-sided springs that harden: x = compliance T at small tension T.
+    """Tendons are hardening springs.
 
-    Tension is T = x / compliance + hardening x^2 for a stretch x > 0, and 0 for a slack wire.
+    The tension is T = x / compliance + hardening x^2 for a stretch x > 0, and 0 for a slack tendon.
 
     Attributes:
         compliance: stretch per tension at small tensions [m/N].
-        hardening: how the wire stiffens [N/m^2].
+        hardening: coefficient of the quadratic term [N/m^2].
     """
 
     compliance: float = 0.0
     hardening: float = 0.0
 
     def edit(self, draft: Draft) -> None:
-        """Put every wire on a spool and let it stretch."""
+        """Give every tendon a spool and its stiffness."""
         if self.compliance == 0.0:
             return
         for tendon in draft.tendons.values():
@@ -31,14 +31,20 @@ class TendonStretch:
 
 @dataclass(frozen=True)
 class Elongation:
-    """A wire gives for good: it is longer by ``length`` [m] from ``time`` [s] on (0: always)."""
+    """Permanent elongation of one tendon.
+
+    Attributes:
+        muscle: name of the muscle.
+        length: added length [m].
+        time: time of the elongation since the reset [s]; 0: from the start.
+    """
 
     muscle: str = ""
     length: float = 0.0
     time: float = 0.0
 
     def edit(self, draft: Draft) -> None:
-        """Lengthen the wire now, or note when it will give."""
+        """Elongate the tendon, or add the event."""
         if self.length == 0.0:
             return
         tendon = draft.tendon(self.muscle)
@@ -50,7 +56,7 @@ class Elongation:
 
 @dataclass(frozen=True)
 class DryFriction:
-    """Dry friction along every wire that grows with its tension, as over relay points.
+    """Dry friction along every tendon, which grows with its tension as over relay points.
 
     Attributes:
         constant: friction without tension [N].
@@ -61,7 +67,7 @@ class DryFriction:
     ratio: float = 0.0
 
     def edit(self, draft: Draft) -> None:
-        """Give every wire its friction."""
+        """Give every tendon its friction."""
         if self.constant == 0.0 and self.ratio == 0.0:
             return
         for tendon in draft.tendons.values():
@@ -70,10 +76,10 @@ class DryFriction:
 
 @dataclass(frozen=True)
 class MotorInertia:
-    """Motors have inertia.
+    """Inertia of the motors.
 
     Attributes:
-        inertia: rotor inertia seen at the wire, through gear and drum [kg].
+        inertia: rotor inertia seen at the tendon, through gear and drum [kg].
     """
 
     inertia: float = 0.0

@@ -1,4 +1,4 @@
-"""What can be measured of a robot, or of many of one model at once."""
+"""Measurements of a robot, or of many robots of one model at once."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from kengoro_env.robot.sensors import Sensors
 from kengoro_env.types import Floats
 
 INSTANT = 1e-6
-"""Simulated times closer than this are the same [s]."""
+"""Tolerance when simulated times are compared [s]."""
 
 
 class Moment(NamedTuple):
-    """What is true of a robot at one time; of many with an axis of robots before.
+    """True state of a robot at one time; of many robots with a leading axis of robots.
 
     Attributes:
-        joint_angles: (n,) [rad].
-        paths: lengths of the wires' paths from guide to end (m,) [m].
-        paid_out: what encoders without error would read if nobody had zeroed them (m,) [m].
-        lengths: what encoders without offset, noise and quantum would read (m,) [m].
-        tensions: (m,) [N].
+        joint_angles: joint angles (n,) [rad].
+        paths: lengths of the tendons' paths from guide to end (m,) [m].
+        paid_out: lengths paid out by the motors (m,) [m].
+        lengths: lengths paid out since the zero posture (m,) [m]: encoder readings without error.
+        tensions: tensions (m,) [N].
     """
 
     joint_angles: Floats
@@ -37,39 +37,46 @@ class Moment(NamedTuple):
 
 
 class Body(ABC):
-    """What can be measured of a robot: of one, or with a leading axis of many of one model.
+    """Base class of one robot and of many robots; arrays of many have a leading axis of robots.
 
     Attributes:
-        model: of MuJoCo.
-        data: an `MjData`, or the fields of one with an axis of robots before theirs.
-        motors: of the wires.
+        model: the MuJoCo model.
+        data: an `MjData`, or an object with its fields and a leading axis of robots.
+        motors: the motors of the muscles.
+        muscles: names of the muscles, in the order of (m,) arrays.
     """
 
     model: mujoco.MjModel
     data: Any
     motors: Motors
+    muscles: tuple[str, ...]
     _target: Floats
     _sensors: Sensors
     _position: Index
     _zero: Floats
-    _none: Floats
+    _zeros: Floats
 
-    def _look(self) -> None:
+    def _find_arrays(self) -> None:
         """Find the arrays of MuJoCo that are read in each step."""
         data, model = self.data, self.model
-        places, turns = data.site_xpos, data.site_xmat
-        shape = (*places.shape[:-2], 3, 3)
+        positions, rotations = data.site_xpos, data.site_xmat
+        shape = (*positions.shape[:-2], 3, 3)
         self._mujoco = SimpleNamespace(
             angles=reader(data.qpos, self._position),
             sites={
-                model.site(i).name: (places[..., i, :], turns[..., i, :].reshape(shape))
+                model.site(i).name: (positions[..., i, :], rotations[..., i, :].reshape(shape))
                 for i in range(model.nsite)
             },
         )
 
     @property
+    @abstractmethod
+    def time(self) -> Any:
+        """Simulated time since the last reset [s]."""
+
+    @property
     def target(self) -> Floats:
-        """Lengths that the motors hold (m,) [m], as the encoders call them."""
+        """Target lengths of the motors (m,) [m], as the encoders read them."""
         return self._target.copy()
 
     @property
@@ -80,7 +87,7 @@ class Body(ABC):
 
     @property
     def lengths(self) -> Floats:
-        """What encoders without offset, noise and quantum would read (m,) [m]."""
+        """True lengths since the zero posture (m,) [m]: encoder readings without error."""
         return self.measure().lengths
 
     @property
@@ -89,28 +96,36 @@ class Body(ABC):
         return self.measure().tensions
 
     def measure(self) -> Moment:
-        """What is true now: once for all that is felt, judged and known of it."""
+        """True state now."""
         paths, paid_out, tensions = self.motors.measure()
         return Moment(self._mujoco.angles(), paths, paid_out, paid_out - self._zero, tensions)
 
     def slack(self, target: Floats, now: Moment | None = None) -> tuple[Floats, Floats]:
-        """How slack each wire is (m,) [m]: paid out beyond its path, and target beyond length."""
+        """Slack of the muscles.
+
+        Args:
+            target: target lengths (m,) [m].
+            now: the true state; None: measure it.
+
+        Returns:
+            Length paid out beyond the path (m,) [m]; target length beyond the length (m,) [m].
+        """
         now = now or self.measure()
         beyond_path = self.motors.slack(now.paths, now.paid_out)
         beyond_length = target - now.lengths
         offset = self._sensors.length_offset
         if offset is not None:
             beyond_length -= offset
-        return beyond_path, np.maximum(beyond_length, self._none, out=beyond_length)
+        return beyond_path, np.maximum(beyond_length, self._zeros, out=beyond_length)
 
     def site_pose(self, name: str) -> Floats:
-        """Pose of a site in the world (4, 4), true."""
+        """True pose of a site in the world (4, 4)."""
         return pose_of(*self._mujoco.sites[name])
 
     def _commanded(self, target: Floats) -> Floats:
-        """What is to be paid out (m,) [m] for target lengths (m,) [m] as the encoders call them.
+        """Lengths to be paid out (m,) [m] for target lengths (m,) [m] as the encoders read them.
 
-        The controller works on what encoders read, so their offsets move the wires.
+        The controller works on encoder readings, so offsets of encoders move the muscles.
         """
         paid_out = target + self._zero
         offset = self._sensors.length_offset
@@ -118,25 +133,28 @@ class Body(ABC):
             paid_out -= offset
         return paid_out
 
-    def sense(self, now: Moment) -> tuple[Floats, Floats]:
-        """What encoders (m,) [m] and tension sensors (m,) [N] read; where it is true, ``now``'s."""
+    def read_sensors(self, now: Moment) -> tuple[Floats, Floats]:
+        """Readings of encoders (m,) [m] and tension sensors (m,) [N].
+
+        A sensor without errors returns the array of ``now`` itself.
+        """
         return self._sensors.read(now.lengths, now.tensions, self._noise)
 
     def measured_lengths(self) -> Floats:
-        """What the encoders read (m,) [m]: with offset, noise and quantum."""
+        """Readings of the encoders (m,) [m], with offset, noise and quantum."""
         return self._sensors.read_lengths(self.lengths, self._noise)
 
     def measured_tensions(self) -> Floats:
-        """What the tension sensors read (m,) [N]: with offset and noise, never negative."""
+        """Readings of the tension sensors (m,) [N], with offset and noise, never negative."""
         return self._sensors.read_tensions(self.tensions, self._noise)
 
     @abstractmethod
     def _noise(self, kinds: int) -> Floats:
-        """Standard normal noise (kinds, m) of the sensors, one kind's after the other's."""
+        """Sample standard normal noise of the sensors (kinds, m)."""
 
 
 def pose_of(position: Floats, rotation: Floats) -> Floats:
-    """Pose (..., 4, 4) of what is at a position (..., 3) [m], turned by (..., 3, 3)."""
+    """Pose (..., 4, 4) from a position (..., 3) [m] and a rotation (..., 3, 3)."""
     pose = np.zeros((*position.shape[:-1], 4, 4))
     pose[..., :3, :3] = rotation
     pose[..., :3, 3] = position

@@ -1,43 +1,31 @@
-"""A robot before it is compiled: its model, its wires and its senses, still open to departures.
+"""Draft: a robot before it is compiled, which departures edit.
 
-MuJoCo's ``MjSpec`` knows nothing of encoders, delays or motors on spools; a `Draft` holds the spec
-and these beside it. A departure edits a draft, sets values and never scales what it reads.
+A MuJoCo ``MjSpec`` has no encoders, delays or motors on spools. A `Draft` holds the spec and
+beside it the tendons and the sensor errors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import mujoco
 
-from kengoro_env.errors import KengoroError
-
-
-class UnknownNameError(KengoroError):
-    """A muscle, joint, departure or option that does not exist."""
-
-    def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
-        super().__init__(kind, name, tuple(known))  # which is what a process sends to another
-
-    def __str__(self) -> str:
-        kind, name, known = self.args
-        return f"unknown {kind} {name!r}; known: {', '.join(known)}"
+from kengoro_env.errors import UnknownNameError
 
 
 @dataclass
 class TendonSpec:
-    """What departs from an ideal wire on an ideal motor. All zero or None: the drawing's wire.
+    """Departures of a tendon and its motor from the ideal; the defaults are the nominal model.
 
     Attributes:
-        stiffness: (k1, k2, k3) of the one-sided elastic wire, T = k1 x + k2 x^2 + k3 x^3 for a
-            stretch x > 0 [N/m, N/m^2, N/m^3]; None for a wire that does not stretch.
-        motor_inertia: inertia of the motor seen at the wire [kg].
-        friction: dry friction along the wire that is always there [N].
+        stiffness: (k1, k2, k3) of the elastic tendon, T = k1 x + k2 x^2 + k3 x^3 for a stretch
+            x > 0 [N/m, N/m^2, N/m^3]; None: the tendon does not stretch.
+        motor_inertia: inertia of the motor seen at the tendon [kg].
+        friction: dry friction along the tendon without tension [N].
         friction_ratio: dry friction per tension [1].
-        elongation: how much longer the wire is than on the day it was mounted [m].
-        wraps: bones that the wire wraps over: {index of the path's segment: (geom, side site)}.
+        elongation: permanent elongation since the tendon was mounted [m].
+        wraps: bones that the tendon wraps over: {index of the path's segment: (geom, side site)}.
     """
 
     stiffness: tuple[float, float, float] | None = None
@@ -50,14 +38,14 @@ class TendonSpec:
 
 @dataclass
 class SensorErrors:
-    """How the robot's senses depart from the truth.
+    """Errors of the sensors, the camera's timing and the zero posture.
 
     Attributes:
-        length_offset: encoder offset by muscle [m].
-        length_noise: standard deviation of each reading [m].
-        length_quantum: smallest step of a reading [m]; 0 for none.
-        tension_noise: standard deviation of each reading [N].
-        tension_offset: offset by muscle [N].
+        length_offset: offset of the encoder by muscle [m].
+        length_noise: standard deviation of an encoder reading [m].
+        length_quantum: smallest step of an encoder reading [m]; 0: not quantised.
+        tension_noise: standard deviation of a tension reading [N].
+        tension_offset: offset of the tension sensor by muscle [N].
         frame_delay: age of the newest frame that the agent gets [s].
         zero_posture: joint angles at which the lengths were zeroed, by joint [rad].
     """
@@ -73,7 +61,13 @@ class SensorErrors:
 
 @dataclass(frozen=True)
 class Event:
-    """A wire that gives for good while the robot runs: ``elongation`` [m] at ``time`` [s]."""
+    """Permanent elongation of a tendon during an episode.
+
+    Attributes:
+        time: time of the elongation since the reset [s].
+        muscle: name of the muscle.
+        elongation: added length [m].
+    """
 
     time: float
     muscle: str
@@ -85,10 +79,10 @@ class Draft:
     """A robot before it is compiled.
 
     Attributes:
-        spec: the MuJoCo model, the drawing at first.
-        wires: by muscle, in the order of the model's tendons.
-        senses: encoders, tension sensors, camera timing, zero posture.
-        events: what happens to wires during an episode.
+        spec: the MuJoCo model, at first the nominal model.
+        tendons: tendons by muscle, in the order of the model.
+        sensor_errors: errors of encoders, tension sensors, camera timing and zero posture.
+        events: elongations during an episode.
     """
 
     spec: mujoco.MjSpec
@@ -102,14 +96,22 @@ class Draft:
         return cls(spec.copy(), {tendon.name: TendonSpec() for tendon in spec.tendons})
 
     def tendon(self, muscle: str) -> TendonSpec:
-        """The wire of a muscle; `UnknownNameError` lists the muscles there are."""
+        """The tendon of a muscle.
+
+        Raises:
+            UnknownNameError: there is no such muscle.
+        """
         if muscle not in self.tendons:
             raise UnknownNameError("muscle", muscle, self.tendons)
         return self.tendons[muscle]
 
 
 class Departure(Protocol):
-    """What makes a robot depart from its drawing: a frozen dataclass with one verb."""
+    """A departure from the nominal model: a frozen dataclass with one method."""
 
     def edit(self, draft: Draft) -> None:
-        """Write this departure into ``draft``; with null parameters leave it as it is."""
+        """Write this departure into ``draft``; null parameters leave the draft as it is.
+
+        An edit sets values. It does not scale values that it reads, so that a second edit of the
+        same kind does not compound.
+        """

@@ -1,7 +1,8 @@
-"""The fingers: one motor that closes fingers and thumb around whatever is between them.
+"""Fingers: one motor closes fingers and thumb.
 
 A fixed tendon couples the four finger joints, so that a joint that meets resistance stops while
-the others go on. Springs in the joints help to open the hand. Forces are limited to a human's.
+the others continue. Springs in the joints help to open the hand. Forces are limited to those of a
+human hand.
 """
 
 from __future__ import annotations
@@ -12,16 +13,21 @@ import numpy as np
 from kengoro_env.names import FINGER_JOINTS
 
 FINGERS = "fingers"
-"""Name of the fingers' actuator: its control is the command, -1 for open and +1 for closed."""
+"""Name of the actuator of the fingers; its control is -1 for open and +1 for closed."""
 
-_PULLEYS = (1.0, 0.7, 0.8, 0.5)  # of `FINGER_JOINTS`: torque of each joint per torque of the motor
-_TORQUE = (-0.6, 1.2)  # limits of the motor, opening and closing [N m]; grips with 20 to 30 N
-_STIFFNESS = 2.0  # of the motor's position control [N m]
-_CLOSED = 4.0  # target of the coupling when closed: beyond a fist, so that a grip keeps its force
+_PULLEYS = (
+    1.0,
+    0.7,
+    0.8,
+    0.5,
+)  # joint torque per motor torque, of `FINGER_JOINTS` [1]
+_TORQUE = (-0.6, 1.2)  # limits of the motor [N m], for a grip of 20 to 30 N
+_STIFFNESS = 2.0  # stiffness of the motor's position control [N m]
+_CLOSED = 4.0  # target of the closed coupling, beyond a fist so that a grip keeps its force
 
 
 def add_fingers(spec: mujoco.MjSpec) -> None:
-    """Add the fingers' coupling and motor to a model; a model without fingers stays as it is."""
+    """Add coupling and motor of the fingers to a model; a model without fingers stays as it is."""
     if spec.joint(FINGER_JOINTS[0]) is None:
         return
     coupling = spec.add_tendon(name=FINGERS)

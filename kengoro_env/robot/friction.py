@@ -1,6 +1,6 @@
-"""Dry friction that follows a wire's tension, as a rope's over a pulley does.
+"""Dry friction in proportion to tension, as of a rope over a pulley.
 
-MuJoCo's friction cannot follow a force by itself: its arrays are written in each time step.
+MuJoCo's dry friction is a constant of the model, so its arrays are written in each time step.
 """
 
 from __future__ import annotations
@@ -16,33 +16,39 @@ from kengoro_env.types import Floats
 
 
 class GrowingFriction:
-    """Friction at some places of one of a model's arrays (k,), in proportion to actuators' forces.
+    """Friction losses of a model, of which some entries grow with actuator forces.
 
     Args:
-        model: whose friction elsewhere is constant, and at these places what it is without force.
-        field: the array's name, ``tendon_frictionloss`` or ``dof_frictionloss``.
-        places: (p,) indices in it.
-        actuators: (p,) whose forces count there.
-        ratios: (p,) friction per force [1], with the sign that the force of a pull has.
+        model: a model that holds the friction without force.
+        field: name of the array of friction losses, ``tendon_frictionloss`` or
+            ``dof_frictionloss``.
+        elements: indices of the entries that grow (p,).
+        actuators: indices of the actuators whose forces count (p,).
+        ratios: friction per force (p,) [1], with the sign of the force in a pull.
     """
 
     def __init__(
         self,
         model: mujoco.MjModel,
         field: str,
-        places: NDArray[np.int64],
+        elements: NDArray[np.int64],
         actuators: NDArray[np.int64],
         ratios: Floats,
     ) -> None:
         self._field = field
         constant = getattr(model, field).copy()
-        self._actuator = np.zeros(len(constant), dtype=np.int64)  # any where it does not count
+        self._actuator = np.zeros(len(constant), dtype=np.int64)  # any if the ratio is 0
         self._ratio = np.zeros(len(constant))
-        self._actuator[places], self._ratio[places] = actuators, ratios
+        self._actuator[elements], self._ratio[elements] = actuators, ratios
         self._constant = constant if constant.any() else None
 
     def follow(self, model: Any, data: Any) -> Callable[[], None]:
-        """What lets a model's friction follow the forces in its data, of one robot or of many."""
+        """A function that updates the friction losses, of one robot or of many.
+
+        Args:
+            model: has the array of friction losses.
+            data: has the forces of the actuators.
+        """
         loss, take = getattr(model, self._field), data.actuator_force.take
         actuator, ratio, constant = self._actuator, self._ratio, self._constant
 
@@ -55,7 +61,7 @@ class GrowingFriction:
         return update
 
     def layout(self, model: mujoco.MjModel) -> dict[str, int | Floats | NDArray[np.int64] | None]:
-        """Its number of places and its arrays, by their names in control_step.c."""
+        """Values of the fields of ``Friction`` in control_step.c."""
         return {
             "count": len(self._ratio),
             "loss": getattr(model, self._field),

@@ -1,4 +1,4 @@
-"""Entries of MuJoCo's arrays that are read in each step."""
+"""Fast access to entries of MuJoCo arrays that are read in each step."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Index = slice | NDArray[np.int64]
 
 
 def index_of(numbers: NDArray[np.int64]) -> Index:
-    """An index of entries of an array: a slice, which is faster, where one follows the other."""
+    """Index of entries of an array: a slice, which is faster, if they are consecutive."""
     if len(numbers) and np.all(np.diff(numbers) == 1):
         return slice(int(numbers[0]), int(numbers[-1]) + 1)
     return numbers
 
 
 def reader(array: Floats, index: Index) -> Callable[[], Floats]:
-    """What reads the entries at ``index`` of the last axis of an array that lives on: a copy.
+    """A function that copies the entries at ``index`` of the last axis of an array.
 
-    It lies side by side in memory, so that sums over it have the same bits for one and for many.
+    The copies are contiguous, so that sums have the same bits for one robot and for many.
     """
     if isinstance(index, slice):
         return array[..., index].copy

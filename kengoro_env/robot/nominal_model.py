@@ -1,4 +1,4 @@
-"""What the drawing says: names, limits and wire lengths of the geometric model."""
+"""Nominal model of the arm: names, joint limits, muscle lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -8,18 +8,23 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.robot.robot import load_spec
+from kengoro_env.robot.model_file import load_spec
 from kengoro_env.robot.tendons import actuated_joints
 from kengoro_env.types import Floats
 
 
 class NominalArm:
-    """The geometric model of the arm: straight wires through their points (paper, sec. II-A).
+    """Geometric model of the arm with straight muscles through their points (paper, sec. II-A).
+
+    Args:
+        scene: MJCF file with the arm.
 
     Attributes:
-        joints, muscles: names, in the order of (n,) and (m,) arrays.
-        lower, upper: joint limits (n,) [rad].
-        crosses: (m, n) which wire crosses which joint.
+        joints: names of the joints, in the order of (n,) arrays.
+        muscles: names of the muscles, in the order of (m,) arrays.
+        lower: lower joint limits (n,) [rad].
+        upper: upper joint limits (n,) [rad].
+        crosses: which muscle crosses which joint (m, n).
     """
 
     def __init__(self, scene: Path) -> None:
@@ -42,17 +47,17 @@ class NominalArm:
         return self._data.ten_length.copy()
 
     def _crossings(self) -> NDArray[np.bool_]:
-        """A wire crosses the joints that lie between the bodies of its points."""
+        """Which muscle crosses which joint: its length depends on the joint's angle."""
         rng = np.random.default_rng(0)
         postures = rng.uniform(self.lower, self.upper, (8, len(self.joints)))
         return np.any([np.abs(self.moment_arms(q)) > 1e-12 for q in postures], axis=0)
 
     def lengths(self, postures: Floats) -> Floats:
-        """Wire lengths (B, m) [m] relative to the zero posture, for postures (B, n) [rad]."""
+        """Muscle lengths (B, m) [m] relative to the zero posture, for postures (B, n) [rad]."""
         return np.array([self._paths(posture) for posture in np.atleast_2d(postures)]) - self._zero
 
     def moment_arms(self, posture: Floats) -> Floats:
-        """dl/dq (m, n) [m/rad] at a posture (n,) [rad]."""
+        """Moment arms dl/dq (m, n) [m/rad] at a posture (n,) [rad]."""
         self._paths(posture)
         model, dense = self._model, np.zeros((self._model.ntendon, self._model.nv))
         mujoco.mju_sparse2dense(
@@ -61,7 +66,7 @@ class NominalArm:
         return dense[:, self._velocity]
 
     def gravity(self, posture: Floats) -> Floats:
-        """Torques (n,) [N m] with which gravity bends the joints at a posture (n,) [rad]."""
+        """Torques of gravity on the joints (n,) [N m] at a posture (n,) [rad]."""
         self._data.qpos[self._position] = posture
         self._data.qvel[:] = 0.0
         mujoco.mj_forward(self._model, self._data)

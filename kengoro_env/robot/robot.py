@@ -1,12 +1,11 @@
-"""A robot: a compiled model with its departures, stepped at the control rate.
+"""Robot: a compiled model with its departures, stepped at the control rate.
 
-It knows MuJoCo and no task. Lengths that it takes and gives are what the robot's own encoders
-call them: relative to the posture at which somebody zeroed them.
+It knows MuJoCo and no task. Its lengths are relative to the posture in which the encoders were
+zeroed, as the encoders read them.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
@@ -16,48 +15,44 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.assets import assets_root
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import ArgumentError, DivergedError, UnknownNameError
 from kengoro_env.robot.body import Body
-from kengoro_env.robot.draft import Departure, Draft, UnknownNameError
+from kengoro_env.robot.draft import Departure, Draft
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.indexing import index_of
-from kengoro_env.robot.motors import DEFAULT_GAINS, Gains, Motors
+from kengoro_env.robot.model_file import load_spec
+from kengoro_env.robot.motors import Motors
+from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
 from kengoro_env.robot.sensors import Sensors
 from kengoro_env.robot.tendons import actuated_joints, wind
 from kengoro_env.types import Floats
-from mjcf_sandbox.errors import UntrustedFileError
-from mjcf_sandbox.mjcf import check_model
 
 DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
-"""MuJoCo's warnings of what is not finite: positions, velocities, accelerations, commands."""
+"""MuJoCo's warnings of positions, velocities, accelerations or commands that are not finite."""
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""All that a robot's motion follows from."""
-
-
-class DivergedError(KengoroError):
-    """The simulation left the realm of finite numbers."""
-
-    def __str__(self) -> str:
-        return "the simulation diverged: its state is no longer finite"
+"""The state that determines a robot's motion."""
 
 
 class Robot(Body):
-    """The arm with its wires, motors and sensors.
+    """The arm with its muscles, motors and sensors.
 
     Args:
-        scene: MJCF file of the world that the robot stands in.
-        departures: what makes it differ from its drawing; `drawing()` or `actual(seed)`.
-        gains: muscle stiffness control at the start.
+        scene: MJCF file of the robot and its surroundings.
+        departures: departures from the nominal model, such as ``actual(seed)``.
+        gains: gains of muscle stiffness control after each reset.
         control_period: time between commands [s], a multiple of the model's time step.
 
     Attributes:
-        muscles: names, in the order of every (m,) array.
-        joints: names of the joints that wires cross, in the order of every (n,) array.
-        lower, upper: joint limits (n,) [rad].
-        random: where the sensors' noise comes from.
-        events: what will happen to wires in this episode, the next first.
+        muscles: names of the muscles, in the order of (m,) arrays.
+        joints: names of the joints that muscles cross, in the order of (n,) arrays.
+        lower: lower joint limits (n,) [rad].
+        upper: upper joint limits (n,) [rad].
+        random: generator of the sensors' noise.
+        events: elongations to come in this episode, the next one first.
+
+    Raises:
+        KengoroError: the model or an argument cannot be used.
     """
 
     def __init__(
@@ -77,22 +72,26 @@ class Robot(Body):
         self.control_period = control_period
         self._substeps = round(control_period / self.model.opt.timestep)
         if not np.isclose(self._substeps * self.model.opt.timestep, control_period):
-            raise KengoroError(
+            raise ArgumentError(
                 f"control_period {control_period} s is not a multiple of the physics time step "
                 f"{self.model.opt.timestep} s"
             )
-        self._gains, self._senses, self._planned = gains, draft.sensor_errors, tuple(draft.events)
+        self._gains, self._sensor_errors, self._planned = (
+            gains,
+            draft.sensor_errors,
+            tuple(draft.events),
+        )
         self.joints = actuated_joints(self.model)
         addresses = [self.model.joint(joint) for joint in self.joints]
         self._position = index_of(np.array([joint.qposadr[0] for joint in addresses]))
         self.lower, self.upper = self.model.jnt_range[[j.id for j in addresses]].T.copy()
         self._left_at = np.empty(self.model.nq + self.model.nv)
-        self._look()
+        self._find_arrays()
         mujoco.mj_forward(self.model, self.data)
         self.motors = Motors(self.model, self.data, draft, gains)
         self.muscles = self.motors.muscles
-        self._none, self._target = (np.zeros(len(self.muscles)) for _ in range(2))
-        self._sensors = Sensors(self._senses, self.muscles)
+        self._zeros, self._target = (np.zeros(len(self.muscles)) for _ in range(2))
+        self._sensors = Sensors(self._sensor_errors, self.muscles)
         self._zero = self._length_at_zero_posture()
         self._mounted = self.motors.elongation
         fingers = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, FINGERS)
@@ -101,8 +100,8 @@ class Robot(Body):
         self.reset(np.zeros(len(self.joints)), self.random)
 
     def _length_at_zero_posture(self) -> Floats:
-        """What each wire, not yet given, has paid out at T_bias in the posture called zero."""
-        posture = self._senses.zero_posture
+        """Length that each motor has paid out in the zero posture at T_bias, before elongation."""
+        posture = self._sensor_errors.zero_posture
         self.data.qpos[self._position] = [posture.get(joint, 0.0) for joint in self.joints]
         mujoco.mj_forward(self.model, self.data)
         stretch = self.motors.stretch_at(self.motors.bias)
@@ -110,7 +109,7 @@ class Robot(Body):
 
     @property
     def changing_fields(self) -> tuple[str, ...]:
-        """Names of the model's arrays that change while the robot moves."""
+        """Names of the model's arrays that a step may change."""
         found: list[str] = []
         if self.motors.frictions:
             found += ["tendon_frictionloss", "dof_frictionloss"]
@@ -121,7 +120,7 @@ class Robot(Body):
     @property
     def frame_delay(self) -> float:
         """Age of a frame when the agent gets it [s]."""
-        return self._senses.frame_delay
+        return self._sensor_errors.frame_delay
 
     @property
     def time(self) -> float:
@@ -129,7 +128,12 @@ class Robot(Body):
         return float(self.data.time)
 
     def reset(self, posture: Floats, rng: np.random.Generator) -> None:
-        """Put the arm at ``posture`` (n,) [rad], at rest, fingers open, wires at T_bias."""
+        """Put the arm at rest, with the fingers open and the muscles at T_bias.
+
+        Args:
+            posture: joint angles (n,) [rad], clipped to the joint limits.
+            rng: generator of the sensors' noise.
+        """
         self.random = rng
         mujoco.mj_resetData(self.model, self.data)
         self.motors.elongate(self._mounted)
@@ -150,7 +154,7 @@ class Robot(Body):
         self._left_at[:] = np.nan
 
     def become(self, other: Robot) -> None:
-        """Be where another robot of the same model is, and go on as it would."""
+        """Copy the state of another robot of the same model."""
         model, data = self.model, self.data
         state = np.empty(mujoco.mj_stateSize(model, STATE))
         mujoco.mj_getState(other.model, other.data, state, STATE)
@@ -164,10 +168,13 @@ class Robot(Body):
         self.random, self.events = other.random, list(other.events)
 
     def step(self, target: Floats) -> None:
-        """Hold ``target`` lengths (m,) [m] by muscle stiffness control for one control period.
+        """Hold target lengths by muscle stiffness control for one control period.
+
+        Args:
+            target: target lengths as the encoders read them (m,) [m].
 
         Raises:
-            DivergedError: the simulation is no longer finite.
+            DivergedError: the state of the simulation is no longer finite.
         """
         self.elongate_tendons()
         self._target[:] = target
@@ -175,22 +182,22 @@ class Robot(Body):
         self._advance()
 
     def elongate_tendons(self) -> None:
-        """Let happen to wires what is due."""
+        """Apply the elongations that are due."""
         while self.events and self.events[0].time <= self.time:
             event = self.events.pop(0)
             self.elongate(event.muscle, event.elongation)
 
     def _advance(self) -> None:
-        """Step the physics for one control period, and let paths and poses follow the joints.
+        """Step the physics for one control period, and update paths and poses.
 
-        `mj_step` computes all that follows from the joint angles, then moves them, and so leaves
-        paths and poses a time step behind. Here that first half of the next time step is done at
-        the end, and not again when the next control period begins, unless somebody moved the
-        robot by hand in between. The bits are those of `mj_step` alone. Who edits the geometry of
-        `model` in between calls `mj_forward`.
+        `mj_step` computes paths and poses from the joint angles and then moves the joints, which
+        leaves paths and poses a time step behind. Here the position stage of the next time step
+        runs at the end of the period. The next period skips it, unless the state was changed in
+        between. The bits are those of `mj_step` alone. After a change of the geometry of ``model``
+        call `mj_forward`.
 
         Raises:
-            DivergedError: the simulation is no longer finite.
+            DivergedError: the state of the simulation is no longer finite.
         """
         model, data, motors = self.model, self.data, self.motors
         left = self._substeps
@@ -209,17 +216,17 @@ class Robot(Body):
         mujoco.mj_fwdPosition(model, data)
         self._left_at[:] = self._state()
 
-    def _look(self) -> None:
-        super()._look()
+    def _find_arrays(self) -> None:
+        super()._find_arrays()
         self._mujoco.qpos, self._mujoco.qvel = self.data.qpos, self.data.qvel
-        self._mujoco.warnings = self.data.warning.number[DIVERGENCE]  # it keeps the count
+        self._mujoco.warnings = self.data.warning.number[DIVERGENCE]  # a view
 
     def _state(self) -> Floats:
-        """Positions and velocities, to be compared."""
+        """Positions and velocities (nq + nv,)."""
         return np.concatenate([self._mujoco.qpos, self._mujoco.qvel])
 
     def _check_finite(self) -> None:
-        """MuJoCo warns of states that are not finite or huge, and starts anew from zero."""
+        """Raise `DivergedError` after a state that was not finite or that MuJoCo reset."""
         # Velocities that are finite leave positions finite, and so does the sum of their squares.
         velocity = self._mujoco.qvel
         finite = isfinite(velocity.dot(velocity))
@@ -227,12 +234,20 @@ class Robot(Body):
             raise DivergedError
 
     def close_fingers(self, command: float) -> None:
-        """Command the fingers, from -1 (open) to +1 (closed); nothing where there are none."""
+        """Command the fingers, from -1 (open) to +1 (closed); no effect without fingers."""
         if self._fingers is not None:
             self.data.ctrl[self._fingers] = command
 
     def elongate(self, muscle: str, length: float) -> None:
-        """Let a wire give for good by ``length`` [m], now; until the next reset."""
+        """Elongate a tendon until the next reset.
+
+        Args:
+            muscle: name of the muscle.
+            length: added length [m].
+
+        Raises:
+            UnknownNameError: there is no such muscle.
+        """
         if muscle not in self.muscles:
             raise UnknownNameError("muscle", muscle, self.muscles)
         elongation = self.motors.elongation
@@ -240,7 +255,7 @@ class Robot(Body):
         self.motors.elongate(elongation)
 
     def layout(self) -> dict[str, int | Floats | NDArray[np.int64] | None]:
-        """Numbers, and arrays that are never replaced, by their names in control_step.c."""
+        """Values of the fields of ``Step`` in control_step.c; the arrays are never replaced."""
         return {
             "model": self.model._address,
             "data": self.data._address,
@@ -259,35 +274,17 @@ class Robot(Body):
 
     @property
     def kinds_of_noise(self) -> int:
-        """How many kinds of sensors have noise."""
+        """Number of kinds of sensors that have noise."""
         return self._sensors.kinds_of_noise
 
     def _noise(self, kinds: int) -> Floats:
         return self.random.standard_normal((kinds, len(self.muscles)))
 
     def __getstate__(self) -> dict[str, Any]:
-        """MuJoCo's arrays, and what it computed for the next time step, stay when it is copied."""
+        """State without MuJoCo's arrays, and without the computed stage of the next time step."""
         nowhere = np.full_like(self._left_at, np.nan)
         return {**self.__dict__, "_mujoco": None, "_left_at": nowhere}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._look()
-
-
-def load_spec(path: Path) -> mujoco.MjSpec:
-    """The model in ``path``; `KengoroError` in one sentence if it is missing or broken.
-
-    Models that are not ours may name files in their own folder and in our assets.
-    """
-    if not os.path.isfile(path):  # also where its name is too long
-        raise KengoroError(f"no model file at {path}")
-    try:
-        if not path.resolve().is_relative_to(assets_root().resolve()):
-            check_model(path, (path.parent, assets_root()))
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        reason = str(error).splitlines()[0]
-        raise KengoroError(f"the model file {path} is not valid MJCF: {reason}") from error
-    except UntrustedFileError as error:
-        raise KengoroError(f"the model file {path} {error}") from error
+        self._find_arrays()

@@ -1,4 +1,4 @@
-"""Sensors: what encoders and tension sensors make of the truth, of one robot or of many at once."""
+"""Sensors: readings of encoders and tension sensors, of one robot or of many at once."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from kengoro_env.robot.draft import SensorErrors
 from kengoro_env.types import Floats
 
 Noise = Callable[[int], Floats]
-"""Standard normal noise (k, m) of as many kinds of sensors as asked for, one after the other."""
+"""Function that samples standard normal noise (k, m) for k kinds of sensors."""
 
 
 class Sensors:
-    """Encoders and tension sensors of wires.
+    """Encoders and tension sensors of the muscles.
 
-    Lengths and tensions are (m,), or (count, m) of many robots. Where a sensor reads the truth, it
-    gives back the array that it was given.
+    Lengths and tensions are (m,), or (count, m) of many robots. A sensor without errors returns
+    the array that it is given.
 
     Args:
-        senses: how they depart from the truth.
-        muscles: names of the wires.
+        sensor_errors: errors of the sensors.
+        muscles: names of the muscles.
 
     Attributes:
-        length_offset: of the encoders (m,) [m]; None for none.
+        length_offset: offsets of the encoders (m,) [m]; None: no offset.
     """
 
     def __init__(self, sensor_errors: SensorErrors, muscles: Sequence[str]) -> None:
@@ -43,11 +43,11 @@ class Sensors:
 
     @property
     def kinds_of_noise(self) -> int:
-        """How many kinds of sensors have noise."""
+        """Number of kinds of sensors that have noise."""
         return sum(noise is not None for noise in (self._length_noise, self._tension_noise))
 
     def layout(self) -> dict[str, Floats | None]:
-        """Arrays (m,) by their names in control_step.c; None where a sensor reads the truth."""
+        """Values of the fields of ``Step`` in control_step.c, arrays (m,); None: no such error."""
         return {
             "length_offset": self.length_offset,
             "length_noise": self._length_noise,
@@ -57,21 +57,27 @@ class Sensors:
         }
 
     def read(self, lengths: Floats, tensions: Floats, noise: Noise) -> tuple[Floats, Floats]:
-        """What both read [m], [N]: the same as lengths first, then tensions."""
+        """Readings of lengths [m] and tensions [N], with the noise of the lengths sampled first.
+
+        Args:
+            lengths: true lengths (m,) [m].
+            tensions: true tensions (m,) [N].
+            noise: samples the noise.
+        """
         if self._length_noise is None or self._tension_noise is None:
             return self.read_lengths(lengths, noise), self.read_tensions(tensions, noise)
         both = noise(2)  # the bits of two calls, in the time of one
         return self._lengths(lengths, both[..., 0, :]), self._tensions(tensions, both[..., 1, :])
 
     def read_lengths(self, lengths: Floats, noise: Noise) -> Floats:
-        """What encoders read [m]: with offset, noise and quantum."""
-        drawn = None if self._length_noise is None else noise(1)[..., 0, :]
-        return self._lengths(lengths, drawn)
+        """Readings of the encoders [m], with offset, noise and quantum."""
+        sample = None if self._length_noise is None else noise(1)[..., 0, :]
+        return self._lengths(lengths, sample)
 
     def read_tensions(self, tensions: Floats, noise: Noise) -> Floats:
-        """What tension sensors read [N]: with offset and noise, never negative."""
-        drawn = None if self._tension_noise is None else noise(1)[..., 0, :]
-        return self._tensions(tensions, drawn)
+        """Readings of the tension sensors [N], with offset and noise, never negative."""
+        sample = None if self._tension_noise is None else noise(1)[..., 0, :]
+        return self._tensions(tensions, sample)
 
     def _lengths(self, reading: Floats, noise: Floats | None) -> Floats:
         if self.length_offset is not None:
@@ -94,6 +100,6 @@ class Sensors:
 
 
 def _of_each(values: Mapping[str, float], muscles: Sequence[str]) -> Floats | None:
-    """The value of each muscle (m,), 0 where none is given; None where all are 0."""
+    """Values by muscle as an array (m,), 0 by default; None if all are 0."""
     array = np.array([values.get(muscle, 0.0) for muscle in muscles])
     return array if array.any() else None

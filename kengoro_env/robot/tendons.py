@@ -1,11 +1,9 @@
-"""Wires and their motors: from a draft to tendons, spools and stiffness-controlled actuators.
+"""Tendons and their actuators: writes a draft into its MuJoCo model.
 
-An ideal wire is the drawing's tendon with an actuator on it. A wire that stretches leaves its
-first site (the guide) for a motor on a spool: a slide joint that carries the wire's end, so that
-the encoder reads what the spool paid out, path minus stretch, as on the robot.
-
-Muscle stiffness control (paper, sec. III-B), T = T_bias + max(0, K (l - l_target)), is a stock
-affine actuator cut at T_bias and T_max; it runs at the physics rate.
+An ideal tendon is that of the nominal model, with an actuator on it. A tendon that stretches runs
+from its first site, the guide, to a motor on a spool: a slide joint that carries the end of the
+tendon, so that the encoder reads the length paid out, path minus stretch, as on the robot.
+`muscle_law` has the law of the actuators.
 """
 
 from __future__ import annotations
@@ -13,15 +11,18 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import ModelError
 from kengoro_env.robot.draft import Draft, TendonSpec
+from kengoro_env.robot.muscle_law import add_affine_actuator
 
 SPOOL_TRAVEL = 0.6
-"""Length of a spool's travel [m]; the wire's end starts in its middle, away from the guide."""
+"""Travel of a spool [m]; the end of the tendon starts in its middle, away from the guide."""
 
 SPOOL_MASS = 0.001
+"""Mass of a spool [kg], small against any link."""
+
 MOTOR_DAMPING = 150.0
-"""Viscous friction of a motor, seen at the wire [N s/m]; it acts only while the motor turns."""
+"""Viscous friction of a motor, seen at the tendon [N s/m]."""
 
 
 def spool_joint(muscle: str) -> str:
@@ -30,11 +31,12 @@ def spool_joint(muscle: str) -> str:
 
 
 def actuated_joints(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Hinges and slides that a wire through sites crosses, in the model's order, without spools.
+    """Names of the hinges and slides that tendons through sites cross, in the model's order.
 
-    A wire crosses a joint if some of its points move with it and others do not.
+    A tendon crosses a joint if some of its points move with it and others do not. Joints of spools
+    are left out.
     """
-    moved = np.eye(model.nbody, dtype=bool)  # [a, b]: body b hangs on body a, or is it
+    moved = np.eye(model.nbody, dtype=bool)  # [a, b]: body b is a or a descendant of a
     for body in range(1, model.nbody):
         moved[:, body] |= moved[:, model.body_parentid[body]]
     at_site = model.wrap_type == int(mujoco.mjtWrap.mjWRAP_SITE)
@@ -54,30 +56,36 @@ def actuated_joints(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 def wind(draft: Draft) -> None:
-    """Write the draft's wires and their motors into its spec; `Motors` sets the gains."""
+    """Write the tendons of a draft and their actuators into its model; `Motors` sets the gains.
+
+    Raises:
+        ModelError: MuJoCo cannot simulate a tendon as planned.
+    """
     for tendon in list(draft.spec.tendons):
         muscle, planned = tendon.name, draft.tendons[tendon.name]
         if planned.wraps and planned.motor_inertia and not planned.stiffness:
-            raise KengoroError(
-                f"the wire of {muscle} wraps over a bone, and its motor has inertia: MuJoCo can do "
-                "both only for a wire that stretches; add TendonStretch"
+            raise ModelError(
+                f"the tendon of {muscle} wraps over a bone, and its motor has inertia: MuJoCo can "
+                "simulate both only for a tendon that stretches; add TendonStretch"
             )
         if planned.wraps or planned.stiffness:
-            tendon = _lay(draft.spec, tendon, planned)
+            tendon = _replace_tendon(draft.spec, tendon, planned)
         if planned.stiffness:
             joint = draft.spec.joint(spool_joint(muscle))
             joint.armature = planned.motor_inertia
             joint.frictionloss = planned.friction
-            _add_motor(draft.spec, muscle, mujoco.mjtTrn.mjTRN_JOINT, joint.name)
+            add_affine_actuator(draft.spec, muscle, mujoco.mjtTrn.mjTRN_JOINT, joint.name)
         else:
             tendon.armature = planned.motor_inertia
             tendon.frictionloss = planned.friction
             tendon.damping = np.array([MOTOR_DAMPING, 0.0, 0.0])
-            _add_motor(draft.spec, muscle, mujoco.mjtTrn.mjTRN_TENDON, muscle)
+            add_affine_actuator(draft.spec, muscle, mujoco.mjtTrn.mjTRN_TENDON, muscle)
 
 
-def _lay(spec: mujoco.MjSpec, old: mujoco.MjsTendon, planned: TendonSpec) -> mujoco.MjsTendon:
-    """Lay a wire anew, over its bones and from its spool if it has one."""
+def _replace_tendon(
+    spec: mujoco.MjSpec, old: mujoco.MjsTendon, planned: TendonSpec
+) -> mujoco.MjsTendon:
+    """Replace a tendon by one that wraps over its bones and starts at its spool, if it has one."""
     name, sites = old.name, [element.target.name for element in old.path]
     kind = old.default()
     spec.delete(old)
@@ -85,7 +93,7 @@ def _lay(spec: mujoco.MjSpec, old: mujoco.MjsTendon, planned: TendonSpec) -> muj
     if planned.stiffness:
         tendon.wrap_site(_add_spool(spec, name, sites[0]))
         tendon.stiffness = np.array(planned.stiffness)
-        tendon.springlength = np.array([0.0, SPOOL_TRAVEL])  # set to the true length by `Motors`
+        tendon.springlength = np.array([0.0, SPOOL_TRAVEL])  # `Motors` sets the true length
     for index, site in enumerate(sites):
         tendon.wrap_site(site)
         if index in planned.wraps:
@@ -94,7 +102,7 @@ def _lay(spec: mujoco.MjSpec, old: mujoco.MjsTendon, planned: TendonSpec) -> muj
 
 
 def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str) -> str:
-    """A slide joint behind the guide site that carries the wire's end; returns the end's site."""
+    """Add a slide joint behind the guide that carries the end of the tendon; return its site."""
     site = spec.site(guide)
     body = site.parent.add_body(name=spool_joint(muscle), pos=site.pos, gravcomp=1.0)
     body.mass, body.inertia = SPOOL_MASS, np.full(3, 1e-7)
@@ -107,11 +115,3 @@ def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str) -> str:
     )
     end = body.add_site(name=f"{muscle}_spool")
     return end.name
-
-
-def _add_motor(spec: mujoco.MjSpec, muscle: str, transmission: mujoco.mjtTrn, target: str) -> None:
-    actuator = spec.add_actuator(name=muscle, target=target, trntype=transmission)
-    actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
-    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    actuator.forcelimited = True
-    actuator.forcerange = np.array([-1.0, 1.0])

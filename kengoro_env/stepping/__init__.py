@@ -1,1 +1,1 @@
-"""Control steps of one robot or of many, by NumPy or by compiled C code."""
+"""Control steps of one robot or of many robots, by compiled C code or by NumPy."""

@@ -1,9 +1,8 @@
-"""The C code of control steps and pictures, compiled where there is a compiler.
+"""Compiles the C code of control steps and images with the system's C compiler.
 
-The system's C compiler compiles it when it is needed first, and it is kept in the user's cache
-folder under a name that says from what: source, MuJoCo, compiler's options, machine. Where that
-fails there is a reason (`library`): NumPy computes the same bits and MuJoCo draws the same pixels,
-slower.
+The library is compiled on first use and kept in the user's cache folder, under a name with the hash
+of sources, MuJoCo's version, compiler, options and machine. Without compiled code NumPy computes
+the same bits and MuJoCo renders the same pixels, but slower; the log gives the reason.
 """
 
 from __future__ import annotations
@@ -24,47 +23,49 @@ from platform import machine
 import mujoco
 from platformdirs import user_cache_path
 
+from kengoro_env.errors import NotCompiledError
+
 SWITCH = "KENGORO_COMPILED"
-"""The environment variable that is 0 where nothing shall be compiled."""
+"""Environment variable: 0 switches compiled code off."""
 
 _PACKAGE = Path(__file__).parents[1]
 _SOURCES = [
     _PACKAGE / name for name in ("stepping/control_step.c", "vision/scene.c", "vision/picture.c")
 ]
 _OPTIONS = ("-O3", "-std=c11", "-ffp-contract=off", "-fPIC", "-shared", "-pthread")
-_PATIENCE = 60.0
+_TIMEOUT = 60.0  # of the compiler [s]
 _LOG = logging.getLogger(__name__)
-
-
-class NotCompiledError(RuntimeError):
-    """Why there is no compiled code, in a clause."""
 
 
 @cache
 def library() -> ctypes.CDLL | None:
-    """The compiled code; None where there is none: a message of the log's level INFO says why."""
+    """The compiled code; None if there is none, with the reason in the log at the level INFO."""
     try:
         if os.environ.get(SWITCH) == "0":
             raise NotCompiledError(f"{SWITCH} is 0")
         if sys.platform != "linux":
-            raise NotCompiledError("it has been tried on Linux only")
+            raise NotCompiledError("compiled code is tested on Linux only")
         return load(user_cache_path("kengoro"))
     except (OSError, RuntimeError, ValueError) as reason:
-        _LOG.info("steps by NumPy and pictures of all there is, which is slower: %s", reason)
+        _LOG.info("no compiled code, so that steps and images take longer: %s", reason)
         return None
 
 
 def load(folder: Path) -> ctypes.CDLL:
-    """The compiled code in ``folder``, compiled now where it is not there yet, or does not load.
+    """Load the compiled code from ``folder``; compile it if it is missing or does not load.
+
+    Args:
+        folder: folder of compiled libraries.
 
     Raises:
-        NotCompiledError, OSError, RuntimeError, ValueError: no compiler, or one that fails, or no
-            place to write to.
+        NotCompiledError: there is no compiler, or it fails.
+        OSError: the folder cannot be written to.
+        ValueError: the environment variable CC is not a valid command.
     """
     mujocos = Path(mujoco.__file__).parent
     engines = sorted(mujocos.glob("libmujoco.*"))
     if len(engines) != 1:
-        raise NotCompiledError(f"{mujocos} does not have the one library of MuJoCo")
+        raise NotCompiledError(f"{mujocos} must hold one library of MuJoCo, found {len(engines)}")
     compiler = shlex.split(os.environ.get("CC") or "cc")
     texts = [path.read_text("utf-8") for path in _SOURCES]
     parts = (*texts, mujoco.__version__, *compiler, *_OPTIONS, machine())
@@ -74,32 +75,32 @@ def load(folder: Path) -> ctypes.CDLL:
         try:
             return ctypes.CDLL(str(path))
         except OSError:
-            pass  # of another machine that shares the folder, or broken
+            pass  # damaged, or compiled on another machine that shares the folder
     options = [*_OPTIONS, "-I", str(mujocos / "include")]
     _compile([*compiler, *options, *map(str, _SOURCES), str(engines[0]), "-lm"], path)
     return ctypes.CDLL(str(path))
 
 
 def _compile(command: list[str], path: Path) -> None:
-    """Run the compiler, and put what it made to ``path``: whole, or not at all."""
+    """Run the compiler, and write its output to ``path``, whole or not at all."""
     if shutil.which(command[0]) is None:
         raise NotCompiledError(f"there is no C compiler {command[0]!r}")
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent) as beside:
-        made = Path(beside) / path.name
+        output = Path(beside) / path.name
         try:
             subprocess.run(
-                [*command, "-o", str(made)],
+                [*command, "-o", str(output)],
                 check=True,
                 capture_output=True,
                 encoding="utf-8",
                 errors="replace",
-                timeout=_PATIENCE,
+                timeout=_TIMEOUT,
                 stdin=subprocess.DEVNULL,
             )
         except subprocess.CalledProcessError as error:
             first = (error.stderr.strip() or "no message").splitlines()[0]
             raise NotCompiledError(f"{command[0]} failed: {first}") from None
         except subprocess.TimeoutExpired:
-            raise NotCompiledError(f"{command[0]} took longer than {_PATIENCE} s") from None
-        made.replace(path)
+            raise NotCompiledError(f"{command[0]} took longer than {_TIMEOUT} s") from None
+        output.replace(path)

@@ -1,10 +1,12 @@
-/* A control step of a robot: what `Control` in control.py does, without its overhead.
+/* Control steps of robots in C: the computation of `NumpySteps` (numpy_steps.py), but faster.
 
-   Bit for bit the same as there: the same operations in the same order, sums from the first entry
-   to the last. Compiled on first use (compiling.py); compiled_control.py fills in the structures.
-   Contractions to fused operations must be off.
+   The results have the bits of NumPy's: operations are the same and in the same order, and sums run
+   from the first entry to the last. The compiler must therefore not contract a product and a sum
+   into one fused operation (-ffp-contract=off). c_compiler.py compiles this file on first use, and
+   compiled_steps.py fills in the structures.
 
-   Arrays are NumPy's or MuJoCo's, of doubles, but for indices. Lengths are in m, tensions in N. */
+   m is the number of muscles, n the number of joints that muscles actuate. Pointers lead to the
+   memory of NumPy or MuJoCo arrays. Lengths are in m, tensions in N, angles in rad. */
 
 #include <math.h>
 #include <pthread.h>
@@ -16,76 +18,80 @@
 
 #include <mujoco/mujoco.h>
 
-/* Dry friction that follows actuators' forces, in one of the model's arrays (friction.py). */
+/* Dry friction in proportion to actuator forces, in one array of the model (friction.py). */
 typedef struct {
-  int64_t count;           /* 0: none does */
-  double* loss;            /* (count,) of the model */
-  const int64_t* actuator; /* (count,) whose force counts */
-  const double* ratio;     /* (count,) */
-  const double* constant;  /* (count,), or NULL for none */
+  int64_t count;           /* 0: no friction of this kind */
+  double* loss;            /* (count,) friction losses in the model */
+  const int64_t* actuator; /* (count,) actuator whose force sets the friction */
+  const double* ratio;     /* (count,) friction per force */
+  const double* constant;  /* (count,) friction without force, or NULL for 0 */
 } Friction;
 
+/* One robot. The Python side has the same fields in the same order (step_structures.py). */
 typedef struct {
   mjModel* model;
   mjData* data;
-  int64_t substeps; /* time steps in a control period */
+  int64_t substeps; /* physics time steps in a control period */
   int64_t muscles;  /* m */
-  int64_t joints;   /* n, that wires cross */
-  int64_t fingers;  /* their actuator; -1: there are none */
-  int64_t grip;     /* the hand's site */
+  int64_t joints;   /* n */
+  int64_t fingers;  /* actuator of the fingers; -1: the robot has no fingers */
+  int64_t grip;     /* site of the grip point */
 
-  /* What the hand is to lift (lift.py). */
-  int64_t thing; /* its body; -1: there is nothing */
-  int64_t thing_geom;
-  const int64_t* who; /* (ngeom + 1,) what a geom belongs to; the last for what is none */
-  double* thing_pose; /* (4, 4); its last row is not written */
+  /* The object that the hand is to lift (tracked_object.py). */
+  int64_t object; /* its body; -1: no object */
+  int64_t object_geom;
+  const int64_t* toucher; /* (ngeom + 1,) flag of the body part of each geom; last: not a geom */
+  double* object_pose;    /* (4, 4) in the world; the last row is not written */
 
-  /* Motors (motors.py): where each one's values lie in MuJoCo's arrays, and its constants, (m,). */
-  const int64_t* tendon;
-  const int64_t* actuator;
-  const int64_t* spool; /* in qpos; -1: the wire does not stretch */
-  const double* drum;
-  const double* elongation;
-  const double* stiffness;
-  const double* bias;
-  const double* limit;
-  const double* damping;
-  const double* polynomial; /* (3, m) of the spring's force */
+  /* Motors (motors.py, muscle_law.py), (m,). */
+  const int64_t* tendon;    /* index of the tendon */
+  const int64_t* actuator;  /* index of the actuator */
+  const int64_t* spool;     /* index of the spool in qpos; -1: the tendon does not stretch */
+  const double* drum;       /* length paid out when the spool stands at zero */
+  const double* elongation; /* permanent elongation */
+  const double* stiffness;  /* K_stiff [N/m] */
+  const double* bias;       /* T_bias */
+  const double* limit;      /* T_max */
+  const double* damping;    /* viscous friction of the motor [N s/m] */
+  const double* polynomial; /* (3, m) coefficients of the tendon's spring force */
   Friction friction[2];     /* of tendons, and of joints */
 
-  /* Sensors (sensors.py), (m,) or NULL where they read the truth. */
+  /* Sensors (sensors.py), (m,); NULL where the sensor has no such error. */
   const double* length_offset;
   const double* length_noise;
   const double* length_quantum;
   const double* tension_offset;
   const double* tension_noise;
-  const double* noise; /* standard normal, of lengths, then of tensions, where they have any */
+  const double* noise; /* standard normal samples: for lengths, then for tensions, if noisy */
 
-  const double* zero;        /* (m,) paid out in the posture called zero */
-  const int64_t* position;   /* (n,) of the joints in qpos */
-  double* left_at;           /* (nq + nv,) positions and velocities that the last step ended with */
+  const double* zero;      /* (m,) length paid out in the zero posture */
+  const int64_t* position; /* (n,) indices of the joints in qpos */
+  double* left_at;         /* (nq + nv,) positions and velocities at the end of the last step */
 
-  /* Spaces (spaces.py), (m,). */
+  /* Bounds of lengths and tensions (spaces.py), (m,). */
   const double* half;
   const double* middle;
   const double* low;
   const double* high;
   const double* most_tension;
 
-  const double* action; /* (m + 1,), the last for the fingers, if there are some */
-  const double* goal;   /* (n,) [rad] joint angles to reach, or NULL */
+  const double* action; /* (m + 1,) in [-1, 1]; the last entry is for the fingers */
+  const double* goal;   /* (n,) joint angles to reach, or NULL */
 
-  double* target; /* (m,) that the action commanded */
-  double* told;   /* (4 m + n + 5,): see tell */
-  double* pose;   /* (4, 4) of the grip; its last row is not written */
-
-  char reason[256]; /* why it broke */
+  /* Results. */
+  double* target; /* (m,) target lengths that the action commanded */
+  double* report; /* (4 m + n + 5,): see write_report */
+  double* pose;   /* (4, 4) of the grip in the world; the last row is not written */
+  char reason[256]; /* message of an error of MuJoCo */
 } Step;
 
 enum { MOST_THREADS = 256 };
-enum { DONE, NOT_AN_ACTION, DIVERGED, BROKEN };
 
-/* MuJoCo's errors end the process unless they are caught, as its own bindings do it, too. */
+/* Outcomes of a step, from best to worst. */
+enum { DONE, INVALID, DIVERGED, BROKEN };
+
+/* An error of MuJoCo ends the process unless a log handler leaves by longjmp. MuJoCo's Python
+   bindings catch errors through the same two functions. */
 extern mjfLogHandler _mjPRIVATE_setTlsLogHandler(mjfLogHandler handler);
 extern mjfLogHandler _mjPRIVATE_getGlobalLogHandler(void);
 
@@ -94,7 +100,7 @@ static _Thread_local char* reason;
 
 size_t size_of_step(void) { return sizeof(Step); }
 
-static void note(const mjLogMessage* message) {
+static void catch_error(const mjLogMessage* message) {
   if (message->level < mjLOG_ERROR) {
     _mjPRIVATE_getGlobalLogHandler()(message);
     return;
@@ -109,7 +115,7 @@ static double at_least(double value, double least) { return value < least ? leas
 
 static double at_most(double value, double most) { return value > most ? most : value; }
 
-static int is_action(const Step* s) {
+static int is_valid(const Step* s) {
   int64_t entries = s->muscles + (s->fingers >= 0);
   for (int64_t i = 0; i < entries; i++) {
     if (!(fabs(s->action[i]) <= 1.0)) return 0;
@@ -117,7 +123,7 @@ static int is_action(const Step* s) {
   return 1;
 }
 
-/* Command the motors what the action says (Robot.step, Motors.command). */
+/* Command the motors to the target lengths of the action (Robot.step, Motors.command). */
 static void command(const Step* s) {
   double* ctrl = s->data->ctrl;
   for (int64_t i = 0; i < s->muscles; i++) {
@@ -169,36 +175,38 @@ static int advance(const Step* s) {
   return DONE;
 }
 
-static void write_pose(double* pose, const double* place, const double* turn) {
+/* Write the first three rows of a pose (4, 4) from a position (3,) and a rotation (3, 3). */
+static void write_pose(double* pose, const double* position, const double* rotation) {
   for (int i = 0; i < 3; i++) {
-    memcpy(pose + 4 * i, turn + 3 * i, 3 * sizeof(double));
-    pose[4 * i + 3] = place[i];
+    memcpy(pose + 4 * i, rotation + 3 * i, 3 * sizeof(double));
+    pose[4 * i + 3] = position[i];
   }
 }
 
-/* Write the thing's distance from the grip, and by whom it is touched; and its pose (Thing). */
-static void look(const Step* s, double* seen) {
+/* Write the object's distance from the grip point, its touchers and its pose (TrackedObject). */
+static void observe_object(const Step* s, double* result) {
   const mjData* data = s->data;
-  const double* place = data->xpos + 3 * s->thing;
+  const double* position = data->xpos + 3 * s->object;
   const double* grip = data->site_xpos + 3 * s->grip;
-  double x = place[0] - grip[0], y = place[1] - grip[1], z = place[2] - grip[2];
+  double x = position[0] - grip[0], y = position[1] - grip[1], z = position[2] - grip[2];
   int64_t touched = 0;
   for (int i = 0; i < data->ncon; i++) {
     const mjContact* contact = data->contact + i;
     int first = contact->geom[0], second = contact->geom[1];
-    if (contact->exclude || (first != s->thing_geom && second != s->thing_geom)) continue;
-    int other = first == s->thing_geom ? second : first;
-    touched |= s->who[other < 0 ? s->model->ngeom : other];
+    if (contact->exclude || (first != s->object_geom && second != s->object_geom)) continue;
+    int other = first == s->object_geom ? second : first;
+    touched |= s->toucher[other < 0 ? s->model->ngeom : other];
   }
-  seen[0] = sqrt(x * x + y * y + z * z);
-  seen[1] = (double)touched;
-  write_pose(s->thing_pose, place, data->xmat + 9 * s->thing);
+  result[0] = sqrt(x * x + y * y + z * z);
+  result[1] = (double)touched;
+  write_pose(s->object_pose, position, data->xmat + 9 * s->object);
 }
 
-/* Write lengths and tensions that are sensed, within bounds (m,) each; how much more is paid out
-   than the path takes, and than the target says (m,) each; joint angles (n,); the mean square
-   error of these, the mean tension and the time; and of the thing what is seen (2,). */
-void tell(const Step* s) {
+/* Write the report of the present state (Report, report.py). Its entries are, in this order:
+   sensed lengths (m,) and tensions (m,), within bounds; slack, which is the length paid out beyond
+   the path (m,); target length beyond the true length (m,); joint angles (n,); their mean square
+   error; mean tension; time; distance and touchers of the object. */
+static void write_report(const Step* s) {
   const mjData* data = s->data;
   int64_t m = s->muscles, n = s->joints;
   const double *k1 = s->polynomial, *k2 = k1 + m, *k3 = k2 + m;
@@ -226,20 +234,20 @@ void tell(const Step* s) {
     if (s->length_offset) sensed += s->length_offset[i];
     if (s->length_noise) sensed += s->length_noise[i] * length_noise[i];
     if (s->length_quantum) sensed = rint(sensed / s->length_quantum[i]) * s->length_quantum[i];
-    s->told[i] = at_most(at_least(sensed, s->low[i]), s->high[i]);
+    s->report[i] = at_most(at_least(sensed, s->low[i]), s->high[i]);
 
     sensed = tension;
     if (s->tension_offset) sensed += s->tension_offset[i];
     if (s->tension_noise) sensed += s->tension_noise[i] * tension_noise[i];
     if (s->tension_offset || s->tension_noise) sensed = at_least(sensed, 0.0);
-    s->told[m + i] = at_most(sensed, s->most_tension[i]);
+    s->report[m + i] = at_most(sensed, s->most_tension[i]);
 
-    s->told[2 * m + i] = at_least(paid_out + s->elongation[i] - path, 0.0);
+    s->report[2 * m + i] = at_least(paid_out + s->elongation[i] - path, 0.0);
     double beyond = s->target[i] - length;
     if (s->length_offset) beyond -= s->length_offset[i];
-    s->told[3 * m + i] = at_least(beyond, 0.0);
+    s->report[3 * m + i] = at_least(beyond, 0.0);
   }
-  double* angles = s->told + 4 * m;
+  double* angles = s->report + 4 * m;
   double squares = 0.0;
   for (int64_t i = 0; i < n; i++) {
     angles[i] = data->qpos[s->position[i]];
@@ -249,57 +257,63 @@ void tell(const Step* s) {
   angles[n + 1] = total / (double)m;
   angles[n + 2] = data->time;
   write_pose(s->pose, data->site_xpos + 3 * s->grip, data->site_xmat + 9 * s->grip);
-  if (s->thing >= 0) look(s, angles + n + 3);
+  if (s->object >= 0) observe_object(s, angles + n + 3);
 }
 
-/* Carry out the action for a control period. */
-int act(Step* s) {
-  if (!is_action(s)) return NOT_AN_ACTION;
+/* Carry out the action for one control period; an invalid action moves nothing. */
+static int act(Step* s) {
+  if (!is_valid(s)) return INVALID;
   reason = s->reason;
-  mjfLogHandler outer = _mjPRIVATE_setTlsLogHandler(note);
-  int state = BROKEN;
+  mjfLogHandler outer = _mjPRIVATE_setTlsLogHandler(catch_error);
+  int outcome = BROKEN;
   if (!setjmp(before)) {
     command(s);
-    state = advance(s);
+    outcome = advance(s);
   }
   _mjPRIVATE_setTlsLogHandler(outer);
-  return state;
+  return outcome;
 }
 
-/* Act, then tell what came of it. */
-int control_step(Step* s) {
-  int state = act(s);
-  if (state == DONE) tell(s);
-  return state;
-}
-
-/* Many robots, each stepped by one of some threads. */
+/* Robots that some threads step; each thread takes the next robot that no thread has taken. */
 typedef struct {
   Step* steps;           /* (count,) */
-  const uint8_t* moving; /* (count,) which of them */
-  int32_t* states;       /* (count,) what came of it; DONE where it does not move */
+  const uint8_t* moving; /* (count,) whether the robot is to be stepped */
+  int32_t* outcomes;     /* (count,); DONE for a robot that does not move */
   int64_t count;
-  atomic_int_fast64_t next;
-} Crowd;
+  int64_t threads;          /* largest number of threads */
+  int64_t reporting;        /* whether robots write their reports after the step */
+  atomic_int_fast64_t next; /* the next robot to be taken */
+} Fleet;
 
-static void* work(void* crowd) {
-  Crowd* c = crowd;
+static void* work(void* fleet) {
+  Fleet* f = fleet;
   int64_t i;
-  while ((i = atomic_fetch_add(&c->next, 1)) < c->count) {
-    c->states[i] = c->moving[i] ? control_step(&c->steps[i]) : DONE;
+  while ((i = atomic_fetch_add(&f->next, 1)) < f->count) {
+    f->outcomes[i] = f->moving[i] ? act(&f->steps[i]) : DONE;
+    if (f->reporting && f->moving[i] && f->outcomes[i] == DONE) write_report(&f->steps[i]);
   }
   return NULL;
 }
 
-void control_steps(
-    Step* steps, const uint8_t* moving, int32_t* states, int64_t count, int64_t threads) {
-  Crowd crowd = {steps, moving, states, count, 0};
+/* Step the robots that move. Returns the worst outcome. */
+int control_steps(Fleet* f) {
   pthread_t others[MOST_THREADS];
   int64_t started = 0;
-  while (started < MOST_THREADS && started < threads - 1 &&
-         !pthread_create(&others[started], NULL, work, &crowd)) {
+  atomic_store(&f->next, 0);
+  while (started < MOST_THREADS && started < f->threads - 1 &&
+         !pthread_create(&others[started], NULL, work, f)) {
     started++;
   }
-  work(&crowd);
+  work(f);
   for (int64_t k = 0; k < started; k++) pthread_join(others[k], NULL);
+  int worst = DONE;
+  for (int64_t i = 0; i < f->count; i++) worst = f->outcomes[i] > worst ? f->outcomes[i] : worst;
+  return worst;
+}
+
+/* Write the reports of the robots that `control_steps` moved without reporting. */
+void write_reports(const Fleet* f) {
+  for (int64_t i = 0; i < f->count; i++) {
+    if (f->moving[i] && f->outcomes[i] == DONE) write_report(&f->steps[i]);
+  }
 }

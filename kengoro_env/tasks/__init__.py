@@ -1,1 +1,1 @@
-"""What the environments ask for: a task knows goal, reward, success and end, and no Gymnasium."""
+"""Tasks of the environments: goal, reward, success and end of an episode."""

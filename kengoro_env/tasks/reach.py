@@ -4,8 +4,9 @@ The reward of a step is
 
     exp(-error / REWARD_SCALE) - EFFORT * (mean tension / EFFORT_SCALE),
 
-with the root mean square error of the joint angles: dense, at most 1, larger the closer the arm,
-and a little lower for wires that pull against each other. Success is an error below `TOLERANCE`.
+where error is the root mean square error of the joint angles. It is at most 1, increases as the arm
+approaches the target, and is slightly lower for muscles that pull against each other. Success is an
+error below `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -18,22 +19,28 @@ import numpy as np
 
 from kengoro_env.robot.body import INSTANT
 from kengoro_env.robot.robot import Robot
-from kengoro_env.stepping.lift_monitor import Sight
+from kengoro_env.stepping.tracked_object import ObjectState
 from kengoro_env.tasks.task import Outcome
 from kengoro_env.types import Floats
 
 TARGET_PERIOD = 4.0
-"""A new target comes every so often [s]."""
+"""Time between two targets [s]."""
 
 TOLERANCE = radians(5.0)
+"""Error of a success [rad]."""
+
 REWARD_SCALE = radians(20.0)
 EFFORT, EFFORT_SCALE = 0.05, 500.0
 
 
 def judged(square: float, tension: float) -> tuple[float, bool]:
-    """Reward and success of a mean square error of the joints [rad^2] under a mean tension [N].
+    """Reward and success.
 
-    In plain numbers, which is faster for one robot; NumPy's exponential has other bits.
+    Python's exponential is used everywhere, because NumPy's has other bits.
+
+    Args:
+        square: mean square error of the joint angles [rad^2].
+        tension: mean tension of the muscles [N].
     """
     error = sqrt(square)
     effort = min(tension / EFFORT_SCALE, 1.0)
@@ -41,30 +48,30 @@ def judged(square: float, tension: float) -> tuple[float, bool]:
 
 
 class Reach:
-    """Targets drawn one after the other; a target given as an option stays for the episode.
+    """Targets that change every `TARGET_PERIOD`; a target given as an option stays.
 
     Args:
         scene: MJCF file below assets/.
         has_camera: whether the scene has the camera in the head.
-        draw: a start or target posture (n,) [rad].
+        sample: samples a start or target posture (n,) [rad].
 
     Attributes:
         goal: joint angles to reach now (n,) [rad]; None before the first start.
-        until: from when on the present target makes way for another [s].
+        until: time of the next target [s].
     """
 
     fingers = False
     options: Mapping[str, int | None] = {"target": None}
     shows_target = True
-    thing: str | None = None
+    object_name: str | None = None
 
     def __init__(
         self,
         scene: str,
         has_camera: bool,
-        draw: Callable[[np.random.Generator], Floats],
+        sample: Callable[[np.random.Generator], Floats],
     ) -> None:
-        self.scene, self.has_camera, self._draw = scene, has_camera, draw
+        self.scene, self.has_camera, self._sample = scene, has_camera, sample
         self.goal: Floats | None = None
 
     def start(
@@ -74,8 +81,8 @@ class Reach:
         rng: np.random.Generator,
         noise: np.random.Generator,
     ) -> None:
-        """Start at a drawn or given posture, with a drawn or given target."""
-        start, target = self._draw(rng), self._draw(rng)
+        """Start with posture and target from the options, or sampled."""
+        start, target = self._sample(rng), self._sample(rng)
         self._rng = rng
         self.goal = options.get("target", target).copy()
         self._targets = 1
@@ -83,19 +90,19 @@ class Reach:
         robot.reset(options.get("posture", start), noise)
 
     def judge(
-        self, info: dict[str, Any], error: float, tension: float, sight: Sight | None
+        self, info: dict[str, Any], error: float, tension: float, state: ObjectState | None
     ) -> Outcome:
-        """Reward and success for the present target; then a new one if it is time."""
+        """Reward and success for the present target; then the next target if it is due."""
         reward, info["success"] = judged(error, tension)
         if info["time"] >= self.until:
-            self.go_on()
+            self.next_target()
         return reward, None
 
-    def go_on(self) -> None:
+    def next_target(self) -> None:
         """Choose a new target."""
-        self.goal = self._draw(self._rng)
+        self.goal = self._sample(self._rng)
         self._targets += 1
         self.until = self._targets * TARGET_PERIOD - INSTANT
 
-    def tell(self, info: dict[str, Any], sight: Sight | None) -> None:
-        """Nothing beside what every task has."""
+    def write_info(self, info: dict[str, Any], state: ObjectState | None) -> None:
+        """Write nothing: this task has no entries of its own."""

@@ -1,4 +1,4 @@
-"""What an environment needs to know of a task."""
+"""Interface of a task."""
 
 from __future__ import annotations
 
@@ -8,26 +8,25 @@ from typing import Any, Protocol
 import numpy as np
 
 from kengoro_env.robot.robot import Robot
-from kengoro_env.stepping.lift_monitor import Sight
+from kengoro_env.stepping.tracked_object import ObjectState
 from kengoro_env.types import Floats
 
 Outcome = tuple[float, str | None]
-"""What a control step came to: a bounded reward for a learner, and why the episode is over, None
-while it goes on."""
+"""Bounded reward of a control step, and the reason why the episode ended; None: it goes on."""
 
 
 class Task(Protocol):
     """A goal for the robot in a scene.
 
     Attributes:
-        scene: its MJCF file, below assets/.
+        scene: MJCF file below assets/.
         has_camera: whether the scene has the camera in the head.
-        fingers: whether the last entry of an action closes the fingers.
-        options: names of the options that `start` takes beside ``posture``, and their lengths;
-            None stands for the number of joints.
-        shows_target: whether ``target``, which is the goal, is observed.
-        goal: joint angles to reach now (n,) [rad], an array that nobody writes to; None for none.
-        thing: what the hand is to lift, a body's name; None for nothing.
+        fingers: whether the last entry of an action commands the fingers.
+        options: names and lengths of the options of `start` beside ``posture``; the length None
+            stands for the number of joints.
+        shows_target: whether the goal is observed as ``target``.
+        goal: joint angles to reach now (n,) [rad], an array that is never written to; None: none.
+        object_name: name of the body that the hand is to lift; None: no object.
     """
 
     scene: str
@@ -36,7 +35,7 @@ class Task(Protocol):
     options: Mapping[str, int | None]
     shows_target: bool
     goal: Floats | None
-    thing: str | None
+    object_name: str | None
 
     def start(
         self,
@@ -45,20 +44,32 @@ class Task(Protocol):
         rng: np.random.Generator,
         noise: np.random.Generator,
     ) -> None:
-        """Reset the robot, whose sensors draw from ``noise``, and choose the goal from ``rng``."""
-
-    def tell(self, info: dict[str, Any], sight: Sight | None) -> None:
-        """Write into ``info`` what only this task knows; called after each start."""
-
-    def judge(
-        self, info: dict[str, Any], error: float, tension: float, sight: Sight | None
-    ) -> Outcome:
-        """Judge the present state; called once after each control step.
+        """Reset the robot and choose the goal.
 
         Args:
-            info: the truth about the robot now; gets ``success``, whether the goal is reached now,
-                and what `tell` writes.
-            error: mean square error of its joint angles [rad^2]; 0 without a goal.
-            tension: mean of its wires [N].
-            sight: what is true of the thing; None where there is none.
+            robot: the robot.
+            options: checked values of ``posture`` and of `options`.
+            rng: generator of posture and goal.
+            noise: generator of the sensors' noise.
+        """
+
+    def write_info(self, info: dict[str, Any], state: ObjectState | None) -> None:
+        """Write the entries of this task into ``info``; called after each start.
+
+        Args:
+            info: the truth about the robot.
+            state: state of the object; None without an object.
+        """
+
+    def judge(
+        self, info: dict[str, Any], error: float, tension: float, state: ObjectState | None
+    ) -> Outcome:
+        """Reward of the present state; called once after each control step.
+
+        Args:
+            info: the truth about the robot; receives ``success``, whether the goal is reached now,
+                and the entries of `write_info`.
+            error: mean square error of the joint angles [rad^2]; 0 without a goal.
+            tension: mean tension of the muscles [N].
+            state: state of the object; None without an object.
         """

@@ -1,1 +1,1 @@
-"""What is drawn of a robot: the camera in its head, and pictures for people."""
+"""Rendering: the camera in the head, and images for people."""

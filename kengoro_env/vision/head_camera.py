@@ -1,4 +1,4 @@
-"""The camera in the head: it has a clock of its own, and its frames come late."""
+"""Camera in the head: it exposes at its own rate, and its frames arrive with a delay."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ PERIOD = 0.2
 
 
 class HeadCamera:
-    """Takes a frame every `PERIOD`, and hands it out ``delay`` later.
+    """Takes a frame every `PERIOD`, which is available ``delay`` later.
 
-    The frame of a reset is there at once: the robot stood still before, and looked the same.
+    The frame of a reset is available at once, because the robot stood still before.
 
     Args:
-        painter: draws.
-        delay: age of a frame when it is handed out first [s].
+        painter: renders the frames.
+        delay: age of a frame when it becomes available [s].
     """
 
     def __init__(self, painter: Painter, delay: float) -> None:
@@ -31,13 +31,13 @@ class HeadCamera:
         self._exposures = 0
 
     def reset(self, data: mujoco.MjData) -> None:
-        """Start the clock, with a first frame."""
+        """Start the clock, and take the first frame."""
         self._coming.clear()
         self._newest = (float(data.time), self._painter.draw(data, EYE))
         self._exposures = 1
 
     def update(self, data: mujoco.MjData) -> None:
-        """Let the clock run up to the simulated time; expose when it is due."""
+        """Advance the clock to the simulated time; take a frame if it is due."""
         now = float(data.time)
         if now + INSTANT >= self._exposures * PERIOD:
             self._coming.append((now, self._painter.draw(data, EYE)))
@@ -46,10 +46,10 @@ class HeadCamera:
             self._newest = self._coming.popleft()
 
     def close(self) -> None:
-        """Free the GL context; the next exposure opens another."""
+        """Free the GL context; the next frame opens another."""
         self._painter.close()
 
     def newest(self) -> tuple[float, Image]:
-        """Time of exposure [s] and a copy of the newest frame (480, 640, 3) that has come."""
+        """Time of exposure [s] and a copy of the newest available frame (480, 640, 3)."""
         time, image = self._newest
         return time, image.copy()

@@ -1,8 +1,8 @@
-"""A renderer that draws nothing that nobody sees, by compiled code (scene.c, picture.c).
+"""Renderer that leaves out what is not visible, with compiled code (scene.c, picture.c).
 
-A CPU that draws takes long for what fills a picture, and for each thing that it is given, seen or
-not. So what is outside of the picture is not drawn, and a background of one colour, be it the sky
-or the floor, of which a piece is drawn, is filled in when pixels are read. Not a pixel changes.
+Rendering on a CPU takes time for each pixel and for each geom, visible or not. So geoms outside of
+the image are not rendered. A background of one colour, the sky or the floor, is filled in when the
+pixels are read; of such a floor only a piece is rendered, for its colour. All pixels stay the same.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ Background = Literal["floor", "sky"]
 
 _SKYBOX, _SKY = int(mujoco.mjtRndFlag.mjRND_SKYBOX), int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
 _PLANE, _ANY_PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE), -1
-_FILLED, _FIRST, _OPAQUE = 1, 2, 4  # what `prepare` of scene.c says
+_FILLED, _FIRST, _OPAQUE = 1, 2, 4  # flags of `prepare` in scene.c
 
-# Of GL, in whose own header they are found.
+# Constants of GL, from its header.
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
 _FRAMEBUFFER, _RENDERBUFFER = 0x8D40, 0x8D41
 _DEPTH_STENCIL_ATTACHMENT, _DEPTH_ATTACHMENT, _DEPTH_COMPONENT32F = 0x821A, 0x8D00, 0x8CAC
 
 _INT, _UINT = ctypes.c_int, ctypes.c_uint
 _PIECE = 2.0**-8
-"""How much of a floor's width and length is drawn where its colour is read: of a power of two no
-rounding makes another colour."""
+"""Part of a floor's width and length that is rendered for its colour. A power of two rounds
+nothing, so that the colour stays the same."""
 
 
 class Canvas(ctypes.Structure):
-    """What a scene is drawn to; Canvas of scene.c."""
+    """``Canvas`` of scene.c: where a scene is rendered to."""
 
     _fields_ = (
         *((name, ctypes.c_int64) for name in ("width", "height")),
@@ -47,15 +47,18 @@ class Canvas(ctypes.Structure):
 
 
 class QuickRenderer(mujoco.Renderer):
-    """A `mujoco.Renderer` of scenes without shadows, reflections and fog, of the fronts of faces.
+    """A `mujoco.Renderer` for scenes without shadows, reflections, fog and back faces.
 
-    Between `update_scene` and `render` geoms may be replaced by others in the same place, and some
-    be added. The first picture with each background, and the first without, are drawn by
-    `mujoco.Renderer`, too; should they differ, it draws all others.
+    Between `update_scene` and `render` geoms may be replaced by others in the same position, and
+    geoms may be added. The first image with each background, and the first without, are rendered
+    by `mujoco.Renderer` as well; if they differ, it renders all later images.
 
     Args:
-        compiled: the code, of `compiling.library`.
-        model, height, width, ...: as of `mujoco.Renderer`.
+        compiled: the compiled code, see `c_compiler.library`.
+        model: the model.
+        height: height of the images [pixels].
+        width: width of the images [pixels].
+        *args: further arguments of `mujoco.Renderer`.
     """
 
     def __init__(
@@ -65,31 +68,32 @@ class QuickRenderer(mujoco.Renderer):
         self._prepare, self._to_picture = _functions(compiled)
         self._read_pixels = _gl("glReadPixels", *[_INT] * 4, *[_UINT] * 2, ctypes.c_void_p)
         self._leave_out_stencil()
-        self._pixels = np.full((height, width), 0x63636363, dtype=np.uint32)  # no empty picture
-        # Skins and flexes are no geoms, and a texture's alpha shows what is behind.
+        # The value shows that pixels were read: no image is full of it.
+        self._pixels = np.full((height, width), 0x63636363, dtype=np.uint32)
+        # Skins and flexes are not geoms, and a texture with alpha shows what is behind.
         self._fills = not (model.nskin or model.nflex or 4 in model.tex_nchannel)
         self._differs, self._compared = False, set[Background | None]()
         self._sky = _colour_of_sky(model)
-        self._counted = self._said = 0
-        self._spooled = spooled(model)  # which the canvas points to
+        self._counted = self._flags = 0
+        self._spooled = spooled(model)  # the canvas points to it
         parts = (self.scene.geoms, self.scene.camera, self.scene.lights)
         pointers = (*(each[0].pos.ctypes.data for each in parts), self._spooled.ctypes.data)
         self._canvas = Canvas(width, height, *pointers)
 
     def update_scene(self, data: mujoco.MjData, *args: Any) -> None:
-        """As of `mujoco.Renderer`, simplified, without geoms that are outside of the picture."""
+        """Update the scene as `mujoco.Renderer` does, simplify it, leave out invisible geoms."""
         super().update_scene(data, *args)
         self._counted = self.scene.ngeom
-        self._said = self._prepare(self._canvas, self._counted, self.scene.nlight)
+        self._flags = self._prepare(self._canvas, self._counted, self.scene.nlight)
 
     def render(self, *, out: Image | None = None) -> Image:
-        """As of `mujoco.Renderer`: (height, width, 3) uint8."""
+        """Render an image (height, width, 3) uint8, as `mujoco.Renderer` does."""
         if out is not None or self._differs:
             return np.asarray(super().render(out=out))
         if self._gl_context:
             self._gl_context.make_current()
         behind = self._behind()
-        picture = self._drawn(behind)
+        picture = self._render_before(behind)
         if behind in self._compared:
             return picture
         self._compared.add(behind)
@@ -98,20 +102,20 @@ class QuickRenderer(mujoco.Renderer):
         return full
 
     def _behind(self) -> Background | None:
-        """What is filled in; None: everything is drawn."""
-        if not (self._fills and self._said & _OPAQUE and self.scene.ngeom == self._counted):
+        """The background to be filled in; None: all is rendered."""
+        if not (self._fills and self._flags & _OPAQUE and self.scene.ngeom == self._counted):
             return None
-        if not self._said & _FILLED:
+        if not self._flags & _FILLED:
             return None if self._sky is None else "sky"
-        return "floor" if self._said & _FIRST else None
+        return "floor" if self._flags & _FIRST else None
 
-    def _drawn(self, behind: Background | None) -> Image:
-        """What is seen before a background, or drawn all."""
+    def _render_before(self, behind: Background | None) -> Image:
+        """Image with a background filled in; None: all is rendered."""
         if behind == "floor":
             with self._piece_of_floor():
                 self._draw(sky=False)
         else:
-            self._draw(sky=behind is None and not self._said & _FILLED)
+            self._draw(sky=behind is None and not self._flags & _FILLED)
         pixels = self._pixels.ctypes.data
         self._read_pixels(0, 0, self.width, self.height, _RGBA, _UNSIGNED_BYTE, pixels)
         colour = self._colour(behind)
@@ -123,7 +127,7 @@ class QuickRenderer(mujoco.Renderer):
 
     @contextmanager
     def _piece_of_floor(self) -> Iterator[None]:
-        """Meanwhile the floor is no more than a piece of it where nothing else is seen."""
+        """Replace the floor by a piece of it where no other geom is seen."""
         floor = self.scene.geoms[0]
         before = floor.type, floor.dataid, floor.pos.copy(), floor.size.copy()
         floor.type, floor.dataid = _PLANE, _ANY_PLANE
@@ -133,13 +137,13 @@ class QuickRenderer(mujoco.Renderer):
         floor.type, floor.dataid, floor.pos[:], floor.size[:] = before
 
     def _colour(self, behind: Background | None) -> int:
-        """The one of a background, of what was drawn."""
+        """Colour of a background, as a pixel."""
         if behind == "floor":
             return int(self._pixels.ravel()[self._canvas.pixel]) & 0xFFFFFF
         return self._sky or 0
 
     def _leave_out_stencil(self) -> None:
-        """Measure depth in half the memory: beside it is a stencil, for reflections only."""
+        """Replace the buffer of depth and stencil by one of depth; reflections need the stencil."""
         buffer = _UINT()
         _gl("glGenRenderbuffers", _INT, ctypes.c_void_p)(1, ctypes.addressof(buffer))
         _gl("glBindRenderbuffer", _UINT, _UINT)(_RENDERBUFFER, buffer)
@@ -167,14 +171,14 @@ def _functions(compiled: ctypes.CDLL) -> tuple[Callable[..., int], Callable[...,
 
 
 def _gl(name: str, *arguments: type) -> Callable[..., None]:
-    """A function of the GL library that draws; PyOpenGL's own module of them loads slowly."""
+    """A function of the GL library in use; PyOpenGL's own module of functions loads slowly."""
     from OpenGL.platform import PLATFORM
 
     return ctypes.CFUNCTYPE(None, *arguments)((name, PLATFORM.GL))
 
 
 def _colour_of_sky(model: mujoco.MjModel) -> int | None:
-    """The one colour of a model's sky, as a pixel, black without a sky; None if there are more."""
+    """Colour of a model's sky, as a pixel; black without a sky, None for several colours."""
     skies = [model.texture(int(i)) for i in np.flatnonzero(model.tex_type == _SKY)]
     if not skies:
         return _as_pixel(np.zeros(3))
@@ -186,6 +190,6 @@ def _colour_of_sky(model: mujoco.MjModel) -> int | None:
 
 
 def _as_pixel(colour: NDArray[Any]) -> int:
-    """Red, green, blue [0, 255] in the order of GL's bytes."""
+    """Red, green and blue [0, 255] as a pixel, in the order of GL's bytes."""
     red, green, blue = colour.tolist()
     return int(red) | int(green) << 8 | int(blue) << 16

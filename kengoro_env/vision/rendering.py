@@ -1,4 +1,4 @@
-"""Pictures of a running model: drawn offscreen, or in a window where there is a display."""
+"""Rendering of a running model: offscreen, or in a window if there is a display."""
 
 from __future__ import annotations
 
@@ -14,30 +14,26 @@ import mujoco
 from gymnasium import logger
 from mujoco.rendering.classic import gl_context
 
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import RenderingError
 from kengoro_env.stepping.c_compiler import library
 from kengoro_env.vision import gl_backend
 from kengoro_env.vision.quick_renderer import Image, QuickRenderer
 from kengoro_env.vision.simplified_scene import SimpleRenderer
 
 WIDTH, HEIGHT = 640, 480
-"""Size of every picture [pixels]."""
-
-
-class RenderingError(KengoroError):
-    """No GL library draws here; the message says what to install."""
+"""Size of an image [pixels]."""
 
 
 QUALITY = {"numslices": 16, "numstacks": 8, "numquads": 1, "offsamples": 0, "shadowsize": 0}
-"""Round things are drawn with fewer faces than MuJoCo's 28 x 16, sides of boxes with one where it
-has 4 x 4, and without anti-aliasing: most of a picture's time went there, and the poses of markers
-are no better for it."""
+"""Visual quality with fewer faces of round geoms and boxes than MuJoCo's default, and without
+anti-aliasing: they take most of the time, and do not improve the poses of markers."""
 
 COARSE = {**QUALITY, "numslices": 12, "numstacks": 4}
-"""For who sees no skull and no rib cage: along an arm, fewer faces look the same."""
+"""Coarser quality for the camera in the head, which sees the arm but no skull and no rib cage."""
 
 MOST_GEOMS = 1000
-"""More than any scene of the arm has; MuJoCo's 10,000 take long to make room for."""
+"""Largest number of geoms of a scene, above that of all scenes; MuJoCo's default of 10,000 takes
+longer to allocate."""
 
 
 def open_renderer(
@@ -47,19 +43,20 @@ def open_renderer(
     quality: Mapping[str, int] = QUALITY,
     simple: bool = False,
 ) -> mujoco.Renderer:
-    """A renderer of a model, with the first of MuJoCo's GL backends that draws here.
+    """Renderer of a model, with the first of MuJoCo's GL backends that works here.
 
     MuJoCo's own renderers use that backend from then on.
 
     Args:
-        model: what is drawn.
-        width, height: of each picture [pixels].
+        model: the model.
+        width: width of the images [pixels].
+        height: height of the images [pixels].
         quality: `QUALITY` or `COARSE`.
-        simple: of simplified scenes without shadows and reflections, by a `QuickRenderer` where
-            code can be compiled and a pixel is one sample.
+        simple: whether to render simplified scenes without shadows and reflections; by a
+            `QuickRenderer` if C code can be compiled and a pixel is one sample.
 
     Raises:
-        RenderingError: there is none.
+        RenderingError: no backend works.
     """
     chosen = os.environ.get("MUJOCO_GL")
     tried = gl_backend.candidates()
@@ -70,7 +67,7 @@ def open_renderer(
                 gl_context.GLContext = importlib.import_module(f"mujoco.{backend}").GLContext
             with _cheap(model, width, height, quality):
                 return _renderer(model, width, height, simple)
-        # What a broken driver raises is up to MuJoCo, PyOpenGL and the driver.
+        # MuJoCo, PyOpenGL and drivers raise many types of errors.
         except Exception as error:
             reason = f"{backend or 'default'}: {type(error).__name__}"
             if str(error).strip():
@@ -87,7 +84,7 @@ def open_renderer(
 
 
 def _renderer(model: mujoco.MjModel, width: int, height: int, simple: bool) -> mujoco.Renderer:
-    """A renderer that has drawn a first, empty picture."""
+    """A renderer that has rendered a first, empty image."""
     kind: Callable[..., mujoco.Renderer] = SimpleRenderer if simple else mujoco.Renderer
     if simple and not model.vis.quality.offsamples and (compiled := library()) is not None:
         kind = partial(QuickRenderer, compiled)
@@ -103,7 +100,7 @@ def _renderer(model: mujoco.MjModel, width: int, height: int, simple: bool) -> m
 def _cheap(
     model: mujoco.MjModel, width: int, height: int, quality: Mapping[str, int]
 ) -> Iterator[None]:
-    """Lets a renderer that is made meanwhile draw no finer and no larger than it must."""
+    """Set quality and image size of a model while a renderer is created."""
     visual = model.vis
     wanted = [(visual.quality, name, value) for name, value in quality.items()]
     wanted += [(visual.global_, "offwidth", width), (visual.global_, "offheight", height)]
@@ -118,13 +115,14 @@ def _cheap(
 
 
 class Painter:
-    """Draws a model offscreen; opens its GL context with the first picture.
+    """Renders a model offscreen. The first image opens the GL context.
 
     A copied or unpickled painter opens a context of its own.
 
     Args:
-        model: what is drawn.
-        width, height: of each picture [pixels].
+        model: the model.
+        width: width of the images [pixels].
+        height: height of the images [pixels].
         quality: `QUALITY` or `COARSE`.
     """
 
@@ -145,15 +143,15 @@ class Painter:
         camera: str,
         decorate: Callable[[mujoco.MjvScene], None] | None = None,
     ) -> Image:
-        """What a camera sees, (height, width, 3) uint8, RGB; a new array.
+        """Image of a camera (height, width, 3) uint8, RGB; a new array.
 
         Args:
-            data: the state that is drawn.
-            camera: a camera of the model.
+            data: the state to render.
+            camera: name of a camera of the model.
             decorate: adds geoms to the scene that are not in the model.
 
         Raises:
-            RenderingError: there is no way to draw here.
+            RenderingError: no GL backend works here.
         """
         if self._renderer is None:
             self._renderer = open_renderer(
@@ -161,7 +159,7 @@ class Painter:
             )
         scene = self._renderer.scene
         self._renderer.update_scene(data, camera)
-        # Shadows and reflections cost most of the time, and markers are read better without.
+        # Shadows and reflections take most of the time, and make markers harder to detect.
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         if decorate is not None:
@@ -169,7 +167,7 @@ class Painter:
         return self._renderer.render()
 
     def close(self) -> None:
-        """Free the GL context; the next picture opens another."""
+        """Free the GL context; the next image opens another."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -179,16 +177,16 @@ class Painter:
 
 
 def open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
-    """MuJoCo's viewer on a running model, or None with one warning where there is no display."""
+    """MuJoCo's viewer on a running model; None, with a warning, if there is no display."""
     try:
         return open_viewer(model, data)
     except RenderingError as error:
-        logger.warn(f'render_mode "human" opens no window: {error}; drawing offscreen instead')
+        logger.warn(f'render_mode "human" opens no window: {error}; rendering offscreen instead')
         return None
 
 
 def has_display() -> bool:
-    """Whether windows can be opened here."""
+    """Whether a window can be opened here."""
     import glfw
 
     with warnings.catch_warnings():
@@ -200,7 +198,7 @@ def open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     """MuJoCo's viewer on a running model.
 
     Raises:
-        RenderingError: no window can be opened here, and why.
+        RenderingError: no window can be opened here.
     """
     import mujoco.viewer
 

@@ -1,6 +1,7 @@
-/* What of a scene a picture can do without, or with less of, found before it is drawn.
+/* Simplifies a scene before it is rendered: leaves out geoms that are not visible, and finds out
+   whether the background has one colour.
 
-   quick_renderer.py calls it. Lengths are in m. */
+   Called by quick_renderer.py. Lengths are in m. A geom of the type mjGEOM_NONE is not rendered. */
 
 #include <math.h>
 #include <stddef.h>
@@ -8,35 +9,35 @@
 
 #include <mujoco/mujoco.h>
 
-/* What `leave_out` says of what is left, ored. */
+/* Flags of what remains to be rendered. */
 enum {
   FILLED = 1, /* a plane lies behind every pixel, so that no sky is seen */
-  FIRST = 2,  /* that plane is the first geom, of one colour, all else is in front of it, and
-                 somewhere nothing is */
-  OPAQUE = 4  /* nothing shows what is behind it */
+  FIRST = 2,  /* that plane is the first geom and has one colour, all other geoms are in front of
+                 it, and some pixel shows nothing else */
+  OPAQUE = 4  /* no geom is transparent */
 };
 
-static const double IN_FRONT = 1e-3; /* how far from a plane is not in it */
-static const double SKY = 0.6; /* MuJoCo draws it at 0.7 of the distance where all ends */
-static const double WITHIN = 0.5; /* of the radius' square: faces of few corners come closer */
-static const float THIN = 1e-4f; /* half the thickness of a plane that is drawn as a box */
-enum { ACROSS = 8, DOWN = 6 }; /* how many pixels are asked whether only the plane is seen there */
+static const double IN_FRONT = 1e-3; /* distance from a plane at which a geom is in front of it */
+static const double SKY = 0.6; /* part of the far distance; MuJoCo renders the sky at 0.7 of it */
+static const double WITHIN = 0.5; /* part of the radius squared: flat faces lie inside */
+static const float THIN = 1e-4f; /* half the thickness of the box of a plane */
+enum { ACROSS = 8, DOWN = 6 }; /* number of pixels that are tested for showing only the plane */
 
-/* What a scene is drawn to. */
+/* Where a scene is rendered to. */
 typedef struct {
   int64_t width; /* [pixels] */
   int64_t height;
-  float* geom; /* `pos` of the scene's first one, as of camera and light */
+  float* geom; /* `pos` of the first geom; likewise of camera and light */
   float* camera;
   float* light;
-  const uint8_t* spooled; /* of each tendon, whether it has a spool */
-  /* Told with FIRST: a pixel, counted from the lowest row, where only the first geom is seen, and
-     what of it. */
+  const uint8_t* spooled; /* (ntendon,) whether a tendon has a spool */
+  /* Written with FIRST: a pixel, counted from the lowest row, that shows only the first geom, and
+     the point of the geom that it shows. */
   int64_t pixel;
   float point[3];
 } Canvas;
 
-/* A camera: axes, and where the picture's edges are at the distance `near`. */
+/* A camera: its axes, and the edges of the image at the distance `near`. */
 typedef struct {
   double position[3], forward[3], up[3], right[3];
   double left_edge, right_edge, bottom, top, near, far;
@@ -50,7 +51,7 @@ static void from_position(const View* view, const float position[3], double resu
   for (int i = 0; i < 3; i++) result[i] = position[i] - view->position[i];
 }
 
-/* The camera between those of two eyes, which is the one that is drawn from. */
+/* The camera that is rendered from: the mean of the cameras of two eyes. */
 static View between(const mjvGLCamera eyes[2], double aspect) {
   View v;
   for (int i = 0; i < 3; i++) {
@@ -74,7 +75,7 @@ static View between(const mjvGLCamera eyes[2], double aspect) {
   return v;
 }
 
-/* Half the edges of a box around a geom, along its axes; infinite where that is not known. */
+/* Half the edges of a box around a geom, along its axes; infinite if unknown. */
 static void half_extents(const mjvGeom* g, double half[3]) {
   for (int i = 0; i < 3; i++) {
     switch (g->type) {
@@ -96,7 +97,7 @@ static void half_extents(const mjvGeom* g, double half[3]) {
   }
 }
 
-/* How far a point is beyond the plane through the camera and an edge `at` of the picture. */
+/* Distance of a point beyond the plane through the camera and an edge `at` of the image. */
 static double beyond(double sideways, double depth, double at, double near) {
   return (sideways * near - at * depth) / hypot(near, at);
 }
@@ -117,7 +118,7 @@ static void axis(const mjvGeom* g, int i, double result[3]) {
   for (int k = 0; k < 3; k++) result[k] = g->mat[3 * k + i];
 }
 
-/* Whether a camera is well within a round geom, whose faces are not seen from inside. */
+/* Whether a camera is inside a round geom, whose faces are not visible from inside. */
 static int within(const View* v, const mjvGeom* g) {
   double p[3], sum = 0.0;
   if (g->type != mjGEOM_SPHERE && g->type != mjGEOM_ELLIPSOID) return 0;
@@ -131,12 +132,12 @@ static int within(const View* v, const mjvGeom* g) {
   return sum < WITHIN;
 }
 
-/* From a camera through a point of its picture at the distance `near`. */
+/* Ray from a camera through a point of its image at the distance `near`. */
 static void ray_through(const View* v, double x, double y, double ray[3]) {
   for (int i = 0; i < 3; i++) ray[i] = v->near * v->forward[i] + y * v->up[i] + x * v->right[i];
 }
 
-/* How high a camera is above a plane. */
+/* Height of a camera above a plane. */
 static double height_above(const View* v, const mjvGeom* plane) {
   double normal[3], to_plane[3];
   axis(plane, 2, normal);
@@ -144,7 +145,7 @@ static double height_above(const View* v, const mjvGeom* plane) {
   return -dot(to_plane, normal);
 }
 
-/* How often a ray fits in before the plane that it comes to from above; infinite if to none. */
+/* Multiple of a ray at which it meets a plane from above; infinite if it does not. */
 static double times_to(const View* v, const mjvGeom* plane, const double ray[3]) {
   double normal[3], height = height_above(v, plane);
   axis(plane, 2, normal);
@@ -171,7 +172,7 @@ static int fills(const View* v, const mjvGeom* plane) {
   return 1;
 }
 
-/* Whether all of a geom is on the side of a plane where its normal points. */
+/* Whether a geom lies entirely on the side of a plane that its normal points to. */
 static int in_front(const mjvGeom* plane, const mjvGeom* g) {
   double normal[3], half[3], height = -IN_FRONT;
   axis(plane, 2, normal);
@@ -182,10 +183,10 @@ static int in_front(const mjvGeom* plane, const mjvGeom* g) {
     axis(g, i, along);
     height -= half[i] * fabs(dot(along, normal));
   }
-  return height > 0.0; /* no, where nothing is known */
+  return height > 0.0; /* false for unknown extents */
 }
 
-/* Whether a plane has one colour under lights: if all shine from afar, and none is mirrored. */
+/* Whether a plane has one colour under some lights: all are directional, without highlights. */
 static int evenly_lit(const mjvGeom* plane, const mjvLight* lights, int64_t count) {
   for (int64_t i = 0; i < count; i++) {
     const float* shine = lights[i].specular;
@@ -204,12 +205,12 @@ static int meets(const View* v, const double ray[3], const mjvGeom* g) {
   return !(dot(p, p) - along * along / dot(ray, ray) > dot(half, half));
 }
 
-/* Look for a pixel where only the first geom, a plane that fills the picture, is seen. */
+/* Find a pixel that shows only the first geom, a plane that fills the image. */
 static int find_bare(const View* v, const mjvGeom* geoms, int64_t count, Canvas* canvas) {
   int64_t width = canvas->width, height = canvas->height;
-  for (int spot = 0; spot < ACROSS * DOWN; spot++) {
-    int64_t column = width * (2 * (spot % ACROSS) + 1) / (2 * ACROSS);
-    int64_t row = height * (2 * (spot / ACROSS) + 1) / (2 * DOWN), i = 1;
+  for (int k = 0; k < ACROSS * DOWN; k++) {
+    int64_t column = width * (2 * (k % ACROSS) + 1) / (2 * ACROSS);
+    int64_t row = height * (2 * (k / ACROSS) + 1) / (2 * DOWN), i = 1;
     double ray[3];
     ray_through(
         v, v->left_edge + (v->right_edge - v->left_edge) * (column + 0.5) / width,
@@ -218,17 +219,17 @@ static int find_bare(const View* v, const mjvGeom* geoms, int64_t count, Canvas*
     if (i < count) continue;
     double times = times_to(v, &geoms[0], ray);
     canvas->pixel = row * width + column;
-    for (int k = 0; k < 3; k++) canvas->point[k] = (float)(v->position[k] + times * ray[k]);
+    for (int j = 0; j < 3; j++) canvas->point[j] = (float)(v->position[j] + times * ray[j]);
     return 1;
   }
   return 0;
 }
 
-/* Let geoms outside of a picture be drawn as nothing; what is to be known of the others. */
+/* Leave out geoms that are not visible. Returns the flags of the others. */
 static int leave_out(
     const View* view, mjvGeom* geoms, int64_t geom_count, const mjvLight* lights,
     int64_t light_count, Canvas* canvas) {
-  int said = OPAQUE;
+  int flags = OPAQUE;
   for (int64_t i = 0; i < geom_count; i++) {
     if (geoms[i].type == mjGEOM_NONE) continue;
     if (outside(view, &geoms[i]) || within(view, &geoms[i])) {
@@ -236,20 +237,20 @@ static int leave_out(
       continue;
     }
     if (geoms[i].rgba[3] < 1.0f) {
-      said &= ~OPAQUE;
+      flags &= ~OPAQUE;
     } else if (geoms[i].type == mjGEOM_PLANE && fills(view, &geoms[i])) {
-      said |= i || geoms[i].texid >= 0 ? FILLED : FILLED | FIRST;
+      flags |= i || geoms[i].texid >= 0 ? FILLED : FILLED | FIRST;
     }
   }
-  if (!(said & FIRST)) return said;
+  if (!(flags & FIRST)) return flags;
   for (int64_t i = 1; i < geom_count; i++) {
-    if (geoms[i].type != mjGEOM_NONE && !in_front(&geoms[0], &geoms[i])) return said & ~FIRST;
+    if (geoms[i].type != mjGEOM_NONE && !in_front(&geoms[0], &geoms[i])) return flags & ~FIRST;
   }
-  if (!evenly_lit(&geoms[0], lights, light_count)) return said & ~FIRST;
-  return find_bare(view, geoms, geom_count, canvas) ? said : said & ~FIRST;
+  if (!evenly_lit(&geoms[0], lights, light_count)) return flags & ~FIRST;
+  return find_bare(view, geoms, geom_count, canvas) ? flags : flags & ~FIRST;
 }
 
-/* Have planes and wires drawn as simplified.py says. */
+/* Simplify planes and tendons as simplified_scene.py does. */
 static void simplify(const View* view, mjvGeom* geoms, int64_t count, const uint8_t* spooled) {
   int last = -1;
   for (mjvGeom* g = geoms; g < geoms + count; g++) {
@@ -268,16 +269,16 @@ static void simplify(const View* view, mjvGeom* geoms, int64_t count, const uint
   }
 }
 
-/* Make a scene of some geoms and lights ready to be drawn; what is to be known of what is left. */
+/* Leave out and simplify geoms of a scene. Returns the flags of those that remain. */
 int prepare(Canvas* canvas, int64_t geom_count, int64_t light_count) {
   mjvGeom* geoms = (mjvGeom*)((char*)canvas->geom - offsetof(mjvGeom, pos));
   const mjvLight* lights = (mjvLight*)((char*)canvas->light - offsetof(mjvLight, pos));
   const mjvGLCamera* eyes = (mjvGLCamera*)((char*)canvas->camera - offsetof(mjvGLCamera, pos));
   View view = between(eyes, (double)canvas->width / canvas->height);
-  int said = 0;
+  int flags = 0;
   if (!eyes[0].orthographic) {
-    said = leave_out(&view, geoms, geom_count, lights, light_count, canvas);
+    flags = leave_out(&view, geoms, geom_count, lights, light_count, canvas);
   }
   simplify(&view, geoms, geom_count, canvas->spooled);
-  return said;
+  return flags;
 }

@@ -1,8 +1,8 @@
-"""Planes and wires drawn with fewer faces, and what is wound up of a wire not at all.
+"""Simplified scenes: planes and tendons are rendered with fewer faces.
 
-A plane is drawn as a thin box, which takes Mesa less: from above it looks the same under lights
-that shine from afar. A wire, a few pixels wide, is drawn as a box along it. Wound up is the first
-part of a wire with a spool, from there to its guide. `simplify` of scene.c does the same.
+A plane is rendered as a thin box, which is cheaper in Mesa: seen from above, under directional
+lights, it has the same pixels. A tendon, a few pixels wide, is rendered as a box along it. The part
+of a tendon between its spool and its guide is not rendered. `simplify` of scene.c does the same.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _PLANE, _BOX, _NONE = (
     for kind in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_NONE)
 )
 _THIN = 1e-4
-"""Half the thickness of a plane that is drawn as a box [m]."""
+"""Half the thickness of the box of a plane [m]."""
 
 
 def spooled(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which tendons of a model have a spool, (ntendon,)."""
+    """Which tendons of a model have a spool (ntendon,)."""
     joints = [spool_joint(model.tendon(i).name) for i in range(model.ntendon)]
     return np.array([mujoco.mj_name2id(model, _JOINT, name) >= 0 for name in joints], dtype=bool)
 
@@ -38,7 +38,7 @@ class SimpleRenderer(mujoco.Renderer):
         self._spooled = spooled(model)
 
     def update_scene(self, data: mujoco.MjData, *args: Any) -> None:
-        """As of `mujoco.Renderer`, simplified."""
+        """Update the scene as `mujoco.Renderer` does, then simplify it."""
         super().update_scene(data, *args)
         last, camera = -1, self.scene.camera[0]
         for geom in self.scene.geoms[: self.scene.ngeom]:
@@ -53,5 +53,5 @@ class SimpleRenderer(mujoco.Renderer):
 
 
 def _from_above(plane: mujoco.MjvGeom, camera: mujoco.MjvGLCamera) -> bool:
-    """Whether a camera looks at the side of a plane that hides what is behind."""
+    """Whether a camera is on the side of a plane that its normal points to."""
     return bool((camera.pos - plane.pos) @ plane.mat[:, 2] > 0.0)

@@ -1,89 +1,88 @@
-"""The catalogue of causes: one file a mechanism.
+"""Catalogue of causes: one file for each mechanism.
 
-To add one's own, write a `Cause` and `register` it before diagnosing.
+To add a cause to this package, write a file whose name is the cause's id and which defines
+``CAUSE``, and insert the id into `MODULES`. The module docstring of `reality_gap.causes.base` has
+an example. To add a cause of your own without editing this package, call `register_cause` before
+the diagnosis.
 """
 
 from __future__ import annotations
 
-from reality_gap.causes import (
-    actuator_lag,
-    attachment_shift,
-    backlash,
-    camera_focal,
-    camera_mounting,
-    centre_of_mass,
-    coulomb_friction,
-    delay,
-    direction_dependent_friction,
-    external_force,
-    force_offset,
-    force_scale,
-    gravity_direction,
-    joint_offset,
-    joint_stiffness,
-    length_offset,
-    length_scale,
-    link_mass,
-    load_dependent_friction,
-    marker_offset,
-    missing_wrapping,
-    payload,
-    slack,
-    tendon_elasticity,
-    tension_offset,
-    tension_scale,
-    viscous_friction,
-    wire_elongation,
-)
+from importlib import import_module
+
 from reality_gap.causes.base import Cause
 from reality_gap.errors import StudyError, UnknownNameError
 
-_MODULES = (
-    tendon_elasticity,
-    wire_elongation,
-    coulomb_friction,
-    viscous_friction,
-    load_dependent_friction,
-    direction_dependent_friction,
-    backlash,
-    slack,
-    actuator_lag,
-    force_scale,
-    force_offset,
-    attachment_shift,
-    missing_wrapping,
-    link_mass,
-    centre_of_mass,
-    payload,
-    joint_stiffness,
-    joint_offset,
-    gravity_direction,
-    external_force,
-    camera_mounting,
-    camera_focal,
-    marker_offset,
-    length_scale,
-    length_offset,
-    tension_scale,
-    tension_offset,
-    delay,
+MODULES = (
+    "tendon_elasticity",
+    "wire_elongation",
+    "coulomb_friction",
+    "viscous_friction",
+    "load_dependent_friction",
+    "direction_dependent_friction",
+    "backlash",
+    "slack",
+    "actuator_lag",
+    "force_scale",
+    "force_offset",
+    "attachment_shift",
+    "missing_wrapping",
+    "link_mass",
+    "centre_of_mass",
+    "payload",
+    "joint_stiffness",
+    "joint_offset",
+    "gravity_direction",
+    "external_force",
+    "camera_mounting",
+    "camera_focal",
+    "marker_offset",
+    "length_scale",
+    "length_offset",
+    "tension_scale",
+    "tension_offset",
+    "delay",
 )
-
-CATALOGUE: dict[str, Cause] = {module.CAUSE.id: module.CAUSE for module in _MODULES}
-"""Every cause by its id. The order is that in which they are built into a machine: what changes
-readings last, and a delay after all."""
+"""Files of the catalogue, in the order in which causes are built into a machine: those that act on
+readings only come last, and a delay after all others."""
 
 
-def register(cause: Cause) -> Cause:
-    """Add one's own cause to the catalogue; `StudyError` if its id is taken."""
+def _load(module: str) -> Cause:
+    found: Cause = import_module(f"{__name__}.{module}").CAUSE
+    return found
+
+
+CATALOGUE: dict[str, Cause] = {cause.id: cause for cause in map(_load, MODULES)}
+"""All causes by id, in the order of `MODULES`; registered causes come last."""
+
+
+def register_cause(cause: Cause) -> Cause:
+    """Add a cause to the catalogue.
+
+    Args:
+        cause: the new cause; diagnoses of this process consider it from now on.
+
+    Returns:
+        ``cause``.
+
+    Raises:
+        StudyError: the catalogue already has a cause of this id.
+    """
     if cause.id in CATALOGUE:
-        raise StudyError(f"there is a cause {cause.id!r} already; register yours by another id")
+        raise StudyError(f"there is already a cause {cause.id!r}; choose another id")
     CATALOGUE[cause.id] = cause
     return cause
 
 
-def cause(id: str) -> Cause:
-    """The cause of an id; `UnknownNameError` names the known ones."""
+def find_cause(id: str) -> Cause:
+    """Return the cause of an id.
+
+    Args:
+        id: for example "coulomb_friction".
+
+    Raises:
+        UnknownNameError: the catalogue has no such cause.
+    """
     if id not in CATALOGUE:
         raise UnknownNameError("cause", id, CATALOGUE)
     return CATALOGUE[id]

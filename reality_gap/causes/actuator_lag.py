@@ -1,9 +1,9 @@
-"""An actuator whose force, or whose command, lags behind by a first order.
+"""Actuator lag: the force or the command of an actuator passes a first-order low-pass filter.
 
-The lag of the command is MuJoCo's own, integrated exactly: ``filterexact``, with ``actearly`` so
-that nothing is left of it without a time constant. The lag of the force, as of a motor's current,
-also delays what the actuator feeds back; MuJoCo filters commands only, so that a hook corrects the
-bias until the force is the filtered one.
+A lag of the command is MuJoCo's ``filterexact`` with ``actearly``, so that it vanishes with the
+time constant. A lag of the force, such as that of a motor's current, also delays the feedback of
+the actuator. MuJoCo filters commands only, so that a hook adds the difference between filtered and
+unfiltered force to the actuator's bias at each step.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _is_plain(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether its force is a fixed gain times the command plus a bias, without dynamics."""
+    """Return whether an actuator has a fixed gain and no dynamics."""
     return int(model.actuator_dyntype[actuator]) == int(_NONE) and int(
         model.actuator_gaintype[actuator]
     ) == int(mujoco.mjtGain.mjGAIN_FIXED)
 
 
 def _can_lag(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether it has no dynamics, or a filter that may be slower than the model says."""
+    """Return whether an actuator has no dynamics, or a filter that could be slower."""
     return int(model.actuator_dyntype[actuator]) in (int(_NONE), *map(int, _FILTERS))
 
 
@@ -58,13 +58,13 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     if location.note != COMMAND and values["time_constant"]:
-        effects.act(lambda model: _Lag(model, location.elements, values["time_constant"]))
+        effects.add_hook(lambda model: _Lag(model, location.elements, values["time_constant"]))
 
 
 class _Lag:
-    """Filters the forces of actuators, from the first step on.
+    """Hook that filters the forces of actuators, from the first step on.
 
-    In plain numbers: it is called at every step, mostly for one actuator.
+    It computes with floats, which is faster than with short arrays.
     """
 
     def __init__(self, model: mujoco.MjModel, names: tuple[str, ...], time_constant: float) -> None:
@@ -72,7 +72,7 @@ class _Lag:
         self._motors = [_Motor(model, name) for name in names]
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Write the bias that makes the filtered force of what is wanted now."""
+        """Write the biases with which the actuators exert the filtered forces."""
         bias, step = model.actuator_biasprm, model.opt.timestep
         command, lengths, velocities = data.ctrl, data.actuator_length, data.actuator_velocity
         for motor in self._motors:
@@ -89,7 +89,7 @@ class _Lag:
 
 
 class _Motor:
-    """An actuator's numbers, and the force that it has reached."""
+    """Coefficients of an actuator, its filtered force and the amount added to its bias."""
 
     def __init__(self, model: mujoco.MjModel, name: str) -> None:
         self.index = i = int(model.actuator(name).id)

@@ -1,7 +1,8 @@
-"""A point of a wire's path that is not where the drawing has it.
+"""Attachment shift: a site of a tendon's path is displaced on its body.
 
-The shift is in the axes in which the drawing gives the point's position, so that it adds to the
-numbers of the file. What counts is the length over the postures, not the three numbers.
+The shift is in the axes of the site's ``pos`` in the model file, so that it adds to the numbers of
+the file. Several shifts may have nearly the same effect on the tendon's length at all postures;
+they then cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Val
 from reality_gap.causes.support import encoder_zero
 from reality_gap.study.system import System
 
-EVERY = "every wire"
+EVERY = "every tendon"
+"""Note of the location that shifts all sites at once."""
 AXES = ("x", "y", "z")
 AFAR = (-0.02, -0.01, -0.005, 0.005, 0.01, 0.02)
-"""Shifts along one axis [m]: wires that go slack on the way make a valley of each side."""
+"""Shifts along one axis from which further fits start [m]. A tendon that goes slack between two
+shifts makes a local minimum on each side."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -45,15 +48,15 @@ def _geometry(spec: mujoco.MjSpec, system: System, location: Location, values: V
         site = spec.site(name)
         shift = np.array([values[_name(location, name, axis)] for axis in AXES])
         site.pos = site.pos + shift
-        site.fromto = site.fromto + np.tile(shift, 2)  # not a number unless the file has it
+        site.fromto = site.fromto + np.tile(shift, 2)  # NaN unless the file has it
 
 
 CAUSE = Cause(
     id="attachment_shift",
     title="displaced attachment",
-    explanation="A point of a wire's path is elsewhere on its body, so that its lever arms differ.",
+    explanation="A point of a tendon's path is displaced, so that the lever arms differ.",
     locations=_locations,
     parameters=_parameters,
-    edit=partial(encoder_zero.edit, _geometry),
-    attach=partial(encoder_zero.attach, _geometry),
+    edit=partial(encoder_zero.edit_zeroed, _geometry),
+    attach=partial(encoder_zero.attach_zeroed, _geometry),
 )

@@ -1,8 +1,12 @@
-"""Backlash between an element and its encoder: what is read stays behind by half the gap.
+"""Backlash: a gap between an element and its encoder, modelled by the play operator.
 
-The play operator: the reading moves only when the element has crossed the gap. Where the element
-lies in its gap at the start of a log cannot be known; the operator starts in the middle then, and
-not while the machine settles, so that hook and reading hold the same.
+For positions ``x_k`` and a gap ``g``, the encoder reads
+
+    y_k = min(max(y_{k-1}, x_k - g/2), x_k + g/2),    y_0 = x_0
+
+The position within the gap at the start of a log is unknown; the operator starts in the middle. It
+also does so in the hook that acts on servos: while the machine settles, there is no backlash, so
+that hook and reading have the same state.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from reality_gap.types import Floats
 
 def _locations(system: System) -> tuple[Location, ...]:
     found = elements.each_tendon(system) + elements.each_joint(system)
-    return tuple(p for p in found if encoders.matters(*encoders.encoders(system, p)))
+    return tuple(p for p in found if encoders.is_used(*encoders.encoders(system, p)))
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -37,18 +41,26 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     def make(model: mujoco.MjModel) -> Hook:
         return _Play(model, chosen, half, system.study.initial.settle)
 
-    def sense(record: Record) -> None:
+    def read(record: Record) -> None:
         for encoder in chosen:
-            position = encoders.recorded(record, encoder)
+            position = encoders.true_position(record, encoder)
             encoders.add_to_reading(record, encoder, played(position, half) - position)
 
     if any(encoder.actuator for encoder in chosen):
-        effects.act(make)
-    effects.readings.append(sense)
+        effects.add_hook(make)
+    effects.readings.append(read)
 
 
 def played(position: Floats, half: float) -> Floats:
-    """What comes out of a play of half the gap each way, along positions (k,)."""
+    """Apply the play operator to positions.
+
+    Args:
+        position: shape (k,) [m or rad].
+        half: half of the gap [m or rad].
+
+    Returns:
+        Positions that the encoder reads, shape (k,).
+    """
     out = np.empty_like(position)
     state = position[0]
     for i, here in enumerate(position):
@@ -58,7 +70,7 @@ def played(position: Floats, half: float) -> Floats:
 
 
 class _Play:
-    """The play operator in front of a feedback, from the end of settling on."""
+    """Hook that applies the play operator to position feedback, from the end of settling on."""
 
     def __init__(
         self,
@@ -72,20 +84,20 @@ class _Play:
         self._state = np.zeros(len(chosen))
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Move the state along, and let the actuators see it."""
+        """Update the state, and feed it back to the actuators."""
         position = self._feedback.position(model, data)
         if self._waits >= 0:
             self._waits -= 1
             self._state = position.copy()
             return
         self._state = np.clip(self._state, position - self._half, position + self._half)
-        self._feedback.falsify(self._state - position)
+        self._feedback.set_error(self._state - position)
 
 
 CAUSE = Cause(
     id="backlash",
     title="backlash",
-    explanation="An element and its encoder have a gap between them, so that turns are read late.",
+    explanation="A gap between an element and its encoder delays the reading of reversals.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

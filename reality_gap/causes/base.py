@@ -1,7 +1,41 @@
-"""What a cause is: a mechanism that a model lacks, where it may act, and its parameters.
+"""Cause: a mechanism that a nominal model lacks, its possible locations and its parameters.
 
-A cause acts in two ways. ``edit`` writes into the model what MuJoCo can express; ``attach`` adds
-what it cannot, as effects on commands, steps and readings. Null parameters do neither.
+A cause acts in two ways. ``edit`` writes into the model what MuJoCo can express. ``attach`` adds
+the rest as effects on commands, on physics steps and on readings. At the null values of its
+parameters a cause changes nothing, and its effect must be continuous there.
+
+A cause is one file of this folder. The file ``rotor_inertia.py`` could contain:
+
+    from __future__ import annotations
+
+    import mujoco
+
+    from reality_gap.causes.base import Cause, Location, Parameter, Values
+    from reality_gap.causes.support import elements
+    from reality_gap.study.system import System
+
+
+    def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+        return (Parameter("inertia", "kg m^2", scale=0.01, tolerance=1e-4, low=0.0, high=1.0),)
+
+
+    def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+        for name in location.elements:
+            spec.joint(name).armature += values["inertia"]
+
+
+    CAUSE = Cause(
+        id="rotor_inertia",
+        title="inertia of a rotor",
+        explanation="The rotor of a motor adds its inertia to a joint.",
+        locations=elements.each_joint,
+        parameters=_parameters,
+        edit=_edit,
+    )
+
+The line ``"rotor_inertia",`` in ``reality_gap.causes.MODULES`` adds it to the catalogue; the tests
+of the catalogue then include it. ``tension_offset.py`` is a short example with ``attach``, and the
+folder ``support`` has functions that several causes share.
 """
 
 from __future__ import annotations
@@ -17,19 +51,21 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 Values = Mapping[str, float]
+"""Values of a cause's parameters by name, in SI units."""
 
 
 @dataclass(frozen=True)
 class SearchHints:
-    """What helps the search with a parameter whose effect is not smooth; most need none.
+    """Hints for fitting a parameter whose effect is not smooth; most parameters need none.
 
     Attributes:
-        starts: values to start a fit from, such as possible onsets of an event. The prior of such a
-            parameter is flat.
-        secants: sizes of the only parameter of a cause at which it is screened, too, where large
-            changes act otherwise than small ones, such as a tendon that goes slack.
-        far_starts: values to start a fit from where the readings do not follow their slopes.
-        shape: whether it does nothing while the other parameters are at their null values.
+        starts: values from which fits start, such as possible onsets of an event. The prior of a
+            parameter with starts is flat.
+        secants: sizes of the only parameter of a cause at which the cause is screened in addition
+            to ``scale``, because large values act differently from small ones.
+        far_starts: values from which further fits start if the replays are far from linear in the
+            parameter.
+        shape: whether the parameter has no effect while the others are at their null values.
     """
 
     starts: tuple[float, ...] = ()
@@ -43,18 +79,18 @@ class Parameter:
     """One number of a cause.
 
     Attributes:
-        name: in a verdict's ``parameters``.
-        unit: SI.
-        scale: size of a typical fault; also the step of the finite difference. Signed: a
-            parameter that can only be positive has a positive scale.
-        tolerance: standard deviation of what every honest drawing is off by; nobody calls it a
-            fault. 0 for parameters that no drawing has at all, as the onset of an event.
-        low, high: bounds.
-        null: the value at which the cause does nothing.
-        hints: for the search; see `SearchHints`.
-        usual: what every machine has of it and its drawing lacks, as friction of wires; it is in
-            all replays, a value is on top of it, and the tolerance is the deviation from it, of one
-            element and, to the same side, of all in a group.
+        name: key in ``parameters`` of a verdict.
+        unit: SI unit.
+        scale: size of a typical fault [unit]; also the step of finite differences. It is positive
+            for a parameter that must not be negative.
+        tolerance: standard deviation by which every good model is wrong [unit]; deviations of this
+            size are no fault. 0 for a parameter without such a deviation, such as an onset.
+        low, high: bounds [unit].
+        null: value at which the cause does nothing [unit].
+        hints: hints for the search; see `SearchHints`.
+        usual: value that every machine has although its nominal model lacks it, such as a little
+            friction in each tendon [unit]. All replays include it, a fitted value is added to it,
+            and ``tolerance`` is the deviation from it.
     """
 
     name: str
@@ -70,12 +106,12 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Location:
-    """Where a cause acts: names of model elements, one or a group that shares the parameters.
+    """Where a cause acts: one element of the model, or a group that shares the parameters.
 
     Attributes:
         kind: "tendon", "joint", "site", "body", "sensor", "actuator", "camera" or "model".
-        elements: names.
-        note: what else tells two places with the same elements apart, such as a path's segment.
+        elements: names of the elements.
+        note: distinguishes locations with the same elements, for example by a segment of a path.
     """
 
     kind: str
@@ -88,14 +124,14 @@ class Location:
 
 @dataclass(frozen=True)
 class Record:
-    """What a replay saw in one episode, on an even grid; readings may be edited in place.
+    """What a replay recorded in one episode, on an even grid of time.
 
     Attributes:
-        time: (k,) [s].
-        sensors: (k, nsensordata).
-        force: (k, nactuator) of the actuators.
-        length, velocity: (k, ntendon) of the tendons.
-        qpos, qvel: (k, nq), (k, nv).
+        time: shape (k,) [s].
+        sensors: sensor data, shape (k, nsensordata); effects may edit them in place.
+        force: forces of the actuators, shape (k, nactuator).
+        length, velocity: of the tendons, shape (k, ntendon) [m] and [m/s].
+        qpos, qvel: shapes (k, nq) and (k, nv).
         model: the model that was replayed.
     """
 
@@ -109,48 +145,57 @@ class Record:
     model: mujoco.MjModel
 
     def column(self, sensor: str, component: int = 0) -> int:
-        """Index of a sensor's component in ``sensors``."""
+        """Return the column in ``sensors`` of a component of a sensor."""
         return int(self.model.sensor(sensor).adr[0]) + component
 
 
 class Command(Protocol):
-    """Changes what is commanded: ``time`` (k,), ``command`` (k, nu) at every physics step.
-
-    The time is that of the study: an episode begins where the one before it ended.
-    """
+    """Effect on commands."""
 
     def __call__(self, model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
-        """The commands that really act, (k, nu); does not write into ``command``."""
+        """Return the commands that act on the machine.
+
+        Args:
+            model: the model that is replayed.
+            time: time in the study at each physics step, shape (k,) [s]; an episode begins where
+                the previous one ended.
+            command: nominal commands, shape (k, nu); must not be edited.
+
+        Returns:
+            Commands, shape (k, nu).
+        """
 
 
 class Hook(Protocol):
-    """Acts before physics steps. A new one is made for every episode."""
+    """Effect on physics steps; a new hook is made for each episode."""
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """May write ``data.qfrc_applied``, ``xfrc_applied`` or numbers of ``model`` (a copy).
+        """Act before a physics step.
 
-        ``data.ctrl`` is written anew before the hooks of each step, so that a hook may add to it.
-        ``qfrc_applied`` and ``xfrc_applied`` are zeroed before each step, for hooks add to them.
+        A hook may write numbers of ``model``, which is a copy, and may add to ``data.ctrl``,
+        ``data.qfrc_applied`` and ``data.xfrc_applied``. Before the hooks of each step, ``ctrl`` is
+        set to the command, and the applied forces are set to zero.
         """
 
 
 class ReadingEffect(Protocol):
-    """Changes what is read."""
+    """Effect on readings."""
 
     def __call__(self, record: Record) -> None:
         """Edit ``record.sensors`` in place."""
 
 
 @dataclass(frozen=True)
-class Acting:
-    """A hook and when it acts.
+class ScheduledHook:
+    """A hook and the time during which it acts.
 
     Attributes:
-        make: makes it; called with the compiled model at the start of each episode.
-        start, end: outside of this time of the study it does nothing [s].
-        period: it is called this often at least [s]; 0 for every step.
-        wrenches: where it does nothing but push bodies, by the clock alone: what it does to all of
-            them (k, nbody, 6) [N, N m] at times (k,) [s]. Such a replay needs no Python.
+        make: creates the hook from the compiled model at the start of each episode.
+        start, end: time in the study outside of which the hook does nothing [s].
+        period: longest time between two calls [s]; 0 to be called at each step.
+        wrenches: for a hook that only pushes bodies as a function of time: the wrenches on all
+            bodies, shape (k, nbody, 6) [N, N m], at times of shape (k,) [s]. Such a replay runs
+            without Python.
     """
 
     make: Callable[[mujoco.MjModel], Hook]
@@ -162,19 +207,19 @@ class Acting:
 
 @dataclass
 class Effects:
-    """What acts beside the model.
+    """Effects that act in addition to the model.
 
     Attributes:
-        commands: applied in order to the commands of an episode.
-        hooks: called before each physics step.
-        senses: applied in order to the record of an episode.
+        commands: applied to the commands of an episode, in order.
+        hooks: called before physics steps.
+        readings: applied to the record of an episode, in order.
     """
 
     commands: list[Command] = field(default_factory=list)
-    hooks: list[Acting] = field(default_factory=list)
+    hooks: list[ScheduledHook] = field(default_factory=list)
     readings: list[ReadingEffect] = field(default_factory=list)
 
-    def act(
+    def add_hook(
         self,
         make: Callable[[mujoco.MjModel], Hook],
         start: float = -math.inf,
@@ -182,8 +227,8 @@ class Effects:
         period: float = 0.0,
         wrenches: Callable[[mujoco.MjModel, Floats], Floats] | None = None,
     ) -> None:
-        """Add a hook that acts from ``start`` to ``end`` [s] of the study; see `Acting`."""
-        self.hooks.append(Acting(make, start, end, period, wrenches))
+        """Add a hook; the arguments are those of `ScheduledHook`."""
+        self.hooks.append(ScheduledHook(make, start, end, period, wrenches))
 
 
 @dataclass(frozen=True)
@@ -191,19 +236,19 @@ class Cause:
     """A mechanism that a model may lack.
 
     Attributes:
-        id: part of the interface; see `reality_gap.causes.CATALOGUE`.
-        title: for people.
-        explanation: one sentence: what the mechanism is and how it shows.
-        places: where it may act in a system; empty where it cannot.
-        parameters: of one place.
-        edit: writes it into a model, as far as MuJoCo can express it.
-        attach: adds the rest to the effects beside the model.
-        fine: whether simpler causes at the same wire or joint promise something where this one
-            acts, so that in a machine of many wires it is looked at there only.
-        event: whether it comes from outside at a time of its own; what the machine's own posture
-            explains nearly as well is none.
-        sticky: whether a large one looks different from a small one, as what sticks until it slips;
-            where one such cause explains much, others are fitted whatever their slopes promise.
+        id: unique name, which verdicts and extended models contain.
+        title: short name for reports.
+        explanation: one sentence for reports: what the mechanism is and how it shows.
+        locations: returns where it may act in a system; empty if it cannot act there.
+        parameters: returns its parameters at a location.
+        edit: writes it into a model as far as MuJoCo can express it.
+        attach: adds the rest to the effects that act in addition to the model.
+        fine: whether a simpler cause at the same tendon or joint shows wherever this one acts; in
+            machines with many tendons it is then screened only where a simpler cause shows.
+        event: whether it comes from outside at its own time; it is not named if a function of the
+            posture explains the data nearly as well.
+        sticky: whether large values look different from small ones, as with dry friction. If one
+            sticky cause explains much, others are fitted regardless of their screening.
     """
 
     id: str

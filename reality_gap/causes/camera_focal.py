@@ -1,8 +1,8 @@
-"""A camera whose focal length is not what was used to find poses in its pictures.
+"""Camera focal length: the pose estimation used a wrong focal length.
 
-A marker of known size looks larger by as much, and is found nearer or farther; where it is in the
-picture, times that distance over the focal length, stays. So depth alone is wrong, by a factor.
-MuJoCo's cameras look along -z.
+The depth of a marker of known size is estimated as focal length times size over size in the image,
+and its lateral position as position in the image times depth over focal length. A wrong focal
+length therefore only scales the depth. MuJoCo's cameras look along -z.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from reality_gap.causes.support import frames
 from reality_gap.study.system import System
 
 DEPTH = 2
-"""Component of a position in a camera's frame."""
+"""Component of a position in a camera's frame that is its depth."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return frames.cameras(system, frames.position_sensors(system))
+    return frames.camera_locations(system, frames.position_sensors(system))
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -27,7 +27,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     sensors = [
         s
         for s in frames.position_sensors(system)
-        if frames.seen_from(system, s) == location.elements[0]
+        if frames.camera_of(system, s) == location.elements[0]
     ]
 
     def stretch(record: Record) -> None:
@@ -40,7 +40,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 CAUSE = Cause(
     id="camera_focal",
     title="wrong focal length",
-    explanation="The camera's focal length differs, so that all depths are wrong by one factor.",
+    explanation="The camera's focal length is wrong, so that all depths are wrong by one factor.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

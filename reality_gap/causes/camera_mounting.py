@@ -1,4 +1,4 @@
-"""A camera that is not mounted where the drawing has it: moved and turned in its own axes."""
+"""Camera mounting: a camera is displaced and rotated, in its own axes."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ TURN = Parameter("turn", "rad", 0.02, 0.0005, -0.6, 0.6)
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return frames.cameras(
+    return frames.camera_locations(
         system, frames.position_sensors(system) + frames.orientation_sensors(system)
     )
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return frames.motion(SHIFT, TURN)
+    return frames.pose_parameters(SHIFT, TURN)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
-    drawn = system.model.camera(location.elements[0])
+    nominal = system.model.camera(location.elements[0])
     camera = spec.camera(location.elements[0])
-    frames.put(camera, *frames.moved(drawn.pos, drawn.quat, values))
+    frames.set_pose(camera, *frames.moved_pose(nominal.pos, nominal.quat, values))
 
 
 CAUSE = Cause(
     id="camera_mounting",
     title="displaced camera",
-    explanation="The camera looks from elsewhere, or elsewhere, so that all that it sees is moved.",
+    explanation="A camera is displaced or rotated, so that all poses that it measures are wrong.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,6 +1,7 @@
-"""A link whose centre of mass is not where the drawing has it.
+"""Centre of mass: the centre of mass of a link is displaced.
 
-The shift is of the whole link's centre, in the frame of its heaviest body, whose mass is moved.
+The parameters are the shift of the whole link's centre of mass, in the frame of its heaviest body.
+Only the mass of that body is moved.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     link = links.link(system, system.model.body(location.elements[0]).id)
-    body = links.inertial(spec, system, link.heaviest)
+    body = links.editable_body(spec, system, link.heaviest)
     part = float(system.model.body(link.heaviest).mass[0])
     shift = np.array([values[axis] for axis in AXES])
     body.ipos = body.ipos + shift * (link.mass / part)
@@ -34,7 +35,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 CAUSE = Cause(
     id="centre_of_mass",
     title="wrong centre of mass",
-    explanation="A link's weight acts elsewhere on it than drawn.",
+    explanation="The centre of mass of a link is displaced.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

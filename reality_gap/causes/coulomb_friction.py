@@ -1,4 +1,4 @@
-"""Coulomb friction of a wire in its guides, or of a joint."""
+"""Coulomb friction of a tendon in its guides, or of a joint."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from reality_gap.causes.support import elements, lugre, typical_scales
 from reality_gap.study.system import System
 
 USUAL, SPREAD = 1.5e-3, 1e-3
-"""Friction that a wire has where none is drawn, and by how much it differs, over its force."""
+"""Friction of a tendon whose nominal model has none, and its standard deviation, both as a share of
+the tendon's typical force."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -19,24 +20,26 @@ def _locations(system: System) -> tuple[Location, ...]:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
-        usual = 0.0 if lugre.drawn(system, location) else USUAL * size
+        usual = 0.0 if lugre.has_nominal_friction(system, location) else USUAL * size
         friction = Parameter("friction", "N", 3.0, SPREAD * size, 0.0, 200.0, usual=usual)
     else:
         unit, size = typical_scales.joint_force(system, location)
         friction = Parameter("friction", unit, 0.02 * size, 0.0005 * size, 0.0, 2.0 * size)
-    return (friction, lugre.bend(system, location)) if lugre.possible(system) else (friction,)
+    if not lugre.is_available(system):
+        return (friction,)
+    return (friction, lugre.presliding_parameter(system, location))
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["friction"]:
-        bend = lugre.bend_in(values, system, location)
-        lugre.brake(spec, system, CAUSE.id, location, values["friction"], bend)
+        distance = lugre.presliding(values, system, location)
+        lugre.add_friction(spec, system, CAUSE.id, location, values["friction"], distance)
 
 
 CAUSE = Cause(
     id="coulomb_friction",
     title="Coulomb friction",
-    explanation="A force of constant size opposes the motion, so that it sticks and lags behind.",
+    explanation="A force of constant size opposes the motion, so that an element sticks and lags.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,9 +1,10 @@
-"""Commands that act late, or sensors that are read late, by a constant time.
+"""Delay: commands act late, or sensors are read late, by a constant time.
 
-MuJoCo delays commands by a time step at least. Shorter delays are an effect on the commands, which
-meets MuJoCo's delay at one step, so that the replay is continuous down to none. Sensors of one
-kind share their bus, and so their delay, as do position and orientation of a marker; it shifts the
-record instead of the readings in MuJoCo's buffer, for the record is what other causes edit.
+MuJoCo delays commands by at least one time step. A shorter delay is an effect on the commands,
+which interpolates linearly and equals MuJoCo's delay at one step, so that the replay is a
+continuous function of the delay. Sensors of one kind share a bus and therefore a delay, as do the
+position and the orientation of a marker. The delay of sensors shifts the record, because other
+causes edit the record; MuJoCo's own sensor delay would act before them.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ FRAMES = tuple(
     for part in ("POS", "QUAT", "XAXIS", "YAXIS", "ZAXIS")
 )
 LINEAR = 1
-"""MuJoCo's number for linear interpolation in a history."""
+"""MuJoCo's value of ``interp`` for linear interpolation."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -34,7 +35,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _bus(system: System, sensor: str) -> int:
-    """What sensors read together have in common: their kind; a frame's position is its pose's."""
+    """Return a number that sensors on one bus share: their kind; all kinds of frames are one."""
     kind = int(system.model.sensor(sensor).type[0])
     return FRAMES[0] if kind in FRAMES else kind
 

@@ -1,8 +1,9 @@
-"""A push from outside on the last body of a limb, for a while.
+"""External force: something outside pushes the last body of a limb for some time.
 
-The force is constant in the world frame, acts on the body's centre of mass, and comes and goes
-over about 0.1 s. It comes once, at a time that counts over all episodes laid end to end, or in each
-episode at the same time from its begin, as where the machine passes something that it touches.
+The force is constant in the world frame, acts at the body's centre of mass, and rises and falls
+within about 0.1 s. It acts either once, at a time in the study, in which an episode begins where
+the previous one ended; or in each episode at the same time after its begin, for example where the
+machine touches an object in its way.
 """
 
 from __future__ import annotations
@@ -19,22 +20,21 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 EDGE = 0.025
-"""Time constant of a push's begin and end [s]."""
-
+"""Time constant of the rise and the fall of the force [s]."""
 STARTS = 48
-"""At most as many begins to start a fit from, else two a second."""
+"""Largest number of onsets from which fits start; there are two per second up to this number."""
 EACH = "in each episode"
-"""Note of a place that is pushed again and again."""
+"""Note of a location where the force acts in each episode."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    found = [links.link(system, root).heaviest for root in links.ends(system)]
+    found = [links.link(system, root).heaviest for root in links.end_links(system)]
     notes = ("", EACH) if len(system.study.episodes) > 1 else ("",)
     return tuple(Location("body", (name,), note) for name in found if name for note in notes)
 
 
 def _durations(system: System, location: Location) -> list[float]:
-    """Of what the times of a push count in [s]: each episode, or all of them as one."""
+    """Return the durations of the periods in each of which the force acts once [s]."""
     if location.note == EACH:
         return [episode.duration for episode in system.study.episodes]
     return [system.study.duration]
@@ -44,12 +44,12 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     total = max(_durations(system, location))
     count = min(STARTS, max(1, round(2 * total)))
     starts = tuple(total * (i + 0.25) / count for i in range(count))
-    while_ = max(0.4, 0.75 * total / count)
+    duration = max(0.4, 0.75 * total / count)
     return (
         *(Parameter(axis, "N", 5.0, 0.0, -200.0, 200.0) for axis in ("x", "y", "z")),
         Parameter("start", "s", 0.2, 0.0, 0.0, total, null=starts[0], hints=SearchHints(starts)),
         Parameter(
-            "duration", "s", 0.2, 0.0, 0.05, total, null=while_, hints=SearchHints((while_,))
+            "duration", "s", 0.2, 0.0, 0.05, total, null=duration, hints=SearchHints((duration,))
         ),
     )
 
@@ -66,17 +66,24 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         first, last = begin - 15 * EDGE, end + 15 * EDGE
         if location.note == EACH:
             first, last = max(first, origin), min(last, origin + duration)
-        effects.act(partial(_always, hook), first, last, wrenches=hook.wrenches)
+        effects.add_hook(partial(_same_hook, hook), first, last, wrenches=hook.wrenches)
         origin += duration
 
 
-def _always(push: _Push, model: mujoco.MjModel) -> _Push:
+def _same_hook(push: _Push, model: mujoco.MjModel) -> _Push:
+    """Return ``push``: it has no state, so that all episodes can share it."""
     return push
 
 
 @dataclass(frozen=True)
 class _Push:
-    """A force (3,) [N] on a body from begin to end [s]."""
+    """Hook that applies a force to a body for some time.
+
+    Attributes:
+        body: name of the body.
+        force: force in the world frame, shape (3,) [N].
+        begin, end: time in the study [s].
+    """
 
     body: str
     force: Floats
@@ -87,7 +94,7 @@ class _Push:
         data.xfrc_applied[:] += self.wrenches(model, np.array([data.time]))[0]
 
     def wrenches(self, model: mujoco.MjModel, time: Floats) -> Floats:
-        """On all bodies (k, nbody, 6) [N, N m] at times (k,) [s]."""
+        """Return the wrenches on all bodies, shape (k, nbody, 6) [N, N m], at times (k,) [s]."""
         since, left = (time - self.begin) / EDGE, (time - self.end) / EDGE
         share = 0.5 * (np.tanh(since) - np.tanh(left))
         found = np.zeros((len(time), model.nbody, 6))
@@ -97,8 +104,8 @@ class _Push:
 
 CAUSE = Cause(
     id="external_force",
-    title="force from outside",
-    explanation="Something pushes or pulls a limb for a while.",
+    title="external force",
+    explanation="Something outside the machine pushes or pulls a limb for some time.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

@@ -1,7 +1,8 @@
-"""A constant force that an actuator gives besides, or that acts on a joint whose effort is known.
+"""Force offset: an actuator exerts an additional constant force.
 
-An actuator's limits move with it. A joint on which no actuator is replayed has no constant force in
-MuJoCo, so that a hook applies it there; it is forward where it is positive.
+The force limits of the actuator are shifted, too. If efforts are compared by inverse dynamics,
+actuators are not replayed; the force then acts on a joint by a hook, because MuJoCo has no constant
+joint force.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
 from reality_gap.causes.support import actuators, elements, typical_scales
-from reality_gap.causes.support.constant_force import push
+from reality_gap.causes.support.constant_force import constant_force
 from reality_gap.study.system import System
 
 
 def _locations(system: System) -> tuple[Location, ...]:
     if system.study.inverse:
         return elements.each_joint(system)
-    return elements.each_actuator(system, actuators.linear)
+    return elements.each_actuator(system, actuators.is_linear)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -46,13 +47,13 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     if location.kind != "joint":
         return
     name = location.elements[0]
-    effects.act(lambda model: push(model, "joint", name, values["force"]))
+    effects.add_hook(lambda model: constant_force(model, "joint", name, values["force"]))
 
 
 CAUSE = Cause(
     id="force_offset",
     title="force offset",
-    explanation="A constant force acts besides the commanded one.",
+    explanation="A constant force acts in addition to the commanded one.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,4 +1,4 @@
-"""An actuator that gives more or less force than it should, always in the same proportion."""
+"""Force scale: the force of an actuator is too large or too small by a constant factor."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from reality_gap.study.system import System
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    found = elements.each_actuator(system, actuators.linear)
-    return found + elements.all_actuators(system, actuators.linear)
+    found = elements.each_actuator(system, actuators.is_linear)
+    return found + elements.all_actuators(system, actuators.is_linear)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -29,7 +29,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 CAUSE = Cause(
     id="force_scale",
     title="force scale",
-    explanation="An actuator gives more or less force than it should, in a constant proportion.",
+    explanation="The force of an actuator is too large or too small by a constant factor.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,4 +1,4 @@
-"""A machine that was set up at a tilt."""
+"""Gravity direction: the base of the machine is tilted."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _axes(system: System) -> list[int]:
-    """The two axes of the world that gravity is farthest from."""
+    """Return the two axes of the world that are most perpendicular to gravity."""
     return sorted(np.argsort(np.abs(system.model.opt.gravity), kind="stable")[:2].tolist())
 
 
@@ -38,7 +38,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 CAUSE = Cause(
     id="gravity_direction",
     title="tilted base",
-    explanation="Gravity points elsewhere, as when the machine stands at a tilt.",
+    explanation="The base of the machine is tilted, so that gravity has another direction.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,9 +1,9 @@
-"""A joint whose zero is wrong: in its own encoder, or in those of its wires.
+"""Joint offset: the zero of a joint is wrong, in its own encoder or in those of its tendons.
 
-Encoders of wires are zeroed at a posture. Where a joint stood short of it by ``offset``, each of
-its wires is read as ``l + l(0) - l(-offset)`` ever after, with ``l`` the drawing's length at
-``qpos0`` moved by that much: about what it would be at a joint further by ``offset``. That is the
-sign of an encoder of the joint itself, too: positive reads too far.
+Encoders of tendons are relative and are zeroed at ``qpos0``. Let ``l(d)`` be the nominal length of
+a tendon with the joint displaced by ``d`` from there. If the joint stood at ``-offset`` when the
+encoders were zeroed, a tendon of length ``l`` reads ``l + l(0) - l(-offset)``, which is about its
+length with the joint displaced by ``offset``. The encoder of a joint reads ``offset`` too much.
 """
 
 from __future__ import annotations
@@ -15,26 +15,31 @@ from reality_gap.causes.support import elements, encoders, lever_arms, servos
 from reality_gap.study.system import System
 
 EVERY = "every joint"
-TENDONS = "zero of its wires"
+"""Note of the location of all joints, each with its own offset."""
+TENDONS = "zero of its tendons"
+"""Note of a location where the offset is in the encoders of the joint's tendons."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
     own = [
-        p for p in elements.each_joint(system) if encoders.matters(*encoders.encoders(system, p))
+        p for p in elements.each_joint(system) if encoders.is_used(*encoders.encoders(system, p))
     ]
-    wired = _wired(system)
-    every = wired or tuple(p.elements[0] for p in own)
+    by_tendons = _joints_with_tendons(system)
+    every = by_tendons or tuple(p.elements[0] for p in own)
     group = (Location("model", every, EVERY),) if len(every) > 1 else ()
-    return tuple(own) + tuple(Location("joint", (name,), TENDONS) for name in wired) + group
+    return tuple(own) + tuple(Location("joint", (name,), TENDONS) for name in by_tendons) + group
 
 
-def _wired(system: System) -> tuple[str, ...]:
+def _joints_with_tendons(system: System) -> tuple[str, ...]:
+    """Return the joints that tendons with used encoders cross."""
     read = any(tendon.servo or tendon.length_sensors for tendon in system.tendons)
     return lever_arms.actuated_joints(system) if read else ()
 
 
 def _by_tendons(system: System, location: Location) -> bool:
-    return location.note == TENDONS or (location.note == EVERY and bool(_wired(system)))
+    return location.note == TENDONS or (
+        location.note == EVERY and bool(_joints_with_tendons(system))
+    )
 
 
 def _name(location: Location, joint: str) -> str:
@@ -54,7 +59,7 @@ def _parameter(system: System, name: str, joint: str) -> Parameter:
 def _errors(
     system: System, location: Location, values: Values
 ) -> tuple[tuple[encoders.Encoder, float], ...]:
-    """What each encoder concerned reads too much [m or rad]."""
+    """Return the affected encoders with their errors [m or rad]."""
     if not _by_tendons(system, location):
         chosen = encoders.encoders(system, Location("joint", location.elements))
         return tuple((e, values[_name(location, e.element)]) for e in chosen)
@@ -67,7 +72,7 @@ def _errors(
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for encoder, error in _errors(system, location, values):
         if encoder.actuator:
-            servos.misread(spec, encoder.actuator, error)
+            servos.add_reading_error(spec, encoder.actuator, error)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -84,7 +89,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 CAUSE = Cause(
     id="joint_offset",
     title="wrong zero of a joint",
-    explanation="Encoders were zeroed while a joint stood elsewhere, and misread it by as much.",
+    explanation="Encoders were zeroed at a wrong joint position, so that all readings are shifted.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,4 +1,4 @@
-"""A spring in a joint, as of a cover, a cable loom or a stiff seal."""
+"""Joint stiffness: a spring in a joint, such as that of a cover, a cable loom or a seal."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
-    """Two springs are one, between their rests."""
+    """Combine the new spring and that of the model into one."""
     added = values["stiffness"]
     if not added:
         return

@@ -1,4 +1,4 @@
-"""An encoder of a wire that reads a constant too much."""
+"""Length offset: the encoder of a tendon reads a constant too much."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
-    """What feeds the length back acts on what the encoder reads."""
+    """Let servos feed back what the encoder reads."""
     for name in location.elements:
         tendon = system.tendon(name)
         if tendon.servo:
@@ -39,7 +39,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 CAUSE = Cause(
     id="length_offset",
     title="length offset",
-    explanation="An encoder reads a wire longer or shorter than it is, always by as much.",
+    explanation="The encoder of a tendon reads a length with a constant error.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,7 +1,7 @@
-"""An encoder of a wire that counts metres too long or too short, as with a wrong spool radius.
+"""Length scale: the encoder of a tendon has a wrong scale, as with a wrong spool radius.
 
-It reads ``l0 + (1 + scale) (l - l0)``, where ``l0`` is the length at which encoders are zeroed:
-that in the model's ``qpos0``.
+At the length ``l`` it reads ``l0 + (1 + scale) (l - l0)``, where ``l0`` is the length at the
+model's ``qpos0``, at which encoders are zeroed.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from reality_gap.study.system import System
 
 def _locations(system: System) -> tuple[Location, ...]:
     found = elements.each_tendon(system) + elements.all_tendons(system)
-    return tuple(p for p in found if all(map(encoders.matters, encoders.encoders(system, p))))
+    return tuple(p for p in found if all(map(encoders.is_used, encoders.encoders(system, p))))
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    # A wire that is held too short fights the others, one that is too long goes slack: no line.
+    # Not linear: a tendon that is held too short pulls against the others, but one that is too long
+    # goes slack. Hence the secants.
     return (
         Parameter(
             "scale", "1", 0.02, 0.0002, -0.5, 0.5, hints=SearchHints(secants=(0.012, -0.012))
@@ -30,7 +31,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for tendon in (system.tendon(name) for name in location.elements):
         if tendon.servo:
-            servos.misread(spec, tendon.actuator, 0.0, values["scale"], tendon.length0)
+            servos.add_reading_error(spec, tendon.actuator, 0.0, values["scale"], tendon.length0)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -38,7 +39,9 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
     def stretch(record: Record) -> None:
         for encoder in chosen:
-            travel = encoders.recorded(record, encoder) - system.tendon(encoder.element).length0
+            travel = (
+                encoders.true_position(record, encoder) - system.tendon(encoder.element).length0
+            )
             encoders.add_to_reading(record, encoder, values["scale"] * travel)
 
     effects.readings.append(stretch)
@@ -46,8 +49,8 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
 CAUSE = Cause(
     id="length_scale",
-    title="wrong scale of a length",
-    explanation="An encoder counts more or less than the wire moves, as with a wrong spool radius.",
+    title="length scale",
+    explanation="An encoder reads a tendon's motion times a factor, as with a wrong spool radius.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,6 +1,6 @@
-"""A link, or one of the bodies that it is welded of, that is heavier or lighter than drawn.
+"""Link mass: a link, or one of its bodies alone, is heavier or lighter than in the nominal model.
 
-Heavier everywhere by the same share: a link's bodies all together, or one of them alone.
+Mass and inertia change by the same factor. A link consists of the bodies that are welded together.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from reality_gap.causes.support import links
 from reality_gap.study.system import System
 
 ALONE = "alone"
-"""Note of the place of one body of a link; without it a body stands for its whole link."""
+"""Note of a location of one body of a link; without it, the body stands for its whole link."""
 PART = 0.1
-"""Share of a link's mass that a body of it has at least, to be looked at alone."""
+"""Smallest share of a link's mass with which one of its bodies is a location of its own."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -46,16 +46,16 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
     bodies = _bodies(system, location)
     share = values["mass"] / _mass(system, bodies)
     for name in bodies:
-        body = links.inertial(spec, system, name)
-        drawn = system.model.body(name)
-        body.mass += share * float(drawn.mass[0])
-        body.inertia = body.inertia + share * drawn.inertia
+        body = links.editable_body(spec, system, name)
+        nominal = system.model.body(name)
+        body.mass += share * float(nominal.mass[0])
+        body.inertia = body.inertia + share * nominal.inertia
 
 
 CAUSE = Cause(
     id="link_mass",
     title="wrong mass of a link",
-    explanation="A link, or a part of it, is heavier or lighter than drawn, its inertia as well.",
+    explanation="Mass and inertia of a link, or of a part of it, are wrong by a factor.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,9 +1,13 @@
-"""Friction of a wire that grows with its tension, with and without its wrap angle.
+"""Load-dependent friction: friction of a tendon that grows with its tension ``T``.
 
-In its guides a wire loses ``mu T``. Over what it bends around, capstan's law: pulled against its
-motor by ``T (exp(mu phi) - 1)``, let go by ``T (1 - exp(-mu phi))``, phi being all its bends
-together. Nothing in MuJoCo depends on a tension: the model gets the friction of a usual one, and a
-hook adds what is missing.
+In guides, the friction is ``mu T``. Around bends, it follows the capstan equation with the sum
+``phi`` of all bend angles: ``T (exp(mu phi) - 1)`` while the tendon becomes longer against its
+motor, and ``T (1 - exp(-mu phi))`` while it becomes shorter. Both are
+
+    T (sinh(mu phi) + s (cosh(mu phi) - 1)),    s = 1 lengthening, s = -1 shortening
+
+No element of MuJoCo depends on a tension. The model therefore gets the friction at a typical
+tension, and a hook scales it during the replay.
 """
 
 from __future__ import annotations
@@ -20,24 +24,25 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 CAPSTAN = "capstan"
+"""Note of a location with friction around bends."""
 
 PERIOD = 0.006
 """Time between changes of the friction [s]."""
 
 ANGLE_PERIOD = 0.01
-"""How often bends are measured [s]; they change as slowly as the posture."""
+"""Time between computations of the bend angles [s]."""
 
 USUAL = 100.0
-"""Tension that a wire has when it works [N], about."""
+"""Typical tension of a tendon under load [N]."""
 
 PULLEY = -2
-"""What ``wrap_obj`` says of a point on a pulley."""
+"""Value of ``wrap_obj`` of a point on a pulley."""
 
 TOUCHING = 1e-9
-"""Distance under which two points of a path are one [m]."""
+"""Distance below which two points of a path are one [m]."""
 
 CREEP = 1e-3
-"""Velocity at which the direction of a wire's motion counts as clear [m/s]."""
+"""Velocity from which on the direction of a tendon's motion is clear [m/s]."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -48,7 +53,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _bends(model: mujoco.MjModel, tendon: str) -> bool:
-    """Whether the path of a spatial tendon has more than two points."""
+    """Return whether a spatial tendon has more than two points in its path."""
     here = model.tendon(tendon).id
     start, count = int(model.tendon_adr[here]), int(model.tendon_num[here])
     joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
@@ -58,15 +63,15 @@ def _bends(model: mujoco.MjModel, tendon: str) -> bool:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     scale = 0.1 if location.note == CAPSTAN else 0.05
     coefficient = Parameter("coefficient", "1", scale, 0.01 * scale, 0.0, 1.0)
-    if not lugre.possible(system):
+    if not lugre.is_available(system):
         return (coefficient,)
-    return (coefficient, lugre.bend(system, location))
+    return (coefficient, lugre.presliding_parameter(system, location))
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["coefficient"]:
-        usual, bend = values["coefficient"] * USUAL, lugre.bend_in(values, system, location)
-        lugre.brake(spec, system, CAUSE.id, location, usual, bend)
+        usual, distance = values["coefficient"] * USUAL, lugre.presliding(values, system, location)
+        lugre.add_friction(spec, system, CAUSE.id, location, usual, distance)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -78,27 +83,27 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     def make(model: mujoco.MjModel) -> Hook:
         tendons = np.array([model.tendon(name).id for name in location.elements])
         actuators = np.array([model.actuator(name).id for name in names])
-        friction = lugre.Brakes(model, system, CAUSE.id, location)
+        friction = lugre.VariableFriction(model, system, CAUSE.id, location)
         gear = model.actuator_gear[actuators, 0]
         bends = _Bends(tendons) if location.note == CAPSTAN else None
 
         def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             tension = np.maximum(-gear * data.actuator_force[actuators], 0.0)
             if bends is None:
-                friction.press(mu * USUAL, tension / USUAL)
+                friction.scale(mu * USUAL, tension / USUAL)
                 return
             angle = mu * bends.angle(data)
-            outward = friction.ways(data, data.ten_velocity[tendons], CREEP)
+            outward = friction.directions(data, data.ten_velocity[tendons], CREEP)
             share = np.sinh(angle) + outward * (np.cosh(angle) - 1)
-            friction.press(mu * USUAL, share * tension / (mu * USUAL))
+            friction.scale(mu * USUAL, share * tension / (mu * USUAL))
 
         return hook
 
-    effects.act(make, period=PERIOD)
+    effects.add_hook(make, period=PERIOD)
 
 
 class _Bends:
-    """The bends of wires, measured now and then."""
+    """Bend angles of tendons, recomputed each `ANGLE_PERIOD`."""
 
     def __init__(self, tendons: Floats) -> None:
         self._tendons = tendons
@@ -106,7 +111,7 @@ class _Bends:
         self._angle = np.zeros(len(tendons))
 
     def angle(self, data: mujoco.MjData) -> Floats:
-        """Sum of the bends of each wire (n,) [rad]."""
+        """Return the sum of the bend angles of each tendon, shape (n,) [rad]."""
         if data.time > self._time + ANGLE_PERIOD - 1e-6:
             self._time = data.time
             self._angle = np.array([total_bend(data, int(i)) for i in self._tendons])
@@ -114,16 +119,20 @@ class _Bends:
 
 
 def total_bend(data: mujoco.MjData, tendon: int) -> float:
-    """Sum of the angles between the straight pieces of a tendon's path [rad].
+    """Return the sum of the angles between the straight segments of a tendon's path [rad].
 
-    Between the two points where it touches a geom, the chord bends by half the angle of wrap at
-    either end, so that the sum is the angle of wrap.
+    The two points where a tendon touches a geom are connected by a chord. At each of them the path
+    bends by half the wrap angle, so that the sum is the wrap angle.
+
+    Args:
+        data: state after ``mj_fwdPosition``.
+        tendon: id of the tendon.
     """
     start, count = int(data.ten_wrapadr[tendon]), int(data.ten_wrapnum[tendon])
     points = data.wrap_xpos.reshape(-1, 3)[start : start + count].tolist()
     wrapped = data.wrap_obj.ravel()[start : start + count].tolist()
     total, before = 0.0, None
-    # Plain numbers: a path has few points, and is looked at thousands of times in a replay.
+    # With few points, floats are faster than arrays.
     for (here, one), (there, other) in pairwise(zip(points, wrapped, strict=True)):
         if PULLEY in (one, other):
             before = None
@@ -142,7 +151,7 @@ def total_bend(data: mujoco.MjData, tendon: int) -> float:
 CAUSE = Cause(
     id="load_dependent_friction",
     title="friction that grows with tension",
-    explanation="A wire's friction grows with its tension, in its guides or around its bends.",
+    explanation="A tendon's friction grows with its tension, in its guides or around its bends.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

@@ -1,6 +1,6 @@
-"""A marker that is not fixed where the drawing has it: moved and turned in its own axes.
+"""Marker offset: a marker is displaced and rotated on its body, in its own axes.
 
-A marker is what a measured position or orientation is of: a site, or a body's own frame.
+A marker is a site, or the frame of a body, whose position or orientation is measured.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ def _marker(system: System, sensor: str) -> Location | None:
     if kind is None:
         return None
     index = int(reads.objid[0])
-    thing = system.model.site(index) if kind == "site" else system.model.body(index)
-    return Location(kind, (thing.name,)) if thing.name else None
+    name = (system.model.site(index) if kind == "site" else system.model.body(index)).name
+    return Location(kind, (name,)) if name else None
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     turned = any(_marker(system, s) == location for s in frames.orientation_sensors(system))
-    return frames.motion(SHIFT, TURN if turned else None)
+    return frames.pose_parameters(SHIFT, TURN if turned else None)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     name = location.elements[0]
     if location.kind == "site":
-        drawn = system.model.site(name)
-        frames.put(spec.site(name), *frames.moved(drawn.pos, drawn.quat, values))
+        nominal = system.model.site(name)
+        frames.set_pose(spec.site(name), *frames.moved_pose(nominal.pos, nominal.quat, values))
         return
-    pos, quat = frames.moved(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), values)
+    pos, quat = frames.moved_pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), values)
     marker = add_site(spec.body(name), name=f"marker_of_{name}", pos=pos, quat=quat)
     for sensor in spec.sensors:
         if sensor.objtype == _OBJ.mjOBJ_XBODY and sensor.objname == name:
@@ -57,7 +57,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 CAUSE = Cause(
     id="marker_offset",
     title="displaced marker",
-    explanation="A marker is fixed elsewhere on its body, so that another point is measured.",
+    explanation="A marker is displaced on its body, so that another point is measured.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

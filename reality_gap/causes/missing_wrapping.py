@@ -1,12 +1,14 @@
-"""A wire that is drawn straight where it runs over something round.
+"""Missing wrapping: a tendon wraps around a round object where the nominal model has it straight.
 
-The round thing is a cylinder about a joint's axis, as a pulley or condyle, or has the axis or the
-centre of a bone. The wire passes it on the side where it is drawn, held there by a side site. The
-null radius is the one at which it touches the straight wire somewhere in the joints' ranges:
-smaller ones do nothing.
+The object is a cylinder about a joint's axis, such as a pulley or a condyle, or a cylinder or
+sphere about the axis or centre of a bone; see `reality_gap.causes.support.obstacles`. The tendon
+passes it on the same side as in the nominal model, which a side site ensures. The null value of the
+radius is the one at which the object touches the straight tendon at some posture; smaller radii
+have no effect.
 
-MuJoCo wraps no tendon that has an armature. That of the wire, its motor's inertia, then goes to
-the joints that it pulls, by its lever arms in the middle of their ranges.
+MuJoCo does not allow wrapping for a tendon with an armature. The armature ``m``, which is the
+inertia of the motor, is then moved to the joints that the tendon crosses: ``m r_j^2`` with the
+lever arm ``r_j`` in the middle of the joints' ranges.
 """
 
 from __future__ import annotations
@@ -23,11 +25,12 @@ from reality_gap.study.system import System
 
 SHAPES = {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "sphere": mujoco.mjtGeom.mjGEOM_SPHERE}
 SIDE = 1.5
-"""How far out the side site lies [radii]."""
+"""Distance of the side site from the axis or centre, in radii."""
 SHARES = (0.15, 0.4, 1.0)
-"""Sizes of a bone to start from: a wire that touches it sooner takes another path."""
+"""Radii from which fits start, as shares between the touching (0) and the typical radius (1). The
+effect is not linear: a larger object touches the tendon at more postures."""
 LENGTH = 0.01
-"""Half of a cylinder's, as drawn; for wires it is endless [m]."""
+"""Half of a cylinder's length in pictures [m]; for tendons it is infinitely long."""
 
 
 def _location(obstacle: Obstacle) -> Location:
@@ -45,20 +48,21 @@ def _obstacle(system: System, location: Location) -> Obstacle:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    it = _obstacle(system, location)
-    step = it.typical - it.touching
-    starts = tuple(min(it.touching + share * step, it.largest) for share in SHARES)
+    obstacle = _obstacle(system, location)
+    touching, largest = obstacle.touching, obstacle.largest
+    step = obstacle.typical - touching
+    starts = tuple(min(touching + share * step, largest) for share in SHARES)
     hints = SearchHints(starts=starts)
-    return (Parameter("radius", "m", step, 0.0, it.touching, it.largest, it.touching, hints),)
+    return (Parameter("radius", "m", step, 0.0, touching, largest, touching, hints),)
 
 
 def _geometry(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
-    it, radius = _obstacle(system, location), values["radius"]
-    if radius <= it.touching:
+    obstacle, radius = _obstacle(system, location), values["radius"]
+    if radius <= obstacle.touching:
         return
-    over = it.over
+    over, tendon = obstacle.over, obstacle.tendon
     element = spec.joint(over.name) if over.kind == "joint" else spec.geom(over.name)
-    body, name = element.parent, f"{it.tendon}_over_{over.name}_from_{it.between[0]}"
+    body, name = element.parent, f"{tendon}_over_{over.name}_from_{obstacle.between[0]}"
     geom = add_geom(
         body,
         name=name,
@@ -71,12 +75,13 @@ def _geometry(spec: mujoco.MjSpec, system: System, location: Location, values: V
         conaffinity=0,
         group=4,
     )
-    side = add_site(body, name=f"{name}_side", pos=over.pos + SIDE * radius * it.side, group=4)
-    _free_of_armature(spec, system, it.tendon)
-    tendon_paths.go_round(spec, it.tendon, it.between, geom.name, side.name)
+    outside = over.pos + SIDE * radius * obstacle.side
+    side = add_site(body, name=f"{name}_side", pos=outside, group=4)
+    _move_armature_to_joints(spec, system, tendon)
+    tendon_paths.wrap_around(spec, tendon, obstacle.between, geom.name, side.name)
 
 
-def _free_of_armature(spec: mujoco.MjSpec, system: System, tendon: str) -> None:
+def _move_armature_to_joints(spec: mujoco.MjSpec, system: System, tendon: str) -> None:
     inertia = spec.tendon(tendon).armature
     if inertia > 0:
         spec.tendon(tendon).armature = 0.0
@@ -87,10 +92,10 @@ def _free_of_armature(spec: mujoco.MjSpec, system: System, tendon: str) -> None:
 CAUSE = Cause(
     id="missing_wrapping",
     title="missing wrapping",
-    explanation="A wire that is drawn straight runs over something, and keeps its lever arm there.",
+    explanation="A tendon that is straight in the model wraps around a joint or bone.",
     locations=_locations,
     parameters=_parameters,
-    edit=partial(encoder_zero.edit, _geometry),
-    attach=partial(encoder_zero.attach, _geometry),
+    edit=partial(encoder_zero.edit_zeroed, _geometry),
+    attach=partial(encoder_zero.attach_zeroed, _geometry),
     fine=True,
 )

@@ -1,28 +1,28 @@
-"""Something that hangs on the machine and is not in its drawing.
+"""Payload: an additional mass at an end of the machine.
 
-A small ball at an end of the machine: where the drawing marks a point that no wire runs through,
-as a grip, else at the centre of mass of the end's heaviest body.
+It is a small ball at a site of the last link that is not part of a tendon's path, such as a grip,
+or else at the centre of mass of the heaviest body of the link.
 """
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import links
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 
 RADIUS = 0.01
-"""Of the ball [m]; it only gives it an inertia that compiles."""
+"""Radius of the ball [m], which determines its inertia only."""
 
 _WRAP = mujoco.mjtWrap
 
 
 def _locations(system: System) -> tuple[Location, ...]:
     found = []
-    for root in links.ends(system):
+    for root in links.end_links(system):
         site = _free_site(system, root)
         if site is not None:
             body = system.model.body(int(system.model.site_bodyid[site])).name
@@ -33,7 +33,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _free_site(system: System, root: int) -> int | None:
-    """The first site of a link that no wire runs through; rather one that is no marker."""
+    """Return the first site of a link that is in no tendon's path, preferably not a marker."""
     model = system.model
     on_tendons = _sites_of_tendons(model)
     markers = {
@@ -60,8 +60,8 @@ def _reads_site(model: mujoco.MjModel, sensor: str) -> bool:
     return int(model.sensor(sensor).objtype[0]) == int(mujoco.mjtObj.mjOBJ_SITE)
 
 
-def _point(system: System, location: Location) -> NDArray[np.float64]:
-    """Where it hangs, in the frame of its body (3,) [m]."""
+def _point(system: System, location: Location) -> Floats:
+    """Return the position of the payload in the frame of its body, shape (3,) [m]."""
     if location.note:
         return system.model.site(location.note.removeprefix("at ")).pos
     return system.model.body(location.elements[0]).ipos
@@ -84,7 +84,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 CAUSE = Cause(
     id="payload",
     title="payload",
-    explanation="Something heavy that the drawing does not have hangs at an end of the machine.",
+    explanation="An additional mass is attached to an end of the machine.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

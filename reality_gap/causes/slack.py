@@ -1,8 +1,9 @@
-"""A wire that hangs where its tension is low: more of it is paid out than its path is long.
+"""Slack: a tendon sags at low tension, so that the paid-out length exceeds that of its path.
 
-Paid out is ``path + slack exp(-T / tension)``, and all of the slack where the wire does not pull.
-With a servo the tension depends on what is paid out; the one solution is tabled over the tension
-that a straight wire would have.
+At the tension ``T``, the paid-out length is that of the path plus the sag ``slack exp(-T /
+tension)``. With a servo of stiffness ``K``, the tension itself depends on the sag ``d``: ``T = T0 +
+K d`` where ``T0`` is the tension that a straight tendon would have. The solution ``d(T0)`` is
+unique and is interpolated in a table.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from reality_gap.study.system import ActuatedTendon, System
 from reality_gap.types import Floats
 
 REACH, POINTS = 12.0, 600
-"""Of the table: beyond 12 times the tension parameter less than 0.001 % of the slack hangs."""
+"""Range of the table in multiples of ``tension``, and its number of points. Beyond the range, the
+sag is below 0.001 % of the slack."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -42,27 +44,30 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     tendons = [system.tendon(name) for name in location.elements]
     fed = [tendon for tendon in tendons if tendon.servo]
 
-    def sense(record: Record) -> None:
+    def read(record: Record) -> None:
         for encoder, tendon in zip(chosen, tendons, strict=True):
             tension = np.maximum(actuators.pull(record, tendon), 0.0)
             encoders.add_to_reading(record, encoder, slack * np.exp(-tension / scale))
 
     if fed:
-        effects.act(lambda model: _Sag(model, fed, slack, scale))
-    effects.readings.append(sense)
+        effects.add_hook(lambda model: _SagHook(model, fed, slack, scale))
+    effects.readings.append(read)
 
 
-class _Sag:
-    """Lets the servos of wires see what is paid out; in plain numbers, as for every step."""
+class _SagHook:
+    """Hook that lets servos feed back the paid-out length.
+
+    It computes with floats, which is faster than with short arrays.
+    """
 
     def __init__(
         self, model: mujoco.MjModel, fed: list[ActuatedTendon], slack: float, scale: float
     ) -> None:
-        self._tendons = [_Hanging(model, tendon, slack, scale) for tendon in fed]
+        self._tendons = [_SaggingTendon(model, tendon, slack, scale) for tendon in fed]
         self._fresh = False
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Look up the sag that goes with the step to come."""
+        """Write the biases that follow from the sags at the end of the coming step."""
         if not self._fresh:
             mujoco.mj_fwdPosition(model, data)
             self._fresh = True
@@ -78,8 +83,8 @@ class _Sag:
             bias[tendon.actuator, 0] = plain + tendon.added
 
 
-class _Hanging:
-    """A wire's numbers, and how much of it hangs at which tension."""
+class _SaggingTendon:
+    """Coefficients of a tendon's actuator, and the table of its sag."""
 
     def __init__(
         self, model: mujoco.MjModel, tendon: ActuatedTendon, slack: float, scale: float
@@ -94,7 +99,7 @@ class _Hanging:
         self._straight, self._sag = straight.tolist(), sag.tolist()
 
     def sag(self, straight: float) -> float:
-        """What hangs [m], where a straight wire would have the tension ``straight`` [N]."""
+        """Return the sag [m] at the tension that a straight tendon would have [N]."""
         table, sag = self._straight, self._sag
         k = bisect_right(table, straight)
         if k == 0 or k == len(table):
@@ -106,9 +111,9 @@ class _Hanging:
 def _table(
     model: mujoco.MjModel, actuator: int, slack: float, scale: float
 ) -> tuple[Floats, Floats]:
-    """What hangs, over the tension that a straight wire would have: (k,) [N], (k,) [m].
+    """Return the tension of a straight tendon, shape (k,) [N], and the sag, shape (k,) [m].
 
-    It is written from the tension that the wire has, from which the other follows.
+    Both are computed from a grid of the actual tension.
     """
     gear = model.actuator_gear[actuator, 0]
     stiffness = -model.actuator_biasprm[actuator, 1] * gear**2
@@ -119,7 +124,7 @@ def _table(
 
 
 def _tension_range(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
-    """Least and largest tension that an actuator gives [N]; a wire does not push."""
+    """Return the smallest and largest tension that an actuator exerts [N]; at least 0."""
     if not model.actuator_forcelimited[actuator]:
         return 0.0, np.inf
     ends = -model.actuator_gear[actuator, 0] * model.actuator_forcerange[actuator]
@@ -128,8 +133,8 @@ def _tension_range(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
 
 CAUSE = Cause(
     id="slack",
-    title="slack wire",
-    explanation="A wire hangs where its tension is low, so that more is paid out than its path.",
+    title="slack tendon",
+    explanation="A tendon sags at low tension, so that more is paid out than its path is long.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

@@ -1,13 +1,19 @@
-"""A wire that stretches under its tension.
+"""Tendon elasticity: a tendon stretches in proportion to its tension.
 
-A wire without mass and with a length servo on its motor side pulls with ``T = bias + K (path - c T
-- target)``, cut at the force range; solved for T, everything shrinks by ``s = 1 / (1 + K c)``, and
-the cut stays where it is. So elastic wires need no further bodies and no smaller time step, and the
-replay of the extended model is exact in statics. A tendon's damping D and armature stand for its
-motor, which turns by s of what the path moves, and so reach the joint shrunk by s squared. As the
-motor also turns with its target, the target acts ``D c s`` late; and what the actuator gives is the
-wire's tension without D times the motor's velocity. Against a simulated spool at 0.02 ms (K 20
-N/mm, D 150 N s/m, wires of 20 to 200 N/mm) that leaves 0.01 mm and 0.1 N.
+A massless tendon of compliance ``c`` [m/N] with a length servo on its motor side has the tension
+
+    T = bias + K (path - c T - target)
+
+limited to the force range, with the stiffness ``K`` of the servo. Solved for ``T``, bias and
+stiffness are multiplied by ``s = 1 / (1 + K c)``, and the limits are unchanged. An elastic tendon
+therefore needs neither additional bodies nor a smaller time step, and the extended model is exact
+in statics.
+
+The damping ``D`` and the armature of the tendon are those of its motor, which turns by the share
+``s`` of the motion of the path; both are multiplied by ``s^2``. As the motor also turns with its
+target, the target acts with a delay of ``D c s``. The force of the actuator is the tension without
+the damping force of the motor. Compared with a simulation of the spool at time steps of 0.02 ms (K
+= 20 N/mm, D = 150 N s/m, tendons of 20 to 200 N/mm), the errors are 0.01 mm and 0.1 N.
 """
 
 from __future__ import annotations
@@ -66,7 +72,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
 
 def _motor(model: mujoco.MjModel, tendon: ActuatedTendon, compliance: float) -> tuple[float, float]:
-    """Damping of a wire's motor [N s/m], and what share of the path's motion it turns by."""
+    """Return the damping of a motor [N s/m] and its share ``s`` of the path's motion."""
     damping = float(model.tendon_damping[model.tendon(tendon.name).id])
     if not tendon.servo:
         return 0.0, 1.0
@@ -76,7 +82,7 @@ def _motor(model: mujoco.MjModel, tendon: ActuatedTendon, compliance: float) -> 
 
 
 def _read(record: Record, tendon: ActuatedTendon, compliance: float) -> None:
-    """Its encoder and its tension sensor sit on the motor."""
+    """Correct the readings of encoder and tension sensor, which are on the motor side."""
     model = record.model
     damping, shrink = _motor(model, tendon, compliance)
     velocity = record.velocity[:, model.tendon(tendon.name).id]
@@ -93,8 +99,8 @@ def _read(record: Record, tendon: ActuatedTendon, compliance: float) -> None:
 
 CAUSE = Cause(
     id="tendon_elasticity",
-    title="elastic wire",
-    explanation="A wire stretches with its tension, so that it pulls less than it should.",
+    title="elastic tendon",
+    explanation="A tendon stretches under its tension, so that its servo is softer.",
     locations=_locations,
     parameters=_parameters,
     edit=_edit,

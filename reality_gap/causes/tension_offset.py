@@ -1,4 +1,4 @@
-"""A tension sensor that reads a constant too much pull."""
+"""Tension offset: a tension sensor reads a constant too much."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 CAUSE = Cause(
     id="tension_offset",
     title="tension offset",
-    explanation="A tension sensor reads more or less pull than there is, always by as much.",
+    explanation="A tension sensor reads a tension with a constant error.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

@@ -1,4 +1,4 @@
-"""A tension sensor that reads its tension times a factor."""
+"""Tension scale: a tension sensor reads the tension times a constant factor."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
 CAUSE = Cause(
     id="tension_scale",
-    title="wrong scale of a tension",
-    explanation="A tension sensor reads more or less than there is, in proportion to the tension.",
+    title="tension scale",
+    explanation="A tension sensor reads the tension times a constant factor.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

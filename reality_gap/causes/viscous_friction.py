@@ -1,4 +1,4 @@
-"""Viscous friction of a wire or joint."""
+"""Viscous friction of a tendon or joint."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import elements, typical_scales
 from reality_gap.study.system import System
 
-DRAWN = 0.04
-"""What a drawn damping may be off by, relatively."""
+NOMINAL_ERROR = 0.04
+"""Relative standard deviation of a damping in the nominal model."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -20,8 +20,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "tendon":
         return (Parameter("damping", "N s/m", 20.0, 1.5, 0.0, 5000.0),)
     unit, size = typical_scales.joint_damping(system, location)
-    drawn = float(system.model.joint(location.elements[0]).damping[0])
-    tolerance = max(0.001 * size, DRAWN * drawn)
+    nominal = float(system.model.joint(location.elements[0]).damping[0])
+    tolerance = max(0.001 * size, NOMINAL_ERROR * nominal)
     return (Parameter("damping", unit, 0.02 * size, tolerance, 0.0, 2.0 * size),)
 
 

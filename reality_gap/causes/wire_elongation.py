@@ -1,7 +1,8 @@
-"""A wire that gets longer for good, at once or slowly.
+"""Permanent elongation of a tendon, suddenly or slowly.
 
-Its encoder does not see it: it reads less than the path by what the wire has given. The time
-counts over all episodes laid end to end, for a wire that gave stays longer.
+The encoder is on the motor side and reads less than the length of the path by the elongation. The
+time is that of the study, in which an episode begins where the previous one ended, because an
+elongated tendon stays longer.
 """
 
 from __future__ import annotations
@@ -15,17 +16,18 @@ from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
 RISE = 0.015
-"""Time constant of a sudden elongation [s]; nine tenths of it happen within three of them."""
+"""Time constant of a sudden elongation [s]; 90 % of it happens within 3 time constants."""
 
 STARTS = 8
-"""Onsets to start a fit from: the misfit falls steadily towards the true onset from afar."""
+"""Number of onsets from which fits start; the misfit falls steadily towards the true onset."""
 
 SLOWLY = "slowly"
+"""Note of a location with an elongation that grows at a constant rate."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
     each = [
-        p for p in elements.each_tendon(system) if encoders.matters(*encoders.encoders(system, p))
+        p for p in elements.each_tendon(system) if encoders.is_used(*encoders.encoders(system, p))
     ]
     return tuple(each) + tuple(Location(p.kind, p.elements, SLOWLY) for p in each)
 
@@ -42,7 +44,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 
 def _elongation(location: Location, values: Values, time: Floats) -> Floats:
-    """By how much the wire has become longer (k,) [m]."""
+    """Return the elongation at times in the study, shape (k,) [m]."""
     if location.note == SLOWLY:
         return values["rate"] * time
     return values["elongation"] * 0.5 * (1 + np.tanh((time - values["time"]) / RISE))
@@ -52,7 +54,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     chosen = encoders.encoders(system, location)
 
     def command(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
-        """A target that is longer is the same force as a reading that is shorter."""
+        """Lengthen the targets, which is equivalent to readings that are too short."""
         command = command.copy()
         for encoder in chosen:
             if encoder.actuator:
@@ -64,18 +66,18 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
                 )
         return command
 
-    def sense(record: Record) -> None:
+    def read(record: Record) -> None:
         for encoder in chosen:
             encoders.add_to_reading(record, encoder, -_elongation(location, values, record.time))
 
     effects.commands.append(command)
-    effects.readings.append(sense)
+    effects.readings.append(read)
 
 
 CAUSE = Cause(
     id="wire_elongation",
-    title="permanent elongation of a wire",
-    explanation="A wire becomes longer for good, at once or slowly, and its encoder cannot see it.",
+    title="permanent elongation of a tendon",
+    explanation="A tendon becomes permanently longer, which its encoder does not show.",
     locations=_locations,
     parameters=_parameters,
     attach=_attach,

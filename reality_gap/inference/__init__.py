@@ -1,1 +1,1 @@
-"""From residuals to causes: noise model, evidence, fits, search and verdict."""
+"""Inference: noise model, evidence, fits of candidates, search for causes and verdict."""

@@ -1,4 +1,4 @@
-"""What a long diagnosis has done already, on disk, so that it goes on after an interruption."""
+"""Checkpoints: finished parts of a long diagnosis on disk, so that it can be continued."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.data import Study
 
 Columns = list[NDArray[np.float32]]
+"""Arrays of one part."""
 PACKAGE = Path(__file__).parents[1]
+"""Folder of the sources of `reality_gap`."""
 KEY = "KEY"
+"""Name of the file that holds the key of a checkpoint."""
 
 
 class Checkpoint:
-    """Arrays that took long to make, each under a number.
+    """Arrays of finished parts, by number.
 
     Args:
-        folder: where they lie; made when the first is kept. None keeps nothing.
-        key: of what they were made from (see `digest`); others are thrown away.
+        folder: folder of the files; it is made with the first one. None keeps nothing.
+        key: key of the inputs (see `digest`); files with another key are removed.
     """
 
     def __init__(self, folder: Path | None, key: str) -> None:
@@ -34,14 +37,19 @@ class Checkpoint:
             forget(folder)
 
     def get(self, number: int, make: Callable[[], Columns]) -> Columns:
-        """The arrays of a number; made and kept if there are none, or none that can be read."""
+        """Return the arrays of a part; make and keep them if there are none that can be read.
+
+        Args:
+            number: number of the part.
+            make: computes its arrays.
+        """
         if self._folder is None:
             return make()
         path = self._folder / f"{number:05}.npz"
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
                 return [found[f"arr_{i}"] for i in range(len(found.files))]
-        except Exception:  # numpy raises whatever it stumbles over in a damaged file
+        except Exception:  # numpy raises various exceptions for damaged files
             made = make()
         write_text(self._folder / KEY, self._key)
         with whole_file(path) as beside:
@@ -50,7 +58,7 @@ class Checkpoint:
 
 
 def forget(folder: Path) -> None:
-    """Remove what a shelf kept in ``folder``, and the folder if nothing else is in it."""
+    """Remove the files of a checkpoint, and the folder if it has no other files."""
     if not folder.is_dir():
         return
     for path in (folder / KEY, *folder.glob("[0-9]*.npz"), *folder.glob(f".*{PART}*")):
@@ -60,7 +68,7 @@ def forget(folder: Path) -> None:
 
 
 def digest(study: Study, candidates: Sequence[Candidate]) -> str:
-    """A key of all that sensitivities rest on: log, model, suspects and this package's sources."""
+    """Return a key of the inputs of screening: log, model, candidates and source files."""
     found = hashlib.sha256()
     model = study.spec().compile()
     buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
@@ -81,7 +89,7 @@ def digest(study: Study, candidates: Sequence[Candidate]) -> str:
 
 
 def _sources(candidate: Candidate) -> list[Path]:
-    """The files that a suspect's cause is written in, which may be the user's."""
+    """Return the source files of a candidate's cause, which may be the user's."""
     cause = candidate.cause
     found = []
     for function in (cause.locations, cause.parameters, cause.edit, cause.attach):

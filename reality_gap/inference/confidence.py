@@ -1,9 +1,10 @@
-"""How sure a diagnosis is: evidence, tempered until it keeps its word.
+"""Confidence: calibrated probabilities of hypotheses from their evidence.
 
-Evidence believes that one of the suspects is exactly right, that every fit found its best, and that
-what drawings are off by adds up linearly. None of this is quite so, so that evidence is divided by
-a temper. `python -m experiments gap-calibrate` finds it on replays of the drawing with causes in
-it; `gap-replayer` measures how well the confidence keeps its word.
+Evidence assumes that one of the candidates is exactly right, that each fit found its optimum, and
+that the effects of tolerances add up linearly. None of these holds exactly, so that evidence e is
+divided by a temper T: p_i = exp(e_i / T) / (1 + sum_j exp(e_j / T)), where 1 stands for the
+hypothesis without any of the candidates. `python -m experiments gap-calibrate` finds T from
+simulated studies with known causes; `gap-bench` measures how well the confidence is calibrated.
 """
 
 from __future__ import annotations
@@ -16,33 +17,38 @@ from reality_gap.inference.gauss_newton import Fit
 from reality_gap.types import Floats
 
 TEMPER = 3.2
-"""By what evidence is divided: of `gap-calibrate --trials 50 --seed 0`."""
+"""T, by which evidence is divided: result of `gap-calibrate --trials 50 --seed 0`."""
 
 
 def probabilities(base: float, fits: Sequence[Fit]) -> Floats:
-    """Probability of each fit (k,) against the others and against ``base`` alone.
+    """Return the probability of each fit against the others and against ``base``, shape (k,).
 
     Args:
-        base: evidence of the hypothesis without any of them [nats].
-        fits: of rivals beside it.
+        base: evidence of the hypothesis without any of the candidates [nats].
+        fits: fits of that hypothesis with one candidate more each.
     """
     return tempered(np.array([f.evidence for f in fits]) - base, TEMPER)
 
 
 def unmodelled(named: float, learned: float) -> float:
-    """Probability that the gap is none of the causes, but something that has no name.
+    """Return the probability that the gap has a cause that is not in the catalogue.
 
-    The learned residual is one rival more: a catalogue is never whole.
+    A catalogue is never complete, so that a learned residual is one hypothesis more.
 
     Args:
-        named: evidence of the causes [nats].
-        learned: of what was learned in their place.
+        named: evidence of the named causes [nats].
+        learned: evidence of the learned residual in their place [nats].
     """
     return float(tempered(np.array([learned - named]), TEMPER)[0])
 
 
 def tempered(evidence: Floats, temper: float) -> Floats:
-    """Probabilities (k,) from evidence (k,) over that of none [nats], with a temper."""
+    """Return probabilities from evidence, shape (k,).
+
+    Args:
+        evidence: evidence over that of none of the hypotheses, shape (k,) [nats].
+        temper: T, by which evidence is divided.
+    """
     heights = np.concatenate([[0.0], evidence])
     weight = np.exp((heights - heights.max()) / temper)
     return np.asarray(weight[1:] / weight.sum(), dtype=np.float64)

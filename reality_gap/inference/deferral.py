@@ -1,8 +1,9 @@
-"""Suspects who are looked at only where simpler causes promise something.
+"""Deferral: candidates that are screened only where simpler causes explain something.
 
-A machine of many wires has thousands of suspects, and a replay of each takes minutes. Friction that
-depends on the load or a wrapping that is missing show first as plain friction or as a shifted site
-of the same wire, so that causes which are ``fine`` wait until those say where to look.
+A machine with many tendons has thousands of candidates, and replays of each take minutes. Friction
+that depends on the load or a missing wrapping show first as plain friction or as a shifted site of
+the same tendon. Causes that are marked ``fine`` are therefore deferred until a simpler cause at the
+same tendon or joint has evidence.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 MANY_TENDONS = 8
-"""With so many wires, fine causes wait."""
+"""Number of tendons from which on fine causes are deferred."""
 CLOSER = 6
-"""Wires and joints that are looked at more closely, at each step of a search."""
+"""Number of tendons and joints whose deferred candidates are released at each step of a search."""
 
 
-def locations_of(system: System, candidate: Candidate) -> frozenset[str]:
-    """The tendons and joints where a suspect acts."""
+def tendons_and_joints(system: System, candidate: Candidate) -> frozenset[str]:
+    """Return the names of the tendons and joints where a candidate acts."""
     elements = set(candidate.location.elements)
     found = elements & set(system.joints)
     for tendon in system.tendons:
@@ -39,49 +40,62 @@ def locations_of(system: System, candidate: Candidate) -> frozenset[str]:
     return frozenset(found)
 
 
-def parted(
-    system: System, chosen: Sequence[Candidate]
+def split_deferred(
+    system: System, candidates: Sequence[Candidate]
 ) -> tuple[tuple[Candidate, ...], tuple[Candidate, ...]]:
-    """Whom to look at first, and who may wait: fine causes at one spot of a large machine."""
+    """Return the candidates to screen first, and the deferred ones.
+
+    In a machine with many tendons, fine causes at a single tendon or joint are deferred.
+    """
     if len(system.tendons) < MANY_TENDONS:
-        return tuple(chosen), ()
-    waits = [s.cause.fine and len(locations_of(system, s)) == 1 for s in chosen]
-    first = tuple(s for s, wait in zip(chosen, waits, strict=True) if not wait)
-    return first, tuple(s for s, wait in zip(chosen, waits, strict=True) if wait)
+        return tuple(candidates), ()
+    fine = [s.cause.fine and len(tendons_and_joints(system, s)) == 1 for s in candidates]
+    first = tuple(s for s, later in zip(candidates, fine, strict=True) if not later)
+    return first, tuple(s for s, later in zip(candidates, fine, strict=True) if later)
 
 
-class Waiting:
-    """Those who wait, and who is called.
+class Deferred:
+    """Deferred candidates, which are screened on demand.
 
     Args:
-        bench: replays.
-        null: (n,) residual of the study's model.
-        suspects: who waits.
-        visible: change of the readings that can be judged; see `Sensitivity.change` [noise].
+        replayer: replays hypotheses.
+        null_residual: residual of the nominal model, shape (n,).
+        candidates: the deferred candidates.
+        visible: change of the readings from which on a candidate can be judged; see
+            `Sensitivity.change` [noise].
     """
 
     def __init__(
-        self, replayer: Replayer, null: Floats, candidates: Sequence[Candidate], visible: float
+        self,
+        replayer: Replayer,
+        null_residual: Floats,
+        candidates: Sequence[Candidate],
+        visible: float,
     ) -> None:
-        self._replayer, self._null, self._visible = replayer, null, visible
-        self._waiting = {s: locations_of(replayer.system, s) for s in candidates}
+        self._replayer, self._null_residual, self._visible = replayer, null_residual, visible
+        self._locations = {s: tendons_and_joints(replayer.system, s) for s in candidates}
 
     def __len__(self) -> int:
-        return len(self._waiting)
+        return len(self._locations)
 
-    def call(self, ranked: Ranked) -> tuple[Sensitivity, ...]:
-        """Look at those who wait where the best of ``ranked`` act.
+    def release(self, ranked: Sequence[Ranked]) -> tuple[Sensitivity, ...]:
+        """Screen the deferred candidates at the tendons and joints of the best candidates.
 
         Args:
-            ranked: evidence [nats], sensitivity and size of everybody else, best first.
+            ranked: all other candidates, best first.
+
+        Returns:
+            Sensitivities of the released candidates that are visible.
         """
-        there: list[str] = []
-        for evidence, sensitivity, _ in ranked:
-            here = locations_of(self._replayer.system, sensitivity.candidate)
-            if evidence > 0 and len(here) == 1 and not here & set(there):
-                there += here
-        called = [s for s, own in self._waiting.items() if own & set(there[:CLOSER])]
-        for candidate in called:
-            del self._waiting[candidate]
-        found = screen(self._replayer, called, [], self._null) if called else ()
+        best: list[str] = []
+        for one in ranked:
+            here = tendons_and_joints(self._replayer.system, one.sensitivity.candidate)
+            if one.evidence > 0 and len(here) == 1 and not here & set(best):
+                best += here
+        released = [s for s, own in self._locations.items() if own & set(best[:CLOSER])]
+        for candidate in released:
+            del self._locations[candidate]
+        if not released:
+            return ()
+        found = screen(self._replayer, released, self._null_residual)
         return tuple(s for s in found if s.change > self._visible)

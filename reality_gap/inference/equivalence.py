@@ -1,4 +1,4 @@
-"""Who could stand in a cause's place, and who these data cannot tell from it."""
+"""Equivalence: alternatives to each cause of a hypothesis that the data cannot exclude."""
 
 from __future__ import annotations
 
@@ -8,36 +8,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from reality_gap.inference.confidence import probabilities
-from reality_gap.inference.forward_selection import Search, Settings, tried_beside
-from reality_gap.inference.gauss_newton import Fit, fit
-from reality_gap.inference.likelihood import NoiseModel
-from reality_gap.inference.refinement import again, try_next
-from reality_gap.simulation.hypothesis import Candidate, same
-from reality_gap.simulation.replayer import Replayer
+from reality_gap.inference.forward_selection import Search, Settings
+from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.refinement import fit_next
+from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.types import Floats
 
 CHANCE = 0.05
-"""Probability from which on a rival is declared equivalent."""
+"""Probability from which on an alternative may be equivalent."""
 NEAR = 1.0
-"""Mean square of the difference of two refits under which they predict the same [noise^2]."""
+"""Mean square of the difference of two residuals below which they are equivalent [noise^2]."""
 
 
 @dataclass(frozen=True)
 class Alternatives:
-    """A cause of the best hypothesis, and who was tried in its place.
+    """A cause of the best hypothesis, and the candidates that were tried in its place.
 
     Attributes:
-        suspect: the cause.
-        without: the best hypothesis without it, fitted anew; None for the null.
-        tried: fits with the suspect or another in its place, best first.
-        confidence: probability of each of ``tried``.
-        evidence: of each over the hypothesis without (k,) [nats].
-        own: the same of the cause itself.
-        equivalent: who predicts the same to within the noise, and may well be the one.
+        candidate: the cause.
+        without: the best hypothesis without it, fitted again.
+        tried: fits of ``without`` with the cause or another candidate, best first.
+        confidence: probability of each of ``tried``, shape (k,).
+        evidence: what each of ``tried`` adds to the evidence of ``without``, shape (k,) [nats].
+        own: what the cause itself adds [nats].
+        equivalent: candidates that predict the same to within the noise and are not unlikely.
     """
 
     candidate: Candidate
-    without: Fit | None
+    without: Fit
     tried: tuple[Fit, ...]
     confidence: Floats
     evidence: Floats
@@ -46,50 +45,54 @@ class Alternatives:
 
 
 def alternatives(
-    replayer: Replayer,
-    result: Search,
-    settings: Settings,
-    retry: bool = True,
+    result: Search, settings: Settings, retry: bool = True
 ) -> tuple[Alternatives, ...]:
-    """Put others in the place of each cause of the best hypothesis.
+    """Try other candidates in the place of each cause of the best hypothesis.
 
     Args:
-        bench: replays.
-        result: of the search.
-        settings: of the search.
-        retry: whether to try, too, whom the search never tried beside the same others.
+        result: the result of the search.
+        settings: thresholds of the search.
+        retry: whether to fit candidates beside causes beside which the search tried none.
     """
-    best = result.best
-    if best is None:
-        return ()
-    rule = result.noise_model
-    everyone = []
-    for i, (candidate, _) in enumerate(best.hypothesis):
+    problem, best = result.problem, result.best
+    found = []
+    for i, candidate in enumerate(best.candidates):
         rest = [part for j, part in enumerate(best.hypothesis) if j != i]
-        before = tried_beside([*result.steps, *result.revised], rest)
-        if before is not None:
-            base, tried = before.base, before.tried
+        step = result.step_beside(rest)
+        if step is not None:
+            without, tried = step.base, step.tried
+        elif retry:
+            without = fit(problem, rest) if rest else null_fit(problem)
+            tried = fit_next(problem, result.sensitivities, without, settings.refits)
         else:
-            base = fit(replayer, rest, rule.learn, rule.null) if rest and retry else None
-            tried = try_next(replayer, result.found, rule, base, settings.refits) if retry else ()
-        fits = _with_best(rule, tried, best, candidate)
-        floor = 0.0 if base is None else again(rule, base).evidence
+            without, tried = null_fit(problem), ()
+        fits = _with_best(problem, tried, best, candidate)
+        floor = rescore(problem, without).evidence
         chances = probabilities(floor, fits)
-        more = np.array([f.evidence for f in fits]) - floor
-        alike = _equivalent(best, fits, chances)
-        own = again(rule, best).evidence - floor
-        everyone.append(Alternatives(candidate, base, fits, chances, more, own, alike))
-    return tuple(everyone)
+        found.append(
+            Alternatives(
+                candidate=candidate,
+                without=without,
+                tried=fits,
+                confidence=chances,
+                evidence=np.array([f.evidence for f in fits]) - floor,
+                own=rescore(problem, best).evidence - floor,
+                equivalent=_equivalent(best, fits, chances),
+            )
+        )
+    return tuple(found)
 
 
 def _with_best(
-    rule: NoiseModel, tried: Sequence[Fit], best: Fit, candidate: Candidate
+    problem: Problem, tried: Sequence[Fit], best: Fit, candidate: Candidate
 ) -> tuple[Fit, ...]:
-    others = [again(rule, f) for f in tried if not same(f.candidates[-1], candidate)]
-    return tuple(sorted([again(rule, best), *others], key=lambda f: -f.evidence))
+    """Return the fits with the best hypothesis in place of its own earlier fit, best first."""
+    others = [rescore(problem, f) for f in tried if not f.candidates[-1].matches(candidate)]
+    return tuple(sorted([rescore(problem, best), *others], key=lambda f: -f.evidence))
 
 
 def _equivalent(best: Fit, fits: Sequence[Fit], chances: Floats) -> tuple[Candidate, ...]:
+    """Return the last candidates of fits that predict the same as the best hypothesis."""
     found = []
     for other, chance in zip(fits, chances, strict=True):
         if other.hypothesis is best.hypothesis or chance < CHANCE:

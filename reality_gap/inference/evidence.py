@@ -1,4 +1,10 @@
-"""How likely the data are under a suspect: marginal likelihoods of linear Gaussian models."""
+"""Evidence of a hypothesis: the marginal likelihood of a linear Gaussian model.
+
+With whitened columns X of the parameters, a whitened residual r and a normal prior of theta, the
+log likelihood at its best theta is reduced by a penalty for the freedom of the parameters, by
+Laplace's approximation (see `complexity`). All evidence is relative to the model without these
+columns and in nats.
+"""
 
 from __future__ import annotations
 
@@ -6,40 +12,37 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats, Ints
 
 PRIOR = 3.0
-"""Standard deviation of a fault's parameters, in units of their ``scale``, where one must do."""
+"""Standard deviation of a fault's parameters in units of their ``scale``, as a single value."""
 SIZES = (3.0, 1.0, 0.3, 0.1)
-"""Standard deviations that are equally likely: nobody knows how large a fault will be."""
+"""Equally likely standard deviations of a fault's parameters in units of their ``scale``."""
 
 
 @dataclass(frozen=True)
 class LinearFit:
-    """A linear fit of whitened residuals.
+    """Result of a linear fit to a whitened residual.
 
     Attributes:
-        theta: (p,) in scales from the null.
-        evidence: log marginal likelihood over the one without these columns [nats].
+        theta: parameters in scales from their null values, shape (p,).
+        evidence: log marginal likelihood relative to the one without these columns [nats].
     """
 
     theta: Floats
     evidence: float
 
 
-def fit_normal(
-    gram: Floats, right: Floats, low: Floats, high: Floats, cause: NDArray[np.int64]
-) -> LinearFit:
-    """Fit whitened columns to a whitened residual, with a normal prior within bounds.
+def fit_normal(gram: Floats, right: Floats, low: Floats, high: Floats, cause: Ints) -> LinearFit:
+    """Fit whitened columns X to a whitened residual r, with a normal prior within bounds.
 
     Args:
-        gram: (p, p) products of the columns, per scale of a parameter.
-        right: (p,) products of the columns with the residual.
-        low, high: (p,) bounds of theta.
-        cause: (p,) which cause a parameter belongs to; see `complexity`.
+        gram: X'X with columns per scale of a parameter, shape (p, p).
+        right: X'r, shape (p,).
+        low, high: bounds of theta, shape (p,).
+        cause: index of the cause that each parameter belongs to, shape (p,); see `complexity`.
     """
     precision = gram + np.eye(len(right)) / PRIOR**2
     theta: Floats = np.linalg.solve(precision, right).astype(np.float64)
@@ -49,23 +52,23 @@ def fit_normal(
             np.float64
         )
     quality = float(right @ theta - 0.5 * theta @ gram @ theta)
-    price = complexity(gram, theta, cause, np.zeros(len(right), dtype=bool))
-    return LinearFit(theta, quality - price)
+    penalty = complexity(gram, theta, cause, np.zeros(len(right), dtype=bool))
+    return LinearFit(theta, quality - penalty)
 
 
-def complexity(
-    gram: Floats, theta: Floats, cause: NDArray[np.int64], flat: NDArray[np.bool_]
-) -> float:
-    """What a model pays for the room that its parameters have [nats].
+def complexity(gram: Floats, theta: Floats, cause: Ints, flat: Bools) -> float:
+    """Compute the penalty for the freedom of a model's parameters [nats].
 
-    By Laplace: theta's distance from the null in prior deviations, and half the log determinant of
-    posterior over prior precision; averaged over `SIZES` for each cause by itself.
+    By Laplace's approximation this is half the squared distance of theta from the null in prior
+    deviations, plus half the log determinant of posterior over prior precision. The likelihood is
+    averaged over the deviations `SIZES`, independently for each cause.
 
     Args:
-        gram: (p, p) Fisher information per squared scale.
-        theta: (p,) in scales from the null.
-        cause: (p,) which cause each parameter belongs to; -1 for those whose deviation is `PRIOR`.
-        flat: (p,) whether where a parameter stands costs nothing.
+        gram: Fisher information per squared scale, shape (p, p).
+        theta: parameters in scales from their null values, shape (p,).
+        cause: index of the cause that each parameter belongs to, shape (p,); -1 for a parameter
+            whose deviation is `PRIOR`.
+        flat: whether the value of a parameter is not penalised, shape (p,).
     """
     causes = np.unique(cause[cause >= 0])
     distance = np.where(flat, 0.0, theta**2)
@@ -74,12 +77,12 @@ def complexity(
         deviation = np.full(len(theta), PRIOR)
         for one, size in zip(causes, sizes, strict=True):
             deviation[(cause == one) & ~flat] = size
-        room = np.eye(len(theta)) + deviation[:, None] * gram * deviation
-        logs.append(-0.5 * float(np.sum(distance / deviation**2) + np.linalg.slogdet(room)[1]))
+        ratio = np.eye(len(theta)) + deviation[:, None] * gram * deviation
+        logs.append(-0.5 * float(np.sum(distance / deviation**2) + np.linalg.slogdet(ratio)[1]))
     return float(np.log(len(logs)) - np.logaddexp.reduce(logs))
 
 
 def occam(gram: Floats) -> float:
-    """Half the log determinant of posterior over prior precision, with deviation `PRIOR` [nats]."""
-    _, size = np.linalg.slogdet(np.eye(len(gram)) + PRIOR**2 * gram)
-    return 0.5 * float(size)
+    """Return half the log determinant of posterior over prior precision for `PRIOR` [nats]."""
+    _, log_determinant = np.linalg.slogdet(np.eye(len(gram)) + PRIOR**2 * gram)
+    return 0.5 * float(log_determinant)

@@ -1,39 +1,45 @@
-"""The search for causes: one after the other, each the one that makes the data most likely."""
+"""Forward selection: adds causes one by one, each the one that makes the data most likely."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from reality_gap.inference.deferral import Waiting
-from reality_gap.inference.gauss_newton import Fit, fit, fitting, together
-from reality_gap.inference.likelihood import NoiseModel, noise_model
+from reality_gap.inference.deferral import Deferred
+from reality_gap.inference.gauss_newton import (
+    Fit,
+    fit,
+    fit_stepwise,
+    null_fit,
+    rescore,
+    run_together,
+)
+from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
-from reality_gap.inference.refinement import again, try_next
+from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import same
-from reality_gap.simulation.replayer import Hypothesis, Replayer
-from reality_gap.types import Floats
+from reality_gap.simulation.hypothesis import Hypothesis
 
 LONG = 20.0
-"""Length of a log beyond which what names are nearly right by adds up [s]."""
+"""Length of a log from which on the errors of nearly right causes add up [s]."""
 CLOSE = 1.0
-"""How many roots of the best's evidence rivals may lie below it, to be fitted as fully [nats]."""
+"""Candidates whose evidence is lower than the best by at most so many times its square root are
+fitted fully [nats]."""
 SWAP = 1.0
-"""Evidence by which another must be better to take the place of an earlier cause [nats]."""
+"""Evidence by which another candidate must be better to replace an earlier cause [nats]."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a search decides; the defaults are calibrated, see docs/reality_gap.md.
+    """Thresholds of a search; the defaults are calibrated, see docs/tuning.md.
 
     Attributes:
-        refits, more_refits: how many suspects are fitted fully in the first step, in later ones.
+        refits, more_refits: how many candidates are fitted in the first step and in later steps.
         threshold: evidence that the first cause needs [nats].
-        further: evidence that each further cause needs [nats].
-        root: of the evidence so far; so many of it each further cause must add. What the right name
-            leaves over, as its form is not quite right, grows with it.
-        most: number of causes at most.
+        further: evidence that each further cause must add [nats].
+        root: multiple of the square root of the evidence so far that each further cause must add:
+            what a right cause leaves, because its form is not exactly right, grows with it.
+        most: largest number of causes.
     """
 
     refits: int = 8
@@ -44,95 +50,108 @@ class Settings:
     most: int = 3
 
     def for_log(self, seconds: float) -> Settings:
-        """The same for a log of ``seconds``: what a further cause needs grows with its length.
+        """Return the settings for a log of this length [s].
 
-        The form of the first is not quite right, and each further second says it again.
+        The form of the first cause is not exactly right, and the evidence of that grows with the
+        length of the log. So does the evidence that a further cause needs.
         """
         return replace(self, further=self.further * max(1.0, seconds / LONG))
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a search: what was in already, and who was tried beside it, best first."""
+    """One step of a search.
 
-    base: Fit | None
+    Attributes:
+        base: the causes so far.
+        tried: fits of ``base`` with one candidate more each, best first.
+        accepted: whether the best of them was accepted.
+    """
+
+    base: Fit
     tried: tuple[Fit, ...]
     accepted: bool
 
 
 @dataclass(frozen=True)
 class Search:
-    """What a search found.
+    """Result of a search.
 
     Attributes:
-        steps: one more than causes were accepted, unless there were the most.
-        best: the hypothesis that stands; None for the null.
-        ruler: what evidence was measured in, at the end.
-        found: sensitivities of all who were looked at.
-        revised: who was tried in the place of earlier causes, beside the later ones; see `revise`.
+        problem: the problem with the noise model by which evidence was measured at the end.
+        steps: all steps; the last one was not accepted unless there are the most causes.
+        best: the accepted causes; the nominal model if there are none.
+        sensitivities: of all candidates that were screened.
+        revised: steps in which earlier causes were replaced; see `revise`.
     """
 
+    problem: Problem
     steps: tuple[Step, ...]
-    best: Fit | None
-    noise_model: NoiseModel
-    found: tuple[Sensitivity, ...]
+    best: Fit
+    sensitivities: tuple[Sensitivity, ...]
     revised: tuple[Step, ...] = ()
+
+    def step_beside(self, others: Hypothesis) -> Step | None:
+        """Return the step that tried candidates beside exactly these others, if there is one."""
+        candidates = [other for other, _ in others]
+        for step in (*self.steps, *self.revised):
+            base = step.base.candidates
+            same = all(any(s.matches(b) for b in base) for s in candidates)
+            if len(base) == len(candidates) and same:
+                return step
+        return None
 
 
 def search(
-    replayer: Replayer,
-    found: Sequence[Sensitivity],
-    null: Floats,
-    tolerances: Floats,
+    problem: Problem,
+    sensitivities: Sequence[Sensitivity],
     settings: Settings,
-    waiting: Waiting | None = None,
+    deferred: Deferred | None = None,
 ) -> Search:
     """Search for the causes of a residual.
 
     Args:
-        bench: replays.
-        found: sensitivities at the null of all suspects but those who wait.
-        null: (n,) residual of the study's model.
-        tolerances: (n, p) what every honest drawing is off by.
+        problem: what is to be explained, with a noise model without inflation.
+        sensitivities: of all candidates that are not deferred.
         settings: thresholds.
-        waiting: who is looked at where the others promise something.
+        deferred: candidates that are screened where others have evidence.
     """
-    rule = plain = noise_model(replayer.measured, null, tolerances)
-    best: Fit | None = None
+    plain, best = problem, null_fit(problem)
     steps: list[Step] = []
     while len(steps) < settings.most:
-        beside = rule if best is None else _foreseen(plain, found, rule, best)
-        if waiting:
-            found = [*found, *waiting.call(rank(found, beside, best))]
-        refits = settings.refits if best is None else settings.more_refits
-        tried = try_next(replayer, found, beside, best, refits)
+        beside = problem if best.is_null else _anticipate(plain, problem, sensitivities, best)
+        if deferred:
+            ranked = rank(beside, sensitivities, best)
+            sensitivities = [*sensitivities, *deferred.release(ranked)]
+        refits = settings.refits if best.is_null else settings.more_refits
+        tried = fit_next(beside, sensitivities, best, refits)
         if not tried:
             break
-        rule = plain.where_wanders(tried[0].residual)
-        tried = tuple(sorted((again(rule, f) for f in tried), key=lambda f: -f.evidence))
-        base = None if best is None else again(rule, best)
-        best = tried[0]
-        if _accept(base, best, settings):
-            tried = polished(replayer, tried, rule)
-            best = tried[0]
-        accepted = _accept(base, best, settings)
+        problem = plain.inflated(tried[0].residual)
+        tried = tuple(sorted((rescore(problem, f) for f in tried), key=lambda f: -f.evidence))
+        base = rescore(problem, best)
+        if _accept(base, tried[0], settings):
+            tried = polish(problem, tried)
+        accepted = _accept(base, tried[0], settings)
         steps.append(Step(base, tried, accepted))
+        best = tried[0] if accepted else base
         if not accepted:
-            best = base
             break
-    return Search(tuple(steps), best, rule, tuple(found))
+    return Search(problem, tuple(steps), best, tuple(sensitivities))
 
 
-def polished(replayer: Replayer, tried: Sequence[Fit], rule: NoiseModel) -> tuple[Fit, ...]:
-    """Those that are close to the best, fitted with slopes where they stand; best first.
+def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
+    """Refit the candidates that are close to the best with finite differences.
 
-    Quick fits go by slopes at the null. Where a wire sticks and slips these see a minimum beside
-    the true one, and the rest of a full fit is worth more than what sets rivals apart.
+    Quick fits use slopes at the null. With stick-slip these lead to a minimum beside the true one,
+    and the rest of a full fit is worth more than the difference between candidates.
 
     Args:
-        bench: replays.
+        problem: what is to be explained.
         tried: fits, best first.
-        rule: what evidence is measured in.
+
+    Returns:
+        All fits, best first.
     """
     done, rest = list[Fit](), list(tried)
     while True:
@@ -140,64 +159,56 @@ def polished(replayer: Replayer, tried: Sequence[Fit], rule: NoiseModel) -> tupl
         close = [f for f in rest if f.evidence >= best - CLOSE * max(best, 0.0) ** 0.5]
         if not close:
             return tuple(sorted([*done, *rest], key=lambda f: -f.evidence))
-        fits = [fitting(f.hypothesis, rule.learn, rule.null, f.jacobian) for f in close]
-        done, rest = done + together(replayer, fits), rest[len(close) :]
+        fits = [fit_stepwise(problem, f.hypothesis, f.jacobian) for f in close]
+        done, rest = done + run_together(problem.replayer, fits), rest[len(close) :]
 
 
-def _foreseen(
-    plain: NoiseModel, found: Sequence[Sensitivity], rule: NoiseModel, base: Fit
-) -> NoiseModel:
-    """The ruler by what would remain beside ``base`` and whoever promises most.
+def _anticipate(
+    plain: Problem, problem: Problem, sensitivities: Sequence[Sensitivity], base: Fit
+) -> Problem:
+    """Return the problem inflated by what would remain beside ``base`` and the best candidate.
 
-    What a further cause does wanders in the remainder without it, and would hide itself there.
+    The effect of a further cause is autocorrelated in the remainder without it, and would inflate
+    the noise by so much that the cause has no evidence.
     """
-    ranked = rank(found, rule, base)
+    ranked = rank(problem, sensitivities, base)
     if not ranked:
-        return rule
+        return problem
     _, likely, theta = ranked[0]
-    return plain.where_wanders(base.residual - likely.columns @ theta)
+    return plain.inflated(base.residual - likely.columns @ theta)
 
 
-def _accept(base: Fit | None, best: Fit, settings: Settings) -> bool:
-    if base is None:
+def _accept(base: Fit, best: Fit, settings: Settings) -> bool:
+    """Return whether the last candidate of ``best`` adds enough evidence to ``base``."""
+    if base.is_null:
         return best.evidence > settings.threshold
     more = best.evidence - base.evidence
     return more > max(settings.further, settings.root * base.evidence**0.5)
 
 
-def revise(replayer: Replayer, result: Search, settings: Settings) -> Search:
-    """Look at each cause anew beside those that came after it: drop it, or put a likelier one.
+def revise(result: Search, settings: Settings) -> Search:
+    """Drop or replace causes that the later causes made unnecessary.
 
-    The first cause of two was chosen when it had to explain a part of the other, too.
+    The first cause of two was chosen when it had to explain a part of the effect of the other.
     """
-    best, rule = result.best, result.noise_model
-    if best is None or len(best.hypothesis) == 1:
+    problem, best = result.problem, result.best
+    if len(best.hypothesis) <= 1:
         return result
-    revised: list[Step] = []
     for candidate in best.candidates:
-        rest: Hypothesis = [part for part in best.hypothesis if not same(part[0], candidate)]
-        if tried_beside([*result.steps, *revised], rest) is not None:
+        rest: Hypothesis = [part for part in best.hypothesis if not part[0].matches(candidate)]
+        if result.step_beside(rest) is not None:
             continue
-        without = fit(replayer, rest, rule.learn, rule.null)
+        without = fit(problem, rest)
         if best.evidence - without.evidence < settings.further:
             best = without
             if len(best.hypothesis) == 1:
                 break
             continue
-        tried = try_next(replayer, result.found, rule, without, settings.refits)
+        tried = fit_next(problem, result.sensitivities, without, settings.refits)
         better = bool(tried) and tried[0].evidence > best.evidence + SWAP
         if better:
-            tried = polished(replayer, tried, rule)
+            tried = polish(problem, tried)
             best = tried[0]
-        revised.append(Step(without, tried, better))
-    return replace(result, best=best, revised=tuple(revised))
-
-
-def tried_beside(steps: Sequence[Step], others: Hypothesis) -> Step | None:
-    """The step that tried whom to put beside exactly these others, if one did."""
-    beside = [other for other, _ in others]
-    for step in steps:
-        base = () if step.base is None else step.base.candidates
-        if len(base) == len(beside) and all(any(same(s, b) for b in base) for s in beside):
-            return step
-    return None
+        step = Step(without, tried, better)
+        result = replace(result, revised=(*result.revised, step))
+    return replace(result, best=best)

@@ -1,69 +1,58 @@
-"""A machine that is a little wrong everywhere: groups of causes, fitted together at rest.
+"""Group fit: groups of causes for a machine that is slightly wrong everywhere, fitted at rest.
 
-No single cause explains such a machine, and the search for one after the other would end after
-three. What many small errors do together is most of the gap between a drawing and a machine that
-was built by hand.
+No single cause explains such a machine, and a search that adds one cause after the other would end
+after three. Many small errors together make up most of the gap between a nominal model and a
+machine that was built by hand.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
-from reality_gap.diagnosis import (
-    Diagnosis,
-    Estimate,
-    FittedCandidate,
-    NamedCause,
-    Verdict,
-    sentence,
-)
+from reality_gap.diagnosis import Estimate, FittedCandidate, NamedCause
 from reality_gap.inference.groups import Group, find_groups, noise_at_rest, positions_at
 from reality_gap.inference.held_out import pays, score
-from reality_gap.inference.remainder import dependences
-from reality_gap.inference.static_fit import Noise, Settled, fit_at_rest
-from reality_gap.inference.traces import traces
+from reality_gap.inference.static_fit import ROUNDS, StaticFit, fit_at_rest
 from reality_gap.inference.verdict import at_bound
-from reality_gap.simulation.hypothesis import Candidate, acts_beside
-from reality_gap.simulation.replayer import Hypothesis, Part, Replayer
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.simulation.statics import Statics
 from reality_gap.study.measurements import Measured, channel_noise
 from reality_gap.study.splits import REPORT, split
 from reality_gap.study.static_poses import find_moments
 from reality_gap.types import Floats
 
-Tell = Callable[[str], None]
+Progress = Callable[[str], None]
+"""Called with what is being done."""
 
 FEWEST = 8
-"""Moments of rest without which groups are not fitted."""
+"""Number of moments of rest below which groups are not fitted."""
 BETTER = 0.5
-"""Groups stand if they leave less than this share of the power of anything else."""
+"""Share of the power that anything else leaves, below which the remainder of groups must be."""
 AGAIN = 3
-"""Steps of the fit without a group, from the fit with it."""
-UNASKED = "what is a little wrong everywhere hides single causes"
+"""Largest number of steps of the fit without a group, from the fit with it."""
 WIDE = 1.96
 """Half of a 95 % interval, in standard deviations."""
 
 
 @dataclass(frozen=True)
-class Whole:
-    """Groups that were fitted, and that stand.
+class GroupFit:
+    """Groups that explain a log.
 
     Attributes:
-        named: one cause a group, the most certain first.
-        rivals: every suspect of every group with its values.
-        hypothesis: all suspects with their values.
-        residual: (n,) of all readings, in units of sensor noise, from a replay of the whole log.
-        power: of it, on the report split.
-        moments: how many moments of rest served.
+        causes: one cause for each group, the most certain first.
+        fitted_candidates: all candidates of all groups with their values.
+        hypothesis: all candidates with their values.
+        residual: residual of a replay of the whole log in units of sensor noise, shape (n,).
+        power: mean square of the residual on the report split.
+        moments: number of moments of rest.
     """
 
-    named: tuple[NamedCause, ...]
+    causes: tuple[NamedCause, ...]
     fitted_candidates: tuple[FittedCandidate, ...]
     hypothesis: list[Part]
     residual: Floats
@@ -72,29 +61,37 @@ class Whole:
 
 
 def power(measured: Measured, residual: Floats) -> float:
-    """Mean square of a residual (n,) on the report split; infinite where the replay diverged."""
+    """Return the mean square of a residual on the report split; infinite if the replay diverged.
+
+    Args:
+        measured: the readings.
+        residual: residual in units of sensor noise, shape (n,).
+    """
     mean = float(np.mean(residual[split(measured) == REPORT] ** 2))
     return mean if np.isfinite(mean) else np.inf
 
 
-def explain(
+def fit_groups(
     replayer: Replayer,
     causes: Sequence[Cause],
     best: Floats,
     large: float,
-    tell: Tell = lambda what: None,
-) -> Whole | None:
-    """Fit groups of causes; None where there is no need or no way to, or where they are no better.
+    progress: Progress = lambda text: None,
+) -> GroupFit | None:
+    """Fit groups of causes.
 
-    As for single causes, no name holds with a parameter at its bound, or without a gain on held-out
-    readings.
+    Like single causes, groups are not named with a parameter at its bound, or without a gain on the
+    report split.
 
     Args:
-        bench: replays.
-        causes: the catalogue.
-        best: (n,) residual of the best hypothesis so far, in units of sensor noise.
-        large: RMS of ``best`` from which on it is worth the time [noise].
-        tell: called with what is being done.
+        replayer: replays of the study.
+        causes: causes of the catalogue.
+        best: residual of the best hypothesis so far in units of sensor noise, shape (n,).
+        large: RMS of ``best`` from which on groups are fitted [noise].
+        progress: called with what is being done.
+
+    Returns:
+        The groups; None if they are not needed, cannot be fitted, or are not better than ``best``.
     """
     before = power(replayer.measured, best)
     if not large**2 <= before < np.inf:
@@ -105,19 +102,19 @@ def explain(
     groups = find_groups(replayer.system, causes)
     if not groups:
         return None
-    table = _Table(replayer, groups, tell)
-    found = table.fit(f"fitting {table.count} parameters at {len(moments)} moments of rest")
+    fitter = _Fitter(replayer, groups, progress)
+    found = fitter.fit_all()
     residual = replayer.residual(found.hypothesis)
     after = power(replayer.measured, residual)
     if not after < BETTER * before or at_bound(found.hypothesis):
         return None
     if not pays(score(replayer.system.study, replayer.measured, best, residual).improvement):
         return None
-    worse = [_worse(table, found, group, after, len(moments)) for group in groups]
-    named = [_name(g, found, w) for g, w in zip(groups, worse, strict=True)]
-    return Whole(
-        named=tuple(sorted(named, key=lambda cause: -cause.confidence)),
-        fitted_candidates=_fitted_candidates(groups, found, worse),
+    evidence = [_evidence(fitter, found, group, after) for group in groups]
+    named = [_name(g, found, nats) for g, nats in zip(groups, evidence, strict=True)]
+    return GroupFit(
+        causes=tuple(sorted(named, key=lambda cause: -cause.confidence)),
+        fitted_candidates=_fitted_candidates(groups, found, evidence),
         hypothesis=found.hypothesis,
         residual=residual,
         power=after,
@@ -125,57 +122,58 @@ def explain(
     )
 
 
-class _Table:
-    """Where groups are fitted, with some left out."""
+class _Fitter:
+    """Fits all groups, or all but one."""
 
-    def __init__(self, replayer: Replayer, groups: Sequence[Group], tell: Tell) -> None:
-        self.replayer, self._tell = replayer, tell
+    def __init__(self, replayer: Replayer, groups: Sequence[Group], progress: Progress) -> None:
+        self.replayer, self._progress = replayer, progress
         study = replayer.system.study
-        moments = find_moments(study)
-        self._statics = Statics(replayer.system, moments)
-        self._qpos = positions_at(moments, replayer.look([]))
-        self._noise: Noise = noise_at_rest(
-            replayer.system, self._statics, channel_noise(study), self._qpos
-        )
+        self.moments = find_moments(study)
+        self._statics = Statics(replayer.system, self.moments)
+        self._qpos = positions_at(self.moments, replayer.replay([]))
+        noise = channel_noise(study)
+        self._noise = noise_at_rest(replayer.system, self._statics, noise, self._qpos)
         self._candidates = [candidate for group in groups for candidate in group.candidates]
-        self.count = sum(len(candidate.parameters) for candidate in self._candidates)
 
-    def fit(self, what: str) -> Settled:
-        """All groups, from null."""
-        start = [(candidate, candidate.nulls()) for candidate in self._candidates]
-        return self._fit(start, what, {})
+    def fit_all(self) -> StaticFit:
+        """Fit all groups, from the null."""
+        start = [(candidate, candidate.null_values()) for candidate in self._candidates]
+        count = sum(len(candidate.parameters) for candidate in self._candidates)
+        text = f"fitting {count} parameters at {len(self.moments)} moments of rest"
+        return self._fit(start, text, ROUNDS)
 
-    def without(self, found: Settled, group: Group) -> list[Part]:
-        """The others without a group, from where they stand with it."""
+    def fit_without(self, found: StaticFit, group: Group) -> list[Part]:
+        """Fit the other groups, from their fit with this group."""
         start = [part for part in found.hypothesis if part[0] not in group.candidates]
-        what = f"fitting without {group.candidates[0].cause.title}"
-        return self._fit(start, what, {"rounds": AGAIN}).hypothesis
+        text = f"fitting without {group.candidates[0].cause.title}"
+        return self._fit(start, text, AGAIN).hypothesis
 
-    def _fit(self, start: Hypothesis, what: str, more: dict[str, int]) -> Settled:
+    def _fit(self, start: Hypothesis, text: str, rounds: int) -> StaticFit:
         def tick(number: int) -> None:
-            self._tell(f"{what}, step {number}")
+            self._progress(f"{text}, step {number}")
 
-        self._tell(what)
+        self._progress(text)
         system = self.replayer.system
-        return fit_at_rest(system, self._statics, start, self._qpos, self._noise, tick=tick, **more)
+        return fit_at_rest(system, self._statics, start, self._qpos, self._noise, rounds, tick)
 
 
-def _worse(table: _Table, found: Settled, group: Group, after: float, moments: int) -> float:
-    """How much less likely the log is without a group [nats].
+def _evidence(fitter: _Fitter, found: StaticFit, group: Group, after: float) -> float:
+    """Return how much a group adds to the log likelihood [nats].
 
-    The residual's size is what the best fit leaves, and a moment of rest counts once: what is left
-    over is the same error over and over, in every reading of a moment.
+    The variance is what the best fit leaves (``after``). A moment of rest counts once, because the
+    errors of its readings are the same throughout.
     """
-    replayer = table.replayer
-    without = power(replayer.measured, replayer.residual(table.without(found, group)))
-    return 0.5 * moments * float(np.log(min(without / after, 1e6)))
+    replayer = fitter.replayer
+    without = power(replayer.measured, replayer.residual(fitter.fit_without(found, group)))
+    return 0.5 * len(fitter.moments) * float(np.log(min(without / after, 1e6)))
 
 
-def _confidence(worse: float) -> float:
-    return float(1.0 / (1.0 + np.exp(-np.clip(worse, -50.0, 50.0))))
+def _confidence(evidence: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-np.clip(evidence, -50.0, 50.0))))
 
 
-def _name(group: Group, found: Settled, worse: float) -> NamedCause:
+def _name(group: Group, found: StaticFit, evidence: float) -> NamedCause:
+    """Return a group as a cause of the verdict."""
     parameters = {}
     for (candidate, values), sizes in zip(found.hypothesis, found.deviation, strict=True):
         if candidate in group.candidates:
@@ -184,51 +182,15 @@ def _name(group: Group, found: Settled, worse: float) -> NamedCause:
                 parameters[group.label(candidate, p.name)] = Estimate(
                     values[p.name], max(low, p.low), min(high, p.high), p.unit
                 )
-    return NamedCause(group.named(), parameters, _confidence(worse), ())
+    return NamedCause(group.merged(), parameters, _confidence(evidence), ())
 
 
 def _fitted_candidates(
-    groups: Sequence[Group], found: Settled, worse: Sequence[float]
+    groups: Sequence[Group], found: StaticFit, evidence: Sequence[float]
 ) -> tuple[FittedCandidate, ...]:
     values: dict[Candidate, dict[str, float]] = {s: dict(v) for s, v in found.hypothesis}
     return tuple(
         FittedCandidate(candidate, values[candidate], nats, _confidence(nats), step, chosen=True)
-        for step, (group, nats) in enumerate(zip(groups, worse, strict=True))
+        for step, (group, nats) in enumerate(zip(groups, evidence, strict=True))
         for candidate in group.candidates
     )
-
-
-def of_groups(replayer: Replayer, whole: Whole, null: Floats, begin: float) -> Diagnosis:
-    """The diagnosis of a machine that groups of causes explain.
-
-    Args:
-        bench: replays.
-        whole: the groups.
-        null: (n,) residual of the study's model, in units of sensor noise.
-        begin: when the diagnosis began, by `time.monotonic`.
-    """
-    system, residual = replayer.system, whole.residual
-    scored = score(system.study, replayer.measured, null, residual)
-    named = {cause.candidate.cause.id for cause in whole.named}
-    diagnosis = Diagnosis(
-        study=system.study.name,
-        verdict=Verdict.NAMED,
-        sentence="",
-        causes=whole.named,
-        fitted_candidates=whole.fitted_candidates,
-        rms_before=scored.before,
-        rms_after=scored.after,
-        noise_floor=scored.floor,
-        gain=scored.gain,
-        unexplained_fraction=scored.unexplained,
-        explainable_fraction=1.0 - scored.unexplained,
-        depends_on=dependences(replayer, residual, replayer.look(whole.hypothesis).records),
-        next_experiment=None,
-        not_judged=tuple((name, UNASKED) for name in CATALOGUE if name not in named),
-        traces=traces(replayer, null, residual),
-        effects=tuple(part for part in whole.hypothesis if acts_beside(system, *part)),
-        extended_xml=replayer.machine(whole.hypothesis).spec.to_xml(),
-        seconds=time.monotonic() - begin,
-        measures={"causes": float(len(whole.named)), "moments": float(whole.moments)},
-    )
-    return replace(diagnosis, sentence=sentence(diagnosis))

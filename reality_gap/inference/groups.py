@@ -1,4 +1,4 @@
-"""Groups of causes: what may be a little wrong at every joint and on every wire at once."""
+"""Groups of causes: parameters of all joints or all tendons that may be slightly wrong at once."""
 
 from __future__ import annotations
 
@@ -18,43 +18,39 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 EVERY = "every"
-"""What notes of places begin with that have parameters of each of many elements."""
+"""First word of the note of a location whose elements each have parameters of their own."""
 EACH = ("length_offset",)
-"""Causes without a place on many elements with parameters of each: all their places are taken."""
+"""Causes without such a location; all their single locations form a group."""
 SHARED = ("tendon_elasticity",)
-"""Causes of which all wires share the parameters."""
+"""Causes whose parameters all tendons share."""
 OWN = "each its own"
-"""Note of a place made of all places of a cause."""
+"""Note of the location that is made of all single locations of a cause."""
 LEAST = 2
-"""Causes with places on many elements, without which a machine is too small for groups."""
+"""Number of groups with location `EVERY` below which a machine is too small for groups."""
 
 SHARES = {
     int(mujoco.mjtSensor.mjSENS_TENDONPOS): 0.03,
     int(mujoco.mjtSensor.mjSENS_ACTUATORPOS): 0.03,
 }
+"""Errors of readings that no group explains, such as those of wrapping, by kind of sensor: shares
+of the spread of all readings of that kind at rest. A tendon length that varies by 15 mm is exact to
+0.5 mm."""
 OTHERS = 0.015
-"""What the groups cannot say of a reading, as wires that wrap around bodies: shares of the spread
-of all readings of its kind at rest. A length of a wire that moves by 15 mm is believed to 0.5 mm,
-a marker that moves by 70 mm to 1 mm."""
+"""The same share for other kinds of sensors: a marker that moves by 70 mm is exact to 1 mm."""
 FRICTION = 0.5
-"""The same of forces in the balance: friction holds a machine at rest anywhere within it."""
+"""The same share for forces in the balance, because friction holds a machine anywhere within it."""
 MISSING = 0.015
-"""The same of the balance itself, as a share of the torques of gravity and springs."""
+"""The same share for the balance, of the torques of gravity and springs."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Suspects that are named together: one on many elements, or all single ones of a cause."""
+    """Candidates that are named together: one with many elements, or all single ones of a cause."""
 
     candidates: tuple[Candidate, ...]
 
-    @property
-    def id(self) -> str:
-        """Of the cause."""
-        return self.candidates[0].cause.id
-
-    def named(self) -> Candidate:
-        """The group as one suspect, whose parameters bear the names of `label`."""
+    def merged(self) -> Candidate:
+        """Return the group as one candidate, whose parameters are named by `label`."""
         first = self.candidates[0]
         if len(self.candidates) == 1:
             return first
@@ -65,18 +61,20 @@ class Group:
         return Candidate(first.cause, Location(first.location.kind, elements, OWN), parameters)
 
     def label(self, candidate: Candidate, parameter: str) -> str:
-        """Name of a suspect's parameter within the group."""
+        """Return the name of a candidate's parameter within the group."""
         if len(self.candidates) == 1:
             return parameter
         return f"{' '.join(candidate.location.elements)}.{parameter}"
 
 
 def find_groups(system: System, causes: Sequence[Cause]) -> tuple[Group, ...]:
-    """Groups of a machine; none where it has too few parts, or joints other than hinges and slides.
+    """Return the groups of a machine.
+
+    There are none in a machine with too few parts, or with joints other than hinges and slides.
 
     Args:
-        system: the machine.
-        causes: of the catalogue.
+        system: the study's model and its elements.
+        causes: causes of the catalogue.
     """
     model = system.model
     if model.nq != model.nv or model.neq or system.study.inverse:
@@ -96,33 +94,33 @@ def find_groups(system: System, causes: Sequence[Cause]) -> tuple[Group, ...]:
 
 
 def noise_at_rest(system: System, statics: Statics, noise: Floats, qpos: Floats) -> Noise:
-    """Standard deviations of a fit of groups.
+    """Return the standard deviations for a fit of groups.
 
     Args:
-        system: the machine.
-        statics: of the moments of rest.
-        noise: (c,) of one reading of each channel.
-        qpos: (k, nq) positions in the model's replay.
+        system: the study's model and its elements.
+        statics: evaluates the moments of rest.
+        noise: standard deviation of one reading of each channel in SI units, shape (c,).
+        qpos: positions of the joints in the nominal replay, shape (k, nq).
     """
     kinds = np.array([int(system.model.sensor(c.sensor).type[0]) for c in system.study.channels])
     spread = np.array([_spread(statics.moments.value[:, kinds == kind]) for kind in kinds])
     share = np.array([SHARES.get(kind, OTHERS) for kind in kinds])
-    found = statics.look(build(system, []), qpos)
+    found = statics.balance(build(system, []), qpos)
     force = FRICTION * _spread(found.force)
     torque = MISSING * float(np.sqrt(np.mean(found.weight**2)))
     return Noise(np.hypot(noise, share * spread), force + 1e-9, torque + 1e-3 * force + 1e-9)
 
 
 def _spread(values: Floats) -> float:
-    """RMS of columns (k, c) about their means, all together; nan cells are left out."""
-    seen = values[:, np.isfinite(values).any(axis=0)]
-    if seen.size == 0:
+    """Return the RMS of columns (k, c) about their means, all together, without NaN."""
+    known = values[:, np.isfinite(values).any(axis=0)]
+    if known.size == 0:
         return 0.0
-    return float(np.sqrt(np.nanmean((seen - np.nanmean(seen, axis=0)) ** 2)))
+    return float(np.sqrt(np.nanmean((known - np.nanmean(known, axis=0)) ** 2)))
 
 
 def positions_at(moments: Moments, replayed: Replay) -> Floats:
-    """Where joints stand in a replay at moments of rest (k, nq)."""
+    """Return the positions of the joints in a replay at moments of rest, shape (k, nq)."""
     rows = []
     for time, episode in zip(moments.time, moments.episode, strict=True):
         record = replayed.records[episode]

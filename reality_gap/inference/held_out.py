@@ -1,31 +1,36 @@
-"""What an extended model gains on readings that served neither to fit nor to choose."""
+"""Held-out scores: how well an extended model predicts readings that it was not fitted to."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.diagnosis import Gain
-from reality_gap.inference.likelihood import NoiseModel
-from reality_gap.inference.whitening import tolerated
+from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.theta import prior_weights
+from reality_gap.inference.whitening import explained_by_tolerances
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, rough_noise
 from reality_gap.study.splits import BLOCK, REPORT, split
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats, Ints
 
-DRAWS = 1000
+SAMPLES = 1000
+"""Number of bootstrap samples of an interval."""
+LEAST_WEIGHT = 0.1
+"""Least prior weight of a parameter in a refit to one split, which may not show it at all."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """RMS of whitened residuals on the report split, and what an extension gains.
+    """Comparison of two models by the RMS of their residuals on the report split.
 
     Attributes:
-        before, after, floor: RMS without and with the extension, and of the readings' own noise.
-        gain: None where ``before`` is not surely above the floor.
-        unexplained: share of the power above the floor that is left, 0 to 1.
+        before, after: RMS without and with the extension, in units of noise.
+        floor: RMS of the readings' own noise.
+        gain: (before - after) / (before - floor); None if ``before`` is not surely above the floor.
+        unexplained: share of the power above the floor that remains, 0 to 1.
         improvement: ``before - after``.
     """
 
@@ -38,7 +43,13 @@ class Score:
 
 
 def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Score:
-    """Compare two residuals (n,) in units of noise; intervals by a bootstrap over time blocks."""
+    """Compare two residuals on the report split; intervals are those of a bootstrap over blocks.
+
+    Args:
+        study: the study.
+        measured: its readings.
+        before, after: residuals without and with an extension in units of noise, shape (n,).
+    """
     use = split(measured) == REPORT
     floor = np.minimum(1.0, rough_noise(study) / _noise(study, measured))[measured.channel[use]]
     block = _blocks(measured, use)
@@ -48,64 +59,94 @@ def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Sc
             for weights in (before[use] ** 2, after[use] ** 2, floor**2, np.ones(int(use.sum())))
         ]
     )
-    draws = np.array([_rms(sums[rows]) for rows in _resamples(len(sums))], dtype=np.float64)
+    samples = np.array([_rms(sums[rows]) for rows in _resamples(len(sums))], dtype=np.float64)
     first, last, low = _rms(sums)
-    room = draws[:, 0] - draws[:, 2]
+    excess = samples[:, 0] - samples[:, 2]
     gain = None
-    if np.quantile(room, 0.025) > 0.0:
-        shares = (draws[:, 0] - draws[:, 1]) / room
+    if np.quantile(excess, 0.025) > 0.0:
+        shares = (samples[:, 0] - samples[:, 1]) / excess
         ends = np.quantile(shares, [0.025, 0.975])
         gain = Gain(float((first - last) / (first - low)), float(ends[0]), float(ends[1]))
     power = first**2 - low**2
     unexplained = float(np.clip((last**2 - low**2) / power, 0.0, 1.0)) if power > 0 else 0.0
-    improvement = _with_interval(first - last, draws[:, 0] - draws[:, 1])
+    improvement = _with_interval(first - last, samples[:, 0] - samples[:, 1])
     return Score(first, last, low, gain, unexplained, improvement)
 
 
-def likelihood_gain(noise_model: NoiseModel, after: Floats) -> Gain:
-    """How much likelier an extension makes the report split, given the other splits [nats].
+def likelihood_gain(problem: Problem, after: Floats) -> Gain:
+    """Return the gain in log likelihood of the report split, given the other splits [nats].
 
     Both residuals are compared after subtracting what the tolerances of the nominal model explain,
     as inferred from the other splits: the RMS of a faint fault is often below that of tolerances.
 
     Args:
-        noise_model: tolerances, and how many readings count as one.
-        after: (n,) residual with the extension, in units of sensor noise.
+        problem: what is to be explained; its noise model holds the tolerances.
+        after: residual with the extension in units of sensor noise, shape (n,).
     """
-    measured, spread = noise_model.measured, noise_model.spread
+    measured, noise_model = problem.measured, problem.noise_model
     use = split(measured) == REPORT
 
     def remaining(residual: Floats) -> Floats:
-        return residual - tolerated(noise_model.tolerances, spread, ~use, residual)
+        return residual - explained_by_tolerances(
+            noise_model.tolerances, noise_model.inflation, ~use, residual
+        )
 
-    gain = 0.5 * (remaining(noise_model.null) ** 2 - remaining(after) ** 2) / spread
+    before = remaining(problem.null_residual)
+    gain = 0.5 * (before**2 - remaining(after) ** 2) / noise_model.inflation
     sums = np.bincount(_blocks(measured, use), gain[use])
     return _with_interval(float(sums.sum()), sums[_resamples(len(sums))].sum(axis=1))
 
 
 def pays(improvement: Gain, likelihood: Gain | None = None) -> bool:
-    """Whether an extension surely predicts held-out readings better than the study's model.
+    """Return whether an extension surely predicts held-out readings better than the study's model.
 
     The interval of the RMS or of the likelihood must lie above zero, and the RMS must not surely be
     worse.
+
+    Args:
+        improvement: decrease of the RMS; see `Score`.
+        likelihood: gain in log likelihood [nats], if known.
     """
     better = improvement.low > 0.0 or (likelihood is not None and likelihood.low > 0.0)
     return better and improvement.high > 0.0
 
 
-def _blocks(measured: Measured, use: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Number of the time block of each reading in use."""
+def selection_score(problem: Problem, fitted: Fit) -> float:
+    """Return the gain in log likelihood of the selection split by a fit to the fit split [nats].
+
+    One linear step moves the parameters from their fit to both splits to that to the fit split.
+
+    Args:
+        problem: what is to be explained.
+        fitted: a fit to both splits.
+    """
+    noise_model = problem.noise_model
+    weights = np.maximum(prior_weights(fitted.hypothesis), LEAST_WEIGHT)
+    columns, left = noise_model.whiten_fit(fitted.jacobian), noise_model.whiten_fit(fitted.residual)
+    matrix = np.vstack([columns, np.diag(weights)])
+    right = np.concatenate([left, -weights * fitted.theta])
+    step = np.linalg.lstsq(matrix, right, rcond=None)[0]
+
+    def power(residual: Floats) -> float:
+        both = np.sum(noise_model.whiten(residual) ** 2)
+        return float(both - np.sum(noise_model.whiten_fit(residual) ** 2))
+
+    return 0.5 * (power(problem.null_residual) - power(fitted.residual - fitted.jacobian @ step))
+
+
+def _blocks(measured: Measured, use: Bools) -> Ints:
+    """Return the number of the time block of each reading in use."""
     block = np.column_stack([measured.episode[use], np.floor(measured.time[use] / BLOCK)])
     return np.unique(block, axis=0, return_inverse=True)[1].ravel()
 
 
-def _resamples(count: int) -> NDArray[np.int64]:
-    """Bootstrap samples of ``count`` blocks, (`DRAWS`, count)."""
-    return np.random.default_rng(0).integers(0, count, (DRAWS, count))
+def _resamples(count: int) -> Ints:
+    """Return bootstrap samples of ``count`` blocks, shape (`SAMPLES`, count)."""
+    return np.random.default_rng(0).integers(0, count, (SAMPLES, count))
 
 
-def _with_interval(value: float, draws: Floats) -> Gain:
-    low, high = np.quantile(draws, [0.025, 0.975])
+def _with_interval(value: float, samples: Floats) -> Gain:
+    low, high = np.quantile(samples, [0.025, 0.975])
     return Gain(float(value), float(low), float(high))
 
 

@@ -1,4 +1,10 @@
-"""The next experiment: the feasible motion on which the remaining rivals part the most."""
+"""Next experiment: the feasible motion that separates the remaining hypotheses best.
+
+Two hypotheses are separated by the distance of their predictions in units of noise, after the
+parameters of the less likely one and the tolerances of the nominal model were adapted to make it
+small. The slopes of parameters and tolerances are finite differences, so that the distance is that
+of a linear least-squares problem.
+"""
 
 from __future__ import annotations
 
@@ -7,100 +13,83 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reality_gap.causes.base import Parameter
 from reality_gap.diagnosis import Experiment
 from reality_gap.inference.confidence import TEMPER
 from reality_gap.inference.equivalence import Alternatives
-from reality_gap.inference.gauss_newton import STEP, Fit, at
+from reality_gap.inference.gauss_newton import STEP, Fit
 from reality_gap.inference.motions import PERIOD, SECONDS, Motion, motions
-from reality_gap.inference.screening import Sensitivity, allowances
-from reality_gap.simulation.hypothesis import Candidate
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.screening import Sensitivity
+from reality_gap.inference.theta import with_theta
+from reality_gap.inference.tolerances import Tolerance, list_tolerances
+from reality_gap.simulation.hypothesis import Hypothesis
 from reality_gap.study.data import Episode, Reading, Study
 from reality_gap.study.measurements import channel_noise
 from reality_gap.types import Floats
 
 TRIED = 6.0
-"""How much of each candidate is replayed, to choose among them [s]."""
-RIVALS = 3
+"""How much of each motion is replayed to select one of them [s]."""
+MOST = 3
+"""Largest number of candidates that are compared."""
 HELD = 0.5
-"""Share of the evidence that a motion promises which real ones hold, about: it is linear."""
-SLACK = 20
-"""How much of what every drawing is off by is weighed: that which looks most like the rivals."""
+"""Share of the linearly predicted evidence that a real motion reaches, about."""
+CONFUSING = 20
+"""Number of tolerances that are adapted: those that resemble the gap between hypotheses most."""
 
 
 def next_experiment(
-    replayer: Replayer,
-    fitted_candidates: Sequence[Alternatives],
-    found: Sequence[Sensitivity],
-    null: Floats,
+    problem: Problem,
+    fitted: Sequence[Alternatives],
+    sensitivities: Sequence[Sensitivity],
     unmodelled: float = 0.0,
 ) -> Experiment | None:
-    """The motion that best separates the likeliest rivals of the least certain cause.
+    """Return the motion that best separates the alternatives to the least certain cause.
 
-    That there is none of them is a rival, too. None where there are no rivals, or no motion is
-    likely to halve the doubt between them.
+    The hypothesis without that cause is one of them.
 
     Args:
-        bench: replays.
-        rivals: of each cause.
-        found: sensitivities of all suspects, by which what every drawing is off by is known.
-        null: (n,) residual of the study's model.
-        nameless: confidence that it is something without a name, which no motion promises to tell.
+        problem: what is to be explained.
+        fitted: alternatives to each cause.
+        sensitivities: of all candidates; they hold the tolerances of the nominal model.
+        unmodelled: probability that the cause is not in the catalogue, on which no motion decides.
+
+    Returns:
+        The experiment; None if there are no causes, or if no motion is likely to halve the doubt.
     """
-    known = replayer.system.study
-    if not fitted_candidates or known.inverse:
+    study = problem.system.study
+    if not fitted or study.inverse:
         return None
-    unsure = min(fitted_candidates, key=lambda a: float(a.confidence.max()))
-    order = np.argsort(-unsure.confidence)[:RIVALS]
-    nobody = unsure.without or Fit([], null, np.zeros((len(null), 0)), np.zeros(0), 0.0)
-    fits = [*(unsure.tried[i] for i in order), nobody]
-    nobodys = max(0.0, 1.0 - unsure.confidence.sum() - unmodelled)
-    chances = np.append(unsure.confidence[order], nobodys)
-    second = fits[1 + int(np.argmax(chances[1:]))]
-    slack = _confusing(found, second.residual - fits[0].residual)
-    here = _known(fits, [column for _, _, column in slack])
-    before = distances(len(fits), here)
-
-    def together(motion: Motion, seconds: float) -> Floats:
-        there = _foreseen(replayer, _as_study(known, motion, seconds), fits, slack)
-        return distances(len(fits), here, there)
-
-    def mean(apart: Floats) -> float:
-        return float(np.average(apart, weights=np.maximum(chances[1:], 1e-12)))
-
-    motion = max(motions(known), key=lambda motion: mean(together(motion, TRIED)))
-    after = together(motion, SECONDS)
-    promised = (after**2 - before**2) / 2
-    # Who is not replayed is further away than the nearest of those who are.
-    others = float(unsure.confidence.sum() - unsure.confidence[order].sum())
-    if not halves(np.append(chances, others), np.append(promised, promised.min())):
+    compared = _compare(problem, fitted, sensitivities, unmodelled)
+    motion = max(motions(study), key=lambda m: compared.mean(compared.with_motion(m, TRIED)))
+    before, after = distances(compared.known), compared.with_motion(motion, SECONDS)
+    gained = (after**2 - before**2) / 2
+    # A candidate that is not compared is farther away than the nearest of those that are.
+    probability = np.append(compared.probability, compared.others)
+    if not halves_doubt(probability, np.append(gained, gained.min())):
         return None
-    one = fits[0].candidates[-1]
-    alone = f"shows whether {one} is there"
-    aim = alone if second is nobody else f"tells {one} from {second.candidates[-1]}"
     return Experiment(
         title=motion.title,
-        sentence=f"Command {motion.title} for {SECONDS:.0f} s: it best {aim}.",
+        sentence=f"Command {motion.title} for {SECONDS:.0f} s: it best {compared.aim()}.",
         time=PERIOD * np.arange(len(motion.command), dtype=np.float64),
         command=motion.command,
-        separation=mean(after),
-        separation_before=mean(before),
+        separation=compared.mean(after),
+        separation_before=compared.mean(before),
     )
 
 
-def halves(chances: Floats, evidence: Floats) -> bool:
-    """Whether an experiment is likely to halve the entropy of the confidences.
+def halves_doubt(probability: Floats, evidence: Floats) -> bool:
+    """Return whether an experiment is likely to halve the entropy of the confidences.
 
     Args:
-        chances: confidence of each rival (k,), the one that is to be confirmed first. What they
-            leave to one is of those that it tells nothing of.
-        evidence: that the experiment promises against each of the others (k - 1,) [nats].
+        probability: confidence of each hypothesis, the one to be confirmed first, shape (k,). The
+            rest to 1 is that of hypotheses on which the experiment does not decide.
+        evidence: predicted evidence of the experiment against each of the others, shape (k - 1,)
+            [nats].
     """
-    rest = max(0.0, 1.0 - float(chances.sum()))
-    promised = np.concatenate([[0.0], HELD * evidence])
-    after = np.append(chances * np.exp(-promised / TEMPER), rest)
-    return _entropy(after) <= 0.5 * _entropy(np.append(chances, rest))
+    rest = max(0.0, 1.0 - float(probability.sum()))
+    predicted = np.concatenate([[0.0], HELD * evidence])
+    after = np.append(probability * np.exp(-predicted / TEMPER), rest)
+    return _entropy(after) <= 0.5 * _entropy(np.append(probability, rest))
 
 
 def _entropy(weights: Floats) -> float:
@@ -108,32 +97,133 @@ def _entropy(weights: Floats) -> float:
     return float(-np.sum(shares * np.log(shares)))
 
 
-_Slack = list[tuple[Candidate, Parameter, Floats]]
-
-
 @dataclass(frozen=True)
-class Apart:
-    """What tells the others from the likeliest of the rivals in a study, all in units of noise.
+class Separation:
+    """What separates other hypotheses from the likeliest one in a study, in units of noise.
 
     Attributes:
-        gaps: (n,) of each other's prediction from the likeliest's.
-        slopes: (n, p) of each other's prediction by its parameters.
-        slack: (n, s) what every drawing is off by.
+        gaps: difference of each prediction from that of the likeliest, shape (n,) each.
+        slopes: change of each prediction per scale of its parameters, shape (n, p) each.
+        tolerances: change of the readings by tolerances, shape (n, s).
     """
 
     gaps: Sequence[Floats]
     slopes: Sequence[Floats]
-    slack: Floats
+    tolerances: Floats
 
 
-def _confusing(found: Sequence[Sensitivity], gap: Floats) -> _Slack:
-    """What every drawing is off by that looks most like the gap (n,) between two rivals."""
-    listed = sorted(allowances(found), key=lambda item: -abs(float(item[2] @ gap)))
-    return listed[:SLACK]
+def distances(*studies: Separation) -> Floats:
+    """Return the distance of each other hypothesis from the likeliest, shape (k,) [noise].
+
+    It is that in all studies together, except those in which a replay diverged. Parameters of the
+    other hypothesis adapt freely, tolerances with a penalty.
+    """
+    found = []
+    for k in range(len(studies[0].gaps)):
+        parts = [np.column_stack([s.gaps[k], s.slopes[k], s.tolerances]) for s in studies]
+        rows = np.vstack([part for part in parts if np.all(np.isfinite(part))])
+        free = studies[0].slopes[k].shape[1]
+        penalty = np.eye(rows.shape[1])[1 + free :]
+        gap, *columns = np.vstack([rows, penalty]).T
+        matrix = _stack(len(gap), columns)
+        left = gap - matrix @ np.linalg.lstsq(matrix, gap, rcond=None)[0]
+        found.append(float(np.linalg.norm(left)))
+    return np.array(found)
 
 
-def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
-    """The motion's first seconds as an episode, read as often as the study's channels were."""
+@dataclass(frozen=True)
+class _Comparison:
+    """The likeliest alternatives to a cause, and what separates them.
+
+    Attributes:
+        problem: what is to be explained.
+        fits: the likeliest hypotheses, best first, and last the one without the cause.
+        probability: of each, shape (k,).
+        others: probability of all other candidates.
+        tolerances: tolerances that resemble the gap between the two likeliest hypotheses.
+        known: what separates the hypotheses in the study.
+    """
+
+    problem: Problem
+    fits: Sequence[Fit]
+    probability: Floats
+    others: float
+    tolerances: Sequence[Tolerance]
+    known: Separation
+
+    def with_motion(self, motion: Motion, seconds: float) -> Floats:
+        """Return the distances in the study and the first seconds of a motion together."""
+        study = _motion_study(self.problem.system.study, motion, seconds)
+        return distances(self.known, self._predict(study))
+
+    def mean(self, distance: Floats) -> float:
+        """Return the mean distance, weighted by the probability of the other hypotheses."""
+        return float(np.average(distance, weights=np.maximum(self.probability[1:], 1e-12)))
+
+    def aim(self) -> str:
+        """Return what the experiment is to decide."""
+        first, second = self.fits[0].candidates[-1], _second(self.fits, self.probability)
+        if second is self.fits[-1]:
+            return f"shows whether {first} is there"
+        return f"distinguishes {first} from {second.candidates[-1]}"
+
+    def _predict(self, study: Study) -> Separation:
+        """Replay the hypotheses in a study without measurements."""
+        first, *others = self.fits
+        trials: list[Hypothesis] = [[], first.hypothesis]
+        for candidate, p, _ in self.tolerances:
+            values = candidate.null_values() | {p.name: p.null + STEP * p.scale}
+            trials.append([(candidate, values)])
+        for fit in others:
+            trials.append(fit.hypothesis)
+            for axis in np.eye(len(fit.theta)):
+                trials.append(with_theta(fit.hypothesis, fit.theta + STEP * axis))
+        found = iter(self.problem.replayer.predictions(study, trials))
+        null, best = next(found), next(found)
+        columns = [
+            (next(found) - null) * (p.tolerance / abs(STEP * p.scale))
+            for _, p, _ in self.tolerances
+        ]
+        gaps, slopes = list[Floats](), list[Floats]()
+        for fit in others:
+            other = next(found)
+            gaps.append(best - other)
+            slopes.append(_stack(len(best), [(next(found) - other) / STEP for _ in fit.theta]))
+        return Separation(gaps, slopes, _stack(len(best), columns))
+
+
+def _compare(
+    problem: Problem,
+    fitted: Sequence[Alternatives],
+    sensitivities: Sequence[Sensitivity],
+    unmodelled: float,
+) -> _Comparison:
+    """Compare the likeliest alternatives to the least certain cause."""
+    unsure = min(fitted, key=lambda a: float(a.confidence.max()))
+    order = np.argsort(-unsure.confidence)[:MOST]
+    fits = [*(unsure.tried[i] for i in order), unsure.without]
+    without = max(0.0, 1.0 - unsure.confidence.sum() - unmodelled)
+    probability = np.append(unsure.confidence[order], without)
+    others = float(unsure.confidence.sum() - unsure.confidence[order].sum())
+    gap = _second(fits, probability).residual - fits[0].residual
+    tolerances = sorted(
+        list_tolerances(sensitivities), key=lambda one: -abs(float(one.column @ gap))
+    )[:CONFUSING]
+    known = Separation(
+        gaps=[other.residual - fits[0].residual for other in fits[1:]],
+        slopes=[other.jacobian for other in fits[1:]],
+        tolerances=_stack(len(gap), [one.column for one in tolerances]),
+    )
+    return _Comparison(problem, fits, probability, others, tolerances, known)
+
+
+def _second(fits: Sequence[Fit], probability: Floats) -> Fit:
+    """Return the likeliest hypothesis but the first."""
+    return fits[1 + int(np.argmax(probability[1:]))]
+
+
+def _motion_study(study: Study, motion: Motion, seconds: float) -> Study:
+    """Return a study of the first seconds of a motion, with readings at the same rates."""
     command = motion.command[: round(seconds / PERIOD)]
     time = PERIOD * np.arange(len(command), dtype=np.float64)
     longest = max(study.episodes, key=lambda e: e.duration)
@@ -148,53 +238,6 @@ def _as_study(study: Study, motion: Motion, seconds: float) -> Study:
     return replace(study, channels=channels, episodes=(episode,))
 
 
-def _known(fits: Sequence[Fit], slack: Sequence[Floats]) -> Apart:
-    """Of the study at hand."""
-    gaps = [other.residual - fits[0].residual for other in fits[1:]]
-    slopes = [other.jacobian for other in fits[1:]]
-    return Apart(gaps, slopes, _columns(len(gaps[0]), slack))
-
-
-def _foreseen(replayer: Replayer, study: Study, fits: Sequence[Fit], slack: _Slack) -> Apart:
-    """Of one that nobody has made yet."""
-    asked: list[Hypothesis] = [[], fits[0].hypothesis]
-    asked += [
-        [(candidate, candidate.nulls() | {p.name: p.null + STEP * p.scale})]
-        for candidate, p, _ in slack
-    ]
-    for fit in fits[1:]:
-        asked.append(fit.hypothesis)
-        asked += [at(fit.hypothesis, fit.theta + STEP * axis) for axis in np.eye(len(fit.theta))]
-    found = iter(replayer.predictions(study, asked))
-    null, first = next(found), next(found)
-    off = [(next(found) - null) * (p.tolerance / abs(STEP * p.scale)) for _, p, _ in slack]
-    gaps, slopes = list[Floats](), list[Floats]()
-    for fit in fits[1:]:
-        other = next(found)
-        gaps.append(first - other)
-        slopes.append(_columns(len(first), [(next(found) - other) / STEP for _ in fit.theta]))
-    return Apart(gaps, slopes, _columns(len(first), off))
-
-
-def _columns(rows: int, columns: Sequence[Floats]) -> Floats:
-    """Side by side (rows, k), though there may be none."""
+def _stack(rows: int, columns: Sequence[Floats]) -> Floats:
+    """Return columns side by side (rows, k), even if there are none."""
     return np.column_stack([np.zeros((rows, 0)), *columns])
-
-
-def distances(count: int, *studies: Apart) -> Floats:
-    """Distance of each other from the likeliest of ``count`` rivals (count - 1,) [noise].
-
-    In all studies together, but those where a replay failed. The others' parameters adapt, and so
-    does what every drawing is off by, at the price of its tolerance.
-    """
-    found = []
-    for k in range(count - 1):
-        parts = [np.column_stack([s.gaps[k], s.slopes[k], s.slack]) for s in studies]
-        rows = np.vstack([part for part in parts if np.all(np.isfinite(part))])
-        free = studies[0].slopes[k].shape[1]
-        price = np.eye(rows.shape[1])[1 + free :]
-        gap, *columns = np.vstack([rows, price]).T
-        matrix = _columns(len(gap), columns)
-        left = gap - matrix @ np.linalg.lstsq(matrix, gap, rcond=None)[0]
-        found.append(float(np.linalg.norm(left)))
-    return np.array(found)

@@ -1,35 +1,58 @@
-"""Who promises most: the linear evidence of every suspect."""
+"""Ranking of candidates by their linear evidence."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from reality_gap.inference.evidence import fit_normal, occam
-from reality_gap.inference.gauss_newton import Fit, held_price
+from reality_gap.inference.gauss_newton import Fit, start_penalty
 from reality_gap.inference.likelihood import NoiseModel
+from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import same
 from reality_gap.types import Floats
 
-Ranked = list[tuple[float, Sensitivity, Floats]]
-Starts = list[tuple[Sensitivity, Floats]]
+CHUNK = 128
+"""Number of sensitivities that are whitened at once, which is faster than one by one."""
 
 
-def rank(found: Sequence[Sensitivity], rule: NoiseModel, base: Fit | None) -> Ranked:
-    """Linear evidence of every suspect beside ``base``, with its theta; best first."""
-    residual = rule.learn(rule.null if base is None else base.residual)
-    known = np.zeros((len(residual), 0)) if base is None else rule.learn(base.jacobian)
-    inside = () if base is None else base.candidates
+class Ranked(NamedTuple):
+    """A candidate with its linear fit.
+
+    Attributes:
+        evidence: what it adds to the evidence of the base [nats].
+        sensitivity: its sensitivity.
+        theta: its parameters in scales from their null values, shape (p,).
+    """
+
+    evidence: float
+    sensitivity: Sensitivity
+    theta: Floats
+
+
+def rank(problem: Problem, sensitivities: Sequence[Sensitivity], base: Fit) -> list[Ranked]:
+    """Rank the candidates that are not in ``base`` by the evidence that they add to it.
+
+    Args:
+        problem: what is to be explained.
+        sensitivities: of all candidates; one with several starts has several.
+        base: the causes so far.
+
+    Returns:
+        The candidates, best first.
+    """
+    whiten = problem.noise_model.whiten
+    residual, known = whiten(base.residual), whiten(base.jacobian)
     k = known.shape[1]
     free, unpriced = np.full(k, np.inf), np.full(k, -1)
     known_gram, known_right = known.T @ known, known.T @ residual
-    # What is in already was fitted: all evidence here is that of the newcomer.
-    paid = occam(known_gram) if k else 0.0
-    others = [s for s in found if not any(same(s.candidate, one) for one in inside)]
+    # The base is fitted already: adding its penalty again leaves the evidence of the candidate.
+    paid = occam(known_gram)
+    others = [s for s in sensitivities if not any(s.candidate.matches(c) for c in base.candidates)]
     ranked = []
-    for sensitivity, own in _whitened(rule, others):
+    for sensitivity, own in _whitened(problem.noise_model, others):
         cross = known.T @ own
         low, high = sensitivity.bounds()
         linear = fit_normal(
@@ -39,33 +62,39 @@ def rank(found: Sequence[Sensitivity], rule: NoiseModel, base: Fit | None) -> Ra
             np.concatenate([free, high]),
             np.concatenate([unpriced, np.zeros(len(low), dtype=int)]),
         )
-        evidence = linear.evidence + paid - held_price(sensitivity.candidate)
-        ranked.append((evidence, sensitivity, linear.theta[k:]))
-    return sorted(ranked, key=lambda item: -item[0])
+        evidence = linear.evidence + paid - start_penalty(sensitivity.candidate)
+        ranked.append(Ranked(evidence, sensitivity, linear.theta[k:]))
+    return sorted(ranked, key=lambda one: -one.evidence)
 
 
 def _whitened(
-    rule: NoiseModel, found: Sequence[Sensitivity], most: int = 128
+    noise_model: NoiseModel, sensitivities: Sequence[Sensitivity]
 ) -> Iterator[tuple[Sensitivity, Floats]]:
-    """Each sensitivity with its whitened columns; many columns at once are quicker."""
-    for i in range(0, len(found), most):
-        part = found[i : i + most]
+    """Yield each sensitivity with its whitened columns."""
+    for i in range(0, len(sensitivities), CHUNK):
+        part = sensitivities[i : i + CHUNK]
         ends = np.cumsum([s.columns.shape[1] for s in part])
-        white = rule.learn(np.hstack([s.columns for s in part]))
+        white = noise_model.whiten(np.hstack([s.columns for s in part]))
         yield from zip(part, np.split(white, ends[:-1], axis=1), strict=True)
 
 
-def diverse(ranked: Ranked, count: int, most: int = 3) -> Starts:
-    """The best, no cause more than ``most`` times and no place twice for one cause."""
-    chosen: Starts = []
+def select_diverse(ranked: Sequence[Ranked], count: int, most: int = 3) -> list[Ranked]:
+    """Select the best candidates, but few of the same cause.
+
+    Args:
+        ranked: candidates, best first.
+        count: how many to select.
+        most: how many locations of one cause to select; each of them once.
+    """
+    chosen: list[Ranked] = []
     used: dict[str, list[object]] = {}
-    for _, sensitivity, theta in ranked:
-        candidate = sensitivity.candidate
+    for one in ranked:
+        candidate = one.sensitivity.candidate
         locations = used.setdefault(candidate.cause.id, [])
         if candidate.location in locations or len(locations) >= most:
             continue
         locations.append(candidate.location)
-        chosen.append((sensitivity, theta))
+        chosen.append(one)
         if len(chosen) == count:
             break
     return chosen

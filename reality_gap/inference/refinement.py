@@ -1,209 +1,223 @@
-"""Who may stand beside a hypothesis: quick fits of many newcomers, full ones of the likeliest."""
+"""Refinement: fits of the most promising candidates beside a hypothesis.
+
+Candidates are ranked by their linear evidence. The best are fitted quickly, with the slopes known
+from screening. Those that come close to the best are then fitted fully. Where the effect of a
+candidate is not linear, other sizes and other initial values are tried, too.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from reality_gap.inference.gauss_newton import (
-    Asking,
     Fit,
-    fitting,
-    log_evidence,
-    resizing,
-    together,
+    Stepwise,
+    fit_stepwise,
+    rescore,
+    resize_stepwise,
+    run_together,
 )
-from reality_gap.inference.likelihood import NoiseModel
-from reality_gap.inference.ranking import Ranked, diverse, rank
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.ranking import Ranked, rank, select_diverse
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import Candidate, same
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.types import Floats
 
 PROMISE = 3.0
-"""Linear evidence that makes a further cause worth a fit [nats]."""
+"""Linear evidence from which on a further cause is worth a fit [nats]."""
 KEPT = 0.5
-"""Share of what a line through small faults promises that a start must keep."""
+"""Share of the linearly predicted decrease of the cost that an initial size must reach."""
 TWICE = 2.0
-"""The size that is tried beside it: what sticks may be far larger than its slope tells."""
+"""Size that is tried beside the linear one: with friction, slopes underestimate the size."""
 OTHER_SIZES = (4.0, 0.5, 0.2, 0.05)
-"""Sizes that are tried if it keeps less, or if twice is better."""
-BENT = 20.0
-"""What lines through small faults may miss of a quick fit before it is begun from afar [nats]."""
+"""Sizes that are tried if the linear one reaches less, or if twice that size is better."""
+NONLINEAR = 20.0
+"""Misfit of a quick fit to its linear prediction from which on far starts are tried [nats]."""
 FAINT = 0.02
-"""Share of the best evidence from which on this is done."""
-FEW = 2
-"""How many of the starts from afar are fitted."""
+"""Share of the best evidence below which far starts are not tried."""
+FAR_FITS = 2
+"""How many of the far starts are fitted."""
 WORTH = 0.4
-"""Share of the best evidence from which on other sizes of a suspect are tried."""
+"""Share of the best evidence from which on a candidate is fitted fully."""
 MORE_STICKY = 5
-"""How many more of what sticks are fitted where one of it explains much."""
-MORE_AFAR = 3
-"""How many more that can be begun from afar are fitted where lines do not hold."""
+"""How many more sticky candidates are fitted where one of them explains much."""
+MORE_FAR = 3
+"""How many more candidates with far starts are fitted where slopes do not hold."""
 
 
-def again(rule: NoiseModel, old: Fit) -> Fit:
-    """The same fit, its evidence measured by another ruler."""
-    found = log_evidence(
-        rule.learn, rule.null, old.residual, old.jacobian, old.theta, old.hypothesis
-    )
-    return replace(old, evidence=found)
-
-
-def try_next(
-    replayer: Replayer,
-    found: Sequence[Sensitivity],
-    rule: NoiseModel,
-    base: Fit | None,
-    refits: int,
+def fit_next(
+    problem: Problem, sensitivities: Sequence[Sensitivity], base: Fit, refits: int
 ) -> tuple[Fit, ...]:
-    """Fit the most promising suspects beside ``base``, best first."""
-    ranked = rank(found, rule, base)
-    worth = ranked if base is None else [item for item in ranked if item[0] > PROMISE]
-    chosen = diverse(worth, refits)
-    quick = together(replayer, [_attempt(*one, rule, base) for one in chosen])
-    floor = 0.0 if base is None else again(rule, base).evidence
+    """Fit the most promising candidates beside a hypothesis.
+
+    Args:
+        problem: what is to be explained.
+        sensitivities: of all candidates.
+        base: the causes so far.
+        refits: how many candidates to fit.
+
+    Returns:
+        Fits of ``base`` with one candidate more each, best first.
+    """
+    ranked = rank(problem, sensitivities, base)
+    worth = ranked if base.is_null else [one for one in ranked if one.evidence > PROMISE]
+    quick = _fit_quickly(problem, select_diverse(worth, refits), base)
+    floor = rescore(problem, base).evidence
     leaders = _leaders(quick, floor)
     if any(one.candidate.cause.sticky for one in leaders):
-        rest = [item for item in ranked if item[1].candidate.cause.sticky]
-        quick += _try_more(replayer, rest, MORE_STICKY, quick, rule, base)
-    if any(one.bent > BENT for one in leaders):
-        rest = [
-            item for item in ranked if any(p.hints.far_starts for p in item[1].candidate.parameters)
-        ]
-        quick += _try_more(replayer, rest, MORE_AFAR, quick, rule, base)
-    seen = floor + FAINT * _more(quick, floor)
-    quick = together(replayer, [_from_afar(one, rule, seen) for one in quick])
-    close = floor + WORTH * _more(quick, floor)
-    first = 0 if base is None else len(base.hypothesis)
-    done = together(replayer, [_finish(one, rule, close, first) for one in quick])
+        quick += _fit_more(problem, ranked, MORE_STICKY, quick, base, _is_sticky)
+    if any(one.misfit > NONLINEAR for one in leaders):
+        quick += _fit_more(problem, ranked, MORE_FAR, quick, base, _has_far_starts)
+    least = floor + FAINT * _most(quick, floor)
+    quick = run_together(problem.replayer, [_fit_far(problem, one, least) for one in quick])
+    least = floor + WORTH * _most(quick, floor)
+    first = len(base.hypothesis)
+    done = run_together(problem.replayer, [_finish(problem, one, least, first) for one in quick])
     return tuple(sorted(done, key=lambda f: -f.evidence))
 
 
-class _Quick(NamedTuple):
-    """A quick fit with slopes known from the null or the base.
+class _QuickFit(NamedTuple):
+    """A fit with slopes from screening.
 
-    ``whole``: these are slopes in all parameters; ``bent``: what they miss of its residual [nats].
+    Attributes:
+        fit: the fit.
+        complete: whether slopes in all parameters of the candidate were known.
+        misfit: half the squared difference between its residual and the linear prediction [nats].
     """
 
     fit: Fit
-    whole: bool
-    bent: float
+    complete: bool
+    misfit: float
 
     @property
     def candidate(self) -> Candidate:
-        """The newcomer."""
+        """The candidate beside the base."""
         return self.fit.candidates[-1]
 
 
-def _more(quick: Sequence[_Quick], floor: float) -> float:
-    """What the best adds to what the base explains [nats]."""
+def _is_sticky(candidate: Candidate) -> bool:
+    return candidate.cause.sticky
+
+
+def _has_far_starts(candidate: Candidate) -> bool:
+    return any(p.hints.far_starts for p in candidate.parameters)
+
+
+def _most(quick: Sequence[_QuickFit], floor: float) -> float:
+    """Return the evidence that the best candidate adds [nats]."""
     return max((one.fit.evidence - floor for one in quick), default=0.0)
 
 
-def _leaders(quick: Sequence[_Quick], floor: float) -> list[_Quick]:
-    """Those that explain much, beside the best."""
-    enough = floor + max(PROMISE, WORTH * _more(quick, floor))
+def _leaders(quick: Sequence[_QuickFit], floor: float) -> list[_QuickFit]:
+    """Return the candidates that explain much, compared with the best."""
+    enough = floor + max(PROMISE, WORTH * _most(quick, floor))
     return [one for one in quick if one.fit.evidence > enough]
 
 
-def _try_more(
-    replayer: Replayer,
-    ranked: Ranked,
+def _fit_quickly(problem: Problem, chosen: Sequence[Ranked], base: Fit) -> list[_QuickFit]:
+    return run_together(problem.replayer, [_quick_fit(problem, one, base) for one in chosen])
+
+
+def _fit_more(
+    problem: Problem,
+    ranked: Sequence[Ranked],
     count: int,
-    quick: Sequence[_Quick],
-    rule: NoiseModel,
-    base: Fit | None,
-) -> list[_Quick]:
-    """Quick fits of some more of the ranked, who are not in ``quick``."""
-    rest = [item for item in ranked if not any(same(item[1].candidate, q.candidate) for q in quick)]
-    more = diverse(rest, count, most=count)
-    return together(replayer, [_attempt(*one, rule, base) for one in more])
+    quick: Sequence[_QuickFit],
+    base: Fit,
+    is_wanted: Callable[[Candidate], bool],
+) -> list[_QuickFit]:
+    """Fit the best ``count`` candidates that are wanted and not in ``quick`` yet."""
+    rest = [
+        one
+        for one in ranked
+        if is_wanted(one.sensitivity.candidate)
+        and not any(one.sensitivity.candidate.matches(q.candidate) for q in quick)
+    ]
+    return _fit_quickly(problem, select_diverse(rest, count, most=count), base)
 
 
-def _attempt(
-    sensitivity: Sensitivity, theta: Floats, rule: NoiseModel, base: Fit | None
-) -> Asking[_Quick]:
-    """A quick fit."""
-    start = yield from _start(sensitivity, theta, rule, base)
-    known, moved_from = _slopes(sensitivity), np.zeros(len(sensitivity.candidate.parameters))
-    begin = rule.null
-    if base is not None:
-        known, moved_from = np.hstack([base.jacobian, known]), np.r_[base.theta, moved_from]
-        begin = base.residual
-    fitted = yield from fitting(start, rule.learn, rule.null, known, polish=False)
-    line = begin - known @ (fitted.theta - moved_from)
-    bent = 0.5 * float(np.sum(rule.learn(fitted.residual - line) ** 2))
-    whole = len(sensitivity.names) == len(sensitivity.candidate.parameters)
-    return _Quick(fitted, whole, bent)
+def _quick_fit(problem: Problem, chosen: Ranked, base: Fit) -> Stepwise[_QuickFit]:
+    """Fit a candidate beside ``base`` with known slopes."""
+    sensitivity, whiten = chosen.sensitivity, problem.noise_model.whiten
+    parameters = sensitivity.candidate.parameters
+    start = yield from _start(problem, chosen, base)
+    slopes = np.hstack([base.jacobian, _slopes(sensitivity)])
+    fitted = yield from fit_stepwise(problem, start, slopes, polish=False)
+    change = fitted.theta - np.r_[base.theta, np.zeros(len(parameters))]
+    linear = base.residual - slopes @ change
+    misfit = 0.5 * float(np.sum(whiten(fitted.residual - linear) ** 2))
+    return _QuickFit(fitted, len(sensitivity.names) == len(parameters), misfit)
 
 
-def _from_afar(quick: _Quick, rule: NoiseModel, least: float) -> Asking[_Quick]:
-    """The same, or a better fit from one of the newcomer's other starts, where lines are bent."""
+def _fit_far(problem: Problem, quick: _QuickFit, least: float) -> Stepwise[_QuickFit]:
+    """Return the fit, or a better one from a far start if slopes do not hold."""
     candidate = quick.candidate
     values = [(p.name, value) for p in candidate.parameters for value in p.hints.far_starts]
-    if not values or quick.bent < BENT or quick.fit.evidence < least:
+    if not values or quick.misfit < NONLINEAR or quick.fit.evidence < least:
         return quick
-    others = quick.fit.hypothesis[:-1]
+    base = quick.fit.hypothesis[:-1]
     starts: list[Hypothesis] = [
-        [*others, (candidate, candidate.nulls() | {name: value})] for name, value in values
+        [*base, (candidate, candidate.null_values() | {name: value})] for name, value in values
     ]
-    found = yield starts
-    costs = [_cost(rule, residual) for residual in found]
+    residuals = yield starts
+    costs = [_cost(problem, residual) for residual in residuals]
     best = quick.fit
-    for i in np.argsort(costs)[:FEW]:
-        another = yield from fitting(starts[i], rule.learn, rule.null)
-        best = max(best, another, key=lambda f: f.evidence)
+    for i in np.argsort(costs)[:FAR_FITS]:
+        other = yield from fit_stepwise(problem, starts[i])
+        best = max(best, other, key=lambda f: f.evidence)
     return quick._replace(fit=best)
 
 
-def _finish(quick: _Quick, rule: NoiseModel, close: float, first: int) -> Asking[Fit]:
-    """The full fit of whoever is ``close`` to the best."""
-    if quick.fit.evidence < close:
+def _finish(problem: Problem, quick: _QuickFit, least: float, first: int) -> Stepwise[Fit]:
+    """Return the full fit, or the quick one if its evidence is below ``least``."""
+    if quick.fit.evidence < least:
         return quick.fit
-    if quick.whole:
-        return (yield from resizing(quick.fit, rule.learn, rule.null, first))
-    return (yield from fitting(quick.fit.hypothesis, rule.learn, rule.null))
+    if quick.complete:
+        return (yield from resize_stepwise(problem, quick.fit, first))
+    return (yield from fit_stepwise(problem, quick.fit.hypothesis))
 
 
-def _cost(rule: NoiseModel, residual: Floats) -> float:
-    """Half the whitened square [nats]; infinite where a replay diverged."""
-    diverged = not np.all(np.isfinite(residual))
-    return np.inf if diverged else 0.5 * float(np.sum(rule.learn(residual) ** 2))
+def _cost(problem: Problem, residual: Floats) -> float:
+    """Return half the square of the whitened residual [nats]; infinite if the replay diverged."""
+    if not np.all(np.isfinite(residual)):
+        return np.inf
+    return 0.5 * float(np.sum(problem.noise_model.whiten(residual) ** 2))
 
 
-def _start(
-    sensitivity: Sensitivity, theta: Floats, rule: NoiseModel, base: Fit | None
-) -> Asking[Hypothesis]:
-    """A suspect beside ``base`` at ``theta``, or of another size where lines promise too much."""
-    known = tuple(base.hypothesis) if base else ()
-    residual = base.residual if base else rule.null
+def _start(problem: Problem, chosen: Ranked, base: Fit) -> Stepwise[Hypothesis]:
+    """Return initial values of a candidate beside ``base``.
 
-    def of_size(size: float) -> Hypothesis:
-        return [*known, (sensitivity.candidate, sensitivity.values(size * theta))]
+    They are those of the linear fit, or of another size where that decreases the cost too little.
+    """
+    _, sensitivity, theta = chosen
+    candidate = sensitivity.candidate
 
-    before = _cost(rule, residual)
-    promise = before - _cost(rule, residual - sensitivity.columns @ theta)
-    first, least = [of_size(1.0), of_size(TWICE)], before - KEPT * promise
-    costs = [_cost(rule, r) for r in (yield first)]
-    if costs[0] < min(least, costs[1]):
-        return first[0]
-    trials = [of_size(size) for size in OTHER_SIZES]
-    if len(sensitivity.candidate.parameters) == 1:
-        lone = sensitivity.candidate.parameters[0]
-        others = (*lone.hints.starts, *lone.hints.secants)
-        trials += [[*known, (sensitivity.candidate, {lone.name: x})] for x in others]
-    costs += [_cost(rule, r) for r in (yield trials)]
-    return [*first, *trials][int(np.argmin(costs))]
+    def beside_base(values: dict[str, float]) -> Hypothesis:
+        return [*base.hypothesis, (candidate, values)]
+
+    before = _cost(problem, base.residual)
+    promised = before - _cost(problem, base.residual - sensitivity.columns @ theta)
+    limit = before - KEPT * promised
+    trials = [beside_base(sensitivity.values(size * theta)) for size in (1.0, TWICE)]
+    costs = [_cost(problem, residual) for residual in (yield trials)]
+    if costs[0] < min(limit, costs[1]):
+        return trials[0]
+    more = [beside_base(sensitivity.values(size * theta)) for size in OTHER_SIZES]
+    if len(candidate.parameters) == 1:
+        [p] = candidate.parameters
+        more += [beside_base({p.name: x}) for x in (*p.hints.starts, *p.hints.secants)]
+    costs += [_cost(problem, residual) for residual in (yield more)]
+    return [*trials, *more][int(np.argmin(costs))]
 
 
 def _slopes(sensitivity: Sensitivity) -> Floats:
-    """The columns in the order of the suspect's parameters; 0 where none was looked at."""
-    slopes = np.zeros((len(sensitivity.columns), len(sensitivity.candidate.parameters)))
-    for i, p in enumerate(sensitivity.candidate.parameters):
+    """Return the columns in the order of the candidate's parameters (n, p); 0 if not screened."""
+    parameters = sensitivity.candidate.parameters
+    slopes = np.zeros((len(sensitivity.columns), len(parameters)))
+    for i, p in enumerate(parameters):
         if p.name in sensitivity.names:
             slopes[:, i] = sensitivity.columns[:, sensitivity.names.index(p.name)]
     return slopes

@@ -1,4 +1,4 @@
-"""What a hypothesis leaves, how much of it could be learned, and what it depends on."""
+"""Remainder: what a hypothesis leaves of the gap, and how much of that can be learned."""
 
 from __future__ import annotations
 
@@ -6,23 +6,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Record
 from reality_gap.diagnosis import Dependence
-from reality_gap.inference.flexible_residual import Bank, Learned, banks, learn
-from reality_gap.inference.likelihood import NoiseModel
-from reality_gap.inference.whitening import tolerated
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.inference.flexible_residual import Learned, banks, learn
+from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.whitening import explained_by_tolerances
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
-from reality_gap.study.splits import CHOOSE, FIT, REPORT, split
+from reality_gap.study.splits import FIT, REPORT, SELECT, split
 from reality_gap.study.system import commanded
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 RIDGE = 10.0
-"""Strength of the regression on one quantity, in readings."""
+"""Strength of the ridge regression on one quantity, in readings."""
 LEAST = 0.02
-"""Share of a remainder's power that is worth telling."""
+"""Share of a remainder's power from which on a quantity is listed."""
+MOST = 5
+"""Largest number of quantities that are listed."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +32,12 @@ class Remainder:
     """What a hypothesis leaves.
 
     Attributes:
-        learned: of what it leaves, by the bank that explains most.
-        instead: of the whole gap, by the bank that explains most without any named cause.
-        depends_on: single quantities that explain most of what it leaves, strongest first.
-        before, after: RMS of the null's residual and of the hypothesis' on the report split,
-            without what tolerances make of them [noise].
+        learned: what the best bank explains of the residual of the hypothesis.
+        instead: what the best bank explains of the residual of the nominal model, in place of the
+            hypothesis.
+        depends_on: single quantities that explain most of the remainder, strongest first.
+        before, after: RMS on the report split of the residuals of the nominal model and of the
+            hypothesis, without what tolerances explain, in units of noise.
     """
 
     learned: Learned
@@ -44,59 +47,75 @@ class Remainder:
     after: float
 
 
-def examine(
-    replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Floats, null: Floats
-) -> Remainder:
-    """Learn what the residual (n,) of a hypothesis leaves, and the null's (n,) beside it."""
-    records = replayer.look(hypothesis).records
-    found: tuple[Bank, ...] = banks(replayer, hypothesis, records)
-    learned = max((learn(replayer, rule, residual, b) for b in found), key=lambda x: x.evidence)
-    instead = learned
-    if hypothesis:
-        instead = max((learn(replayer, rule, null, b) for b in found), key=lambda x: x.evidence)
-    role, ones = split(replayer.measured), np.ones(len(residual))
+def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
+    """Learn what a hypothesis leaves, and learn the whole gap in its place.
 
-    def left(found: Floats) -> Floats:
-        return found - tolerated(rule.tolerances, ones, role <= CHOOSE, found)
+    Args:
+        problem: what is to be explained.
+        fitted: the hypothesis; it may be the nominal model.
+    """
+    records = problem.replayer.replay(fitted.hypothesis).records
+    found = banks(problem.replayer, fitted.hypothesis, records)
 
-    def rms(found: Floats) -> float:
-        return float(np.sqrt(np.mean(found[role == REPORT] ** 2)))
+    def best(residual: Floats) -> Learned:
+        return max((learn(problem, residual, one) for one in found), key=lambda x: x.evidence)
 
-    before, after = left(null), left(residual)
-    depends_on = dependences(replayer, after, records)
+    learned = best(fitted.residual)
+    instead = learned if fitted.is_null else best(problem.null_residual)
+    role, ones = split(problem.measured), np.ones(len(fitted.residual))
+
+    def remaining(residual: Floats) -> Floats:
+        tolerances = problem.noise_model.tolerances
+        return residual - explained_by_tolerances(tolerances, ones, role <= SELECT, residual)
+
+    def rms(residual: Floats) -> float:
+        return float(np.sqrt(np.mean(residual[role == REPORT] ** 2)))
+
+    before, after = remaining(problem.null_residual), remaining(fitted.residual)
+    depends_on = dependences(problem.replayer, after, records)
     return Remainder(learned, instead, depends_on, rms(before), rms(after))
 
 
 def dependences(
-    replayer: Replayer, value: Floats, records: Sequence[Record]
+    replayer: Replayer, remainder: Floats, records: Sequence[Record]
 ) -> tuple[Dependence, ...]:
-    """What each quantity explains of the remainder (n,) by itself, on the report split."""
+    """Return what single quantities explain of a remainder on the report split.
+
+    Args:
+        replayer: replays of the study.
+        remainder: residual in units of noise, shape (n,).
+        records: simulated signals of each episode.
+
+    Returns:
+        At most `MOST` quantities, the strongest first.
+    """
     measured, names = replayer.measured, [c.name for c in replayer.system.study.channels]
     role = split(measured)
     report = role == REPORT
-    power = float(np.sum(value[report] ** 2)) or 1.0
+    power = float(np.sum(remainder[report] ** 2)) or 1.0
     found = []
     for name, features in _quantities(records, measured):
-        prediction = np.zeros(len(value))
+        prediction = np.zeros(len(remainder))
         for channel in np.unique(measured.channel):
             at = np.flatnonzero(measured.channel == channel)
-            prediction[at] = _regress(value[at], features[at], role[at] == FIT)
-        gone = value**2 - (value - prediction) ** 2
-        share = float(np.sum(gone[report])) / power
+            prediction[at] = _regress(remainder[at], features[at], role[at] == FIT)
+        decrease = remainder**2 - (remainder - prediction) ** 2
+        share = float(np.sum(decrease[report])) / power
         if share > LEAST:
-            sums = np.bincount(measured.channel[report], gone[report], minlength=len(names))
+            sums = np.bincount(measured.channel[report], decrease[report], minlength=len(names))
             found.append(Dependence(name, names[int(np.argmax(sums))], share))
-    return tuple(sorted(found, key=lambda d: -d.fraction)[:5])
+    return tuple(sorted(found, key=lambda d: -d.fraction)[:MOST])
 
 
-def _regress(value: Floats, features: Floats, fit: NDArray[np.bool_]) -> Floats:
+def _regress(value: Floats, features: Floats, fit: Bools) -> Floats:
+    """Predict all values (n,) by a ridge regression on features (n, k) of those in ``fit``."""
     x = np.hstack([np.ones((len(features), 1)), features])
     gram = x[fit].T @ x[fit] + RIDGE * np.eye(x.shape[1])
     return x @ np.linalg.solve(gram, x[fit].T @ value[fit])
 
 
 def _quantities(records: Sequence[Record], measured: Measured) -> list[tuple[str, Floats]]:
-    """What the machine did at the time of every reading: name and features (n, k)."""
+    """Return name and features (n, k) of each simulated quantity at the times of all readings."""
     model = records[0].model
     found = []
     for j in range(model.njnt):
@@ -118,11 +137,13 @@ def _quantities(records: Sequence[Record], measured: Measured) -> list[tuple[str
 
 
 def _powers(values: Floats) -> Floats:
+    """Return the first three powers of standardised values, shape (n, 3)."""
     x = (values - values.mean()) / (values.std() + 1e-12)
     return np.column_stack([x, x**2, x**3])
 
 
 def _sample(columns: list[Floats], records: Sequence[Record], measured: Measured) -> Floats:
+    """Return a signal, given by episode, at the times of all readings, shape (n,)."""
     values = np.zeros(len(measured.time))
     for e, (column, record) in enumerate(zip(columns, records, strict=True)):
         at = measured.episode == e

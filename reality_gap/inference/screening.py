@@ -1,41 +1,45 @@
-"""The cheap look at every suspect: how the replay would change if it were there."""
+"""Screening: the sensitivity of the replay to each candidate, by finite differences at the null."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Parameter
+from reality_gap.causes.base import Cause
 from reality_gap.inference.checkpoint import Checkpoint, Columns
-from reality_gap.simulation.hypothesis import Candidate
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.inference.theta import theta_bounds
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 STEP = 0.25
-"""Finite difference, in scales of a parameter: of what can just be seen."""
-PART = 32
-"""Suspects that are looked at between two notes of how far it is."""
+"""Finite difference, in scales of a parameter."""
+CHUNK = 32
+"""Number of candidates that are screened between two checkpoints."""
+TYPICAL_FAULTS = 3.0
+"""Size of a fault, in scales of a parameter, whose change of the readings decides on visibility."""
 
 NO_CHECKPOINT = Checkpoint(None, "")
-_Trial = tuple[Candidate, dict[str, float], tuple[str, ...], tuple[float, ...]]
+"""Keeps nothing."""
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Change of the prediction by a suspect, linearised about the null.
+    """Change of the prediction by a candidate, linearised at the null.
 
     Attributes:
-        suspect: a cause at a place.
-        names: parameters that the columns belong to.
-        fixed: values of the others, as the time of an event.
-        columns: (n, p) change of the prediction in units of noise, per ``scale`` of a parameter;
-            in single precision, for there are thousands.
+        candidate: a cause at a location.
+        names: names of the parameters that the columns belong to.
+        fixed: values of the other parameters, such as the time of an event.
+        columns: change of the prediction in units of noise per ``scale`` of a parameter, shape
+            (n, p); in single precision to save memory.
     """
 
     candidate: Candidate
@@ -45,32 +49,33 @@ class Sensitivity:
 
     @property
     def change(self) -> float:
-        """By how much three typical faults change the readings, all together [noise]."""
-        return 3.0 * float(np.sqrt(np.max(np.sum(self.columns**2, axis=0), initial=0.0)))
+        """Norm of the change of all readings by `TYPICAL_FAULTS` scales of a parameter [noise]."""
+        power = np.sum(self.columns**2, axis=0)
+        return TYPICAL_FAULTS * float(np.sqrt(np.max(power, initial=0.0)))
 
     def values(self, theta: Floats) -> dict[str, float]:
-        """Parameter values at ``theta`` (p,), in scales from the null, cut at the bounds."""
+        """Return the parameter values at ``theta`` (p,), clipped to their bounds."""
         found = dict(self.fixed)
         for name, x in zip(self.names, theta, strict=True):
-            p = parameter(self.candidate, name)
+            p = self.candidate.parameter(name)
             found[name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
         return found
 
     def bounds(self) -> tuple[Floats, Floats]:
-        """Bounds of theta (p,), (p,)."""
-        chosen = [parameter(self.candidate, name) for name in self.names]
-        ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in chosen]
-        low, high = np.array(ends).T
-        return low, high
+        """Return lower and upper bounds of theta, shape (p,) each."""
+        return theta_bounds([self.candidate.parameter(name) for name in self.names])
 
 
-def parameter(candidate: Candidate, name: str) -> Parameter:
-    """A suspect's parameter by its name."""
-    return next(p for p in candidate.parameters if p.name == name)
+def list_candidates(
+    system: System, causes: Sequence[Cause], most: int = 8
+) -> tuple[Candidate, ...]:
+    """Return each cause at each of its locations.
 
-
-def candidates(system: System, causes: Sequence[Cause], most: int = 8) -> tuple[Candidate, ...]:
-    """Every cause at every place where it may act with at most so many parameters."""
+    Args:
+        system: the study's model and its elements.
+        causes: which causes to list.
+        most: locations where a cause has more parameters are left out.
+    """
     found = []
     for cause in causes:
         for location in cause.locations(system):
@@ -82,141 +87,98 @@ def candidates(system: System, causes: Sequence[Cause], most: int = 8) -> tuple[
 
 def screen(
     replayer: Replayer,
-    chosen: Sequence[Candidate],
-    base: Hypothesis,
-    before: Floats,
+    candidates: Sequence[Candidate],
+    null_residual: Floats,
     checkpoint: Checkpoint = NO_CHECKPOINT,
-    tell: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[Sensitivity, ...]:
-    """Sensitivities of all suspects, added to a hypothesis.
+    """Compute the sensitivities of candidates.
 
     Args:
-        bench: replays.
-        chosen: whom to look at.
-        base: what is in the model already.
-        before: (n,) residual of ``base``.
-        shelf: keeps what was done, for after an interruption.
-        tell: called with the share that is done.
+        replayer: replays hypotheses.
+        candidates: which candidates to screen.
+        null_residual: residual of the nominal model, shape (n,).
+        checkpoint: keeps what was computed, for after an interruption.
+        progress: called with the completed share, 0 to 1.
+
+    Returns:
+        One or more sensitivities of each candidate, but those whose replay diverges.
     """
-    # Differences between replays forgive a coarse time step.
     if replayer.coarse:
-        before = replayer.residuals([base], True)[0]
+        null_residual = replayer.residuals([[]], True)[0]
     found = []
-    for i in range(0, len(chosen), PART):
-        trials = [trial for candidate in chosen[i : i + PART] for trial in _trials(candidate)]
-        columns = checkpoint.get(i // PART, partial(_columns, replayer, trials, base, before))
-        for (candidate, fixed, names, _), own in zip(trials, columns, strict=True):
+    for i in range(0, len(candidates), CHUNK):
+        trials = [trial for one in candidates[i : i + CHUNK] for trial in _trials(one)]
+        columns = checkpoint.get(i // CHUNK, partial(_columns, replayer, trials, null_residual))
+        for trial, own in zip(trials, columns, strict=True):
             if np.all(np.isfinite(own)):
-                found.append(Sensitivity(candidate, names, fixed, own))
-        tell(min(1.0, (i + PART) / len(chosen)))
+                found.append(Sensitivity(trial.candidate, trial.names, trial.fixed, own))
+        progress(min(1.0, (i + CHUNK) / len(candidates)))
     return tuple(found)
 
 
-def _columns(
-    replayer: Replayer, trials: Sequence[_Trial], base: Hypothesis, before: Floats
-) -> Columns:
-    """Columns of each trial (n, p); what is idle costs no replay."""
-    hypotheses = [
-        [*base, (candidate, fixed | {name: value})]
-        for candidate, fixed, names, values in trials
-        for name, value in zip(names, values, strict=True)
-        if not parameter(candidate, name).hints.shape
+class _Trial(NamedTuple):
+    """Finite differences of a candidate.
+
+    Attributes:
+        candidate: a cause at a location.
+        fixed: values of all parameters, but of the one that is changed.
+        names, values: which parameters to change, one at a time, and to which values.
+    """
+
+    candidate: Candidate
+    fixed: dict[str, float]
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+
+    def changes(self) -> list[tuple[int, str, float]]:
+        """Return index, name and value of each parameter whose change has an effect."""
+        pairs = enumerate(zip(self.names, self.values, strict=True))
+        return [(i, n, v) for i, (n, v) in pairs if not self.candidate.parameter(n).hints.shape]
+
+
+def _columns(replayer: Replayer, trials: Sequence[_Trial], before: Floats) -> Columns:
+    """Return the columns of each trial (n, p); those of a shape are 0 and need no replay."""
+    hypotheses: list[Hypothesis] = [
+        [(trial.candidate, trial.fixed | {name: value})]
+        for trial in trials
+        for _, name, value in trial.changes()
     ]
     residuals = iter(replayer.residuals(hypotheses, replayer.coarse))
     found = []
-    for candidate, _, names, values in trials:
-        columns = np.zeros((len(before), len(names)), dtype=np.float32)
-        for i, (name, value) in enumerate(zip(names, values, strict=True)):
-            if not parameter(candidate, name).hints.shape:
-                columns[:, i] = (before - next(residuals)) / _scales(candidate, name, value)
+    for trial in trials:
+        columns = np.zeros((len(before), len(trial.names)), dtype=np.float32)
+        for i, name, value in trial.changes():
+            p = trial.candidate.parameter(name)
+            columns[:, i] = (before - next(residuals)) / ((value - p.null) / p.scale)
         found.append(columns)
     return found
 
 
-def _scales(candidate: Candidate, name: str, value: float) -> float:
-    """How many scales a value is from the null."""
-    p = parameter(candidate, name)
-    return (value - p.null) / p.scale
-
-
 def _trials(candidate: Candidate) -> list[_Trial]:
-    """Which parameters to change, with which others held at one of their starts.
+    """Return which parameters to change, and at which values of the others.
 
-    A lone parameter with starts is looked at in secants to each of them, one with secants in these,
-    too.
+    A parameter with starts is fixed at each of them while the others change. If it is the only one,
+    the secants to its starts are taken. Secants of an only parameter are taken in addition.
     """
-    held = [p for p in candidate.parameters if p.hints.starts]
+    with_starts = [p for p in candidate.parameters if p.hints.starts]
     free = [p for p in candidate.parameters if not p.hints.starts]
-    if len(candidate.parameters) == len(held) == 1:
-        lone = held[0]
-        return [(candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.hints.starts]
+    if len(candidate.parameters) == len(with_starts) == 1:
+        return _secants(candidate, with_starts[0].hints.starts)
     if not free:
-        free, held = held, []
+        free, with_starts = with_starts, []
+    names, values = tuple(p.name for p in free), tuple(p.null + STEP * p.scale for p in free)
+    nulls = {p.name: p.null for p in free}
     trials = []
-    for starts in product(*(p.hints.starts for p in held)):
-        fixed = dict(zip((p.name for p in held), starts, strict=True))
-        rest = {p.name: p.null for p in free}
-        names = tuple(p.name for p in free)
-        trials.append(
-            (candidate, rest | fixed, names, tuple(p.null + STEP * p.scale for p in free))
-        )
+    for starts in product(*(p.hints.starts for p in with_starts)):
+        fixed = dict(zip((p.name for p in with_starts), starts, strict=True))
+        trials.append(_Trial(candidate, nulls | fixed, names, values))
     if len(candidate.parameters) == 1:
-        lone = candidate.parameters[0]
-        trials += [
-            (candidate, {lone.name: lone.null}, (lone.name,), (x,)) for x in lone.hints.secants
-        ]
+        trials += _secants(candidate, candidate.parameters[0].hints.secants)
     return trials
 
 
-DRIFT_TOLERANCE = 0.1
-"""By how much the error of the time step may differ from what was taken out, relatively."""
-
-
-MUCH = 10.0
-"""What a tolerance must do to all readings to be replayed exactly [noise]."""
-
-
-def tolerances(replayer: Replayer, found: Sequence[Sensitivity], null: Floats) -> Floats:
-    """What every honest drawing may be off by: (n, p), in units of noise.
-
-    Parameters of single elements, for a group's are their sums; but friction, of which no wire is
-    free, may differ in all of them at once. What is left of a large tolerance beside a column that
-    is a little wrong looks like a fault, so that large ones are replayed: the tolerance itself, at
-    the full time step. What the column is wrong by is one tolerance more, and does not take its
-    place, for suspects are ranked by such columns.
-
-    Args:
-        bench: replays.
-        found: sensitivities of all suspects.
-        null: (n,) residual of the study's model.
-    """
-    steps = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
-    drifts = [step / replayer.measured.noise for step in steps]
-    allowed = list(allowances(found))
-    columns = [column for _, _, column in allowed]
-    large = [i for i, column in enumerate(columns) if np.linalg.norm(column) > MUCH]
-    trials: list[Hypothesis] = []
-    for candidate, p, _ in (allowed[i] for i in large):
-        off = p.null + np.copysign(p.tolerance, p.scale)
-        trials.append([(candidate, candidate.nulls() | {p.name: float(off)})])
-    for i, residual in zip(large, replayer.residuals(trials), strict=True):
-        if np.all(np.isfinite(residual)):
-            columns.append(null - residual - columns[i])
-    return np.column_stack([*drifts, *columns])
-
-
-def allowances(found: Sequence[Sensitivity]) -> Iterator[tuple[Candidate, Parameter, Floats]]:
-    """Everything that has a tolerance, with what it may do to the readings (n,) [noise]."""
-    seen = set()
-    for sensitivity in found:
-        candidate = sensitivity.candidate
-        key = (candidate.cause.id, candidate.location)
-        if key in seen:
-            continue
-        seen.add(key)
-        alone = len(candidate.location.elements) == 1
-        for i, name in enumerate(sensitivity.names):
-            p = parameter(candidate, name)
-            if p.tolerance > 0 and (alone or p.usual):
-                own = sensitivity.columns[:, i].astype(np.float64)
-                yield candidate, p, own * (p.tolerance / abs(p.scale))
+def _secants(candidate: Candidate, values: Sequence[float]) -> list[_Trial]:
+    """Return trials of the only parameter of a candidate at some values."""
+    [p] = candidate.parameters
+    return [_Trial(candidate, {p.name: p.null}, (p.name,), (value,)) for value in values]

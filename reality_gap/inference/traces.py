@@ -1,4 +1,4 @@
-"""Measured and replayed signals, channel by channel, as pictures and tables want them."""
+"""Traces: measured and replayed signals by channel and episode, for figures and tables."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ from reality_gap.study.splits import split
 from reality_gap.types import Floats
 
 
-def traces(replayer: Replayer, null: Floats, after: Floats) -> tuple[Trace, ...]:
-    """Of residuals (n,) of the model and of the extended model, in units of noise."""
+def traces(replayer: Replayer, before: Floats, after: Floats) -> tuple[Trace, ...]:
+    """Return the traces of all channels that were measured in an episode.
+
+    Args:
+        replayer: replays of the study.
+        before, after: residuals of the nominal and of the extended model in units of noise,
+            shape (n,).
+    """
     study, readings = replayer.system.study, replayer.measured
     role = split(readings)
     found = []
@@ -27,7 +33,7 @@ def traces(replayer: Replayer, null: Floats, after: Floats) -> tuple[Trace, ...]
                         time=readings.time[at],
                         split=role[at],
                         measured=value,
-                        before=value - null[at] * noise,
+                        before=value - before[at] * noise,
                         after=value - after[at] * noise,
                     )
                 )

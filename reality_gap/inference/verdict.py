@@ -1,4 +1,4 @@
-"""The verdict: what a search found, what it leaves, and whether that makes a name."""
+"""Verdict: decides whether the causes that a search found are named."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 from reality_gap.diagnosis import Verdict
 from reality_gap.inference.forward_selection import Search, Settings, revise
-from reality_gap.inference.remainder import Remainder, examine
-from reality_gap.simulation.replayer import Hypothesis, Replayer
-from reality_gap.types import Floats
+from reality_gap.inference.remainder import Remainder, evaluate_remainder
+from reality_gap.simulation.hypothesis import Hypothesis
 
 BEATEN = 1.1
-"""Evidence of a learner in place of the causes, over theirs, that makes them no names."""
+"""Ratio of the evidence of a learned residual in place of the causes to theirs, above which the
+causes are not named."""
 LEFT = 5.0
-"""What a learner finds in what causes leave, over what it may, that makes them no names."""
-
+"""Ratio of the evidence of what is learned of the remainder to what is allowed, likewise."""
 NEAR = 0.01
-"""Distance of a parameter from its bound, over the bound's from the null, that counts as none."""
+"""Distance of a parameter from its bound, relative to that of the bound from the null value, below
+which the parameter counts as at its bound."""
 
 
 @dataclass(frozen=True)
@@ -26,21 +26,25 @@ class Options:
     """How to diagnose.
 
     Attributes:
-        search: thresholds for causes.
-        unexplained: share of what could be learned of the gap that may remain, at most.
-        certain: what a learner must find in the remainder to call it unexplained [nats].
-        root: of the evidence for the causes; so many of it a learner may find in what they leave.
-        better: by how much a learner must beat the causes without them [nats].
-        by_chance: share of an event's evidence that a learner who knows no time may have, at most.
-        worse: RMS on the report split that named causes may leave beside tolerances, though it was
-            less without them [noise].
-        tolerance: how much more than usual an honest drawing of this machine may be off.
-        visible: change of the readings by three typical faults, in noise, that can be judged.
+        search: thresholds of the search for causes.
+        unexplained: share of the evidence of the causes that may be learned of their remainder.
+        certain: evidence of a learned residual above which a remainder is unexplained [nats].
+        root: multiple of the square root of the evidence of the causes that may be learned of
+            their remainder.
+        better: evidence by which a learned residual must exceed that of the causes to refute
+            them [nats].
+        by_chance: share of an event's evidence that may be learned without its time.
+        worse: RMS on the report split, without what tolerances explain, that named causes may
+            leave even if it was lower without them [noise].
+        tolerance: factor of all tolerances of the nominal model.
+        visible: change of the readings by three typical faults from which on a cause is judged
+            [noise].
         suggest: whether to look for the next experiment.
-        many: residual, in noise, from which on groups are fitted before anything else is tried.
-        large: the same where the best of all other causes leaves it.
-        search_after_groups: whether to search for single causes, too, where groups explain the
-            log; None: where the machine has no more than 20 wires.
+        many: RMS of the residual from which on groups are fitted before the search [noise].
+        large: RMS of the residual of the best causes from which on groups are fitted after the
+            search [noise].
+        search_after_groups: whether to search for single causes, too, if groups explain the log;
+            None: only in machines with at most 20 tendons.
     """
 
     search: Settings = field(default_factory=Settings)
@@ -58,59 +62,62 @@ class Options:
     search_after_groups: bool | None = None
 
 
-def weighed(
-    replayer: Replayer, result: Search, null: Floats, settings: Settings, options: Options
-) -> tuple[Search, Remainder]:
-    """The causes, looked at anew beside each other, and what they leave.
+def revise_and_evaluate(result: Search, options: Options) -> tuple[Search, Remainder]:
+    """Revise the causes, and evaluate what they leave.
 
-    Causes that a learner beats by far, in their place or beside them, are no names, and are left as
-    they are.
+    Causes that a learned residual beats by far, in their place or beside them, will not be named;
+    they are not revised.
+
+    Args:
+        result: the result of the search.
+        options: thresholds.
+
+    Returns:
+        The result with revised causes, and their remainder.
     """
-
-    def leaves(found: Search) -> Remainder:
-        best = found.best
-        if best is None:
-            return examine(replayer, found.noise_model, [], null, null)
-        return examine(replayer, found.noise_model, best.hypothesis, best.residual, null)
-
-    left = leaves(result)
-    if result.best is None:
-        return result, left
+    remainder = evaluate_remainder(result.problem, result.best)
+    if result.best.is_null:
+        return result, remainder
     named = result.best.evidence
-    beaten = left.instead.evidence > max(BEATEN * named, named + options.better)
-    if beaten or left.learned.evidence > LEFT * _may_leave(named, options):
-        return result, left
-    revised = revise(replayer, result, settings)
-    return revised, left if revised.best is result.best else leaves(revised)
+    beaten = remainder.instead.evidence > max(BEATEN * named, named + options.better)
+    if beaten or remainder.learned.evidence > LEFT * _allowed(named, options):
+        return result, remainder
+    revised = revise(result, options.search)
+    if revised.best is result.best:
+        return revised, remainder
+    return revised, evaluate_remainder(revised.problem, revised.best)
 
 
-def decide(result: Search, left: Remainder, pays: bool, options: Options) -> Verdict:
-    """Named if the causes leave little that could still be learned, and hold where not fitted.
+def decide(result: Search, remainder: Remainder, pays: bool, options: Options) -> Verdict:
+    """Decide on the verdict.
+
+    Causes are named if little can be learned of what they leave and if they predict readings that
+    they were not fitted to.
 
     Args:
         result: the causes.
-        left: what they leave.
-        pays: whether the causes surely predict the report split better than the study's model.
+        remainder: what they leave.
+        pays: whether the causes surely predict the report split better than the nominal model.
         options: thresholds.
     """
-    if result.best is None or not pays:
-        # Without causes both are of the whole gap.
-        found = left.instead.evidence > options.certain
-        return Verdict.UNEXPLAINED if found else Verdict.NOTHING_WRONG
+    if result.best.is_null or not pays:
+        # Without causes, ``learned`` and ``instead`` are both of the whole gap.
+        unexplained = remainder.instead.evidence > options.certain
+        return Verdict.UNEXPLAINED if unexplained else Verdict.NOTHING_WRONG
     if at_bound(result.best.hypothesis):
         return Verdict.UNEXPLAINED
     named = result.best.evidence
-    much = left.learned.evidence > _may_leave(named, options)
-    better = left.instead.evidence > named + options.better
-    worse = left.after > max(left.before, options.worse)
-    # A stop that the machine runs into in each episode looks like a push.
+    much = remainder.learned.evidence > _allowed(named, options)
+    better = remainder.instead.evidence > named + options.better
+    worse = remainder.after > max(remainder.before, options.worse)
+    # A hard stop that the machine touches in each episode looks like an event.
     events = all(candidate.cause.event for candidate in result.best.candidates)
-    no_event = events and left.instead.evidence > options.by_chance * named
+    no_event = events and remainder.instead.evidence > options.by_chance * named
     return Verdict.UNEXPLAINED if much or better or worse or no_event else Verdict.NAMED
 
 
 def at_bound(hypothesis: Hypothesis) -> bool:
-    """Whether a parameter went as far as it may: what it stands for is something else."""
+    """Return whether a parameter is at its bound, which shows that the cause is another one."""
     return any(
         abs(values[p.name] - bound) <= NEAR * abs(bound - p.null)
         for candidate, values in hypothesis
@@ -120,6 +127,6 @@ def at_bound(hypothesis: Hypothesis) -> bool:
     )
 
 
-def _may_leave(named: float, options: Options) -> float:
-    """What a learner may find in what causes of such evidence leave [nats]."""
+def _allowed(named: float, options: Options) -> float:
+    """Return the evidence that may be learned of what causes of this evidence leave [nats]."""
     return max(options.certain, min(options.unexplained * named, options.root * named**0.5))

@@ -1,10 +1,11 @@
-"""What a residual is measured in: sensor noise, and what every honest drawing is off by.
+"""Whitening of residuals whose covariance comes from sensor noise and tolerances of the model.
 
-A drawing is never exact. Every parameter of every cause has a tolerance that nobody calls a fault;
-the residuals that tolerances make are correlated over the whole log. With their sensitivities N
-(columns scaled by tolerance) the covariance of a residual in units of sensor noise is
-C = D + N N', D diagonal. `Whitening` applies C^(-1/2), after which plain least squares is maximum
-likelihood with all tolerances integrated out.
+A nominal model is never exact. Each parameter of each cause has a tolerance, a deviation that is
+not a fault. The residuals that tolerances cause are correlated over the whole log. Let N (n, p) be
+the sensitivities of the residual, each column scaled by its tolerance, and D a diagonal matrix that
+inflates the variance of readings whose errors are autocorrelated. The covariance of a residual in
+units of sensor noise is then C = D + N N'. `Whitening` applies C^(-1/2), after which ordinary least
+squares is maximum likelihood with all tolerances integrated out.
 """
 
 from __future__ import annotations
@@ -12,20 +13,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reality_gap.types import Bools, Floats
+from reality_gap.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
 class Whitening:
-    """C^(-1/2) on a part of the readings.
+    """C^(-1/2) of the readings in use.
 
     Attributes:
-        use: (n,) which readings.
-        weight: (u,) 1 / sqrt(D) of those.
-        basis: (u, p) orthonormal, spanning the weighted tolerances.
-        shrink: (p,) by how much each of these directions counts less.
+        use: which readings are in use, shape (n,).
+        weight: 1 / sqrt(D) of those, shape (u,).
+        basis: orthonormal basis of the weighted tolerances, shape (u, p).
+        shrink: share of each of these directions that is removed, shape (p,).
     """
 
     use: Bools
@@ -34,42 +34,47 @@ class Whitening:
     shrink: Floats
 
     def __call__(self, residual: Floats) -> Floats:
-        """Whiten residuals in units of sensor noise, (n,) or (n, k), to (u,) or (u, k)."""
+        """Whiten residuals in units of sensor noise, shape (n,) or (n, k), to (u,) or (u, k)."""
         scaled = (residual[self.use].T * self.weight).T
         along = self.basis.T @ scaled
         return scaled - self.basis @ (along.T * self.shrink).T
 
 
 def whitening(tolerances: Floats, inflation: Floats, use: Bools) -> Whitening:
-    """Make C^(-1/2).
+    """Compute C^(-1/2).
 
     Args:
-        tolerances: (n, p) change of the residual, in units of noise, by each tolerance.
-        inflation: (n,) D: the number of readings that count as one.
-        use: (n,) which readings.
+        tolerances: change of the residual by each tolerance in units of sensor noise, shape (n, p).
+        inflation: the diagonal of D, shape (n,); see `variance_inflation`.
+        use: which readings to use, shape (n,).
     """
     weight = 1.0 / np.sqrt(inflation[use])
     scaled = tolerances[use] * weight[:, None]
-    power, turn = np.linalg.eigh(scaled.T @ scaled)
+    power, vectors = np.linalg.eigh(scaled.T @ scaled)
     large = power > 1e-6 * max(1.0, float(power.max(initial=0.0)))
-    power, turn = power[large], turn[:, large]
-    basis = scaled @ (turn / np.sqrt(power))
+    power, vectors = power[large], vectors[:, large]
+    basis = scaled @ (vectors / np.sqrt(power))
     return Whitening(use, weight, basis, 1.0 - 1.0 / np.sqrt(1.0 + power))
 
 
-def inflation(remainder: Floats, groups: NDArray[np.int64], limit: int = 100) -> Floats:
-    """How many readings count as one, by reading (n,), from each channel's autocorrelation.
+def variance_inflation(remainder: Floats, channels: Ints, limit: int = 100) -> Floats:
+    """Estimate how many readings count as one, from the autocorrelation of each channel.
 
-    A remainder that wanders tells less than its number of readings; n / n_eff = 1 + 2 sum(rho),
-    summed up to the first negative rho (initial positive sequence, Geyer 1992).
+    n autocorrelated readings hold the information of n_eff independent ones. The inflation is
+    n / n_eff = 1 + 2 sum(rho), where rho is the autocorrelation at each lag, summed up to the first
+    negative one (initial positive sequence, Geyer 1992).
 
     Args:
-        remainder: (n,) in units of noise, in order of time within a channel.
-        groups: (n,) channel of each reading.
+        remainder: residual in units of noise, ordered by time within a channel, shape (n,).
+        channels: channel of each reading, shape (n,).
+        limit: largest lag.
+
+    Returns:
+        Inflation of each reading, shape (n,), at least 1.
     """
     result = np.ones(len(remainder))
-    for group in np.unique(groups):
-        at = groups == group
+    for channel in np.unique(channels):
+        at = channels == channel
         x = remainder[at] - remainder[at].mean()
         power = float(x @ x)
         if len(x) < 8 or power == 0.0:
@@ -84,9 +89,23 @@ def inflation(remainder: Floats, groups: NDArray[np.int64], limit: int = 100) ->
     return result
 
 
-def tolerated(tolerances: Floats, spread: Floats, use: Bools, residual: Floats) -> Floats:
-    """What tolerances most likely make of a residual (n,), inferred from the readings in use."""
-    scaled = tolerances[use] / np.sqrt(spread[use])[:, None]
-    right = scaled.T @ (residual[use] / np.sqrt(spread[use]))
+def explained_by_tolerances(
+    tolerances: Floats, inflation: Floats, use: Bools, residual: Floats
+) -> Floats:
+    """Estimate the part of a residual that tolerances explain.
+
+    It is the posterior mean of N s with s ~ N(0, I), given the readings in use.
+
+    Args:
+        tolerances: N, shape (n, p).
+        inflation: the diagonal of D, shape (n,).
+        use: which readings to infer from, shape (n,).
+        residual: residual of all readings in units of sensor noise, shape (n,).
+
+    Returns:
+        The explained part of the residual of all readings, shape (n,).
+    """
+    scaled = tolerances[use] / np.sqrt(inflation[use])[:, None]
+    right = scaled.T @ (residual[use] / np.sqrt(inflation[use]))
     size = np.linalg.solve(scaled.T @ scaled + np.eye(scaled.shape[1]), right)
     return tolerances @ size

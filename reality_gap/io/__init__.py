@@ -1,1 +1,1 @@
-"""From files to a study: YAML, logs, bags, units, and what is wrong with them."""
+"""Input: reads STUDY.yaml, logs and bags, converts units, and checks them against the model."""

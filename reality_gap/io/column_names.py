@@ -1,4 +1,4 @@
-"""Which column of a log is likely meant for which element of a model, by their names."""
+"""Column names: guesses which column of a log belongs to which element of a model."""
 
 from __future__ import annotations
 
@@ -20,61 +20,73 @@ HINTS: dict[str, frozenset[str]] = {
         "time": "t time timestamp stamp clock sec seconds",
     }.items()
 }
-"""Words in the name of a column that tell what it holds."""
+"""Words in a column's name, by the kind of quantity that they indicate."""
 
 KINDS = {"m": "position", "rad": "position", "N": "force", "N m": "force"} | {
     "m/s": "rate",
     "rad/s": "rate",
 }
-"""What a quantity of an SI unit is, as in `HINTS`."""
+"""Kind of quantity, as in `HINTS`, by SI unit."""
 
-_THRESHOLD = 1.5
+_THRESHOLD = 1.5  # smallest similarity of a guess
 _COMPONENT = re.compile(r"(.*?)[_. ]?([wxyz])$")
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """An element that needs columns.
+class Element:
+    """An element of the model that needs columns.
 
     Attributes:
-        name: of the sensor, actuator or joint.
-        about: other names it goes by, as that of the tendon that a sensor reads.
-        kind: as in `HINTS`; empty if it is none of these.
+        name: name of the sensor, actuator or joint.
+        target: name of the element that a sensor measures; empty without one.
+        kind: kind of quantity, as in `HINTS`; empty if it is none of these.
         count: number of columns.
     """
 
     name: str
-    about: str
+    target: str
     kind: str
     count: int = 1
 
 
-def guess(wanted: Sequence[Wanted], columns: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Columns by name of the element, the likeliest pairs first, each column once at most."""
+def guess(elements: Sequence[Element], columns: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Assign columns to elements, the most similar pairs first.
+
+    Returns:
+        Columns by the element's name; each column is used at most once.
+    """
     free = dict.fromkeys(columns)
     pairs = [
-        (_likeness(element, label), -i, -j, element, group)
-        for i, element in enumerate(wanted)
+        (_similarity(element, label), -i, -j, element, group)
+        for i, element in enumerate(elements)
         for j, (label, group) in enumerate(_groups(columns, element.count))
     ]
     found: dict[str, tuple[str, ...]] = {}
-    for likeness, _, _, element, group in sorted(pairs, key=lambda p: p[:3], reverse=True):
-        if likeness < _THRESHOLD or element.name in found or any(c not in free for c in group):
+    for similarity, _, _, element, group in sorted(pairs, key=lambda p: p[:3], reverse=True):
+        if similarity < _THRESHOLD or element.name in found or any(c not in free for c in group):
             continue
         found[element.name] = group
         for column in group:
             del free[column]
-    return found | _last_ones(wanted, found, list(free))
+    return found | _remaining_pairs(elements, found, list(free))
 
 
 def guess_time(columns: Iterable[str]) -> str | None:
-    """The column that is most likely the time: the one that is called so by itself."""
+    """Return the column that most likely holds the time: the shortest name that indicates it."""
     likely = [c for c in columns if HINTS["time"] & set(_words(c))]
     return min(likely, key=lambda c: len(_words(c)), default=None)
 
 
 def named_unit(column: str, units: Iterable[str]) -> str | None:
-    """The unit that a column's name ends in, as "length_mm", if it is of one of the SI units."""
+    """Return the unit at the end of a column's name, as in "length_mm".
+
+    Args:
+        column: name of the column.
+        units: SI units that are valid.
+
+    Returns:
+        The unit's symbol; None if the name ends in no unit, or in one of another dimension.
+    """
     ending = re.split(r"[_\s\[(]", column.rstrip(")] "))[-1]
     try:
         unit = parse_unit(ending)
@@ -83,13 +95,13 @@ def named_unit(column: str, units: Iterable[str]) -> str | None:
     return unit.symbol if unit.si in units and unit.symbol in symbols_of(unit.si) else None
 
 
-def _last_ones(
-    wanted: Sequence[Wanted], found: dict[str, tuple[str, ...]], free: list[str]
+def _remaining_pairs(
+    elements: Sequence[Element], found: dict[str, tuple[str, ...]], free: list[str]
 ) -> dict[str, tuple[str, ...]]:
-    """One element of a kind left, and one column of that kind: they belong together."""
+    """Pair the last element of a kind with the last column of that kind."""
     pairs: dict[str, tuple[str, ...]] = {}
     for kind in HINTS:
-        left = [e for e in wanted if e.kind == kind and e.count == 1 and e.name not in found]
+        left = [e for e in elements if e.kind == kind and e.count == 1 and e.name not in found]
         hinted = [column for column in free if _kind(column) == kind]
         if len(left) == len(hinted) == 1:
             pairs[left[0].name] = (hinted[0],)
@@ -97,7 +109,7 @@ def _last_ones(
 
 
 def _groups(columns: Sequence[str], count: int) -> list[tuple[str, tuple[str, ...]]]:
-    """Candidates for ``count`` components: what they have in common, and the columns."""
+    """Return groups of ``count`` columns: the common part of their names, and the columns."""
     if count == 1:
         return [(column, (column,)) for column in columns]
     axes = {3: "xyz", 4: "wxyz"}.get(count)
@@ -115,13 +127,13 @@ def _groups(columns: Sequence[str], count: int) -> list[tuple[str, tuple[str, ..
     ]
 
 
-def _likeness(element: Wanted, column: str) -> float:
-    """About 0 to 4; 1.5 is enough for a guess."""
+def _similarity(element: Element, column: str) -> float:
+    """Return the similarity of an element and a column, about 0 to 4."""
     if column == element.name:
         return 4.0
     words = set(_words(column))
     hints = frozenset().union(*HINTS.values())
-    identity = set(_words(f"{element.name} {element.about}")) - hints
+    identity = set(_words(f"{element.name} {element.target}")) - hints
     shared = len(identity & words) / len(identity) if identity else 0.0
     alike = SequenceMatcher(None, element.name.lower(), column.lower()).ratio()
     kind = _kind(column)
@@ -131,7 +143,7 @@ def _likeness(element: Wanted, column: str) -> float:
 
 def _kind(column: str) -> str:
     words = set(_words(column))
-    # Commands come first: a reference of a position is one.
+    # Commands come first: the reference of a position is a command.
     return next((kind for kind, hints in HINTS.items() if hints & words), "")
 
 

@@ -1,4 +1,4 @@
-"""Which units a sensor, an actuator or a joint of a model can be measured in (SI units)."""
+"""Dimensions: SI units in which a sensor, actuator or joint of a model can be measured."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _FIXED: dict[int, Units] = {
     }.items()
 }
 
-# Which of (position, rate, force) a sensor reads of a joint, a tendon or an actuator.
+# Index into (position, rate, force) of what a sensor of a joint, tendon or actuator measures.
 _OF_JOINT = {
     int(Kind.mjSENS_JOINTPOS): 0,
     int(Kind.mjSENS_JOINTVEL): 1,
@@ -64,7 +64,7 @@ _OF_ACTUATOR = {
 
 
 def sensor_units(model: mujoco.MjModel, sensor: str) -> Units:
-    """SI units that the values of a sensor may have; empty where any may."""
+    """Return the SI units that the values of a sensor may have; empty if all are valid."""
     kind, target = int(model.sensor(sensor).type[0]), int(model.sensor(sensor).objid[0])
     if kind in _OF_JOINT:
         return _joint(model, target)[_OF_JOINT[kind]]
@@ -76,16 +76,16 @@ def sensor_units(model: mujoco.MjModel, sensor: str) -> Units:
 
 
 def joint_units(model: mujoco.MjModel, joint: str) -> tuple[str, str]:
-    """SI units of the position and of the force of a hinge or slide joint."""
+    """Return the SI units of the position and of the force of a hinge or slide joint."""
     position, _, force = _joint(model, int(model.joint(joint).id))
     return position[0], force[0]
 
 
 def actuator_units(model: mujoco.MjModel, actuator: str) -> Units:
-    """SI units that the control of an actuator may have; empty where any may.
+    """Return the SI units that the command of an actuator may have; empty if all are valid.
 
-    A servo, whose bias feeds back the length or the rate, is commanded in that; all other
-    actuators in a force, volts, amperes or 1.
+    A servo, whose bias feeds back the position or the rate, is commanded in that unit; all other
+    actuators are commanded in a force, volts, amperes or 1.
     """
     i = int(model.actuator(actuator).id)
     position, rate, force = _transmission(model, i)

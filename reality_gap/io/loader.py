@@ -1,4 +1,4 @@
-"""Reading a study: STUDY.yaml, its model and its logs, checked against one another."""
+"""Loader: reads STUDY.yaml, its model and its logs, and checks them against one another."""
 
 from __future__ import annotations
 
@@ -11,46 +11,53 @@ import numpy as np
 
 from reality_gap.errors import StudyError
 from reality_gap.io.logs import read_episode
-from reality_gap.io.plausibility import impossible
+from reality_gap.io.plausibility import wrong_unit
 from reality_gap.io.quaternions import continuous
 from reality_gap.io.schema import Line, StudyFile, read_study_file
-from reality_gap.io.validation import actuator_names, match, measured_joints
-from reality_gap.study.data import Channel, Episode, Initial, Study, load_strange_spec
+from reality_gap.io.validation import actuator_names, check_against_model, measured_joints
+from reality_gap.study.data import Channel, Episode, Initial, Study, load_untrusted_spec
 
 SUFFIXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
-"""What the components of a sensor are called, by their number; else 0, 1, ..."""
+"""Names of a sensor's components, by their number; for other numbers 0, 1, ..."""
 
 MAX_STEPS = 1e8
-"""Most physics steps of one episode: an hour at 40 us."""
+"""Largest number of physics steps of one episode: an hour at 40 us."""
 
 _QUATERNION = (int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT))
 
 
 def load_study(path: Path | str) -> Study:
-    """The study that a STUDY.yaml describes, every number in SI units.
+    """Read a study and convert all numbers to SI units.
+
+    Args:
+        path: path of STUDY.yaml.
+
+    Returns:
+        The study with its logs.
 
     Raises:
-        StudyError: in one sentence, what is wrong, where, and what would be valid.
+        StudyError: the study, its model or a log is wrong; one sentence says what is wrong, where,
+            and what would be valid.
     """
     file = read_study_file(Path(path))
-    model = load_strange_spec(file.model, file.path.parent).copy().compile()
-    match(file, model)
+    model = load_untrusted_spec(file.model, file.path.parent).copy().compile()
+    check_against_model(file, model)
     channels = _channels(file)
     episodes = _episodes(file, model)
     if file.joints is None:
-        episodes = _begin_at_first_readings(file, model, channels, episodes)
+        episodes = _start_at_first_readings(file, model, channels, episodes)
     initial = Initial(file.joints or {}, file.settle)
     study = Study(file.name, file.model, channels, episodes, initial)
-    _check_alive(file, study)
+    _check_constant_sensors(file, study)
     _check_steps(file, study, model)
-    fault = impossible(study)
+    fault = wrong_unit(study)
     if fault:
         raise StudyError(f"{file.path}: {fault}")
     return study
 
 
 def _lines(file: StudyFile) -> list[tuple[Literal["sensor", "effort"], str, Line]]:
-    """What was measured, in the order of the study's channels."""
+    """Return kind, name and line of all measurements, in the order of the study's channels."""
     return [
         *(("sensor", name, line) for name, line in file.sensors.items()),
         *(("effort", name, line) for name, line in file.efforts.items()),
@@ -95,14 +102,14 @@ def _with_quaternions(file: StudyFile, model: mujoco.MjModel, episode: Episode) 
     return replace(episode, readings=tuple(readings))
 
 
-def _begin_at_first_readings(
+def _start_at_first_readings(
     file: StudyFile,
     model: mujoco.MjModel,
     channels: tuple[Channel, ...],
     episodes: tuple[Episode, ...],
 ) -> tuple[Episode, ...]:
     joints = measured_joints(file, model)
-    begun = []
+    started = []
     for episode in episodes:
         first = {}
         for channel, reading in zip(channels, episode.readings, strict=True):
@@ -114,31 +121,32 @@ def _begin_at_first_readings(
                     f"has no reading of {channel.name}"
                 )
             first[joints[channel.sensor]] = float(reading.value[0])
-        begun.append(replace(episode, joints=first | dict(episode.joints)))
-    return tuple(begun)
+        started.append(replace(episode, joints=first | dict(episode.joints)))
+    return tuple(started)
 
 
 def _check_steps(file: StudyFile, study: Study, model: mujoco.MjModel) -> None:
-    """Refuse what nobody could wait for."""
+    """Refuse a replay that would take far too long."""
     longest = study.initial.settle + max(episode.duration for episode in study.episodes)
     if not longest <= MAX_STEPS * model.opt.timestep:
         raise StudyError(
-            f"{file.path}: {longest:g} s with settling would be more than {MAX_STEPS:g} steps of "
-            f"{model.opt.timestep:g} s, the model's timestep; shorten settle, or enlarge timestep"
+            f"{file.path}: {longest:g} s with settling are more than {MAX_STEPS:g} steps of the "
+            f"model's timestep, {model.opt.timestep:g} s; shorten settle, or enlarge timestep"
         )
 
 
-def _check_alive(file: StudyFile, study: Study) -> None:
-    """Refuse sensors that never read anything, or always the same."""
-    still: dict[str, list[bool]] = {}
+def _check_constant_sensors(file: StudyFile, study: Study) -> None:
+    """Refuse sensors without any reading, and sensors with a constant reading."""
+    constants: dict[str, list[bool]] = {}
     for i, channel in enumerate(study.channels):
         values = np.concatenate([episode.readings[i].value for episode in study.episodes])
         if not len(values):
             raise StudyError(f"{file.path}: {channel.name} has no reading at all; remove it")
-        still.setdefault(f"{channel.kind} {channel.sensor}", []).append(np.ptp(values) == 0.0)
-    for what, constant in still.items():
+        key = f"{channel.kind} {channel.sensor}"
+        constants.setdefault(key, []).append(np.ptp(values) == 0.0)
+    for what, constant in constants.items():
         if all(constant):
             raise StudyError(
-                f"{file.path}: {what} reads the same in every row of every episode, as a dead "
+                f"{file.path}: {what} has the same value in every row of every episode, as a dead "
                 "sensor does; remove it from the study"
             )

@@ -1,4 +1,4 @@
-"""Logs of one episode, which may be several files on one clock, as commands and readings."""
+"""Logs: reads the files of one episode, which share a clock, as commands and readings."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ MIN_DURATION, MAX_DURATION = 0.5, 3600.0
 """Shortest and longest episode [s]."""
 
 MIN_SAMPLES = 20
-"""Fewest readings of an episode's best channel."""
+"""Smallest number of readings of the channel that has most of them in an episode."""
 
 
 @dataclass(frozen=True)
 class Logs:
-    """The files of one episode, with the columns that the study asks for.
+    """The files of one episode, with the columns that the study uses.
 
     Attributes:
-        study: for its path, in errors.
-        tables: by file name, the one with the commands first.
-        times: of the rows of each file [s], from the first command.
+        study: the study file, whose path is named in errors.
+        tables: tables by file name, the one with the commands first.
+        times: times of the rows by file name, from the first command [s].
     """
 
     study: StudyFile
@@ -42,13 +42,22 @@ def read_episode(
     actuators: tuple[str, ...],
     measured: tuple[tuple[str, Line], ...],
 ) -> Episode:
-    """Read an episode, its readings in the order of ``measured``, component by component.
+    """Read an episode.
 
-    Readings before the first command are left out: nobody knows what drove the machine then.
+    Readings before the first command are left out, because the command at that time is unknown.
 
     Args:
-        actuators: in the order of the model; their commands must be in the first file.
-        measured: what was measured ("sensor length_biceps"), and its line in the study.
+        study: the study file.
+        files: the files of the episode.
+        name: name of the episode.
+        actuators: names in the order of the model; their commands must be in the first file.
+        measured: label of each measurement, such as "sensor length_biceps", and its line.
+
+    Returns:
+        The episode; its readings are in the order of ``measured``, component by component.
+
+    Raises:
+        StudyError: a file, a column, a time or a command is missing or wrong.
     """
     logs = _open(study, files, actuators, measured)
     time = logs.times[files.names[0]]
@@ -93,14 +102,14 @@ def _open(
 
 
 def _holder(study: StudyFile, what: str, column: str, headers: dict[str, tuple[str, ...]]) -> str:
-    """The one file that has a column."""
+    """Return the name of the only file that has a column."""
     holders = [name for name, header in headers.items() if column in header]
     if not holders:
         raise _missing(study, f"column {column!r} of {what}", column, headers)
     if len(holders) > 1:
         raise StudyError(
-            f"{study.path}: column {column!r} of {what} is in {' and in '.join(holders)}; each "
-            "column may be in one file of an episode"
+            f"{study.path}: column {column!r} of {what} is in {' and in '.join(holders)}; a "
+            "column must be in one file of an episode only"
         )
     return holders[0]
 
@@ -126,7 +135,7 @@ def _time(study: StudyFile, table: Table) -> Floats:
         how = "repeats" if time[row] == time[row - 1] else "falls below"
         raise StudyError(
             f"the time {time[row]:.6g} s in {table.location(row)} {how} that of the row before; "
-            "times must rise from row to row"
+            "times must increase from row to row"
         )
     return time
 
@@ -142,7 +151,8 @@ def _commands(logs: Logs, actuators: tuple[str, ...]) -> Floats:
         if len(empty):
             raise StudyError(
                 f"{table.location(int(empty[0]))} has no command in column {line.columns[0]!r}; "
-                "every row needs all commands (readings at other times may have their own file)"
+                "every row needs all commands (put readings at other times into a file of their "
+                "own)"
             )
     return command
 
@@ -163,7 +173,7 @@ def _check_clocks(logs: Logs) -> None:
         if time[-1] < 0.0 or (end > 0.0 and time[0] > end):
             raise StudyError(
                 f"the times of {name} ({time[0]:.6g} to {time[-1]:.6g} s from the first command) "
-                f"do not meet those of {commands} (0 to {end:.6g} s); both must be on one clock"
+                f"do not overlap those of {commands} (0 to {end:.6g} s); both must use one clock"
             )
 
 
@@ -171,12 +181,12 @@ def _check_length(study: StudyFile, episode: Episode) -> None:
     duration, unit = episode.duration, study.time.unit.symbol
     if not MIN_DURATION <= duration <= MAX_DURATION:
         raise StudyError(
-            f"{study.path}: episode {episode.name} lasts {duration:.6g} s; between "
-            f"{MIN_DURATION:g} and {MAX_DURATION:g} s are possible (is the time in {unit}?)"
+            f"{study.path}: episode {episode.name} lasts {duration:.6g} s; valid are "
+            f"{MIN_DURATION:g} to {MAX_DURATION:g} s (is the time in {unit}?)"
         )
     samples = max(len(reading.time) for reading in episode.readings)
     if samples < MIN_SAMPLES:
         raise StudyError(
-            f"{study.path}: episode {episode.name} has {samples} readings of its best channel; at "
-            f"least {MIN_SAMPLES} are needed"
+            f"{study.path}: no channel of episode {episode.name} has more than {samples} readings; "
+            f"at least {MIN_SAMPLES} are needed"
         )

@@ -1,4 +1,4 @@
-"""Wrong units: readings and commands that are nowhere near what the model can show."""
+"""Plausibility: detects wrong units by the range of values that the model can have."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from reality_gap.study.system import commanded
 from reality_gap.types import Floats
 
 SAMPLES = 200
-"""Postures at which the model is looked at, drawn evenly from the ranges of its joints."""
+"""Number of postures, sampled uniformly from the ranges of the joints."""
 
 _POSITIONS = tuple(
     int(kind)
@@ -28,28 +28,28 @@ _POSITIONS = tuple(
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """Something whose size does not fit the model's.
+class ScaleWarning:
+    """A position whose size does not fit the model.
 
     Attributes:
-        sentence: for people.
-        certain: nothing but a wrong unit explains it.
+        sentence: the warning.
+        certain: whether only a wrong unit can explain it.
     """
 
     sentence: str
     certain: bool
 
 
-def impossible(study: Study) -> str | None:
-    """A sentence on the first unit that is wrong beyond doubt, or None."""
-    return next((doubt.sentence for doubt in doubts(study) if doubt.certain), None)
+def wrong_unit(study: Study) -> str | None:
+    """Return a sentence on the first unit that is certainly wrong, or None."""
+    return next((found.sentence for found in scale_warnings(study) if found.certain), None)
 
 
-def doubts(study: Study) -> tuple[Doubt, ...]:
-    """What is suspiciously large or small: positions measured, and positions commanded.
+def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
+    """Return warnings on measured and commanded positions that are suspiciously large or small.
 
-    Sizes are medians over the log of the distance from zero, against the range of the same
-    quantity over all postures of the model.
+    The median distance from zero over the log is compared with the range of the same quantity
+    over the postures of the model.
     """
     model = study.spec().compile()
     sensors, lengths = _postures(model)
@@ -66,14 +66,14 @@ def doubts(study: Study) -> tuple[Doubt, ...]:
                 what = f"the command of {name}"
                 found.append((units[0], _compare(what, units[0], values[:, None], lengths[:, [i]])))
     return tuple(
-        Doubt(doubt.sentence, doubt.certain and _bounded(model, unit))
-        for unit, doubt in found
-        if doubt is not None
+        ScaleWarning(warning.sentence, warning.certain and _bounded(model, unit))
+        for unit, warning in found
+        if warning is not None
     )
 
 
 def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, str, Floats]]:
-    """Sensors of positions that all can be sized: name, unit, values (n, components)."""
+    """Return name, unit and values (n, components) of each measured position."""
     parts: dict[str, list[Floats]] = {}
     for i, channel in enumerate(study.channels):
         if channel.kind == "sensor":
@@ -82,7 +82,7 @@ def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, 
     positions = []
     for name, columns in parts.items():
         kind, units = int(model.sensor(name).type[0]), sensor_units(model, name)
-        # A row with a part of a position only is rare, and medians do not mind.
+        # Rows with a part of a position only are rare and hardly change a median.
         count = min(len(column) for column in columns)
         if kind in _POSITIONS and len(units) == 1:
             values = np.stack([column[:count] for column in columns], axis=1)
@@ -91,7 +91,7 @@ def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, 
 
 
 def _postures(model: mujoco.MjModel) -> tuple[Floats, Floats]:
-    """Sensor data (k, nsensordata), actuator lengths (k, nactuator) over the model's postures."""
+    """Return sensor data (k, nsensordata) and actuator lengths (k, nactuator) at postures."""
     data = mujoco.MjData(model)
     random = np.random.default_rng(0)
     sensors = np.zeros((SAMPLES, model.nsensordata))
@@ -108,7 +108,7 @@ def _postures(model: mujoco.MjModel) -> tuple[Floats, Floats]:
 
 
 def _range(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
-    """How far a joint may be from where it stands in ``qpos0``; nowhere, if it is not simple."""
+    """Return the range of a hinge or slide joint relative to ``qpos0``; (0, 0) for others."""
     kind = int(model.jnt_type[joint])
     if kind in (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)):
         return 0.0, 0.0
@@ -120,26 +120,26 @@ def _range(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
 
 
 def _bounded(model: mujoco.MjModel, unit: str) -> bool:
-    """Whether the joints bound every position that has this unit."""
+    """Return whether the joint limits bound all positions of this unit."""
     if unit == "rad":
         return bool(np.all(model.jnt_limited))
     hinges = model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)
     return bool(np.all(model.jnt_limited | hinges))
 
 
-def _compare(what: str, unit: str, values: Floats, possible: Floats) -> Doubt | None:
+def _compare(what: str, unit: str, values: Floats, possible: Floats) -> ScaleWarning | None:
     sizes, range_ = np.linalg.norm(values, axis=1), np.linalg.norm(possible, axis=1)
     size, low, high = float(np.median(sizes)), float(range_.min()), float(range_.max())
     large, small = ("degrees", "radians") if unit == "rad" else ("millimetres", "metres")
-    # A joint rests near zero for long, so that its largest value says more than its median.
+    # A joint may rest near zero for a long time, so that a high quantile is the better measure.
     if unit == "rad":
         size = float(np.quantile(sizes, 0.95))
     limit = 10.0 if unit == "rad" else 100.0
-    text = f"{what} is {size:.3g} {unit}, where the model's is between {low:.3g} and {high:.3g}"
+    text = f"{what} is {size:.3g} {unit}, but between {low:.3g} and {high:.3g} in the model"
     if size > limit * high:
-        return Doubt(f"{text}: it looks like {large} given as {small}", True)
+        return ScaleWarning(f"{text}: the log seems to be in {large}, not in {small}", True)
     if unit == "m" and 0.0 < size < low / limit:
-        return Doubt(f"{text}: it looks like {small} given as {large}", True)
+        return ScaleWarning(f"{text}: the log seems to be in {small}, not in {large}", True)
     if size > 2.0 * high or (unit == "m" and size < low / 2.0):
-        return Doubt(f"{text}: are unit, scale and offset right?", False)
+        return ScaleWarning(f"{text}: check unit, scale and offset", False)
     return None

@@ -1,4 +1,4 @@
-"""Measured quaternions: of unit length, and continuous in time."""
+"""Quaternions: normalises measured quaternions and makes them continuous in time."""
 
 from __future__ import annotations
 
@@ -8,23 +8,30 @@ from reality_gap.errors import StudyError
 from reality_gap.study.data import Reading
 
 NORM_TOLERANCE = 0.05
-"""How far a norm may be from 1 before it is not called a quaternion."""
+"""Largest deviation of a quaternion's norm from 1."""
 
 
 def continuous(sensor: str, parts: list[Reading]) -> list[Reading]:
-    """The four components w, x, y, z of ``sensor``, normalised.
+    """Normalise the quaternions of a sensor and choose their signs.
 
-    Of q and -q, which are one orientation, the first has w >= 0 and each other one is the nearer
-    to the one before it.
+    q and -q are the same orientation. The first quaternion gets w >= 0, and each following one
+    the sign that is nearer to its predecessor.
+
+    Args:
+        sensor: name of the sensor, for messages.
+        parts: readings of the components w, x, y, z.
+
+    Returns:
+        Readings of the four components.
 
     Raises:
-        StudyError: if a row has only a part of a quaternion, or its norm is not 1.
+        StudyError: a row has only a part of a quaternion, or its norm is not 1.
     """
     time = parts[0].time
     if any(not np.array_equal(part.time, time) for part in parts):
         raise StudyError(
-            f"sensor {sensor} reads quaternions, but some rows have only a part of one; fill all "
-            "four cells of a row or none"
+            f"sensor {sensor} measures quaternions, but some rows have only a part of one; fill "
+            "all four cells of a row or none"
         )
     if not len(time):
         return parts
@@ -33,7 +40,7 @@ def continuous(sensor: str, parts: list[Reading]) -> list[Reading]:
     wrong = np.flatnonzero(np.abs(norm - 1.0) > NORM_TOLERANCE)
     if len(wrong):
         raise StudyError(
-            f"sensor {sensor} reads quaternions, but {time[wrong[0]]:.6g} s after the first "
+            f"sensor {sensor} measures quaternions, but {time[wrong[0]]:.6g} s after the first "
             f"command the norm is {norm[wrong[0]]:.3g}; it must be 1, in the order w, x, y, z"
         )
     value /= norm[:, None]

@@ -1,7 +1,7 @@
-"""Logs of real robots: ROS 1 and ROS 2 bags, and MCAP, as CSV files that a study can name.
+"""Bags: converts ROS 1 and ROS 2 bags and MCAP files to CSV files that a study can use.
 
-One file a topic, since each has times of its own. What is no number (text, images, clouds) is left
-out. Needs the package rosbags: ``pip install 'kengoro[ros]'``.
+Each topic becomes a file, because each topic has its own times. Text, images and point clouds are
+left out. Needs the package rosbags: ``pip install 'kengoro[ros]'``.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.io.tables import MAX_CELLS
 from reality_gap.types import Floats
 
-MANY = 256
-"""Elements from which on an array is a picture, a cloud or a map."""
+MAX_ELEMENTS = 256
+"""Largest number of elements of an array; longer ones are images, point clouds or maps."""
 LABELS = ("name", "names", "joint_names")
-"""Fields that say what the elements of a message's arrays belong to."""
+"""Fields of a message that name the elements of its arrays."""
 HEADER = "std_msgs/msg/Header"
 TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 
 
 @dataclass
 class Topic:
-    """What a topic said.
+    """The numbers in the messages of a topic.
 
     Attributes:
         name: as in the bag.
         arrival: when each message was recorded [s].
-        stamp: when its sender stamped it [s]; NaN where it did not.
-        cells: numbers of each message by column.
+        stamp: time stamp by the sender of each message [s]; NaN without one.
+        cells: numbers of each message by column name.
     """
 
     name: str
@@ -46,11 +46,15 @@ class Topic:
 
     @property
     def stem(self) -> str:
-        """The name as one word: file and columns begin with it."""
+        """The name as one word, with which file name and column names begin."""
         return "_".join(part for part in self.name.split("/") if part)
 
     def time(self, by_arrival: bool) -> Floats:
-        """Time of each message (n,) [s]: the senders' stamps, if all have one."""
+        """Return the time of each message, shape (n,) [s].
+
+        It is the sender's time stamp, or the time of arrival if a stamp is missing or
+        ``by_arrival`` is true.
+        """
         stamps = np.array(self.stamp)
         return np.array(self.arrival) if by_arrival or np.isnan(stamps).any() else stamps
 
@@ -60,32 +64,32 @@ def unpack(
     out: Path,
     topics: Sequence[str] = (),
     by_arrival: bool = False,
-    tell: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[Path, ...]:
-    """Write a bag's topics as CSV files into a new folder, whole or not at all.
+    """Write a bag's topics as CSV files into a new folder, all of them or none.
 
-    Every file has a column ``time`` [s], 0 at the earliest message of all files; the others are
-    named by topic and field, and by the joint where the message names joints, as in
-    ``joint_states_position_elbow``. Units are those of the bag: SI in ROS.
+    Each file has a column ``time`` [s], which is 0 at the earliest message of all files. The
+    other columns are named after topic and field, and after the joint if the message names
+    joints, as in ``joint_states_position_elbow``. Units are those of the bag (SI in ROS).
 
     Args:
         bag: a .bag file, the folder of a ROS 2 bag, or an .mcap file.
-        out: folder to make.
-        topics: which to write; by default all that hold numbers.
-        by_arrival: take the time at which messages were recorded, not that of their stamps.
-        tell: called with the share that is read.
+        out: folder to create.
+        topics: topics to write; by default all that hold numbers.
+        by_arrival: use the time at which messages were recorded instead of their time stamps.
+        progress: called with the fraction of the bag that has been read, 0 to 1.
 
     Returns:
-        tuple of Path: the files, in the order of the topics' names.
+        The files, in the order of the topics' names.
 
     Raises:
         StudyError: the bag cannot be read, holds no numbers, or ``out`` exists.
         UnknownNameError: the bag has no such topic.
     """
     check_new(out)
-    found = [topic for topic in read_bag(bag, topics, tell) if any(topic.cells)]
+    found = [topic for topic in read_bag(bag, topics, progress) if any(topic.cells)]
     if not found:
-        raise StudyError(f"{bag.name} has no message with a number in it")
+        raise StudyError(f"{bag.name} has no message that contains a number")
     stems = [topic.stem for topic in found]
     if len(set(stems)) < len(stems):
         twice = next(stem for stem in stems if stems.count(stem) > 1)
@@ -104,29 +108,35 @@ def unpack(
 
 
 def check_new(out: Path) -> None:
-    """`StudyError` if there is something at ``out``."""
+    """Raise `StudyError` if ``out`` exists."""
     if out.exists():
-        raise StudyError(f"{out} exists and is left alone; give a new folder")
+        raise StudyError(f"{out} exists and is not overwritten; give a new folder")
 
 
 def read_bag(
-    bag: Path, topics: Sequence[str] = (), tell: Callable[[float], None] = lambda share: None
+    bag: Path, topics: Sequence[str] = (), progress: Callable[[float], None] = lambda share: None
 ) -> list[Topic]:
-    """Every number that a bag's messages hold, by topic in the order of their names."""
+    """Read all numbers in the messages of a bag.
+
+    Args and errors are those of `unpack`.
+
+    Returns:
+        The topics in the order of their names.
+    """
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise StudyError(
-            "bags are read by the package rosbags: pip install 'kengoro[ros]'"
+            "reading bags needs the package rosbags: pip install 'kengoro[ros]'"
         ) from error
     if not bag.exists():
         raise StudyError(f"there is no bag {bag}")
     found: dict[str, Topic] = {}
     try:
-        # ROS 2 bags of before 2023 do not say what their messages look like.
-        usual = get_typestore(Stores.LATEST)
-        with AnyReader([bag], default_typestore=usual) as reader:
+        # ROS 2 bags from before 2023 do not contain the definitions of their messages.
+        types = get_typestore(Stores.LATEST)
+        with AnyReader([bag], default_typestore=types) as reader:
             for name in topics:
                 if name not in reader.topics:
                     raise UnknownNameError("topic", name, sorted(reader.topics))
@@ -140,17 +150,17 @@ def read_bag(
                 topic.stamp.append(_stamp(message))
                 topic.cells.append(dict(_numbers(topic.stem, message, ())))
                 if i % 100 == 0:
-                    tell(i / reader.message_count)
+                    progress(i / reader.message_count)
     except StudyError:
         raise
-    except Exception as error:  # readers of damaged files raise whatever they stumble over
+    except Exception as error:  # on damaged files the reader raises errors of any type
         what = " ".join(str(error).split()) or type(error).__name__
-        raise StudyError(f"{bag.name} is no bag that can be read: {what}") from error
+        raise StudyError(f"{bag.name} cannot be read as a bag: {what}") from error
     return [found[name] for name in sorted(found)]
 
 
 def _stamp(message: Any) -> float:
-    """Time of a message's header [s]; NaN if it has none, or an empty one."""
+    """Return the time stamp in a message's header [s]; NaN if there is none or it is 0."""
     header: Any = getattr(message, "header", None)
     if getattr(header, "__msgtype__", "") != HEADER:
         return float("nan")
@@ -162,7 +172,7 @@ def _seconds(time: Any) -> float:
 
 
 def _numbers(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[str, float]]:
-    """All numbers in a value, with their columns' names."""
+    """Yield column name and number of all numbers in a value."""
     if isinstance(value, int | float | np.number | np.bool_):
         yield label, float(value)
     elif is_dataclass(value):
@@ -174,14 +184,14 @@ def _numbers(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[str
             for part in fields(value):
                 if part.name != "__msgtype__":
                     yield from _numbers(f"{label}_{part.name}", getattr(value, part.name), own)
-    elif isinstance(value, list | np.ndarray) and len(value) <= MANY:
+    elif isinstance(value, list | np.ndarray) and len(value) <= MAX_ELEMENTS:
         ends = names if len(names) == len(value) else [str(i) for i in range(len(value))]
         for end, element in zip(ends, value, strict=True):
             yield from _numbers(f"{label}_{end}", element, names)
 
 
 def _labels(message: Any) -> list[str]:
-    """What a message says its arrays' elements belong to; none if two have the same name."""
+    """Return the names of a message's array elements; empty if two of them are equal."""
     for name in LABELS:
         found = getattr(message, name, None)
         if isinstance(found, list) and len(set(map(str, found))) == len(found):
@@ -190,13 +200,16 @@ def _labels(message: Any) -> list[str]:
 
 
 def _write(path: Path, topic: Topic, time: Floats) -> None:
-    """The topic in the order of time; of messages of the same time, the last."""
+    """Write a topic ordered by time; of several messages of the same time only the last."""
     order = np.argsort(time, kind="stable")
     last = np.append(np.diff(time[order]) > 0, True)
     rows = order[last]
     names = list(dict.fromkeys(name for cells in topic.cells for name in cells))
     if len(names) * len(rows) > MAX_CELLS:
-        raise StudyError(f"{topic.name} has {len(names) * len(rows)} cells; choose other topics")
+        raise StudyError(
+            f"{topic.name} has {len(names) * len(rows)} cells, more than {MAX_CELLS}; choose other "
+            "topics"
+        )
     columns = {"time": pa.array(np.round(time[rows], 9))}
     for name in names:
         values = np.array([topic.cells[row].get(name, np.nan) for row in rows])

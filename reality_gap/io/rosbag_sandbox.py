@@ -1,4 +1,4 @@
-"""Bags from strangers: unpacked behind a fence, since their readers trust what they read."""
+"""Sandbox for bags: unpacks untrusted bags in a process with limited time and memory."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from reality_gap.errors import StudyError
 from reality_gap.io.rosbag import check_new, unpack
 
 SECONDS, RATE = 10.0, 10e6
-"""How long nothing may be read: so long [s], and as a whole at this rate [bytes/s] to open it."""
+"""Longest time without progress: `SECONDS` [s], and the size of the bag over `RATE` [bytes/s]."""
 MEMORY, UNFOLDED = 2 << 30, 60
-"""Most memory: so much [bytes], and so many times the size of the bag."""
+"""Largest memory: `MEMORY` [bytes], and `UNFOLDED` times the size of the bag."""
 ARRIVAL, STAMP = "arrival", "stamp"
+"""Values of the argument ``clock`` of `main`."""
 
 
 def unpack_in_sandbox(
@@ -23,13 +24,15 @@ def unpack_in_sandbox(
     out: Path,
     topics: Sequence[str] = (),
     by_arrival: bool = False,
-    tell: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[Path, ...]:
-    """As `reality_gap.io.rosbag.unpack`, in a process of its own with limits of time and memory.
+    """Run `reality_gap.io.rosbag.unpack` in a process with limited time and memory.
+
+    Args and return value are those of `unpack`.
 
     Raises:
         StudyError: the bag cannot be read, has no such topic, holds no numbers, crashes its reader
-            or takes too much of it, or ``out`` exists.
+            or exceeds the limits, or ``out`` exists.
     """
     check_new(out)
     limits = _limits(bag)
@@ -40,7 +43,7 @@ def unpack_in_sandbox(
         clock = ARRIVAL if by_arrival else STAMP
         arguments = [str(bag.absolute()), str(new), clock, *topics]
         try:
-            sandbox.run("reality_gap.io.rosbag_sandbox", arguments, limits, tell)
+            sandbox.run("reality_gap.io.rosbag_sandbox", arguments, limits, progress)
         except SandboxError as error:
             raise StudyError(f"{bag.name} {error}") from error
         except UntrustedFileError as error:
@@ -50,19 +53,21 @@ def unpack_in_sandbox(
 
 
 def main(bag: str, out: str, clock: str, *topics: str) -> None:
-    """Behind the fence: unpack a bag; what is wrong with it is the study's writer's to know."""
+    """Entry point of the worker process: unpack a bag and pass errors on to the parent."""
     try:
-        unpack(Path(bag), Path(out), topics, clock == ARRIVAL, worker.tell)
+        unpack(Path(bag), Path(out), topics, clock == ARRIVAL, worker.report_progress)
     except StudyError as error:
         raise UntrustedFileError(str(error)) from error
 
 
 def _limits(bag: Path) -> sandbox.Limits:
-    """What reading a bag may take; refuses one whose files lie elsewhere."""
+    """Return the limits for a bag; refuse a folder with links to files outside of it."""
     files = [path for path in bag.rglob("*") if path.is_file()] if bag.is_dir() else [bag]
     size = 0
     for file in files:
         if bag.is_dir() and not file.resolve().is_relative_to(bag.resolve()):
-            raise StudyError(f"{bag.name} holds a link to {file.resolve()}; copy the file there")
+            raise StudyError(
+                f"{bag.name} contains a link to {file.resolve()}; replace the link by the file"
+            )
         size += file.stat().st_size if file.exists() else 0
     return sandbox.Limits(SECONDS + size / RATE, None, MEMORY + UNFOLDED * size)

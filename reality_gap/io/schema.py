@@ -1,4 +1,4 @@
-"""STUDY.yaml as it is written: which files, which columns, which units; no log is opened."""
+"""Schema: parses STUDY.yaml into files, columns and units, without opening a log."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from reality_gap.types import Floats
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a study: columns of a log and what their cells mean.
+    """One line of a study: columns of a log and how to convert their cells.
 
     Attributes:
-        columns: one per component.
-        unit: of ``scale * cell + offset`` and of ``noise``.
-        scale, offset: what to make of a cell.
-        noise: standard deviation of one reading [unit]; None where unknown.
+        columns: one column for each component.
+        unit: unit of ``scale * cell + offset`` and of ``noise``.
+        scale, offset: conversion of a cell.
+        noise: standard deviation of one reading [unit]; None if unknown.
     """
 
     columns: tuple[str, ...]
@@ -31,12 +31,12 @@ class Line:
     noise: float | None = None
 
     def in_si(self, cells: Floats) -> Floats:
-        """Values in SI units of cells, any shape."""
+        """Convert cells of any shape to SI units."""
         return self.unit.factor * (self.scale * cells + self.offset)
 
     @property
     def noise_in_si(self) -> float | None:
-        """Standard deviation of one reading in SI units."""
+        """Standard deviation of one reading in SI units; None if unknown."""
         return None if self.noise is None else self.noise * self.unit.factor
 
 
@@ -45,8 +45,8 @@ class Files:
     """Logs of one episode.
 
     Attributes:
-        names: relative to the study, the one with the commands first.
-        joints: where joints stand at the begin [rad or m], over those of the whole study.
+        names: file names relative to the study, the one with the commands first.
+        joints: initial positions of joints [rad or m]; they override those of the study.
     """
 
     names: tuple[str, ...]
@@ -55,16 +55,16 @@ class Files:
 
 @dataclass(frozen=True)
 class StudyFile:
-    """What STUDY.yaml says.
+    """Content of STUDY.yaml.
 
     Attributes:
-        path: of the file itself.
-        name: for people.
+        path: path of STUDY.yaml.
+        name: name of the study, shown in reports.
         model: path of the MJCF file, inside the study's folder.
         episodes: at least one.
-        time: the column of the time in every log.
-        actuators, sensors, efforts: by name of the actuator, sensor or joint.
-        joints: initial positions [rad or m]; None for the first reading of each joint.
+        time: the column of the time in all logs.
+        actuators, sensors, efforts: lines by name of the actuator, sensor or joint.
+        joints: initial positions [rad or m]; None to take the first reading of each joint.
         settle: how long the first command is held before the log begins [s].
     """
 
@@ -80,28 +80,40 @@ class StudyFile:
     settle: float
 
     def locate(self, name: str) -> Path:
-        """The file that the study calls ``name``; `StudyError` if outside the study's folder."""
+        """Return the path of a file that the study names; see `locate`."""
         return locate(self.path, name)
 
 
 def locate(study: Path, name: str) -> Path:
-    """The file that ``study`` calls ``name``, which must lie in its folder or below."""
+    """Return the path of a file that a study names.
+
+    Args:
+        study: path of STUDY.yaml.
+        name: file name as written in the study.
+
+    Raises:
+        StudyError: the file lies outside of the study's folder, or the name is not a path.
+    """
     folder = study.parent.resolve()
     try:
         path = (folder / name).resolve()
-        path.is_file()  # which says whether a name is too long
+        path.is_file()  # raises OSError if the name is too long
     except (OSError, RuntimeError, ValueError) as error:
-        raise StudyError(f"{study}: {short_name(name)!r} is no path of a file") from error
+        raise StudyError(f"{study}: {short_name(name)!r} is not a path of a file") from error
     if Path(name).is_absolute() or not path.is_relative_to(folder):
         raise StudyError(
-            f"{study}: {short_name(name)!r} lies outside the study's folder; copy it beside the "
-            "study and give its path relative to it"
+            f"{study}: {short_name(name)!r} lies outside the study's folder; copy it there and "
+            "give its path relative to the study"
         )
     return path
 
 
 def read_study_file(path: Path) -> StudyFile:
-    """Read STUDY.yaml; every fault is a `StudyError` that names the key and what it may be."""
+    """Read STUDY.yaml.
+
+    Raises:
+        StudyError: a key or value is wrong; the message names the key and the valid values.
+    """
     top = read_yaml(path)
     top.only("name", "model", "episodes", "time", "actuators", "sensors", "efforts", "initial")
     actuators, sensors, efforts = (
@@ -109,9 +121,9 @@ def read_study_file(path: Path) -> StudyFile:
         for key in ("actuators", "sensors", "efforts")
     )
     if actuators and efforts:
-        raise StudyError(f"{path} has both actuators and efforts; give one of them")
+        raise StudyError(f"{path} has both actuators and efforts; give only one of them")
     if not sensors and not efforts:
-        raise StudyError(f"{path} measures nothing; give at least one of sensors")
+        raise StudyError(f"{path} has no measurements; give at least one line under sensors")
     joints, settle = _initial(top)
     return StudyFile(
         path=path,
@@ -137,7 +149,7 @@ def _line(part: Part) -> Line:
         raise part.fault(f"columns must be different names, not {short(list(columns))}")
     scale = part.number("scale", 1.0)
     if scale == 0.0:
-        raise part.fault("scale: 0 makes every reading the same; leave it out for 1")
+        raise part.fault("scale must not be 0; leave it out for 1")
     noise = part.number("noise", 1.0) if given.get("noise") is not None else None
     if noise is not None and noise <= 0.0:
         raise part.fault("noise must be above 0; leave it out to estimate it from the log")
@@ -155,11 +167,12 @@ def _unit(part: Part) -> Unit:
 def _time(top: Part) -> Line:
     part = top.part("time")
     if part.value is None:
-        raise top.fault("the key 'time' is missing; as in time: {column: time, unit: s}")
+        raise top.fault("the key 'time' is missing; an example is time: {column: time, unit: s}")
     part.only("column", "unit")
     line = _line(part)
     if line.unit.si != "s":
-        raise part.fault(f"{line.unit.symbol} is no unit of time; {', '.join(symbols_of('s'))} are")
+        valid = ", ".join(symbols_of("s"))
+        raise part.fault(f"{line.unit.symbol} is not a unit of time; valid are {valid}")
     return line
 
 
@@ -167,7 +180,8 @@ def _episodes(top: Part) -> tuple[Files, ...]:
     part = top.part("episodes")
     if not isinstance(part.value, list) or not part.value:
         raise top.fault(
-            "'episodes' must be a list of at least one, as in episodes: [{commands: log.csv}]"
+            "'episodes' must be a list of at least one episode; an example is episodes: "
+            "[{commands: log.csv}]"
         )
     episodes = []
     for i, item in enumerate(part.value):
@@ -178,7 +192,7 @@ def _episodes(top: Part) -> tuple[Files, ...]:
     every = [name for episode in episodes for name in episode.names]
     for name in every:
         if every.count(name) > 1:
-            raise part.fault(f"{name} is named twice; each log belongs to one episode")
+            raise part.fault(f"{name} is named twice; a log belongs to one episode only")
     return tuple(episodes)
 
 
@@ -189,7 +203,7 @@ def _initial(top: Part) -> tuple[dict[str, float] | None, float]:
     part.only("joints", "settle")
     settle = part.number("settle", 1.0)
     if settle < 0.0:
-        raise part.fault(f"settle is a time in seconds, 0 or more, not {settle:g}")
+        raise part.fault(f"settle must be a time in seconds, 0 or more, not {settle:g}")
     if part.part("joints").value == "first_reading":
         return None, settle
     return _joints(part), settle

@@ -1,4 +1,4 @@
-"""Logs: CSV or Parquet files as columns of numbers, an empty cell being "not measured"."""
+"""Tables: reads CSV and Parquet files as columns of numbers; an empty cell was not measured."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ MAX_BYTES = 1 << 29
 """Largest log [bytes]."""
 
 MAX_CELLS = 100_000_000
-"""Most cells that are read from one log; a small Parquet file may unfold into more."""
+"""Largest number of cells that are read from one log; Parquet files may expand a lot."""
 
 LARGEST = 1e30
-"""Largest size of a number: no measurement is beyond it, and its square is a number, too."""
+"""Largest magnitude of a number; its square is still finite."""
 
 _DAMAGED = (pa.ArrowException, OSError, UnicodeDecodeError)
-"""What pyarrow raises for a file that is not as its metadata say."""
+"""Errors that pyarrow raises for files that contradict their metadata."""
 
 _MAX_HEADER = 1 << 20
+"""Largest length of the line of column names [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,9 @@ class Table:
     """Columns of a log.
 
     Attributes:
-        name: of the file, for people.
-        columns: (n,) each; NaN where the cell is empty.
-        first: number of the first row as people count: 2 in CSV files, 1 in Parquet files.
+        name: name of the file in messages.
+        columns: columns by name, shape (n,) each; NaN where a cell is empty.
+        first: number of the first row in messages: 2 in CSV files, 1 in Parquet files.
     """
 
     name: str
@@ -47,12 +48,20 @@ class Table:
     first: int
 
     def location(self, row: int) -> str:
-        """Where a person finds a row: "line 14 of episode_0.csv"."""
+        """Return the place of a row for messages, such as "line 14 of episode_0.csv"."""
         return _location(self.name, self.first, row)
 
 
 def read_header(path: Path, name: str) -> tuple[str, ...]:
-    """Names of the columns of the log at ``path``, called ``name`` in errors."""
+    """Read the column names of a log.
+
+    Args:
+        path: a .csv or .parquet file.
+        name: name of the file in messages.
+
+    Raises:
+        StudyError: the file is missing, too large, or not a log.
+    """
     _check_file(path, name)
     if path.suffix == ".parquet":
         return tuple(_open_parquet(path, name).schema_arrow.names)
@@ -61,7 +70,7 @@ def read_header(path: Path, name: str) -> tuple[str, ...]:
     try:
         text = line.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise StudyError(f"{name} is not text in UTF-8, as a CSV file must be") from error
+        raise StudyError(f"{name} is not UTF-8 text, which a CSV file must be") from error
     if not text.strip():
         raise StudyError(f"{name} is empty; a log begins with one line of column names")
     try:
@@ -70,12 +79,21 @@ def read_header(path: Path, name: str) -> tuple[str, ...]:
         raise StudyError(f"{name} has no line of column names: {error}") from error
     for separator in (";", "\t"):
         if len(names) == 1 and separator in text:
-            raise StudyError(f"{name} is separated by {separator!r}; commas are expected")
+            raise StudyError(f"the columns of {name} are separated by {separator!r}; use commas")
     return names
 
 
 def read_table(path: Path, name: str, columns: tuple[str, ...]) -> Table:
-    """The named columns of a log, which must be in its header once."""
+    """Read columns of a log.
+
+    Args:
+        path: a .csv or .parquet file.
+        name: name of the file in messages.
+        columns: names of columns; each must occur once in the header.
+
+    Raises:
+        StudyError: the file is missing, too large or damaged, or a cell is not a number.
+    """
     header = read_header(path, name)
     for column in columns:
         if header.count(column) > 1:
@@ -125,7 +143,7 @@ def _read_parquet(path: Path, name: str, columns: tuple[str, ...]) -> pa.Table:
 
 
 def _read_csv(path: Path, name: str, header: tuple[str, ...], columns: tuple[str, ...]) -> pa.Table:
-    """Columns as floats, or as text where one of the cells is no number."""
+    """Read columns as floats, or as text if a cell is not a number."""
     data = path.read_bytes().rstrip() + b"\n"
     try:
         return _parse_csv(data, header, columns, pa.float64())
@@ -137,11 +155,11 @@ def _read_csv(path: Path, name: str, header: tuple[str, ...], columns: tuple[str
         uneven.append(row)
         return "skip"
 
-    data = data.decode("utf-8", "replace").encode()  # pyarrow shows rows only if they are text
+    data = data.decode("utf-8", "replace").encode()  # pyarrow passes rows to `note` as text
     try:
         table = _parse_csv(data, header, columns, pa.binary(), note)
     except pa.ArrowInvalid as error:
-        raise StudyError(f"{name} is no CSV file: {error}") from error
+        raise StudyError(f"{name} is not a CSV file: {error}") from error
     if uneven:
         row, last = uneven[0], table.num_rows + len(uneven) + 1
         short = row.actual_columns < row.expected_columns and row.number == last
@@ -159,7 +177,7 @@ def _parse_csv(
     kind: pa.DataType,
     note: Callable[[pyarrow.csv.InvalidRow], str] | None = None,
 ) -> pa.Table:
-    """Columns of one kind of cell; rows of another length go to ``note``, or are an error."""
+    """Parse columns of one type; rows of another length go to ``note``, or are an error."""
     wanted = [str(header.index(column)) for column in columns]
     return pyarrow.csv.read_csv(
         pa.BufferReader(data),
@@ -184,8 +202,9 @@ def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Floa
         try:
             floats = pc.cast(cells, pa.float64())
         except pa.ArrowException as error:
-            kind = f"{column!r} of {name} holds {cells.type}"
-            raise StudyError(f"column {kind} instead of numbers") from error
+            raise StudyError(
+                f"column {column!r} of {name} holds {cells.type} instead of numbers"
+            ) from error
         numbers = np.array(floats.to_numpy(), dtype=np.float64)
         empty = pc.is_null(cells).to_numpy().astype(bool)
     wrong = np.flatnonzero(~(np.abs(numbers) <= LARGEST) & ~empty)
@@ -195,7 +214,7 @@ def _numbers(cells: pa.ChunkedArray, name: str, column: str, first: int) -> Floa
 
 
 def _parse_cells(cells: list[bytes | str | None], name: str, column: str, first: int) -> Floats:
-    """Floats of cells of which at least one is no plain number; NaN where empty."""
+    """Convert text cells to floats; NaN where a cell is empty."""
     numbers = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         text = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell or ""

@@ -1,4 +1,4 @@
-"""A first STUDY.yaml for a model and its logs, to be edited by a person."""
+"""Template: drafts a STUDY.yaml for a model and its logs, to be edited by hand."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import mujoco
 import numpy as np
 
 from reality_gap.errors import StudyError
-from reality_gap.io.column_names import KINDS, Wanted, guess, guess_time, named_unit
+from reality_gap.io.column_names import KINDS, Element, guess, guess_time, named_unit
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
-from reality_gap.study.data import load_strange_spec
+from reality_gap.study.data import load_untrusted_spec
 
 HEAD = """\
-# A draft: columns and units were guessed by their names. Look at each line, then run
-#   python -m reality_gap check STUDY.yaml
-# A line may also have noise: (standard deviation of one reading), scale: and offset:,
-# value = scale * cell + offset, all in its unit. An empty cell of a log was not measured.
+# Draft: columns and units are guesses from the names of the columns. Check each line, then run
+#   reality-gap check STUDY.yaml
+# A line can also have noise: (standard deviation of one reading), scale: and offset:, all in its
+# unit; value = scale * cell + offset. An empty cell of a log was not measured.
 """
 
 
@@ -33,7 +33,7 @@ class _Log:
     columns: tuple[str, ...]
 
     def cells(self, column: str) -> np.ndarray | None:
-        """The numbers of a column; None if it has anything else."""
+        """Return the numbers of a column; None if it holds anything else."""
         try:
             cells = read_table(self.path, self.path.name, (column,)).columns[column]
         except StudyError:
@@ -45,30 +45,35 @@ class _Log:
 def draft_study(
     model_path: Path | str, log_paths: Sequence[Path | str], folder: Path | str | None = None
 ) -> str:
-    """Text of a STUDY.yaml that lies in ``folder``, by default that of the model.
+    """Draft the text of a STUDY.yaml.
 
-    What could not be guessed is left as a comment. Logs that hold commands are episodes; the
-    others are further readings, the first of a kind of the first episode, and so on.
+    Lines that cannot be guessed are comments. Each log with commands becomes an episode. The
+    other logs become further readings: of the logs with the same columns, the first one belongs
+    to the first episode, and so on.
+
+    Args:
+        model_path: MJCF file.
+        log_paths: CSV or Parquet files.
+        folder: folder of the STUDY.yaml; by default that of the model.
+
+    Returns:
+        The text of the file.
 
     Raises:
         StudyError: the model or a log cannot be read, or lies outside of ``folder``.
     """
     path = Path(model_path)
     folder = path.parent if folder is None else Path(folder)
-    model = load_strange_spec(path, folder).copy().compile()
+    model = load_untrusted_spec(path, folder).copy().compile()
     logs = [_Log(Path(p), read_header(Path(p), Path(p).name)) for p in log_paths]
     if not logs:
         raise StudyError("a study needs at least one log")
     columns = tuple(dict.fromkeys(c for log in logs for c in log.columns if c))
     clock = guess_time(columns)
     free = [column for column in columns if column != clock]
-    wanted = {
-        "actuators": [_actuator(model, name) for name in actuator_names(model) if name],
-        "sensors": [_sensor(model, name) for name in sensor_names(model)],
-        "efforts": [] if model.nu else [Wanted(n, "", "force") for n in simple_joints(model)],
-    }
+    parts = _elements(model)
     found = {}
-    for part, elements in wanted.items():
+    for part, elements in parts.items():
         found[part] = guess(elements, free)
         free = [c for c in free if not any(c in group for group in found[part].values())]
     lines = [
@@ -77,21 +82,27 @@ def draft_study(
         *_episodes(logs, found["actuators"], folder),
         _time(logs, clock),
     ]
-    for part, elements in wanted.items():
+    for part, elements in parts.items():
         if elements or part == "sensors":
             lines += [f"{part}:", *_lines(model, logs, part, elements, found[part], free)]
     return "\n".join([*lines, _initial(model, found["sensors"])]) + "\n"
 
 
-def _actuator(model: mujoco.MjModel, name: str) -> Wanted:
-    return Wanted(name, "", "command")
+def _elements(model: mujoco.MjModel) -> dict[str, list[Element]]:
+    """Return the elements that need columns, by part of the study."""
+    joints = () if model.nu else simple_joints(model)
+    return {
+        "actuators": [Element(name, "", "command") for name in actuator_names(model) if name],
+        "sensors": [_sensor(model, name) for name in sensor_names(model)],
+        "efforts": [Element(name, "", "force") for name in joints],
+    }
 
 
-def _sensor(model: mujoco.MjModel, name: str) -> Wanted:
+def _sensor(model: mujoco.MjModel, name: str) -> Element:
     sensor = model.sensor(name)
     target = mujoco.mj_id2name(model, int(sensor.objtype[0]), int(sensor.objid[0])) or ""
     kinds = {KINDS.get(unit, "") for unit in sensor_units(model, name)}
-    return Wanted(name, target, kinds.pop() if len(kinds) == 1 else "", int(sensor.dim[0]))
+    return Element(name, target, kinds.pop() if len(kinds) == 1 else "", int(sensor.dim[0]))
 
 
 def _units(model: mujoco.MjModel, part: str, name: str) -> tuple[str, ...]:
@@ -104,12 +115,13 @@ def _lines(
     model: mujoco.MjModel,
     logs: Sequence[_Log],
     part: str,
-    wanted: Sequence[Wanted],
+    elements: Sequence[Element],
     found: dict[str, tuple[str, ...]],
     free: Sequence[str],
 ) -> list[str]:
+    """Return the lines of a part of the study; elements without a column become comments."""
     lines = []
-    for element in wanted:
+    for element in elements:
         units = _units(model, part, element.name) or ("1",)
         key = "column" if element.count == 1 else "columns"
         if element.name in found:
@@ -121,17 +133,17 @@ def _lines(
         else:
             shown = "?" if element.count == 1 else f"[{', '.join('?' * element.count)}]"
             lines.append(f"  # {_text(element.name)}: {{{key}: {shown}, unit: {units[0]}}}")
-    if part == "sensors" and not wanted:
+    if part == "sensors" and not elements:
         lines.append(
-            '  # the model has no sensors; add some, as <tendonpos name=".." tendon=".."/>'
+            '  # the model has no sensors; add some, such as <tendonpos name=".." tendon=".."/>'
         )
-    if len(found) < len(wanted) and free:
-        lines.append(f"  # columns that nobody uses: {', '.join(free)}")
+    if len(found) < len(elements) and free:
+        lines.append(f"  # unused columns: {', '.join(free)}")
     return lines
 
 
 def _unit(logs: Sequence[_Log], group: tuple[str, ...], units: tuple[str, ...]) -> str:
-    """As the column's name says, or else as large as positions in metres and radians are not."""
+    """Return the unit in the column's name, or else a guess from the size of its values."""
     named = named_unit(group[0], units)
     if named:
         return named
@@ -147,7 +159,7 @@ def _unit(logs: Sequence[_Log], group: tuple[str, ...], units: tuple[str, ...]) 
 def _scale(
     model: mujoco.MjModel, logs: Sequence[_Log], part: str, name: str, group: tuple[str, ...]
 ) -> str:
-    """Tensions are negative forces of an actuator that pulls, and logs mostly have them above 0."""
+    """Return "scale: -1" for tensions that are positive in the log and negative in the model."""
     if part != "sensors":
         return ""
     sensor = model.sensor(name)
@@ -165,7 +177,7 @@ def _cells(logs: Sequence[_Log], column: str) -> np.ndarray | None:
 
 def _time(logs: Sequence[_Log], clock: str | None) -> str:
     if clock is None:
-        return "# time: {column: ?, unit: s}  # no column looks like the time"
+        return "# time: {column: ?, unit: s}  # no column name indicates the time"
     unit = named_unit(clock, ("s",))
     cells = _cells(logs, clock)
     if unit is None and cells is not None and len(cells) > 1:
@@ -206,12 +218,12 @@ def _initial(model: mujoco.MjModel, sensors: dict[str, tuple[str, ...]]) -> str:
 def _relative(path: Path, folder: Path) -> str:
     relative = Path(os.path.relpath(path.resolve(), folder.resolve()))
     if ".." in relative.parts:
-        raise StudyError(f"{path} lies outside {folder}, where the study is to be; copy it there")
+        raise StudyError(f"{path} lies outside {folder}, the folder of the study; copy it there")
     return relative.as_posix()
 
 
 def _text(text: str) -> str:
-    """As YAML: plain if it cannot be taken for anything but a name."""
+    """Return a name as YAML: without quotes only if YAML cannot load it as another type."""
     words = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
     plain = re.fullmatch(r"[A-Za-z_][\w./-]*", text) and text.lower() not in words
     return text if plain else json.dumps(text, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""Units that a study may name, and what they are in SI."""
+"""Units: symbols that a study may use, and their factors to SI units."""
 
 from __future__ import annotations
 
@@ -69,7 +69,13 @@ _SPELLINGS = {
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: ``symbol`` as people write it, ``si`` its SI unit, 1 symbol = ``factor`` si."""
+    """A unit of measurement.
+
+    Attributes:
+        symbol: as written in a study, such as "mm".
+        si: symbol of the SI unit of the same dimension, such as "m".
+        factor: size of this unit in SI units, such as 0.001.
+    """
 
     symbol: str
     si: str
@@ -77,7 +83,11 @@ class Unit:
 
 
 def parse_unit(text: str) -> Unit:
-    """The unit that ``text`` names, as "mm", "N m" or "deg/s"; `UnknownNameError` if none."""
+    """Return the unit that ``text`` names, such as "mm", "N m" or "deg/s".
+
+    Raises:
+        UnknownNameError: there is no such unit.
+    """
     symbol = " ".join(text.replace("*", " ").replace("·", " ").replace("²", "^2").split())
     symbol = _SPELLINGS.get(symbol, symbol)
     if symbol not in _KNOWN:
@@ -86,5 +96,5 @@ def parse_unit(text: str) -> Unit:
 
 
 def symbols_of(si: str) -> tuple[str, ...]:
-    """Every symbol of the same dimension as the SI unit ``si``."""
+    """Return all symbols of the same dimension as the SI unit ``si``."""
     return tuple(symbol for symbol, (unit, _) in _KNOWN.items() if unit == si)

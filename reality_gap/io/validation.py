@@ -1,4 +1,4 @@
-"""A study file against its model: names, numbers of columns, units."""
+"""Validation: checks names, numbers of columns and units of a study against its model."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ from reality_gap.study.system import commanded
 _SIMPLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
-def match(file: StudyFile, model: mujoco.MjModel) -> None:
-    """Raise `StudyError` for the first thing in the file that the model does not have."""
-    _match_actuators(file, model)
+def check_against_model(file: StudyFile, model: mujoco.MjModel) -> None:
+    """Raise `StudyError` for the first line of a study that does not fit its model."""
+    _check_actuators(file, model)
     known = sensor_names(model)
     for name, line in file.sensors.items():
         _check_name(file, "sensor", name, known)
         _check_columns(file, f"sensor {name}", line, int(model.sensor(name).dim[0]))
         _check_unit(file, f"sensor {name}", line, sensor_units(model, name))
     if file.efforts:
-        _match_efforts(file, model)
-    begins = [file.joints or {}, *(files.joints for files in file.episodes)]
-    for name in (name for joints in begins for name in joints):
+        _check_efforts(file, model)
+    initial = [file.joints or {}, *(files.joints for files in file.episodes)]
+    for name in (name for joints in initial for name in joints):
         _check_name(file, "hinge or slide joint", name, simple_joints(model))
     if file.joints is None and not measured_joints(file, model):
         raise StudyError(
-            f"{file.path}, initial.joints: first_reading needs a jointpos sensor in sensors; the "
-            "other way is a mapping, as {elbow: 0.5}"
+            f"{file.path}, initial.joints: first_reading needs a jointpos sensor in sensors; "
+            "without one give positions, such as {elbow: 0.5}"
         )
 
 
 def actuator_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the model's actuators that take a command, in its order."""
+    """Return the names of the model's actuators that take a command, in its order."""
     return tuple(model.actuator(i).name for i in commanded(model))
 
 
 def sensor_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the model's sensors that have one."""
+    """Return the names of the model's sensors, without those that have no name."""
     return tuple(n for n in (model.sensor(i).name for i in range(model.nsensor)) if n)
 
 
 def simple_joints(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of hinge and slide joints."""
+    """Return the names of hinge and slide joints."""
     return tuple(
         model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in _SIMPLE
     )
 
 
 def measured_joints(file: StudyFile, model: mujoco.MjModel) -> dict[str, str]:
-    """By sensor of the study that reads the position of a joint, the joint's name."""
+    """Return the joint's name for each jointpos sensor of the study."""
     jointpos = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
     return {
         name: model.joint(int(model.sensor(name).objid[0])).name
@@ -62,12 +62,12 @@ def measured_joints(file: StudyFile, model: mujoco.MjModel) -> dict[str, str]:
     }
 
 
-def _match_actuators(file: StudyFile, model: mujoco.MjModel) -> None:
+def _check_actuators(file: StudyFile, model: mujoco.MjModel) -> None:
     for i in np.flatnonzero(model.actuator_ctrlnum > 1) if file.actuators else ():
         raise StudyError(
             f"{file.path}: actuator {model.actuator(i).name!r} of the model takes "
-            f"{model.actuator_ctrlnum[i]} inputs, and a study has one command an actuator; leave "
-            "one of its inputs"
+            f"{model.actuator_ctrlnum[i]} inputs, but a study has one command for each actuator; "
+            "keep one of its inputs in the model"
         )
     known = actuator_names(model)
     if file.actuators and not known:
@@ -81,19 +81,19 @@ def _match_actuators(file: StudyFile, model: mujoco.MjModel) -> None:
     missing = [name or "one without a name" for name in known if name not in file.actuators]
     if missing and not file.efforts:
         raise StudyError(
-            f"{file.path}: actuators must hold every actuator of the model that takes a command "
-            f"(or there are efforts instead), and lacks: {', '.join(missing)}"
+            f"{file.path}: actuators must have a line for each actuator of the model that takes a "
+            f"command, unless there are efforts; missing: {', '.join(missing)}"
         )
 
 
-def _match_efforts(file: StudyFile, model: mujoco.MjModel) -> None:
+def _check_efforts(file: StudyFile, model: mujoco.MjModel) -> None:
     measured = measured_joints(file, model).values()
     for i in range(model.njnt):
         joint = model.joint(i).name
         if joint not in measured:
             raise StudyError(
-                f"{file.path}: efforts need the motion of every joint, and {joint or f'joint {i}'} "
-                "has no jointpos sensor among the study's sensors; add one"
+                f"{file.path}: efforts need the motion of all joints, but "
+                f"{joint or f'joint {i}'} has no jointpos sensor in sensors; add one"
             )
     for name, line in file.efforts.items():
         _check_name(file, "joint", name, simple_joints(model))

@@ -1,1 +1,1 @@
-"""What a diagnosis writes: verdict.json, the extended model, report.html."""
+"""Report: the files of a diagnosis, which are verdict.json, the extended model and report.html."""

@@ -1,4 +1,4 @@
-"""The extended model: extended.xml, and what it cannot hold in extended.json."""
+"""Extended model: extended.xml, and extended.json with the effects that MuJoCo cannot express."""
 
 from __future__ import annotations
 
@@ -10,24 +10,30 @@ from typing import Any
 
 import mujoco
 
-from reality_gap.causes import cause
+from reality_gap.causes import find_cause
 from reality_gap.causes.base import Cause, Effects, Location
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.report.verdict_json import location_json
 from reality_gap.simulation.hypothesis import Plant
-from reality_gap.simulation.inverse_dynamics import inverse_replay, ready
+from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
 from reality_gap.simulation.replay import Replay, replay
 from reality_gap.study.data import Study, check_untrusted_model
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 
 XML, JSON = "extended.xml", "extended.json"
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A cause that acts beside the model, at a place with values in SI units."""
+    """A cause that acts in addition to the model.
+
+    Attributes:
+        cause: the mechanism.
+        location: where it acts.
+        values: values of its parameters in SI units.
+    """
 
     cause: Cause
     location: Location
@@ -36,23 +42,23 @@ class Effect:
 
 @dataclass(frozen=True)
 class Extended:
-    """A model with the named mechanisms in it.
+    """A model that was extended by the named causes.
 
     Attributes:
-        spec: of extended.xml; treat it as read-only.
-        effects: what acts beside it.
+        spec: model of extended.xml; must not be edited.
+        effects: causes that act in addition to it.
     """
 
     spec: mujoco.MjSpec
     effects: tuple[Effect, ...]
 
     def plant(self, study: Study) -> Plant:
-        """The extended machine for a study of the model that was diagnosed.
+        """Return the extended plant for a study of the diagnosed model.
 
         Raises:
-            UnknownNameError: an effect acts on something that the study's model does not have.
+            UnknownNameError: an effect acts on an element that the study's model does not have.
         """
-        system, effects = look_at(study), Effects()
+        system, effects = compile_system(study), Effects()
         for effect in self.effects:
             _check_location(effect.location, study)
             if effect.cause.attach is not None:
@@ -60,18 +66,25 @@ class Extended:
         return Plant(self.spec.copy(), effects)
 
     def replay(self, study: Study) -> Replay:
-        """What the extended machine would have read in a study."""
-        study = ready(study)
+        """Replay a study with the extended model.
+
+        Raises:
+            UnknownNameError: see `plant`.
+        """
+        study = ensure_prepared(study)
         run = inverse_replay if study.inverse else replay
         return run(self.plant(study), study, measured(study))
 
 
 def load_extended(folder: Path) -> Extended:
-    """The extended model that a diagnosis wrote into ``folder``.
+    """Load an extended model.
+
+    Args:
+        folder: the folder of a diagnosis.
 
     Raises:
-        StudyError: the folder does not hold one.
-        UnknownNameError: it needs a cause that is not in the catalogue.
+        StudyError: the folder does not contain an extended model.
+        UnknownNameError: the model needs a cause that is not in the catalogue.
     """
     path = folder / JSON
     try:
@@ -80,16 +93,18 @@ def load_extended(folder: Path) -> Extended:
         named = content["model"]
     except FileNotFoundError as error:
         raise StudyError(f"no {JSON} in {folder}; give the folder of a diagnosis") from error
+    except UnknownNameError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        raise StudyError(f"{path} is not what a diagnosis writes: {error!r}") from error
+        raise StudyError(f"{path} was not written by a diagnosis: {error!r}") from error
     if named != XML:
-        raise StudyError(f"{path} names the model {named!r}; a diagnosis writes {XML}")
+        raise StudyError(f"{path} names the model {named!r} instead of {XML}")
     check_untrusted_model(folder / XML, folder)
     return Extended(mujoco.MjSpec.from_file(str(folder / XML)), effects)
 
 
 def extension_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What extended.json holds: the causes whose effects extended.xml does not express."""
+    """Return the content of extended.json: the causes with effects that extended.xml lacks."""
     effects = [
         {
             "cause": candidate.cause.id,
@@ -103,7 +118,7 @@ def extension_json(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _effect(entry: dict[str, Any]) -> Effect:
     location = Location(entry["kind"], tuple(entry["elements"]), entry["note"])
-    return Effect(cause(entry["cause"]), location, dict(entry["parameters"]))
+    return Effect(find_cause(entry["cause"]), location, dict(entry["parameters"]))
 
 
 def _check_location(location: Location, study: Study) -> None:

@@ -1,4 +1,4 @@
-"""What a diagnosis leaves on disk, whole or not at all."""
+"""Files: writes the results of a diagnosis, either all of them or none."""
 
 from __future__ import annotations
 
@@ -26,37 +26,45 @@ WRITTEN = {
     extended_model.JSON,
     model_assets.FOLDER,
 }
-"""Everything that a diagnosis may write; a folder with anything else is somebody's."""
+"""Names that a diagnosis may write; a folder with other names is not overwritten."""
 
 
 def check_out(out: Path) -> None:
-    """See that a diagnosis may be written to ``out``: worth doing before the work.
+    """Check that a diagnosis can be written to a folder.
+
+    Args:
+        out: the folder; it must not exist, be empty, or contain an earlier diagnosis only.
 
     Raises:
-        StudyError: it is a file, or a folder that holds something else.
+        StudyError: it is a file, or a folder with other files.
     """
     if not out.exists():
         return
     if not out.is_dir():
-        raise StudyError(f"{out} is a file; give a folder that a diagnosis may make")
+        raise StudyError(f"{out} is a file; choose a folder")
     names = {path.name for path in out.iterdir()}
     foreign = sorted(names - WRITTEN)
     if names and (foreign or VERDICT not in names):
         what = foreign[0] if foreign else sorted(names)[0]
         raise StudyError(
-            f"{out} holds {what}, so it is not an earlier diagnosis and is left alone; "
-            "give a new folder, or an empty one"
+            f"{out} contains {what}, so that it is not an earlier diagnosis and is not "
+            "overwritten; choose a new or empty folder"
         )
 
 
 def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path) -> None:
     """Write verdict.json, extended.xml, extended.json, report.html and next_experiment.csv.
 
-    An earlier diagnosis in ``out`` is replaced, once the new one is complete. Without a next
+    An earlier diagnosis in ``out`` is replaced when the new one is complete. Without a next
     experiment there is no next_experiment.csv.
 
+    Args:
+        diagnosis: the results.
+        study: the study that was diagnosed.
+        out: folder to write; see `check_out`.
+
     Raises:
-        StudyError: ``out`` is not free (see `check_out`), or the extended model does not load.
+        StudyError: ``out`` cannot be used, or the extended model cannot be loaded.
     """
     check_out(out)
     out = out.resolve()
@@ -74,7 +82,7 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path) -> None:
 
 
 def write_experiment(experiment: Experiment, study: Study, path: Path) -> None:
-    """Commands of an experiment as CSV: time [s], then every actuator in SI units."""
+    """Write the commands of an experiment as CSV: time [s], then each actuator in SI units."""
     actuators = [actuator.name for actuator in study.spec().actuators]
     table = np.column_stack([experiment.time, experiment.command])
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -89,7 +97,7 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def _replace(out: Path, new: Path, old: Path) -> None:
-    """Put ``new`` in the place of ``out``, which comes back if that fails."""
+    """Move ``out`` to ``old`` and ``new`` to ``out``; restore ``out`` if that fails."""
     if not out.exists():
         new.rename(out)
         return

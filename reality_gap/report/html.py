@@ -1,4 +1,4 @@
-"""report.html: a diagnosis as one page that opens offline, for who has never seen the tool."""
+"""report.html: a diagnosis as one page that needs no network and no knowledge of this package."""
 
 from __future__ import annotations
 
@@ -18,7 +18,15 @@ from matplotlib.figure import Figure
 
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.report import words
-from reality_gap.report.formatting import capital, human, joined, number, percent, shown
+from reality_gap.report.formatting import (
+    capital,
+    human,
+    joined,
+    number,
+    percent,
+    probability,
+    shown,
+)
 from reality_gap.report.plots.candidates import candidate_scores
 from reality_gap.report.plots.canvas import SPLITS, png
 from reality_gap.report.plots.commands import commands, left_out
@@ -38,16 +46,22 @@ from reality_gap.simulation.replayer import USUAL
 from reality_gap.study.data import Study
 
 MOST_DIFF = 600
-"""Lines of the difference that are shown."""
+"""Largest number of lines of the XML difference that are shown."""
 
 
 def write_report(diagnosis: Diagnosis, study: Study, path: Path) -> None:
-    """Write the page to ``path``."""
+    """Write the page of a diagnosis.
+
+    Args:
+        diagnosis: the results.
+        study: the study that was diagnosed.
+        path: file to write.
+    """
     path.write_text(page(diagnosis, study), encoding="utf-8")
 
 
 def page(diagnosis: Diagnosis, study: Study) -> str:
-    """The page as HTML."""
+    """Return the page of a diagnosis as HTML."""
     source = (files("reality_gap.report") / "report.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -78,7 +92,7 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
 
 
 def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Cause, place, parameter, value, interval, confidence and equivalents, for people."""
+    """Return rows of cause, location, parameter, value, interval, confidence and equivalents."""
     rows: list[tuple[str, ...]] = []
     for cause in diagnosis.causes:
         for name in cause.foremost():
@@ -94,7 +108,7 @@ def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
                     human(name),
                     f"{value} {unit}".strip(),
                     f"{low} to {high} {unit}".strip(),
-                    percent(cause.confidence),
+                    probability(cause.confidence),
                     ", ".join(human(id_) for id_ in cause.equivalent) or "none",
                 )
             )
@@ -102,18 +116,18 @@ def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def xml_difference(study: Study, extended: str) -> list[tuple[str, str]]:
-    """Lines of the difference of both models as MuJoCo writes them: (class of style, text)."""
+    """Return the lines by which both models differ in XML, each with the name of its style."""
     original = study.spec().to_xml()
     lines = list(difflib.unified_diff(original.splitlines(), extended.splitlines(), n=2))[2:]
-    styles = {"+": "added", "-": "removed", "@": "place"}
+    styles = {"+": "added", "-": "removed", "@": "context"}
     shown_lines = [(styles.get(line[:1], ""), line) for line in lines[:MOST_DIFF]]
     if len(lines) > MOST_DIFF:
-        shown_lines.append(("place", f"... and {len(lines) - MOST_DIFF} lines more"))
+        shown_lines.append(("context", f"... and {len(lines) - MOST_DIFF} more lines"))
     return shown_lines
 
 
 def not_judged(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Causes and why nothing is said about them, one row for each reason."""
+    """Return rows of causes that were not judged and the reason, one for each reason."""
     reasons: dict[str, list[str]] = {}
     for cause, reason in diagnosis.not_judged:
         reasons.setdefault(reason, []).append(human(cause))
@@ -121,7 +135,7 @@ def not_judged(diagnosis: Diagnosis) -> list[tuple[str, str]]:
 
 
 def _parts(found: list[Signal]) -> str:
-    """How much of the data served for what."""
+    """Return the shares of the data that were used to fit, to choose and to report."""
     if not found:
         return "none"
     split = np.concatenate([signal.split for signal in found])
@@ -132,7 +146,7 @@ def _parts(found: list[Signal]) -> str:
 
 
 def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[str, str]:
-    """Those that this diagnosis has something for, as PNG in base64."""
+    """Return the pictures for which there are data, as PNG in base64."""
     made: dict[str, Callable[[], Figure]] = {}
     if found:
         made["map"] = lambda: residual_map(found)
@@ -146,7 +160,7 @@ def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[s
         made["parameters"] = lambda: intervals(diagnosis.causes)
     if diagnosis.verdict is not Verdict.NOTHING_WRONG:
         made["remainder"] = lambda: remainder(
-            "named causes" if diagnosis.causes else "known causes, which is too little",
+            "named causes" if diagnosis.causes else "known causes (too little)",
             1.0 - diagnosis.unexplained_fraction,
             diagnosis.explainable_fraction,
             diagnosis.depends_on,
@@ -155,5 +169,5 @@ def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[s
     if experiment is not None:
         model: Any = study.spec().compile()
         made["experiment"] = lambda: commands(experiment, model)
-    with matplotlib.rc_context({"text.parse_math": False}):  # a name may have dollars in it
+    with matplotlib.rc_context({"text.parse_math": False}):  # names may contain dollars
         return {name: png(draw()) for name, draw in made.items()}

@@ -1,4 +1,4 @@
-"""The files that a model names, copied beside a written model."""
+"""Model assets: copies meshes and textures into a folder beside a written model."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ NAMED = {
     "skin": ("file",),
     "texture": ("file", *(f"file{face}" for face in FACES)),
 }
-"""Attributes with a file's name, by element."""
+"""Attributes that contain a file name, by element."""
 
 
 def write_model(xml: str, original: Path, path: Path) -> None:
-    """Write a model to ``path`` with its assets in a folder beside it, and load it once.
+    """Write a model with its assets in a folder beside it, and check that it can be loaded.
 
-    `mujoco.MjSpec.to_xml` keeps the names of files but not the place from where they are looked
-    for, so that its text loads only where the original lies.
+    The text of `mujoco.MjSpec.to_xml` contains file names relative to the folder of the original
+    model, so that it cannot be loaded from elsewhere.
 
     Args:
-        xml: of `to_xml`.
-        original: the file that the model was read from.
-        path: where to write; its parent exists.
+        xml: text of ``to_xml``.
+        original: file from which the model was read.
+        path: file to write, in an existing folder.
 
     Raises:
-        StudyError: a file that the model names was not found, or the model does not load.
+        StudyError: a file of the model was not found, or the model cannot be loaded.
     """
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     root = ElementTree.fromstring(xml, parser)
@@ -61,23 +61,26 @@ def write_model(xml: str, original: Path, path: Path) -> None:
         mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         reason = " ".join(str(error).split())
-        raise StudyError(f"the extended model of {original} does not load: {reason}") from error
+        raise StudyError(f"the extended model of {original} cannot be loaded: {reason}") from error
 
 
 def _find(original: Path, folder: str, name: str) -> Path:
-    """A model's file; those of attached models lose their folder and are searched for by name."""
+    """Return a file of a model; the names of attached models' files lack the folder."""
     direct = original.parent / folder / name
     if direct.is_file():
         return direct.resolve()
     found = sorted(p for p in original.parent.rglob(escape(Path(name).name)) if p.is_file())
     if len(found) != 1:
-        how = f"in {len(found)} places" if found else "nowhere"
-        raise StudyError(f"{name}, which the model {original} names, is {how} in its folder")
+        count = f"{len(found)} files" if found else "no file"
+        raise StudyError(
+            f"the model {original} needs the file {name}; there must be one of this name in the "
+            f"folder of the model, but there is {count}"
+        )
     return found[0].resolve()
 
 
 def _free(file: Path, copies: dict[Path, str]) -> str:
-    """The file's own name, or one with a number if another file has it."""
+    """Return the file's name, or one with a number if another file already has it."""
     name, taken = file.name, set(copies.values())
     number = 1
     while name in taken:

@@ -1,4 +1,38 @@
-"""verdict.json: what a diagnosis says, for programs."""
+"""verdict.json: a diagnosis for programs, with all numbers in SI units.
+
+Keys of the file, which are part of the interface:
+
+    verdict               "nothing_wrong", "named" or "unexplained"
+    sentence              the verdict in words
+    causes                named causes, the one that explains most first; empty unless "named":
+        cause             id in the catalogue
+        kind, elements, note
+                          location: kind of the model elements, their names, and a note that
+                          distinguishes locations with the same elements
+        parameters        by name: value, low, high (95 % interval), unit
+        confidence        probability that the cause is right
+        equivalent        ids of causes that these data cannot distinguish from it
+        elsewhere         list of other locations (kind, elements, note) where the same cause would
+                          have the same effect
+    unmodelled            probability that none of the known causes is right; null if none was found
+    rms_before            RMS of the residual of the model on held-out data, in noise deviations
+    rms_after             the same for the extended model
+    noise_floor           RMS that the noise alone would leave
+    gain                  (before - after) / (before - floor): value, low, high; null if uncertain
+    likelihood_gain       increase of the log likelihood of held-out data [nats]: value, low, high;
+                          or null
+    unexplained_fraction  share of the error above the noise that the causes leave, 0 to 1
+    explainable_fraction  share that a learned residual would explain, 0 to 1
+    depends_on            what the remaining error depends on: quantity, channel, fraction
+    next_experiment       title, sentence, commands (name of a file), separation, separation_before
+                          [noise deviations]; or null
+    not_judged            causes that this log says nothing about: cause, reason
+    candidates            all fitted candidates, best first in each step of the search: cause, kind,
+                          elements, note, values by name, score [nats] or null if the replay
+                          diverges, confidence, step, chosen
+    study                 name of the study
+    seconds               computing time [s]
+"""
 
 from __future__ import annotations
 
@@ -12,10 +46,10 @@ Json = dict[str, Any]
 
 
 def verdict_json(diagnosis: Diagnosis) -> Json:
-    """A diagnosis as JSON, in SI units; keys are part of the interface.
+    """Return the content of verdict.json.
 
     Raises:
-        ValueError: a number is not finite. Only a rival's score may be so, and is null then.
+        ValueError: a number is not finite, except for the score of a candidate, which then is null.
     """
     content = {
         "verdict": diagnosis.verdict.value,
@@ -37,9 +71,7 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
         "not_judged": [
             {"cause": cause, "reason": reason} for cause, reason in diagnosis.not_judged
         ],
-        "candidates": [
-            _fitted_candidate(fitted_candidate) for fitted_candidate in diagnosis.fitted_candidates
-        ],
+        "candidates": [_candidate(fitted) for fitted in diagnosis.fitted_candidates],
         "study": diagnosis.study,
         "seconds": diagnosis.seconds,
     }
@@ -47,13 +79,13 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
     return plain
 
 
+def location_json(location: Location) -> Json:
+    """Return the keys of a location."""
+    return {"kind": location.kind, "elements": list(location.elements), "note": location.note}
+
+
 def _gain(gain: Gain | None) -> Json | None:
     return None if gain is None else {"value": gain.value, "low": gain.low, "high": gain.high}
-
-
-def location_json(location: Location) -> Json:
-    """Where a cause acts, by names in the model."""
-    return {"kind": location.kind, "elements": list(location.elements), "note": location.note}
 
 
 def _cause(cause: NamedCause) -> Json:
@@ -76,15 +108,15 @@ def _estimate(estimate: Estimate) -> Json:
     }
 
 
-def _fitted_candidate(fitted_candidate: FittedCandidate) -> Json:
+def _candidate(fitted: FittedCandidate) -> Json:
     return {
-        "cause": fitted_candidate.candidate.cause.id,
-        **location_json(fitted_candidate.candidate.location),
-        "values": dict(fitted_candidate.values),
-        "score": fitted_candidate.score if math.isfinite(fitted_candidate.score) else None,
-        "confidence": fitted_candidate.confidence,
-        "step": fitted_candidate.step,
-        "chosen": fitted_candidate.chosen,
+        "cause": fitted.candidate.cause.id,
+        **location_json(fitted.candidate.location),
+        "values": dict(fitted.values),
+        "score": fitted.score if math.isfinite(fitted.score) else None,
+        "confidence": fitted.confidence,
+        "step": fitted.step,
+        "chosen": fitted.chosen,
     }
 
 
@@ -100,16 +132,16 @@ def _experiment(experiment: Experiment | None) -> Json | None:
     }
 
 
-def _plain(value: Any, where: str) -> Any:
-    """Numbers of numpy as Python's; all of them finite."""
+def _plain(value: Any, key: str) -> Any:
+    """Convert NumPy's numbers to Python's, and check that they are finite."""
     if isinstance(value, dict):
-        return {key: _plain(item, f"{where}.{key}") for key, item in value.items()}
+        return {name: _plain(item, f"{key}.{name}") for name, item in value.items()}
     if isinstance(value, list):
-        return [_plain(item, f"{where}[{i}]") for i, item in enumerate(value)]
+        return [_plain(item, f"{key}[{i}]") for i, item in enumerate(value)]
     if value is None or isinstance(value, str | bool):
         return value
     if isinstance(value, int):
         return int(value)
     if not math.isfinite(value):
-        raise ValueError(f"verdict{where} is {value}, which is no result")
+        raise ValueError(f"verdict{key} is {value}, but must be finite")
     return float(value)

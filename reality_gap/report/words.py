@@ -1,13 +1,13 @@
-"""What a diagnosis says in words, beside its pictures."""
+"""Words: sentences and figures of the report in addition to its pictures."""
 
 from __future__ import annotations
 
 from reality_gap.diagnosis import Diagnosis, FittedCandidate, NamedCause, Verdict
-from reality_gap.report.formatting import capital, human, joined, number, percent
+from reality_gap.report.formatting import capital, human, joined, number, percent, probability
 from reality_gap.report.plots.candidates import by_step, equivalents
 
 DOUBT = 0.05
-"""Probability from which on it is said that the cause may have no name."""
+"""Smallest probability of an unknown cause that the report mentions."""
 KINDS = {
     Verdict.NOTHING_WRONG: "Nothing wrong was found",
     Verdict.NAMED: "Cause named",
@@ -16,95 +16,95 @@ KINDS = {
 
 
 def kind(verdict: Verdict) -> str:
-    """The verdict in a few words."""
+    """Return the verdict in a few words."""
     return KINDS[verdict]
 
 
 def figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
-    """The numbers at the top of the page: name, number, what it means."""
+    """Return the numbers at the top of the page, each with its name and its meaning."""
     same = diagnosis.rms_after == diagnosis.rms_before
     before, after = number(diagnosis.rms_before), number(diagnosis.rms_after)
-    models = "your model" if same else "your model, and with the extended one"
+    models = "your model" if same else "your model and of the extended model"
     found = [
         (
             "Residual, held-out data",
             before if same else f"{before} → {after}",
-            f"RMS with {models}, in units of the sensors' noise",
+            f"RMS of {models}, in units of the sensors' noise",
         ),
-        ("Floor", number(diagnosis.noise_floor), "what the noise alone would leave"),
+        ("Floor", number(diagnosis.noise_floor), "RMS that the noise alone would leave"),
     ]
     if diagnosis.causes:
-        value = ", ".join(percent(cause.confidence) for cause in diagnosis.causes)
-        each = "" if len(diagnosis.causes) == 1 else ", in their order"
+        value = ", ".join(probability(cause.confidence) for cause in diagnosis.causes)
+        each = "" if len(diagnosis.causes) == 1 else ", in the order of the causes"
         found.insert(0, ("Confidence", value, f"probability that the cause is right{each}"))
     if diagnosis.causes and diagnosis.gain is not None:
         gain = diagnosis.gain
         found.append(
             (
                 "Gain",
-                f"{100.0 * gain.value:.0f} %",
-                "of the error above the floor is gone; 95 % interval "
-                f"{100.0 * gain.low:.0f} to {100.0 * gain.high:.0f} %",
+                percent(gain.value),
+                "of the error above the floor is removed; 95 % interval "
+                f"{percent(gain.low)} to {percent(gain.high)}",
             )
         )
     return found
 
 
 def why(diagnosis: Diagnosis) -> list[str]:
-    """Why each winner won, or why nobody did: a sentence for each cause of the hypothesis."""
+    """Return the reasons of the verdict, one sentence for each named cause."""
     steps = by_step(diagnosis.fitted_candidates)
     if diagnosis.verdict is Verdict.NAMED:
-        others = "" if len(steps) == 1 else ", beside the other causes of the verdict,"
+        others = "" if len(steps) == 1 else ", in addition to the other causes of the verdict,"
         return [_winner(step, diagnosis.causes, others) for step in steps] + _unmodelled(diagnosis)
-    return [_nobody(diagnosis, steps[0])] if steps else []
+    return [_no_winner(diagnosis, steps[0])] if steps else []
 
 
-def _nobody(diagnosis: Diagnosis, step: list[FittedCandidate]) -> str:
+def _no_winner(diagnosis: Diagnosis, step: list[FittedCandidate]) -> str:
     best = step[0]
-    told = f"{_told(best)} does best, with {number(best.score)} nats"
+    sentence = (
+        f"Of {len(step)} candidates that were fitted, {_name(best)} has the best score, "
+        f"{number(best.score)} nats. "
+    )
     if diagnosis.verdict is Verdict.NOTHING_WRONG:
-        return (
-            f"Of {len(step)} suspects that were fitted fully, {told}. Logs of a machine without "
-            "fault reach such scores by chance, so it is not a finding."
+        return sentence + (
+            "Logs of a machine without a fault have such scores by chance, so that it is not named."
         )
-    return (
-        f"Of {len(step)} suspects that were fitted fully, {told}. It takes up part of the error, "
-        "as a wrong cause may, and leaves too much of it to be a name."
+    return sentence + (
+        "It explains a part of the error, as a wrong cause can, and leaves too much of it to be "
+        "named."
     )
 
 
-def _winner(step: list[FittedCandidate], causes: tuple[NamedCause, ...], beside: str) -> str:
-    winner = next(
-        (fitted_candidate for fitted_candidate in step if fitted_candidate.chosen), step[0]
-    )
+def _winner(step: list[FittedCandidate], causes: tuple[NamedCause, ...], others: str) -> str:
+    winner = next((fitted for fitted in step if fitted.chosen), step[0])
     alike = equivalents(step, causes)
     sentence = (
-        f"{capital(_told(winner))}{beside} predicts data that its fit had not seen better than "
+        f"{capital(_name(winner))}{others} predicts data to which it was not fitted better than "
         f"your model does, by {number(winner.score)} nats"
     )
-    others = [r for r in step if not r.chosen and r.candidate.cause.id not in alike]
-    if others:
-        margin = winner.score - others[0].score
-        better = f"{number(margin)} nats better than" if margin > 0.0 else "no better than"
-        sentence += f", and {better} the next rival, {_told(others[0])}"
+    rest = [f for f in step if not f.chosen and f.candidate.cause.id not in alike]
+    if rest:
+        margin = winner.score - rest[0].score
+        better = f"{number(margin)} nats better than" if margin > 0.0 else "not better than"
+        sentence += f", and {better} the next candidate, {_name(rest[0])}"
         if margin <= 0.0:
-            sentence += "; over all data together it is likelier all the same"
+            sentence += "; all data together still make it more probable"
     if alike:
         names = joined([human(id_) for id_ in sorted(alike)], "or")
-        sentence += f". These data cannot tell it from {names}"
+        sentence += f". These data cannot distinguish it from {names}"
     return sentence + "."
 
 
 def _unmodelled(diagnosis: Diagnosis) -> list[str]:
-    """A sentence where it may be something else altogether."""
+    """Return a sentence if none of the known causes may be right."""
     chance = diagnosis.unmodelled or 0.0
     if chance < DOUBT:
         return []
     return [
-        "A learned residual, which stands for whatever has no name, explains about as much in "
-        f"place of the causes: with {percent(chance)} probability it is none of those known."
+        "A learned residual, which stands for unknown causes, explains about as much as the named "
+        f"causes: with a probability of {probability(chance)} none of the known causes is right."
     ]
 
 
-def _told(fitted_candidate: FittedCandidate) -> str:
-    return f"{fitted_candidate.candidate.cause.title} at {fitted_candidate.candidate.location}"
+def _name(fitted: FittedCandidate) -> str:
+    return f"{fitted.candidate.cause.title} at {fitted.candidate.location}"

@@ -1,1 +1,1 @@
-"""What a hypothesis predicts: the model with its effects, simulated along a log."""
+"""Simulation of hypotheses: the study's model with candidates in it, replayed along its log."""

@@ -1,4 +1,4 @@
-"""One episode simulated: every physics step of it is recorded."""
+"""Simulation of one episode: sensors and states at each physics step."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from reality_gap.causes.base import Acting, Hook, Record
+from reality_gap.causes.base import Hook, Record, ScheduledHook
 from reality_gap.types import Floats
 
 PROBE = "reality_gap/"
-"""What the names of the sensors begin with that are added to look inside."""
+"""Prefix of the names of the sensors that `compile_with_probes` adds."""
 
 
 def compile_with_probes(spec: mujoco.MjSpec, fuse: bool) -> mujoco.MjModel:
-    """Compile a model with sensors of what a `Record` holds.
+    """Compile a model with additional sensors for the signals of a `Record`.
 
     Args:
-        spec: the model; probes are added to it.
-        fuse: whether bodies that hang together become one, which is quicker.
+        spec: the model; the sensors are added to it.
+        fuse: whether to fuse bodies that are fixed to each other, which is faster.
     """
     kinds = mujoco.mjtSensor
     actuators = [a.name for a in spec.actuators]
@@ -41,19 +41,19 @@ def compile_with_probes(spec: mujoco.MjSpec, fuse: bool) -> mujoco.MjModel:
 
 
 def silence() -> None:
-    """Keep MuJoCo from writing MUJOCO_LOG.TXT; a replay that diverges is told by its numbers."""
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT; a replay that diverges is recognised by NaN."""
     mujoco.set_mju_user_warning(lambda message: None)
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be simulated.
+    """Input of the simulation of one episode.
 
     Attributes:
-        start: the study's time at the episode's begin [s].
-        command: (k, nu) at every step.
-        joints: where joints stand before settling [m or rad].
-        settle: how long the first command is held before the begin [s].
+        start: time of the study at which the episode begins [s].
+        command: command at each physics step, shape (k, nu).
+        joints: positions of joints before settling [m or rad].
+        settle: how long the first command is held before the episode begins [s].
     """
 
     start: float
@@ -62,10 +62,17 @@ class Task:
     settle: float
 
 
-def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[Acting]) -> Record:
-    """Simulate an episode; every number is nan if it diverges.
+def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[ScheduledHook]) -> Record:
+    """Simulate an episode.
 
-    ``sensors`` are those at the begin of each step, under its command.
+    Args:
+        model: the compiled model, with probes; see `compile_with_probes`.
+        task: commands and initial state.
+        hooks: hooks that act in this episode.
+
+    Returns:
+        Signals at the begin of each physics step, under its command; all sensors are NaN if the
+        simulation diverged.
     """
     if hooks:
         model = copy.copy(model)  # hooks write into it
@@ -78,10 +85,10 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[Acting]) -> Reco
             data.act[model.actuator_actadr[i]] = task.command[0, model.actuator_ctrladr[i]]
     settling = round(task.settle / step)
     data.time = task.start - settling * step
-    _remember(model, data, task.command[0])
+    _fill_histories(model, data, task.command[0])
     running = [_Running(h, h.make(model)) for h in hooks]
     _advance(model, data, running, np.repeat(task.command[:1], settling, axis=0), None)
-    record = _blank(model, task.start + step * np.arange(len(task.command)))
+    record = _empty_record(model, task.start + step * np.arange(len(task.command)))
     _advance(model, data, running, task.command, record)
     count = len(record.force[0]), len(record.length[0])
     probes = record.sensors[:, model.nsensordata - count[0] - 2 * count[1] :]
@@ -93,8 +100,8 @@ def simulate(model: mujoco.MjModel, task: Task, hooks: Sequence[Acting]) -> Reco
     return record
 
 
-def _remember(model: mujoco.MjModel, data: mujoco.MjData, command: Floats) -> None:
-    """Fill the histories of delayed actuators: the first command was always given."""
+def _fill_histories(model: mujoco.MjModel, data: mujoco.MjData, command: Floats) -> None:
+    """Fill the command histories of delayed actuators with the first command."""
     for i in np.flatnonzero(model.actuator_history[:, 0]):
         count = int(model.actuator_history[i, 0])
         past = data.time - model.opt.timestep * np.arange(count, 0, -1)
@@ -105,9 +112,9 @@ def _remember(model: mujoco.MjModel, data: mujoco.MjData, command: Floats) -> No
 
 @dataclass(frozen=True)
 class _Running:
-    """A hook of the episode that is being simulated."""
+    """A scheduled hook and its instance for the current episode."""
 
-    acting: Acting
+    schedule: ScheduledHook
     hook: Hook
 
 
@@ -118,19 +125,19 @@ def _advance(
     command: Floats,
     record: Record | None,
 ) -> None:
-    """Simulate a command (k, nu): in C where hooks act by the clock at most, else in Python."""
+    """Simulate commands (k, nu) in C if no hook needs more than the time, else in Python."""
     if not len(command):
         return
     end = data.time + len(command) * model.opt.timestep
-    acting = [r for r in running if r.acting.start < end and r.acting.end > data.time]
-    wrenches = None if record is None else _wrenches(model, data, acting, len(command))
-    if not acting or wrenches is not None:
+    active = [r for r in running if r.schedule.start < end and r.schedule.end > data.time]
+    wrenches = None if record is None else _wrenches(model, data, active, len(command))
+    if not active or wrenches is not None:
         _advance_in_c(model, data, command, wrenches, record)
         return
-    every = max(1, min(round(r.acting.period / model.opt.timestep) for r in acting))
+    every = max(1, min(round(r.schedule.period / model.opt.timestep) for r in active))
     due = np.arange(len(command)) % every == 0
     due[1:] |= np.any(command[1:] != command[:-1], axis=1)
-    calls = [(r.hook, r.acting.start, r.acting.end) for r in acting]
+    calls = [(r.hook, r.schedule.start, r.schedule.end) for r in active]
     ctrl, qpos, qvel, sensors = data.ctrl, data.qpos, data.qvel, data.sensordata
     applied, pushed = data.qfrc_applied, data.xfrc_applied
     for k, call in enumerate(due.tolist()):
@@ -150,20 +157,20 @@ def _advance(
 
 
 def _wrenches(
-    model: mujoco.MjModel, data: mujoco.MjData, acting: Sequence[_Running], steps: int
+    model: mujoco.MjModel, data: mujoco.MjData, active: Sequence[_Running], steps: int
 ) -> Floats | None:
-    """What hooks that act by the clock do to all bodies at each step (k, 6 nbody).
+    """Return the wrenches of all hooks on all bodies at each step, shape (k, 6 nbody).
 
-    None if there are no hooks, or one that needs to see more than the clock.
+    None if there are no hooks, or if a hook depends on more than the time.
     """
     time = data.time + model.opt.timestep * np.arange(steps)
     total = None
-    for one in (r.acting for r in acting):
-        if one.wrenches is None:
+    for schedule in (r.schedule for r in active):
+        if schedule.wrenches is None:
             return None
-        within = (one.start < time) & (time < one.end)
-        own = np.where(within[:, None, None], one.wrenches(model, time), 0.0)
-        total = own if total is None else total + own
+        within = (schedule.start < time) & (time < schedule.end)
+        wrenches = np.where(within[:, None, None], schedule.wrenches(model, time), 0.0)
+        total = wrenches if total is None else total + wrenches
     return None if total is None else total.reshape(steps, -1)
 
 
@@ -180,23 +187,23 @@ def _advance_in_c(
         data.ctrl[:] = command[0]
         mujoco.mj_step(model, data, len(command))
         return
-    kind, given = mujoco.mjtState.mjSTATE_FULLPHYSICS, mujoco.mjtState.mjSTATE_CTRL
+    kind, inputs = mujoco.mjtState.mjSTATE_FULLPHYSICS, mujoco.mjtState.mjSTATE_CTRL
     if wrenches is not None:
-        given |= mujoco.mjtState.mjSTATE_XFRC_APPLIED
+        inputs |= mujoco.mjtState.mjSTATE_XFRC_APPLIED
         command = np.hstack([command, wrenches])
     first = np.empty(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, first, kind)
     states, sensors = rollout.rollout(
-        model, data, first[None], command[None], control_spec=int(given)
+        model, data, first[None], command[None], control_spec=int(inputs)
     )
     record.sensors[:] = sensors[0]
-    # States are those after each step; sensors those before it.
+    # MuJoCo returns the states after each step and the sensors before it.
     at = np.vstack([first, states[0, :-1]])
     record.qpos[:] = at[:, 1 : 1 + model.nq]
     record.qvel[:] = at[:, 1 + model.nq : 1 + model.nq + model.nv]
 
 
-def _blank(model: mujoco.MjModel, time: Floats) -> Record:
+def _empty_record(model: mujoco.MjModel, time: Floats) -> Record:
     k = len(time)
     return Record(
         time=time,

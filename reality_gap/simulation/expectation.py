@@ -1,4 +1,4 @@
-"""What the study's own model says of a log: forces with the wrong sign, motion far off."""
+"""Channels that contradict the nominal model: forces of the wrong sign, motion far too large."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from reality_gap.simulation.hypothesis import build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 from reality_gap.types import Floats
 
 FAR = 20.0
-"""A channel that moves so many times more, or less, than the replay makes no fault of a machine."""
+"""Ratio of a channel's spread to that of its replay, or inverse, that no fault can cause."""
 EDGE = 0.05
-"""Share of an actuator's range by which a median may lie outside: noise and offsets."""
+"""Share of an actuator's range by which a median may lie outside, due to noise and offsets."""
 
 
-def surprises(study: Study) -> list[str]:
-    """Sentences on channels that a replay of the model does not come near."""
-    return [*_signs(study), *([] if study.inverse else _spreads(study))]
+def implausible_channels(study: Study) -> list[str]:
+    """Return a sentence on each channel that is far from a replay of the nominal model."""
+    return [*_wrong_signs(study), *([] if study.inverse else _wrong_spreads(study))]
 
 
-def _signs(study: Study) -> list[str]:
-    """Forces that the model's actuators cannot give, but would if they were turned."""
+def _wrong_signs(study: Study) -> list[str]:
+    """Return a sentence on each force that the model's actuator cannot exert."""
     model = study.spec().compile()
     actuator = int(mujoco.mjtSensor.mjSENS_ACTUATORFRC)
     found = []
@@ -38,22 +38,22 @@ def _signs(study: Study) -> list[str]:
         slack = EDGE * (high - low)
         if not model.actuator_forcelimited[target] or low - slack <= middle <= high + slack:
             continue
-        range_ = f"the model's actuator gives {low:.3g} to {high:.3g}"
-        text = f"{channel.name} is {middle:.3g} {channel.unit} at its median, but {range_}"
-        turned = low <= -middle <= high
-        found.append(text + (": has it the wrong sign (scale: -1)?" if turned else ""))
+        possible = f"the model's actuator exerts {low:.3g} to {high:.3g}"
+        text = f"{channel.name} is {middle:.3g} {channel.unit} at its median, but {possible}"
+        flipped = low <= -middle <= high
+        found.append(text + (": is its sign wrong (scale: -1)?" if flipped else ""))
     return found
 
 
-def _spreads(study: Study) -> list[str]:
-    """Channels that move far more, or far less, than in a replay of the model."""
+def _wrong_spreads(study: Study) -> list[str]:
+    """Return a sentence on each channel that moves far more, or far less, than in a replay."""
     readings = measured(study)
-    predicted = replay(build(look_at(study), []), study, readings).prediction
+    predicted = replay(build(compile_system(study), []), study, readings).prediction
     found = []
     for e, episode in enumerate(study.episodes):
         if not np.isfinite(predicted[readings.episode == e]).all():
             found.append(
-                f"the model's own replay of {episode.name} diverges; look at its initial state, "
+                f"the model's own replay of {episode.name} diverges; check its initial state, "
                 "its commands and its time step"
             )
     if found:
@@ -66,13 +66,13 @@ def _spreads(study: Study) -> list[str]:
             continue
         if not 1.0 / FAR < moved / expected < FAR:
             found.append(
-                f"{channel.name} moves by {moved:.2g} {channel.unit}, in the model's replay by "
-                f"{expected:.2g}: are its unit, its column and the commands right?"
+                f"{channel.name} moves by {moved:.2g} {channel.unit}, but by {expected:.2g} in "
+                "the model's replay: are its unit, its column and the commands right?"
             )
     return found
 
 
 def _spread(values: Floats, episode: Floats) -> float:
-    """Standard deviation about the mean of each episode."""
+    """Return the standard deviation about the mean of each episode."""
     parts = [values[episode == e] for e in np.unique(episode)]
     return float(np.std(np.concatenate([part - part.mean() for part in parts])))

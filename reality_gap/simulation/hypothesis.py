@@ -1,4 +1,4 @@
-"""A hypothesis: causes at places with values, and the machine that they make of the study's."""
+"""Hypotheses: candidate causes with parameter values, and the plants that they describe."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from reality_gap.study.system import System
 
 @dataclass(frozen=True)
 class Candidate:
-    """A cause at a place."""
+    """A cause at a location.
+
+    Attributes:
+        cause: the mechanism.
+        location: the model elements where it acts.
+        parameters: the cause's parameters at this location.
+    """
 
     cause: Cause
     location: Location
@@ -23,24 +29,33 @@ class Candidate:
     def __str__(self) -> str:
         return f"{self.cause.id} at {self.location}"
 
-    def nulls(self) -> dict[str, float]:
-        """The values at which it does nothing."""
+    def parameter(self, name: str) -> Parameter:
+        """Return the parameter of this name."""
+        return next(p for p in self.parameters if p.name == name)
+
+    def null_values(self) -> dict[str, float]:
+        """Return the parameter values at which the cause has no effect."""
         return {parameter.name: parameter.null for parameter in self.parameters}
 
+    def matches(self, other: Candidate) -> bool:
+        """Return whether the other candidate is the same cause at the same location."""
+        return self.cause.id == other.cause.id and self.location == other.location
 
-def same(a: Candidate, b: Candidate) -> bool:
-    """Whether two suspects are the same cause at the same place."""
-    return a.cause.id == b.cause.id and a.location == b.location
+
+Part = tuple[Candidate, Values]
+"""A candidate with parameter values."""
+Hypothesis = Sequence[Part]
+"""The candidates that a model is extended by, with their values."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """A machine: its model, and what acts beside it.
+    """A model with the effects of a hypothesis.
 
     Attributes:
-        spec: the model.
-        effects: what MuJoCo cannot express.
-        edits: what was written into the model; plants with the same edits have the same model.
+        spec: the model, with all edits that MuJoCo can express.
+        effects: the effects that MuJoCo cannot express.
+        edits: keys of the edits in ``spec``; plants with equal edits have equal models.
     """
 
     spec: mujoco.MjSpec
@@ -48,14 +63,22 @@ class Plant:
     edits: tuple[Hashable, ...] = ()
 
 
-def build(system: System, parts: Sequence[tuple[Candidate, Values]]) -> Plant:
-    """The study's machine with suspects in it, each with its values; null ones are left out.
+def build(system: System, hypothesis: Hypothesis) -> Plant:
+    """Build a plant from the study's model and a hypothesis.
 
-    They are built in in the order of the catalogue: what changes readings comes last.
+    Candidates are added in the order of the catalogue, in which effects on readings come last.
+    Candidates with null values are left out.
+
+    Args:
+        system: the study's model and its elements.
+        hypothesis: candidates with their values.
+
+    Returns:
+        A plant with a copy of the model.
     """
     spec, effects, edits = system.study.spec(), Effects(), []
     order = {name: i for i, name in enumerate(CATALOGUE)}
-    for candidate, values in sorted(parts, key=lambda part: order.get(part[0].cause.id, 0)):
+    for candidate, values in sorted(hypothesis, key=lambda part: order.get(part[0].cause.id, 0)):
         if all(values[p.name] == p.null for p in candidate.parameters):
             continue
         cause, location = candidate.cause, candidate.location
@@ -67,7 +90,13 @@ def build(system: System, parts: Sequence[tuple[Candidate, Values]]) -> Plant:
     return Plant(spec, effects, tuple(edits))
 
 
-def acts_beside(system: System, candidate: Candidate, values: Values) -> bool:
-    """Whether a suspect with these values does something that MuJoCo cannot express."""
+def has_effects(system: System, candidate: Candidate, values: Values) -> bool:
+    """Return whether a candidate has effects that MuJoCo cannot express.
+
+    Args:
+        system: the study's model and its elements.
+        candidate: the cause and its location.
+        values: values of its parameters.
+    """
     effects = build(system, [(candidate, values)]).effects
     return bool(effects.commands or effects.hooks or effects.readings)

@@ -1,10 +1,10 @@
-"""Inverse dynamics: the effort that the measured motion asks for, beside the effort measured.
+"""Inverse dynamics: the effort that the measured motion requires, compared with the measured one.
 
-For machines in closed loop, whose position hides every fault and whose effort shows it. As in
-identification with the inverse dynamic model (Gautier, Janot and Vandanjon, IEEE Trans. Control
-Systems Technology 21(2), 2013): positions are low-passed with zero phase and differentiated by
-central differences; measured and computed efforts then go through the same low-pass (parallel
-filtering), and only as many samples are kept as that leaves independent.
+This is for machines in closed loop, where the controller hides a fault from the positions and the
+efforts show it. The method is that of identification with the inverse dynamic model (Gautier, Janot
+and Vandanjon, IEEE Trans. Control Systems Technology 21(2), 2013): positions are low-pass filtered
+with zero phase and differentiated by central differences; measured and computed efforts pass the
+same low-pass filter (parallel filtering); as many samples are kept as are independent after it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from dataclasses import dataclass, fields, replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt, welch
 
@@ -24,32 +23,33 @@ from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.replay import Replay
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import Measured, channel_noise
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 KEPT_POWER = 0.999
-"""Share of an effort's power above its white noise that is kept: the rest is 3 % of it in RMS."""
+"""Share of an effort's power above its white noise that is kept; the rest is 3 % of it in RMS."""
 MARGIN = 1.5
-"""Cutoff over the frequency below which that power lies, where the filter still passes 96 %."""
+"""Cutoff over the frequency below which that power lies; the filter passes 96 % there."""
 POSITION_BAND = 4.0
-"""Cutoff of the positions over that of the efforts: its edge is not seen in the efforts."""
+"""Cutoff of the positions over that of the efforts, so that it does not affect the efforts."""
 GRID_RATE = 8.0
 """Samples of the motion per period of the cutoff, at least."""
 EDGE = 3.0
-"""Left out at both ends of a log, where filters start and end [periods of the cutoff]."""
+"""Length that is left out at both ends of a log, where filters start [periods of the cutoff]."""
 SLOW = 0.01
-"""A joint slower than this share of its usual speed stands, and dry friction may be anything."""
+"""Share of its usual speed below which a joint stands still; its dry friction is then unknown."""
 FRICTION_RATE = 1e6
-"""Damping of dry friction's constraint [1/s]; see `_crisp`."""
+"""Damping of the constraint of dry friction [1/s]; see `_stiffen_dry_friction`."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What a machine did in one episode, on an even grid of k samples.
+    """Motion of one episode on an even grid of k samples.
 
     Attributes:
-        time: (k,) [s].
-        qpos, qvel, qacc: (k, nq), (k, nv), (k, nv) in SI units.
-        cutoff: of the low-pass of the efforts [Hz].
+        time: time of each sample, shape (k,) [s].
+        qpos, qvel, qacc: positions, velocities and accelerations in SI units, shapes (k, nq),
+            (k, nv) and (k, nv).
+        cutoff: cutoff of the low-pass filter of the efforts [Hz].
     """
 
     time: Floats
@@ -60,28 +60,31 @@ class Motion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Traced(Episode):
-    """An episode of a prepared study, with the motion that its efforts were measured along."""
+class PreparedEpisode(Episode):
+    """An episode of a prepared study, with the motion along which its efforts were measured."""
 
     motion: Motion
 
 
-def ready(study: Study) -> Study:
-    """The study as it is compared: one with efforts is prepared, unless it was already."""
-    done = all(isinstance(episode, Traced) for episode in study.episodes)
-    return prepare(study) if study.inverse and not done else study
+def ensure_prepared(study: Study) -> Study:
+    """Prepare a study with efforts unless it is prepared; return any other study as it is."""
+    prepared = all(isinstance(episode, PreparedEpisode) for episode in study.episodes)
+    return prepare(study) if study.inverse and not prepared else study
 
 
 def prepare(study: Study) -> Study:
-    """What is compared, and along which motion, for a study with efforts.
+    """Filter the efforts of a study and compute the motion along which they were measured.
 
     The cutoff is `MARGIN` times the frequency below which `KEPT_POWER` of each effort's power lies.
-    Samples at which the effort's joint stands are left out: dry friction is then anything
-    up to its size.
+    Samples at which the joint stands still are left out, because dry friction then takes any value
+    up to its limit.
+
+    Args:
+        study: a study with efforts and with the position of each joint.
 
     Returns:
-        the study with its efforts alone, low-passed and thinned to two samples per period of the
-        cutoff, their noise reduced accordingly, and with the motion of each episode.
+        The study with its efforts only, filtered and thinned to two samples per period of the
+        cutoff, with accordingly reduced noise and with the motion of each episode.
 
     Raises:
         StudyError: a joint of the model is not measured, or a log is too short or too slow.
@@ -95,37 +98,43 @@ def prepare(study: Study) -> Study:
     episodes = []
     for episode in study.episodes:
         motion = _motion(model, columns, episode, cutoff, period)
-        still = _still(motion, noise[columns], period)
+        still = _standing_still(motion, noise[columns], period)
         readings = tuple(
             _effort(motion, episode.readings[c], still[:, _dof(model, study.channels[c])], period)
             for c in efforts
         )
         kept = {f.name: getattr(episode, f.name) for f in fields(Episode)}
-        episodes.append(Traced(**kept | {"readings": readings}, motion=motion))
-    left = np.sqrt(2 * cutoff * period)
-    channels = tuple(replace(study.channels[c], noise=float(noise[c] * left)) for c in efforts)
+        episodes.append(PreparedEpisode(**kept | {"readings": readings}, motion=motion))
+    reduction = np.sqrt(2 * cutoff * period)
+    channels = tuple(replace(study.channels[c], noise=float(noise[c] * reduction)) for c in efforts)
     return replace(study, channels=channels, episodes=tuple(episodes))
 
 
 def inverse_replay(plant: Plant, study: Study, measured: Measured) -> Replay:
-    """Efforts that a plant needs for the measured motion.
+    """Compute the efforts that a plant needs for the measured motion.
 
     Args:
-        plant: its hooks are called at every sample; what they apply needs no effort.
-        study: as `prepare` gives it.
+        plant: the model and its effects; forces that its hooks apply reduce the effort.
+        study: a prepared study; see `prepare`.
         measured: the readings of that study.
+
+    Returns:
+        The predicted efforts and the simulated signals.
+
+    Raises:
+        StudyError: the study is not prepared.
     """
     model = plant.spec.compile()
-    _crisp(model)
+    _stiffen_dry_friction(model)
     dofs = np.array([_dof(model, channel) for channel in study.channels])
     prediction = np.full(len(measured.value), np.nan)
     records = []
     start = 0.0
     for e, episode in enumerate(study.episodes):
-        if not isinstance(episode, Traced):
+        if not isinstance(episode, PreparedEpisode):
             raise StudyError(f"the study {study.name} compares efforts and was not prepared")
         motion = episode.motion
-        effort, record = _run(plant, model, motion, start)
+        effort, record = _inverse_dynamics(plant, model, motion, start)
         filtered = _low_pass(effort[:, dofs], motion.cutoff, _step(motion.time))
         for c in range(len(study.channels)):
             at = (measured.episode == e) & (measured.channel == c)
@@ -135,14 +144,14 @@ def inverse_replay(plant: Plant, study: Study, measured: Measured) -> Replay:
     return Replay(prediction, tuple(records))
 
 
-def _run(
+def _inverse_dynamics(
     plant: Plant, model: mujoco.MjModel, motion: Motion, start: float
 ) -> tuple[Floats, Record]:
-    """Effort of every degree of freedom (k, nv), and what the machine did; sensors are not read."""
+    """Return the effort of each degree of freedom (k, nv), and a record without sensor values."""
     data = mujoco.MjData(model)
     time = start + motion.time
-    acting = [h for h in plant.effects.hooks if h.start < time[-1] and h.end > time[0]]
-    hooks = [(h.make(model), h.start, h.end) for h in acting]
+    scheduled = [h for h in plant.effects.hooks if h.start < time[-1] and h.end > time[0]]
+    hooks = [(h.make(model), h.start, h.end) for h in scheduled]
     effort = np.empty_like(motion.qvel)
     record = Record(
         time=time,
@@ -157,8 +166,8 @@ def _run(
     for k, now in enumerate(time):
         data.time = now
         data.qpos, data.qvel, data.qacc = motion.qpos[k], motion.qvel[k], motion.qacc[k]
-        called = [hook for hook, begin, end in hooks if begin <= now <= end]
-        applied = _applied(model, data, called) if called else 0.0
+        active = [hook for hook, begin, end in hooks if begin <= now <= end]
+        applied = _applied_force(model, data, active) if active else 0.0
         mujoco.mj_inverseSkip(model, data, mujoco.mjtStage.mjSTAGE_NONE, 1)
         effort[k] = data.qfrc_inverse - applied
         if model.ntendon:
@@ -166,8 +175,8 @@ def _run(
     return effort, record
 
 
-def _applied(model: mujoco.MjModel, data: mujoco.MjData, hooks: Sequence[Hook]) -> Floats:
-    """Generalized force of the hooks (nv,), called on a state whose positions are known."""
+def _applied_force(model: mujoco.MjModel, data: mujoco.MjData, hooks: Sequence[Hook]) -> Floats:
+    """Return the generalized force of the hooks at the state of ``data``, shape (nv,)."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     if model.ntendon:
@@ -186,18 +195,19 @@ def _applied(model: mujoco.MjModel, data: mujoco.MjData, hooks: Sequence[Hook]) 
     return force
 
 
-def _crisp(model: mujoco.MjModel) -> None:
-    """Dry friction opposes the measured velocity alone.
+def _stiffen_dry_friction(model: mujoco.MjModel) -> None:
+    """Let dry friction oppose the measured velocity.
 
-    MuJoCo's is a soft constraint on a + B v, which turns round 1/B before the velocity does:
-    10 ms by default, to be stable in a simulation. Where the motion is known, B can be large.
+    In MuJoCo it is a soft constraint on a + B v, which changes its sign 1/B before the velocity
+    does. By default this is 10 ms, for stability of the simulation. Nothing is integrated here, so
+    that B can be large.
     """
     model.dof_solref[:] = (0.0, -FRICTION_RATE)
     model.tendon_solref_fri[:] = (0.0, -FRICTION_RATE)
 
 
 def _position_channels(study: Study, model: mujoco.MjModel) -> list[int]:
-    """Channel of the position of every joint, in the order of the joints."""
+    """Return the channel of the position of each joint, in the order of the joints."""
     found = {}
     for c, channel in enumerate(study.channels):
         if channel.kind == "sensor":
@@ -205,11 +215,11 @@ def _position_channels(study: Study, model: mujoco.MjModel) -> list[int]:
             if int(sensor.type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
                 found[int(sensor.objid[0])] = c
     if model.nq != model.njnt:
-        raise StudyError("efforts need a model whose joints are hinges and slides")
+        raise StudyError("efforts need a model whose joints are all hinges or slides")
     missing = [model.joint(j).name for j in range(model.njnt) if j not in found]
     if missing:
         raise StudyError(
-            "efforts need the position of every joint, measured by a jointpos sensor; "
+            "efforts need the position of each joint, measured by a jointpos sensor; "
             f"missing: {', '.join(missing)}"
         )
     return [found[j] for j in range(model.njnt)]
@@ -221,12 +231,14 @@ def _dof(model: mujoco.MjModel, channel: Channel) -> int:
 
 def _period(reading: Reading) -> float:
     if len(reading.time) < 10:
-        raise StudyError(f"inverse dynamics need logs, but one has {len(reading.time)} samples")
+        raise StudyError(
+            f"a reading has {len(reading.time)} samples, but inverse dynamics need at least 10"
+        )
     return float(np.median(np.diff(reading.time)))
 
 
 def _cutoff(study: Study, efforts: list[int], period: float) -> float:
-    """Of the low-pass of the efforts [Hz]."""
+    """Return the cutoff of the low-pass filter of the efforts [Hz]."""
     highest = 0.0
     for c in efforts:
         total = frequency = np.zeros(1)
@@ -265,15 +277,15 @@ def _motion(
     return Motion(time[kept], qpos[kept], qvel[kept], qacc[kept], cutoff)
 
 
-def _still(motion: Motion, noise: Floats, period: float) -> NDArray[np.bool_]:
-    """Whether each joint stands, (k, nv): slower than its speed is known, or than `SLOW`."""
+def _standing_still(motion: Motion, noise: Floats, period: float) -> Bools:
+    """Return whether each joint is slower than the noise of its speed or than `SLOW`, (k, nv)."""
     band = POSITION_BAND * motion.cutoff
     speed_noise = noise * 2 * np.pi * np.sqrt(2 * period * band**3 / 3)
     usual = np.quantile(np.abs(motion.qvel), 0.95, axis=0)
     return np.abs(motion.qvel) < np.maximum(4 * speed_noise, SLOW * usual)
 
 
-def _effort(motion: Motion, reading: Reading, still: NDArray[np.bool_], period: float) -> Reading:
+def _effort(motion: Motion, reading: Reading, still: Bools, period: float) -> Reading:
     time = np.arange(motion.time[0], motion.time[-1] + 1e-9, period)
     value = _low_pass(np.interp(time, reading.time, reading.value), motion.cutoff, period)
     grid = _step(motion.time)
@@ -282,7 +294,9 @@ def _effort(motion: Motion, reading: Reading, still: NDArray[np.bool_], period: 
     kept = np.arange(edge, len(motion.time) - edge, step)
     kept = kept[~still[kept]]
     if len(kept) < 10:
-        raise StudyError("the joint of an effort hardly moves: nothing can be said of its force")
+        raise StudyError(
+            "the joint of an effort hardly moves; its force can be compared in motion only"
+        )
     return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
 
 

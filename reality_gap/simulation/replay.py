@@ -1,4 +1,8 @@
-"""Replay: what a machine would have read, given what was commanded."""
+"""Replay: the readings that a plant predicts for the commands of a study.
+
+Each episode is simulated from its initial state with the commands of the log. The sensors are then
+interpolated at the times of the measured readings.
+"""
 
 from __future__ import annotations
 
@@ -19,56 +23,74 @@ from reality_gap.types import Floats, Ints
 
 @dataclass(frozen=True)
 class Replay:
-    """What a replay gives.
+    """Result of a replay.
 
     Attributes:
-        prediction: (n,) of each reading, in the order of `Measured`; nan where it diverged.
-        records: one per episode.
+        prediction: predicted readings in the order of `Measured` in SI units, shape (n,); NaN in
+            an episode whose simulation diverged.
+        records: the simulated signals of each episode.
     """
 
     prediction: Floats
     records: tuple[Record, ...]
 
 
-class Memory:
-    """Records of the latest simulations: many suspects change readings or one episode only."""
+class RecordCache:
+    """Cache of the latest simulations.
 
-    def __init__(self, most: float = 2e8) -> None:
+    Many candidates change the readings or one episode only, so that simulations repeat.
+
+    Args:
+        size: how much memory the sensor values may take [bytes].
+    """
+
+    def __init__(self, size: float = 2e8) -> None:
         self._records: OrderedDict[Hashable, Record] = OrderedDict()
-        self._room = most
+        self._free = size
 
-    def recall(self, key: Hashable, make: Callable[[], Record]) -> Record:
-        """The record of ``key``, made if it is not remembered; with a copy of its sensors."""
+    def get(self, key: Hashable, make: Callable[[], Record]) -> Record:
+        """Return the record of ``key`` with a copy of its sensors; make it if it is not cached."""
         if key not in self._records:
             record = make()
             self._records[key] = record
-            self._room -= record.sensors.nbytes
-            while self._room < 0 and len(self._records) > 1:
-                self._room += self._records.popitem(last=False)[1].sensors.nbytes
+            self._free -= record.sensors.nbytes
+            while self._free < 0 and len(self._records) > 1:
+                self._free += self._records.popitem(last=False)[1].sensors.nbytes
         self._records.move_to_end(key)
         record = self._records[key]
         return replace(record, sensors=record.sensors.copy())
 
 
-def replay(plant: Plant, study: Study, measured: Measured, memory: Memory | None = None) -> Replay:
-    """Replay a study on a plant; ``memory`` spares simulations that were done before.
+def replay(
+    plant: Plant, study: Study, measured: Measured, cache: RecordCache | None = None
+) -> Replay:
+    """Replay a study on a plant.
 
-    A controller reads its sensors, then commands: a reading taken at the time of a command is one
-    under the command before it.
+    A controller reads its sensors before it commands: a reading that was taken at the time of a
+    command belongs to the command before it.
+
+    Args:
+        plant: the model and its effects; probes are added to its spec.
+        study: commands and initial states.
+        measured: the readings of that study.
+        cache: simulations that were done before, if they may be used again.
+
+    Returns:
+        The predicted readings and the simulated signals.
     """
-    # A hook may want a body by its name.
+    # Fusing removes bodies that a hook may refer to by name.
     model = compile_with_probes(plant.spec, fuse=not plant.effects.hooks)
     starts = np.concatenate([[0.0], np.cumsum([e.duration for e in study.episodes])])
     prediction = np.full(len(measured.value), np.nan)
     records = []
     for e, (episode, start) in enumerate(zip(study.episodes, starts[:-1], strict=True)):
         rows = _rows(model, episode)
-        record = _run(plant, model, study, episode, float(start), rows, memory)
-        for sense in plant.effects.readings:
-            sense(record)
+        record = _simulate(plant, model, study, episode, float(start), rows, cache)
+        for effect in plant.effects.readings:
+            effect(record)
         at = measured.episode == e
         columns = np.array([record.column(c.sensor, c.component) for c in study.channels])
-        prediction[at] = _read(
+        prediction[at] = _interpolate(
             record, episode, rows, measured.time[at], columns[measured.channel[at]]
         )
         records.append(record)
@@ -76,14 +98,14 @@ def replay(plant: Plant, study: Study, measured: Measured, memory: Memory | None
 
 
 def _rows(model: mujoco.MjModel, episode: Episode) -> Ints:
-    """The latest row of the episode's commands that acts within every step (k,)."""
+    """Return the latest row of the commands that acts within each physics step, shape (k,)."""
     step = model.opt.timestep
     time = step * np.arange(int(np.ceil(episode.duration / step)) + 2)
     return (np.searchsorted(episode.time, time + step - 1e-9, side="left") - 1).clip(0)
 
 
 def _commands(episode: Episode, rows: Ints, step: float) -> Floats:
-    """The mean command of every step (k, nu): a command may come in the middle of one."""
+    """Return the mean command of each physics step (k, nu), within which commands may change."""
     command = episode.command[rows].copy()
     new = np.flatnonzero(np.diff(rows, prepend=rows[0]) > 0)
     share = ((new + 1) * step - episode.time[rows[new]]) / step
@@ -92,16 +114,16 @@ def _commands(episode: Episode, rows: Ints, step: float) -> Floats:
     return command
 
 
-def _run(
+def _simulate(
     plant: Plant,
     model: mujoco.MjModel,
     study: Study,
     episode: Episode,
     start: float,
     rows: Ints,
-    memory: Memory | None,
+    cache: RecordCache | None,
 ) -> Record:
-    """Simulate one episode; time in the record and for hooks counts from the study's begin."""
+    """Simulate one episode; times of the record and of hooks count from the study's begin."""
     time = start + model.opt.timestep * np.arange(len(rows))
     command = _commands(episode, rows, model.opt.timestep)
     for effect in plant.effects.commands:
@@ -109,14 +131,16 @@ def _run(
     initial = study.initial
     task = Task(start, command, {**initial.joints, **episode.joints}, initial.settle)
     hooks = [h for h in plant.effects.hooks if h.start < time[-1] and h.end > start]
-    if memory is None or hooks:
+    if cache is None or hooks:
         return simulate(model, task, hooks)
     key = (plant.edits, model.opt.timestep, start, command.tobytes())
-    return memory.recall(key, lambda: simulate(model, task, hooks))
+    return cache.get(key, lambda: simulate(model, task, hooks))
 
 
-def _read(record: Record, episode: Episode, rows: Ints, time: Floats, column: Ints) -> Floats:
-    """Readings at ``time`` (m,), on a line through two steps under the same command."""
+def _interpolate(
+    record: Record, episode: Episode, rows: Ints, time: Floats, column: Ints
+) -> Floats:
+    """Return readings at ``time`` (m,), linear between two steps under the same command."""
     step = record.time[1] - record.time[0]
     allowed = (np.searchsorted(episode.time, time - 1e-9, side="left") - 1).clip(0)
     last = np.searchsorted(rows, allowed, side="right") - 1

@@ -1,4 +1,4 @@
-"""Where hypotheses are tried: replays of a study with suspects in it, several at once."""
+"""Replayer: replays hypotheses of one study, several at a time, and computes their residuals."""
 
 from __future__ import annotations
 
@@ -6,53 +6,59 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import cached_property
+from functools import cached_property, partial
 from types import TracebackType
 
 import numpy as np
 
 from mjcf_sandbox.parent_watchdog import end_with_parent
-from reality_gap.causes import CATALOGUE, register
-from reality_gap.causes.base import Cause, Location, Values
+from reality_gap.causes import CATALOGUE, register_cause
+from reality_gap.causes.base import Cause, Location
 from reality_gap.errors import StudyError
 from reality_gap.simulation.episode import silence
-from reality_gap.simulation.hypothesis import Candidate, Plant, build
-from reality_gap.simulation.inverse_dynamics import inverse_replay, ready
-from reality_gap.simulation.replay import Memory, Replay, replay
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, Plant, build
+from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
+from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured
-from reality_gap.study.system import System, look_at
+from reality_gap.study.system import System, compile_system
 from reality_gap.types import Floats
 
-Part = tuple[Candidate, Values]
-Hypothesis = Sequence[Part]
 Tick = Callable[[], None]
 
 USUAL = "usual"
-"""Tells the place of what is usual from that of a suspect."""
+"""Note of the location of a usual effect; it distinguishes the location from a candidate's."""
+COARSE = 3.0
+"""Mean change by a doubled time step, relative to drift and noise, up to which it is accurate
+enough for differences between replays."""
 
 
 class Replayer:
     """Replays hypotheses of one study.
 
     Args:
-        study: what was measured.
+        study: model, commands and measurements.
         jobs: number of processes.
-        tick: called after every replay.
+        tick: called after each replay.
+
+    Attributes:
+        system: the study's model and its elements.
+        measured: all readings of the study.
+        tick: called after each replay.
     """
 
     def __init__(self, study: Study, jobs: int = 1, tick: Tick = lambda: None) -> None:
-        study = ready(study)
-        self.system: System = look_at(study)
+        study = ensure_prepared(study)
+        self.system: System = compile_system(study)
         self.measured: Measured = measured(study)
         self.tick = tick
-        self._memory = Memory()
+        self._cache = RecordCache()
         self._coarse: bool | None = None
         self._pool = (
             ProcessPoolExecutor(
                 jobs,
                 multiprocessing.get_context("forkserver"),
-                _open,
+                _start_worker,
                 initargs=(study, tuple(CATALOGUE.values())),
             )
             if jobs > 1
@@ -71,32 +77,43 @@ class Replayer:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
-    def look(self, hypothesis: Hypothesis, coarse: bool = False) -> Replay:
-        """Replay with everything that was recorded on the way, ``coarse`` at twice the step."""
+    def replay(self, hypothesis: Hypothesis, coarse: bool = False) -> Replay:
+        """Replay the study under a hypothesis.
+
+        Args:
+            hypothesis: candidates with their values.
+            coarse: whether to double the model's time step.
+
+        Returns:
+            The predicted readings and the simulated signals.
+
+        Raises:
+            StudyError: the model does not compile with these candidates.
+        """
         study = self.system.study
         try:
-            plant = self.machine(hypothesis)
+            plant = self.plant(hypothesis)
             if study.inverse:
                 return inverse_replay(plant, study, self.measured)
             if coarse:
                 plant.spec.option.timestep *= 2
-            return replay(plant, study, self.measured, self._memory)
-        except ValueError as error:  # a model that no longer compiles
+            return replay(plant, study, self.measured, self._cache)
+        except ValueError as error:  # MuJoCo's, if the model does not compile
             names = " and ".join(str(candidate) for candidate, _ in hypothesis)
             raise StudyError(f"the model with {names} does not compile: {error}") from error
 
     @property
     def drift(self) -> Floats:
-        """What the model's time step does to its replay (n,) in SI units.
+        """Error of the nominal replay due to the time step in SI units, shape (n,).
 
-        A gap of the integrator, not of the model; Richardson's extrapolation from a half and a
-        quarter of the step.
+        This part of the gap belongs to the integrator, not to the model. It is found by Richardson
+        extrapolation from a half and a quarter of the step.
         """
         return self._drifts[0]
 
     @property
     def drift_error(self) -> Floats:
-        """By how much the extrapolation has changed with the last halving (n,), in SI units."""
+        """Change of the extrapolation with the last halving of the step in SI units, shape (n,)."""
         return self._drifts[1]
 
     @cached_property
@@ -109,18 +126,18 @@ class Replayer:
         return np.nan_to_num(fine - whole), np.nan_to_num(fine - rough)
 
     def _at_step(self, share: float) -> Floats:
-        """What the study's model predicts at a share of its time step (n,)."""
-        plant = self.machine([])
+        """Return the nominal prediction at a share of the model's time step, shape (n,)."""
+        plant = self.plant([])
         plant.spec.option.timestep *= share
         return replay(plant, self.system.study, self.measured).prediction
 
-    def machine(self, hypothesis: Hypothesis) -> Plant:
-        """The study's machine with a hypothesis and what is usual in it."""
+    def plant(self, hypothesis: Hypothesis) -> Plant:
+        """Build the study's model with the usual effects and a hypothesis."""
         return build(self.system, [*self.usual, *hypothesis])
 
     @cached_property
     def usual(self) -> Hypothesis:
-        """What every machine has and its drawing lacks; it is in all replays."""
+        """Effects that all machines have and nominal models lack; they are in all replays."""
         found: list[Part] = []
         for cause in CATALOGUE.values():
             alone = (
@@ -135,27 +152,27 @@ class Replayer:
         return found
 
     def residual(self, hypothesis: Hypothesis) -> Floats:
-        """Measured minus replayed (n,), in units of sensor noise; nan where it diverged.
+        """Return measured minus replayed readings in units of sensor noise, shape (n,).
 
-        The error of the time step is taken out.
+        The error of the time step is subtracted. Where the replay diverged it is NaN.
         """
         return self.residuals([hypothesis])[0]
 
     @property
     def coarse(self) -> bool:
-        """Whether twice the model's time step will do for differences between replays."""
+        """Whether a doubled time step is accurate enough for differences between replays."""
         if self._coarse is None:
             self._coarse = False
             if not self.system.study.inverse:
-                change = self.look([], True).prediction - self.look([]).prediction
-                usual = np.abs(self.drift) + self.measured.noise
+                change = self.replay([], True).prediction - self.replay([]).prediction
+                scale = np.abs(self.drift) + self.measured.noise
                 self._coarse = bool(
-                    np.all(np.isfinite(change)) and np.mean(np.abs(change) / usual) < 3
+                    np.all(np.isfinite(change)) and np.mean(np.abs(change) / scale) < COARSE
                 )
         return self._coarse
 
     def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Floats]:
-        """The same of several hypotheses, in their order."""
+        """Return the residuals of several hypotheses, in their order; see `residual`."""
         found = []
         for prediction in self._predictions(hypotheses, coarse):
             found.append((self.measured.value - prediction - self.drift) / self.measured.noise)
@@ -163,43 +180,51 @@ class Replayer:
         return found
 
     def predictions(self, study: Study, hypotheses: Sequence[Hypothesis]) -> list[Floats]:
-        """What each would read in another study of the same machine (n,), in units of noise."""
-        readings, count = measured(study), len(hypotheses)
-        if self._pool is None:
-            return [self.elsewhere(study, readings, one) for one in hypotheses]
-        studies, locations = [study] * count, [readings] * count
-        return list(self._pool.map(_predict_elsewhere, studies, locations, hypotheses))
+        """Predict the readings of another study of the same machine.
 
-    def elsewhere(self, study: Study, readings: Measured, hypothesis: Hypothesis) -> Floats:
-        """What one hypothesis would read in another study (n,), of which these are the readings."""
-        return replay(self.machine(hypothesis), study, readings).prediction / readings.noise
+        Args:
+            study: commands and times of the readings; their values are not used.
+            hypotheses: candidates with their values.
+
+        Returns:
+            The prediction of each hypothesis in units of sensor noise, shape (n,).
+        """
+        predict = partial(_predict_study, study, measured(study))
+        if self._pool is None:
+            return [predict(one, self) for one in hypotheses]
+        return list(self._pool.map(predict, hypotheses))
 
     def _predictions(self, hypotheses: Sequence[Hypothesis], coarse: bool) -> Iterator[Floats]:
         if self._pool is None or len(hypotheses) < 2:
-            return (self.look(hypothesis, coarse).prediction for hypothesis in hypotheses)
+            return (self.replay(hypothesis, coarse).prediction for hypothesis in hypotheses)
         return self._pool.map(_predict, hypotheses, [coarse] * len(hypotheses), chunksize=1)
 
 
 _replayer: Replayer | None = None
+"""In a worker process: the replayer of all its tasks."""
 
 
-def _open(study: Study, causes: Sequence[Cause]) -> None:
-    """In a worker: one workbench for all tasks, and the user's own causes in the catalogue."""
+def _start_worker(study: Study, causes: Sequence[Cause]) -> None:
+    """Make the worker's replayer, and add the user's own causes to its catalogue."""
     global _replayer
     end_with_parent()
     silence()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the answers is interrupted
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles the interruption
     for cause in causes:
         if cause.id not in CATALOGUE:
-            register(cause)
+            register_cause(cause)
     _replayer = Replayer(study)
 
 
 def _predict(hypothesis: Hypothesis, coarse: bool) -> Floats:
     assert _replayer is not None
-    return _replayer.look(hypothesis, coarse).prediction
+    return _replayer.replay(hypothesis, coarse).prediction
 
 
-def _predict_elsewhere(study: Study, readings: Measured, hypothesis: Hypothesis) -> Floats:
-    assert _replayer is not None
-    return _replayer.elsewhere(study, readings, hypothesis)
+def _predict_study(
+    study: Study, readings: Measured, hypothesis: Hypothesis, replayer: Replayer | None = None
+) -> Floats:
+    """Predict the readings of another study in units of noise, by default in a worker."""
+    found = replayer or _replayer
+    assert found is not None
+    return replay(found.plant(hypothesis), study, readings).prediction / readings.noise

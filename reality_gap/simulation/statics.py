@@ -1,9 +1,9 @@
-"""What a machine at rest would read, and which forces would be left over, in any posture.
+"""Statics: readings and force balance of a plant at rest, at given joint positions.
 
-Nothing is simulated: joints are put where a hypothesis has them. Forces that were measured stand
-for those of the actuators, since a model whose wires are a few millimetres wrong would have its
-stiff motors pull the machine to somewhere else. What the ends of a joint's range take up is as in
-the model's own balance.
+Nothing is simulated. Where the force of an actuator was measured, the measured value replaces that
+of the model: if paths of tendons are wrong by millimetres, stiff actuators of the model would pull
+the machine to another posture. Forces of constraints, such as limits of joints, are those of the
+model.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats, Ints
 
 APART = 1e6
-"""Time between two moments [s], so that nothing changes from one to the next at any rate."""
+"""Time between two moments in a record [s]; it is so long that all rates are negligible."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """A machine at k moments of rest.
+    """Readings and forces at k moments of rest.
 
     Attributes:
-        reading: (k, c) by channel in SI units.
-        torque: (k, nv) sum of all forces on the joints [N m or N].
-        arms: (k, nu, nv) force on the joints by each actuator's; those without input, such as
-            bristles, hold nothing.
-        force: (k, nu) of the same actuators [N or N m].
-        weight: (k, nv) of gravity and springs on the joints [N m or N].
+        reading: reading of each channel in SI units, shape (k, c).
+        torque: sum of all forces on the joints, shape (k, nv) [N m or N].
+        arms: force on the joints per force of each commanded actuator, shape (k, nu, nv);
+            actuators without command, such as bristles of friction, exert none at rest.
+        force: force of the same actuators, shape (k, nu) [N or N m].
+        weight: force of gravity and springs on the joints, shape (k, nv) [N m or N].
     """
 
     reading: Floats
@@ -46,16 +46,16 @@ class Balance:
 
 
 class Statics:
-    """Looks at a machine at moments of rest.
+    """Computes readings and force balance at moments of rest.
 
     Args:
-        system: the machine.
-        moments: of rest.
+        system: the study's model and its elements.
+        moments: moments of rest in the study.
 
     Attributes:
-        moments: of rest.
-        forces: channels that read an actuator's force, each with the index of the actuator.
-        positions: (c,) which channels read what the positions of joints make of it.
+        moments: moments of rest in the study.
+        forces: channels that measure an actuator's force, each with the index of the actuator.
+        positions: whether each channel depends on the positions of joints only, shape (c,).
     """
 
     def __init__(self, system: System, moments: Moments) -> None:
@@ -71,29 +71,34 @@ class Statics:
         )
         self._quaternions = _quaternions(channels, kinds)
 
-    def look(self, plant: Plant, qpos: Floats) -> Balance:
-        """The machine with its joints at ``qpos`` (k, nq)."""
-        record, weight, held, arms = self._location(plant.spec.compile(), qpos)
+    def balance(self, plant: Plant, qpos: Floats) -> Balance:
+        """Compute readings and forces of a plant.
+
+        Args:
+            plant: the model and its effects.
+            qpos: positions of the joints at each moment, shape (k, nq).
+        """
+        record, weight, constraint, arms = self._evaluate(plant.spec.compile(), qpos)
         for channel, actuator in self.forces:
             measured = self.moments.value[:, channel]
             known = np.isfinite(measured)
             record.force[known, actuator] = measured[known]
             record.sensors[known, self._columns[channel]] = measured[known]
-        felt = record.sensors[:, self._columns].copy()
-        for sense in plant.effects.readings:
-            sense(record)
+        exact = record.sensors[:, self._columns].copy()
+        for effect in plant.effects.readings:
+            effect(record)
         reading = record.sensors[:, self._columns].copy()
-        for channel, actuator in self.forces:  # the force is what was read, less what reads wrong
-            record.force[:, actuator] -= reading[:, channel] - felt[:, channel]
+        for channel, actuator in self.forces:  # the true force is the measured one less its error
+            record.force[:, actuator] -= reading[:, channel] - exact[:, channel]
         driven = record.model.actuator_ctrlnum > 0
         arms, force = arms[:, driven], record.force[:, driven]
-        torque = weight + held + np.einsum("kuv,ku->kv", arms, force)
+        torque = weight + constraint + np.einsum("kuv,ku->kv", arms, force)
         return Balance(self._align(reading), torque, arms, force, weight)
 
-    def _location(
+    def _evaluate(
         self, model: mujoco.MjModel, qpos: Floats
     ) -> tuple[Record, Floats, Floats, Floats]:
-        """Record, weight, what constraints hold, and arms, with joints at ``qpos`` (k, nq)."""
+        """Return record, weight, constraint force and arms with the joints at ``qpos`` (k, nq)."""
         data, k = mujoco.MjData(model), len(qpos)
         record = Record(
             time=APART * np.arange(k, dtype=np.float64),
@@ -105,7 +110,7 @@ class Statics:
             qvel=np.zeros((k, model.nv)),
             model=model,
         )
-        weight, held = np.zeros((k, model.nv)), np.zeros((k, model.nv))
+        weight, constraint = np.zeros((k, model.nv)), np.zeros((k, model.nv))
         arms = np.zeros((k, model.nactuator, model.nv))
         for i, (joints, command) in enumerate(zip(qpos, self.moments.command, strict=True)):
             data.qpos[:], data.ctrl[:] = joints, command
@@ -113,7 +118,7 @@ class Statics:
             record.sensors[i], record.force[i] = data.sensordata, data.actuator_force
             record.length[i] = data.ten_length
             weight[i] = data.qfrc_passive - data.qfrc_bias
-            held[i] = data.qfrc_constraint
+            constraint[i] = data.qfrc_constraint
             mujoco.mju_sparse2dense(
                 arms[i],
                 data.actuator_moment,
@@ -121,24 +126,24 @@ class Statics:
                 data.moment_rowadr,
                 data.moment_colind,
             )
-        return record, weight, held, arms
+        return record, weight, constraint, arms
 
     def _align(self, reading: Floats) -> Floats:
-        """A quaternion and its negative are one: the one nearer to what was measured."""
+        """Flip quaternions that have the opposite sign of the measured ones; q and -q are equal."""
         for four in self._quaternions:
             measured = self.moments.value[:, four]
-            away = np.nansum(reading[:, four] * measured, axis=1) < 0
-            reading[np.ix_(away, four)] *= -1
+            flip = np.nansum(reading[:, four] * measured, axis=1) < 0
+            reading[np.ix_(flip, four)] *= -1
         return reading
 
 
 def _forces(
     system: System, channels: Sequence[Channel], kinds: Ints
 ) -> tuple[tuple[int, int], ...]:
-    """Channels that read the force of one actuator, with its index."""
+    """Return the channels that measure the force of one actuator, each with its index."""
     model, found = system.model, []
     pulled = [tendon.name for tendon in system.tendons]
-    tendons = {s: w for w in system.tendons for s in w.tension_sensors if pulled.count(w.name) == 1}
+    tendons = {s: t for t in system.tendons for s in t.tension_sensors if pulled.count(t.name) == 1}
     for c, channel in enumerate(channels):
         if kinds[c] == int(mujoco.mjtSensor.mjSENS_ACTUATORFRC):
             found.append((c, int(model.sensor(channel.sensor).objid[0])))
@@ -148,9 +153,9 @@ def _forces(
 
 
 def _quaternions(channels: Sequence[Channel], kinds: Ints) -> list[Ints]:
-    """Channels (4,) of each sensor that reads a whole quaternion."""
-    turns = [int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT)]
+    """Return the channels (4,) of each sensor that measures a quaternion."""
+    quaternion = [int(mujoco.mjtSensor.mjSENS_FRAMEQUAT), int(mujoco.mjtSensor.mjSENS_BALLQUAT)]
     names = np.array([channel.sensor for channel in channels])
-    chosen = dict.fromkeys(names[np.isin(kinds, turns)])
+    chosen = dict.fromkeys(names[np.isin(kinds, quaternion)])
     found = [np.flatnonzero(names == name) for name in chosen]
     return [four for four in found if len(four) == 4]

@@ -1,4 +1,4 @@
-"""Studies whose truth is known: a machine's own replay, with noise, in place of a measurement."""
+"""Synthetic studies: the replay of a known hypothesis, plus noise, in place of measurements."""
 
 from __future__ import annotations
 
@@ -6,28 +6,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from reality_gap.simulation.hypothesis import build
+from reality_gap.simulation.hypothesis import Hypothesis, build
 from reality_gap.simulation.replay import replay
-from reality_gap.simulation.replayer import Hypothesis
 from reality_gap.study.data import Reading, Study
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 
 
-def simulate(
+def simulate_study(
     study: Study, hypothesis: Hypothesis, rng: np.random.Generator, step: float = 1.0
 ) -> Study:
-    """The study as it would be if ``hypothesis`` were the truth: same commands, other readings.
+    """Simulate the readings of a study under a known hypothesis.
 
     Args:
-        study: whose readings are replaced.
-        hypothesis: the truth.
-        rng: of the noise.
-        step: physics step of the truth over the model's.
+        study: commands, times of the readings and noise; its readings are replaced.
+        hypothesis: candidates with their true values.
+        rng: random generator of the noise.
+        step: physics step of the simulation, relative to the model's.
+
+    Returns:
+        The study with simulated readings and the standard deviation of their noise.
     """
     readings = measured(study)
-    system = look_at(study)
-    plant = build(system, list(hypothesis))
+    system = compile_system(study)
+    plant = build(system, hypothesis)
     plant.spec.option.timestep *= step
     truth = replay(plant, study, readings).prediction
     noisy = truth + readings.noise * rng.standard_normal(len(truth))

@@ -1,1 +1,1 @@
-"""A study: model and measurements, and what of the model can be measured."""
+"""Study: a model and the measurements of its machine, and what they offer to a diagnosis."""

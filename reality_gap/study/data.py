@@ -1,4 +1,4 @@
-"""A study: a model, what was commanded to the machine, and what was measured on it."""
+"""A study: the model of a machine, the commands it received, and what was measured on it."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from reality_gap.types import Floats
 
 @dataclass(frozen=True)
 class Channel:
-    """One measured number: a component of a MuJoCo sensor, or the effort of a joint.
+    """One measured scalar: a component of a MuJoCo sensor, or the effort of a joint.
 
     Attributes:
-        name: unique in the study; people read it.
-        sensor: name of the sensor in the model; of the joint if ``kind`` is "effort".
+        name: unique name in the study, shown in reports.
+        sensor: name of the sensor in the model; name of the joint if ``kind`` is "effort".
         component: index into the sensor's values.
         unit: SI unit of the values: "m", "rad", "N", "N m", "m/s", "rad/s" or "1".
-        noise: standard deviation of one reading; None to estimate it from the log.
-        kind: "sensor", or "effort": a joint's force that inverse dynamics is to explain.
+        noise: standard deviation of one reading [unit]; None to estimate it from the log.
+        kind: "sensor", or "effort" for a joint force that inverse dynamics has to explain.
     """
 
     name: str
@@ -39,7 +39,12 @@ class Channel:
 
 @dataclass(frozen=True)
 class Reading:
-    """What one channel read in one episode: ``time`` (k,) [s] and ``value`` (k,) in SI units."""
+    """Readings of one channel in one episode.
+
+    Attributes:
+        time: when each sample was taken, shape (k,) [s].
+        value: the samples, shape (k,) [unit of the channel].
+    """
 
     time: Floats
     value: Floats
@@ -50,11 +55,13 @@ class Episode:
     """One uninterrupted log.
 
     Attributes:
-        name: for people.
-        time: when each command was given (n,) [s], from 0, rising.
-        command: (n, nu) in the order of the model's actuators, held until the next one.
-        readings: one per channel of the study, in its order; may have fewer samples, or none.
-        joints: where joints stand at the begin [m or rad], over the study's ``initial``.
+        name: shown in messages and reports.
+        time: when each command was given, shape (n,) [s]; starts at 0 and increases.
+        command: commands in the order of the model's actuators, shape (n, nu); each is held
+            until the next one.
+        readings: one for each channel of the study, in its order; a channel may have fewer
+            samples than there are commands, or none.
+        joints: initial positions of joints [m or rad]; they override the study's ``initial``.
     """
 
     name: str
@@ -65,17 +72,17 @@ class Episode:
 
     @property
     def duration(self) -> float:
-        """From the first command to the last sample [s]."""
+        """Time from the first command to the last sample [s]."""
         ends = [reading.time[-1] for reading in self.readings if len(reading.time)]
         return float(max([self.time[-1], *ends]))
 
 
 @dataclass(frozen=True)
 class Initial:
-    """How every episode begins.
+    """Initial state of each episode.
 
     Attributes:
-        joints: position of joints [m or rad]; the others stand at the model's ``qpos0``.
+        joints: positions of joints [m or rad]; the other joints start at the model's ``qpos0``.
         settle: how long the first command is held before the log begins [s].
     """
 
@@ -85,14 +92,14 @@ class Initial:
 
 @dataclass(frozen=True)
 class Study:
-    """Everything a diagnosis needs.
+    """Input of a diagnosis.
 
     Attributes:
-        name: for people.
-        model: the MJCF file of the machine as its builders believe it to be.
+        name: shown in reports.
+        model: path of the MJCF file of the nominal model.
         channels: what was measured.
         episodes: at least one.
-        initial: how every episode begins.
+        initial: initial state of each episode.
     """
 
     name: str
@@ -102,12 +109,16 @@ class Study:
     initial: Initial = field(default_factory=Initial)
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh copy of the model; `StudyError` if it does not compile."""
+        """Return a new copy of the model.
+
+        Raises:
+            StudyError: the model does not compile.
+        """
         return load_spec(self.model).copy()
 
     @property
     def duration(self) -> float:
-        """Of all episodes laid end to end [s]."""
+        """Sum of the durations of all episodes [s]."""
         return sum(episode.duration for episode in self.episodes)
 
     @property
@@ -118,7 +129,11 @@ class Study:
 
 @lru_cache(maxsize=8)
 def load_spec(path: Path) -> mujoco.MjSpec:
-    """The model in ``path``, compiled once to see that it is valid; treat it as read-only."""
+    """Load the model in ``path`` and compile it once; the result is shared, do not edit it.
+
+    Raises:
+        StudyError: there is no such file, or it does not compile.
+    """
     if not path.is_file():
         raise StudyError(f"no model file at {path}")
     try:
@@ -130,18 +145,22 @@ def load_spec(path: Path) -> mujoco.MjSpec:
     return spec
 
 
-def load_strange_spec(path: Path, folder: Path) -> mujoco.MjSpec:
-    """As `load_spec`, of a model that anybody may have written.
+def load_untrusted_spec(path: Path, folder: Path) -> mujoco.MjSpec:
+    """Check a model from an unknown source, then load it as `load_spec` does.
 
     Raises:
-        StudyError: it names files outside of ``folder``, or MuJoCo does not survive it.
+        StudyError: the model names files outside of ``folder``, or MuJoCo cannot load it.
     """
     check_untrusted_model(path, folder)
     return load_spec(path)
 
 
 def check_untrusted_model(path: Path, folder: Path) -> None:
-    """Refuse what `load_strange_spec` refuses."""
+    """Check a model from an unknown source without loading it into this process.
+
+    Raises:
+        StudyError: the model names files outside of ``folder``, or MuJoCo cannot load it.
+    """
     if not path.is_file():
         raise StudyError(f"no model file at {path}")
     try:

@@ -1,4 +1,4 @@
-"""What was measured, as one vector: every reading of every channel of every episode."""
+"""Measurements as one vector: all readings of all channels in all episodes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from reality_gap.types import Floats, Ints
 
 @dataclass(frozen=True)
 class Measured:
-    """All readings, episode by episode and, within, channel by channel.
+    """All readings of a study, ordered by episode and then by channel.
 
     Attributes:
-        value: (n,) in SI units.
-        noise: (n,) standard deviation of the reading.
-        channel, episode: (n,) indices into the study's.
-        time: (n,) [s] from the first command of the episode.
-        quaternions: (q, 4) indices of readings that are one quaternion.
+        value: readings in SI units, shape (n,).
+        noise: standard deviation of each reading in SI units, shape (n,).
+        channel, episode: indices into the study's channels and episodes, shape (n,).
+        time: time from the first command of the episode, shape (n,) [s].
+        quaternions: indices of four readings that form one quaternion, shape (q, 4).
     """
 
     value: Floats
@@ -31,7 +31,16 @@ class Measured:
     quaternions: Ints
 
     def align(self, prediction: Floats) -> Floats:
-        """Turn predicted quaternions to the measured side of the sphere: q and -q are one."""
+        """Flip predicted quaternions that have the opposite sign of the measured ones, in place.
+
+        q and -q are the same orientation.
+
+        Args:
+            prediction: predicted readings, shape (n,).
+
+        Returns:
+            ``prediction``.
+        """
         if len(self.quaternions):
             measured, predicted = self.value[self.quaternions], prediction[self.quaternions]
             flip = np.sum(measured * predicted, axis=1) < 0
@@ -40,7 +49,7 @@ class Measured:
 
 
 def measured(study: Study) -> Measured:
-    """Lay the study's readings end to end."""
+    """Concatenate the study's readings."""
     values, channels, episodes, times, noises, quaternions = [], [], [], [], [], []
     noise = channel_noise(study)
     four = _quaternion_sensors(study)
@@ -72,20 +81,26 @@ def measured(study: Study) -> Measured:
 
 
 def channel_noise(study: Study) -> Floats:
-    """Standard deviation of one reading by channel (c,): as the study says, or from the log."""
+    """Return the standard deviation of one reading of each channel in SI units, shape (c,).
+
+    It is the study's value if there is one, and else an estimate from the log.
+    """
     stated = [channel.noise for channel in study.channels]
     rough = rough_noise(study)
     return np.array([r if n is None else n for n, r in zip(stated, rough, strict=True)])
 
 
 def rough_noise(study: Study) -> Floats:
-    """Standard deviation of one reading by channel (c,), from the log alone."""
+    """Estimate the standard deviation of one reading of each channel from the log, shape (c,)."""
     count = range(len(study.channels))
     return np.array([_rough(tuple(e.readings[c] for e in study.episodes)) for c in count])
 
 
 def _rough(readings: tuple[Reading, ...]) -> float:
-    """Noise of a smooth signal: the median third difference, which the motion hardly enters."""
+    """Estimate the noise of a smooth signal from the median of its third differences.
+
+    Third differences suppress the motion; those of white noise have 20 times its variance.
+    """
     thirds = [np.diff(r.value, 3) for r in readings if len(r.value) > 8]
     values = np.concatenate([r.value for r in readings])
     floor = 1e-6 * float(np.ptp(values)) + 1e-12
@@ -96,7 +111,7 @@ def _rough(readings: tuple[Reading, ...]) -> float:
 
 
 def _quaternion_sensors(study: Study) -> dict[str, list[int]]:
-    """Channels of every sensor that reads a whole quaternion."""
+    """Return the channel indices of each sensor that measures a quaternion."""
     spec = study.spec()
     kinds = {s.name: s.type for s in spec.sensors}
     quaternion = (

@@ -1,9 +1,10 @@
-"""Which readings serve to fit, to choose among rivals, and to report.
+"""Splits: which readings serve to fit parameters, to select candidates, and to report the gain.
 
-A log is cut into short blocks of time that take turns: fit, fit, choose, report. Whole episodes
-would part the readings more strictly, but what happens once (a push, a wire that gives) lies in
-one episode only, and could then be fitted or reported, never both. Causes have a handful of
-parameters and blocks hundreds of readings, so that little leaks from one to the next.
+A log is cut into blocks of `BLOCK` seconds. The blocks take the roles fit, fit, selection, report
+in turn. Whole episodes would separate the splits more strictly, but an event that happens once,
+such as an external push, lies in one episode only; it could then be fitted or reported, not both.
+A cause has few parameters and a block has hundreds of readings, so that little information leaks
+from one block to the next.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from numpy.typing import NDArray
 
 from reality_gap.study.measurements import Measured
 
-FIT, CHOOSE, REPORT = 0, 1, 2
-TURN = (FIT, FIT, CHOOSE, REPORT)
+FIT, SELECT, REPORT = 0, 1, 2
+TURN = (FIT, FIT, SELECT, REPORT)
+"""Roles of successive blocks."""
 BLOCK = 0.25
 """Length of a block [s]."""
 
 
 def split(measured: Measured) -> NDArray[np.int64]:
-    """The role of each reading (n,): `FIT`, `CHOOSE` or `REPORT`."""
+    """Return the role of each reading, shape (n,): `FIT`, `SELECT` or `REPORT`."""
     block = np.floor(measured.time / BLOCK).astype(int) + measured.episode
     return np.array(TURN)[block % len(TURN)]

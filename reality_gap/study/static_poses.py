@@ -1,4 +1,4 @@
-"""Moments of rest in a log: nothing moves, so that forces balance and speeds do not matter."""
+"""Static poses: moments of rest in a log, at which forces balance and velocities are zero."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from reality_gap.study.data import Episode, Study
 from reality_gap.types import Floats, Ints
 
 WAIT = 0.5
-"""How long a command must have been held before the machine counts as at rest [s]."""
+"""How long a command must have been held until the machine counts as at rest [s]."""
 WINDOW = 0.5
-"""Longest time over which readings at rest are averaged [s]."""
+"""Longest interval over which readings at rest are averaged [s]."""
 SHORTEST = 0.1
-"""Shortest such time [s]."""
+"""Shortest interval over which readings at rest are averaged [s]."""
 STILL = 1e-6
-"""A command that changes by less than this share of its range stands still."""
+"""A command counts as constant if it changes by less than this fraction of its range."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class Moments:
     """Moments of rest.
 
     Attributes:
-        time: (k,) [s] from the first command of the episode.
-        episode: (k,) index into the study's.
-        command: (k, nu).
-        value: (k, c) mean readings by channel in SI units; nan where there were none.
+        time: time from the first command of the episode, shape (k,) [s].
+        episode: index into the study's episodes, shape (k,).
+        command: the command that was held, shape (k, nu).
+        value: mean reading of each channel in SI units, shape (k, c); NaN without readings.
     """
 
     time: Floats
@@ -41,7 +41,7 @@ class Moments:
 
 
 def find_moments(study: Study) -> Moments:
-    """All moments of rest of a study: the end of each time for which a command was held."""
+    """Return all moments of rest of a study: the ends of the intervals of constant command."""
     commands = np.concatenate([episode.command for episode in study.episodes])
     least = STILL * np.ptp(commands, axis=0)
     found = [
@@ -64,7 +64,7 @@ def find_moments(study: Study) -> Moments:
 
 
 def _held(episode: Episode, least: Floats) -> list[tuple[float, float]]:
-    """Windows at the end of each time for which a command was held."""
+    """Return begin and end of a window at the end of each interval of constant command [s]."""
     changed = np.any(np.abs(np.diff(episode.command, axis=0)) > least, axis=1)
     edges = [episode.time[0], *episode.time[1:][changed], episode.duration]
     return [
@@ -75,7 +75,7 @@ def _held(episode: Episode, least: Floats) -> list[tuple[float, float]]:
 
 
 def _means(episode: Episode, begin: float, end: float) -> Floats:
-    """Mean of what each channel read in a window (c,)."""
+    """Return the mean reading of each channel in a window, shape (c,)."""
     values = np.full(len(episode.readings), np.nan)
     for c, reading in enumerate(episode.readings):
         first, last = np.searchsorted(reading.time, [begin, end])

@@ -1,4 +1,4 @@
-"""The machine as its model has it, looked at once: what moves, what pulls, what is read."""
+"""System: the elements of a compiled model that causes refer to."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ class ActuatedTendon:
     """A tendon that an actuator pulls.
 
     Attributes:
-        name: of the tendon.
-        actuator: name of the actuator on it.
-        length_sensors: sensors that read its length (tendonpos).
-        tension_sensors: sensors that read its force (actuatorfrc, tendonactuatorfrc).
-        servo: the actuator feeds the tendon's length back (an affine bias on it), so that an
-            error of the encoder moves the machine.
-        gain: force per metre of length, -biasprm[1] [N/m]; 0 without servo.
-        length0: length in the model's ``qpos0`` [m].
+        name: name of the tendon.
+        actuator: name of its actuator.
+        length_sensors: measured sensors of its length (tendonpos).
+        tension_sensors: measured sensors of its force (actuatorfrc, tendonactuatorfrc).
+        servo: whether the actuator feeds the tendon's length back through an affine bias; an
+            error of the encoder then moves the machine.
+        gain: force per length, -biasprm[1] times the gear [N/m]; 0 without servo.
+        length0: length at the model's ``qpos0`` [m].
         sites: names of the sites of its path, in order.
     """
 
@@ -38,16 +38,16 @@ class ActuatedTendon:
 
 @dataclass(frozen=True)
 class System:
-    """What causes ask of a machine.
+    """A study with its compiled model and the names of the elements that causes act on.
 
     Attributes:
-        study: with model and data.
-        model: the study's model, compiled, unchanged; read-only by agreement.
-        tendons: those with an actuator.
+        study: model and data.
+        model: the study's nominal model, compiled; it is shared, do not edit it.
+        tendons: tendons with an actuator.
         joints: names of hinge and slide joints.
         bodies: names of bodies that move and have mass.
         sensed: names of the sensors that the study measured.
-        duration: of the longest episode [s].
+        duration: duration of the longest episode [s].
     """
 
     study: Study
@@ -59,12 +59,12 @@ class System:
     duration: float
 
     def tendon(self, name: str) -> ActuatedTendon:
-        """The actuated tendon of a name."""
+        """Return the actuated tendon of this name."""
         return next(tendon for tendon in self.tendons if tendon.name == name)
 
 
-def look_at(study: Study) -> System:
-    """Compile the study's model and name its parts."""
+def compile_system(study: Study) -> System:
+    """Compile the study's model and collect the names of its elements."""
     model = study.spec().compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -134,10 +134,10 @@ def _path_sites(model: mujoco.MjModel, tendon: int) -> tuple[str, ...]:
 
 
 def commanded(model: mujoco.MjModel) -> tuple[int, ...]:
-    """The actuators that take a command, in the order of a command's columns; one column each."""
+    """Return the ids of the actuators that take a command, in the order of the command columns."""
     return tuple(np.flatnonzero(model.actuator_ctrlnum).tolist())
 
 
 def column(model: mujoco.MjModel, actuator: str) -> int:
-    """The column of an actuator's command."""
+    """Return the index of an actuator's column in the commands."""
     return int(model.actuator_ctrladr[model.actuator(actuator).id])

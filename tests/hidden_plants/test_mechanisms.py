@@ -1,4 +1,4 @@
-"""Every mechanism does something, does nothing at null, and converges to nothing towards it."""
+"""Every mechanism changes the log, and the change goes to zero with the amplitude."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hidden_plants.loop import Task, run_task
 from hidden_plants.machine import Machine, load
 from hidden_plants.mechanisms import MECHANISMS, resized, structures
 from hidden_plants.motion import episodes
-from hidden_plants.nuisance import Nuisance, mismatch, size
+from hidden_plants.nuisance import Nuisance, mismatch_at, mismatch_size
 from hidden_plants.readings import clean_readings
 from hidden_plants.secret import CATALOGUE, OUTSIDE, Effect
 
@@ -29,14 +29,14 @@ def elbow() -> Machine:
 
 @lru_cache
 def plan(machine: Machine) -> tuple[np.ndarray, np.ndarray]:
-    """Where the first episode of a motion begins, and its targets."""
+    """Initial posture and targets of the first episode of a motion."""
     return episodes(machine, 0, 20.0)[0]
 
 
 def signals(machine: Machine, *effects: Effect, start: float = 14.0) -> dict[str, np.ndarray]:
     """Clean readings of one episode that begins at ``start`` in the log."""
-    slip = mismatch(machine, Nuisance(), np.zeros(size(machine)))
-    robot = build(machine, slip, effects)
+    mismatch = mismatch_at(machine, Nuisance(), np.zeros(mismatch_size(machine)))
+    robot = build(machine, mismatch, effects)
     initial, targets = plan(machine)
     time = 0.02 * np.arange(len(targets))
     trace = run_task(robot, Task(time, targets, initial, 4.0, start))
@@ -44,23 +44,23 @@ def signals(machine: Machine, *effects: Effect, start: float = 14.0) -> dict[str
 
 
 def distance(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> float:
-    """How far two logs are apart, in standard deviations of their noise."""
+    """Distance of two logs in standard deviations of their noise."""
     parts = [(one[name] - other[name]) / NOISE[name.split("_")[0]] for name in one]
     return float(np.sqrt(sum(np.sum(part**2) for part in parts)))
 
 
 def visible(machine: Machine, id: str) -> Effect:
-    """An effect of this id at a place that shows it."""
-    every = structures(machine, id)
+    """An effect of this id whose elements and shape make it visible."""
+    choices = structures(machine, id)
     if id == "attachment_shift":
-        every = [structure for structure in every if structure.elements == ("biceps_2",)]
+        choices = [structure for structure in choices if structure.elements == ("biceps_2",)]
     if id == "external_force":
-        every = [structure for structure in every if structure.shape["every_episode"]]
-    return MECHANISMS[id].effect(every[0], MECHANISMS[id].typical)
+        choices = [structure for structure in choices if structure.shape["every_episode"]]
+    return MECHANISMS[id].effect(choices[0], MECHANISMS[id].typical)
 
 
 @pytest.fixture(scope="module")
-def nothing(elbow: Machine) -> dict[str, np.ndarray]:
+def without_effect(elbow: Machine) -> dict[str, np.ndarray]:
     return signals(elbow)
 
 
@@ -70,28 +70,28 @@ def test_every_id_has_a_mechanism() -> None:
 
 @pytest.mark.parametrize("id", IDS)
 def test_an_effect_changes_the_log_and_a_tiny_one_does_not(
-    id: str, elbow: Machine, nothing: dict[str, np.ndarray]
+    id: str, elbow: Machine, without_effect: dict[str, np.ndarray]
 ) -> None:
     effect = visible(elbow, id)
-    assert distance(signals(elbow, effect), nothing) > 2.0
+    assert distance(signals(elbow, effect), without_effect) > 2.0
     tiny = resized(effect, effect.amplitude * 1e-4)
-    assert distance(signals(elbow, tiny), nothing) < 1.0
+    assert distance(signals(elbow, tiny), without_effect) < 1.0
     none = resized(effect, 0.0)
-    assert distance(signals(elbow, none), nothing) == 0.0
+    assert distance(signals(elbow, none), without_effect) == 0.0
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_the_largest_effect_stays_finite(id: str, elbow: Machine) -> None:
+def test_readings_stay_finite_at_the_largest_amplitude(id: str, elbow: Machine) -> None:
     bound = MECHANISMS[id].bound
     for structure in structures(elbow, id)[::3]:
         most = min(bound, structure.shape.get("most", bound))
-        seen = signals(elbow, MECHANISMS[id].effect(structure, most))
-        assert all(np.isfinite(values).all() for values in seen.values())
-        assert max(np.abs(seen[f"length_{tendon}"]).max() for tendon in elbow.tendons) < 1.0
+        readings = signals(elbow, MECHANISMS[id].effect(structure, most))
+        assert all(np.isfinite(values).all() for values in readings.values())
+        assert max(np.abs(readings[f"length_{tendon}"]).max() for tendon in elbow.tendons) < 1.0
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_elements_are_in_the_drawing(id: str, elbow: Machine) -> None:
+def test_elements_are_in_the_nominal_model(id: str, elbow: Machine) -> None:
     model = elbow.model
     names = {
         kind(i).name
@@ -112,30 +112,31 @@ def test_elements_are_in_the_drawing(id: str, elbow: Machine) -> None:
         assert resized(effect, 2.0 * effect.amplitude).parameters != effect.parameters
 
 
-def test_a_wire_that_gave_stays_long(elbow: Machine) -> None:
+def test_an_elongated_tendon_stays_long(elbow: Machine) -> None:
     structure = next(s for s in structures(elbow, "wire_elongation") if not s.shape["duration"])
     effect = MECHANISMS["wire_elongation"].effect(structure, 2e-3)
     name = f"tension_{structure.elements[0]}"
     for start, changed in ((0.0, False), (16.0, True)):
-        gave, kept = signals(elbow, effect, start=start), signals(elbow, start=start)
-        assert (np.abs(gave[name] - kept[name])[0] > 5.0) == changed
-        assert (distance(gave, kept) > 0.0) == changed
+        elongated, nominal = signals(elbow, effect, start=start), signals(elbow, start=start)
+        assert (np.abs(elongated[name] - nominal[name])[0] > 5.0) == changed
+        assert (distance(elongated, nominal) > 0.0) == changed
 
 
-def test_a_delay_of_commands_moves_the_log_by_so_much(elbow: Machine) -> None:
+def test_a_delay_of_commands_shifts_the_log_by_the_delay(elbow: Machine) -> None:
     structure = structures(elbow, "delay")[0]
-    late = signals(elbow, MECHANISMS["delay"].effect(structure, 0.06))
+    delayed = signals(elbow, MECHANISMS["delay"].effect(structure, 0.06))
     prompt = signals(elbow)
-    gap = late["length_biceps"][3:] - prompt["length_biceps"][:-3]
-    assert np.abs(gap).max() < 0.1 * np.abs(late["length_biceps"] - prompt["length_biceps"]).max()
+    difference = np.abs(delayed["length_biceps"] - prompt["length_biceps"])
+    shifted = np.abs(delayed["length_biceps"][3:] - prompt["length_biceps"][:-3])
+    assert shifted.max() < 0.1 * difference.max()
 
 
-def test_an_unknown_effect_is_one_sentence(elbow: Machine) -> None:
-    with pytest.raises(ValueError, match="no effect 'rust'; there are: coulomb_friction"):
+def test_an_unknown_effect_is_an_error_that_lists_the_valid_ones(elbow: Machine) -> None:
+    with pytest.raises(ValueError, match="unknown effect 'rust'; valid are: coulomb_friction"):
         signals(elbow, Effect("rust", (), {}, 1.0))
 
 
-def test_two_effects_on_one_wire_act_in_any_order(elbow: Machine) -> None:
+def test_two_effects_on_one_tendon_commute(elbow: Machine) -> None:
     pair = [
         MECHANISMS[id].effect(structures(elbow, id)[0], MECHANISMS[id].typical)
         for id in ("tendon_elasticity", "viscous_friction")

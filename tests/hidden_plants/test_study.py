@@ -1,4 +1,4 @@
-"""A hidden plant writes studies that anybody can read, and only what a diagnosis may see."""
+"""A written study is readable by itself and does not contain the truth."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def replay(folder: Path, truth: Truth, episode: int) -> dict[str, np.ndarray]:
-    """What MuJoCo alone makes of the honest drawing under the logged commands."""
+    """Readings of the nominal model in MuJoCo under the logged commands."""
     study = yaml.safe_load((folder / "STUDY.yaml").read_text())
     model = mujoco.MjModel.from_xml_path(str(folder / study["model"]))
     data = mujoco.MjData(model)
@@ -44,51 +44,53 @@ def replay(folder: Path, truth: Truth, episode: int) -> dict[str, np.ndarray]:
         data.joint(joint).qpos[0] = angle
     done = truth.episodes[episode]
     settle, steps = round(study["initial"]["settle"] / 0.002), round(done.duration / 0.002)
-    seen = np.empty((steps, model.nsensordata))
+    stored = np.empty((steps, model.nsensordata))
     for k in range(-settle, steps):
         row = np.searchsorted(done.time, k * 0.002 + 1e-9, side="right") - 1
         data.ctrl[:] = done.command[max(row, 0)]
         mujoco.mj_forward(model, data)
         if k >= 0:
-            seen[k] = data.sensordata
+            stored[k] = data.sensordata
         mujoco.mj_step(model, data)
     time = np.arange(steps) * 0.002
-    at = {
+    times_of = {
         **dict.fromkeys((*LENGTHS, *TENSIONS), done.sensor_time),
         **dict.fromkeys(POSE, done.camera_time),
     }
     result = {}
-    for name, times in at.items():
+    for name, times in times_of.items():
         sensor = model.sensor(name)
-        values = seen[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+        values = stored[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
         result[name] = np.stack([np.interp(times, time, v) for v in values.T], 1).squeeze()
     return result
 
 
-def test_a_null_study_is_the_drawings_replay_up_to_nuisance(null: tuple[Path, Truth]) -> None:
+def test_a_null_study_is_the_replay_of_the_nominal_model_up_to_nuisance(
+    null: tuple[Path, Truth],
+) -> None:
     folder, truth = null
     for episode, done in enumerate(truth.episodes):
-        drawn = replay(folder, truth, episode)
+        nominal = replay(folder, truth, episode)
         for name, tolerance in [*((n, 3e-4) for n in LENGTHS), ("marker_position", 2e-3)]:
-            assert np.sqrt(np.mean((done.clean[name] - drawn[name]) ** 2)) < tolerance, name
+            assert np.sqrt(np.mean((done.clean[name] - nominal[name]) ** 2)) < tolerance, name
         for name in TENSIONS:
-            assert np.sqrt(np.mean((done.clean[name] + drawn[name]) ** 2)) < 6.0, name
+            assert np.sqrt(np.mean((done.clean[name] + nominal[name]) ** 2)) < 6.0, name
 
 
-def test_without_nuisance_it_is_the_drawings_replay(tmp_path: Path) -> None:
+def test_without_nuisance_a_null_study_is_the_replay_of_the_nominal_model(tmp_path: Path) -> None:
     truth = write_study(
         tmp_path, Secret(), 0, assets=ASSETS, seconds=4.0, nuisance=Nuisance().scaled(0.0)
     )
-    drawn, done = replay(tmp_path, truth, 0), truth.episodes[0]
+    nominal, done = replay(tmp_path, truth, 0), truth.episodes[0]
     for name in LENGTHS:
-        assert np.abs(done.clean[name] - drawn[name]).max() < 2e-4
+        assert np.abs(done.clean[name] - nominal[name]).max() < 2e-4
     for name in TENSIONS:
-        assert np.sqrt(np.mean((done.clean[name] + drawn[name]) ** 2)) < 2.0
+        assert np.sqrt(np.mean((done.clean[name] + nominal[name]) ** 2)) < 2.0
     for name in POSE:
-        assert np.sqrt(np.mean((done.clean[name] - drawn[name]) ** 2)) < 4e-4
+        assert np.sqrt(np.mean((done.clean[name] - nominal[name]) ** 2)) < 4e-4
 
 
-def test_every_column_and_sensor_of_the_study_exists(null: tuple[Path, Truth]) -> None:
+def test_all_columns_and_sensors_of_the_study_exist(null: tuple[Path, Truth]) -> None:
     folder, _ = null
     study = yaml.safe_load((folder / "STUDY.yaml").read_text())
     model = mujoco.MjModel.from_xml_path(str(folder / study["model"]))
@@ -107,7 +109,7 @@ def test_every_column_and_sensor_of_the_study_exists(null: tuple[Path, Truth]) -
             assert isinstance(sensor["unit"], str)
 
 
-def test_noise_is_what_the_study_says(null: tuple[Path, Truth]) -> None:
+def test_the_noise_is_that_of_the_study(null: tuple[Path, Truth]) -> None:
     folder, truth = null
     log, done = columns(folder / "sensors_0.csv"), truth.episodes[0]
     for names, noise in ((LENGTHS, 1e-4), (TENSIONS, 1.0)):
@@ -115,7 +117,7 @@ def test_noise_is_what_the_study_says(null: tuple[Path, Truth]) -> None:
             assert np.std(log[name] - done.clean[name]) == pytest.approx(noise, rel=0.25)
 
 
-def test_time_stamps_jitter_and_are_true_to_a_tenth_of_a_millisecond(
+def test_time_stamps_have_jitter_and_are_exact_to_a_tenth_of_a_millisecond(
     null: tuple[Path, Truth],
 ) -> None:
     folder, truth = null
@@ -132,11 +134,11 @@ def test_the_camera_is_slower_than_the_encoders(tmp_path: Path, seed: int) -> No
     write_study(tmp_path, Secret(), seed, assets=ASSETS, seconds=4.0)
     camera = tmp_path / "camera_0.csv"
     log = columns(camera if camera.exists() else tmp_path / "sensors_0.csv")
-    seen = log["time"][np.isfinite(log["marker_x"])]
-    assert 35 <= len(seen) <= 41
+    observed = log["time"][np.isfinite(log["marker_x"])]
+    assert 35 <= len(observed) <= 41
 
 
-def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path: Path) -> None:
+def test_the_bytes_of_a_study_depend_on_the_seed_only(tmp_path: Path) -> None:
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         write_study(tmp_path / name, HEAVY, seed, assets=ASSETS, seconds=4.0, baseline=False)
     first, again, other = (
@@ -147,7 +149,7 @@ def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path: Path) -> None:
     assert dict(first)["sensors_0.csv"] != dict(other)["sensors_0.csv"]
 
 
-def test_the_folder_does_not_tell_the_truth(tmp_path: Path) -> None:
+def test_the_folder_does_not_contain_the_truth(tmp_path: Path) -> None:
     write_study(tmp_path / "null", Secret(), 3, assets=ASSETS, seconds=4.0)
     write_study(tmp_path / "heavy", HEAVY, 3, assets=ASSETS, seconds=4.0)
     for name in ("model.xml", "STUDY.yaml"):
@@ -156,7 +158,7 @@ def test_the_folder_does_not_tell_the_truth(tmp_path: Path) -> None:
     assert files[0] == files[1]
 
 
-def test_one_more_motion_on_the_same_robot(tmp_path: Path) -> None:
+def test_one_more_motion_is_appended_to_the_study(tmp_path: Path) -> None:
     truth = write_study(tmp_path, HEAVY, 5, assets=ASSETS, seconds=4.0)
     before = {path.name: path.read_bytes() for path in tmp_path.glob("episode_*.csv")}
     target = load("elbow", ASSETS).lengths(np.full((100, 1), 1.0)) - 2e-3
@@ -171,6 +173,6 @@ def test_one_more_motion_on_the_same_robot(tmp_path: Path) -> None:
     assert len(columns(tmp_path / "episode_1.csv")["time"]) == 100
 
 
-def test_a_missing_drawing_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"no drawing at .*elbow\.xml"):
+def test_a_missing_model_is_an_error_with_its_path(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"no model at .*elbow\.xml"):
         write_study(tmp_path, Secret(), 0, assets=tmp_path)

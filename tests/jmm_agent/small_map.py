@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
+from jmm_agent.mapping.group_map import GroupMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 
 JOINTS = ("a", "b", "c", "d")
 MUSCLES = ("m0", "m1", "m2", "m3", "m4")

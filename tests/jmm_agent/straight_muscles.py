@@ -1,4 +1,4 @@
-"""A small drawing in plain numpy: a serial chain of six hinges and eight straight wires."""
+"""A small nominal model in NumPy: a serial chain of six hinges and eight straight muscles."""
 
 from itertools import pairwise
 
@@ -10,7 +10,7 @@ JOINTS = ("base_yaw", "base_pitch", "mid_roll", "mid_pitch", "tip_pitch", "tip_y
 AXES = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 OFFSETS = 0.1 * np.array([[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 0], [0, 0, 1], [0, 0, 0]])
 GROUPS = {"base": JOINTS[:2], "mid": JOINTS[2:4], "tip": JOINTS[4:]}
-# Wire: points on links; link k follows joint k - 1, link 0 is the ground.
+# Points of each muscle on links; link k follows joint k - 1, link 0 is the ground.
 MUSCLES = {
     "base_front": ((0, (0.06, 0.01, -0.02)), (2, (0.04, 0.02, 0.06))),
     "base_left": ((0, (-0.03, 0.06, -0.02)), (2, (0.01, 0.05, 0.05))),
@@ -24,13 +24,13 @@ MUSCLES = {
 
 
 def crosses() -> np.ndarray:
-    """Joint k lies between the links k and k + 1."""
+    """Whether muscle i crosses joint j (8, 6); joint k lies between the links k and k + 1."""
     ends = [sorted(link for link, _ in muscle) for muscle in MUSCLES.values()]
     return np.array([[e[0] <= k < e[-1] for k in range(len(JOINTS))] for e in ends])
 
 
 def raw_lengths(q: np.ndarray) -> np.ndarray:
-    """Lengths (B, 8) [m] of the wires at postures (B, 6) [rad]."""
+    """Lengths (B, 8) [m] of the muscles at postures (B, 6) [rad]."""
     rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
     origin = np.zeros((len(q), 3))
     links = [(rotation, origin)]
@@ -52,8 +52,8 @@ def relative_lengths(q: np.ndarray) -> np.ndarray:
     return raw_lengths(q) - raw_lengths(np.zeros((1, len(JOINTS))))
 
 
-def drawing(**changes: object) -> NominalModel:
-    """The chain's drawing, with fields replaced for tests of its checks."""
+def nominal_model(**changes: object) -> NominalModel:
+    """Nominal model of the chain, with fields replaced for tests of its checks."""
     fields: dict = {
         "joints": JOINTS,
         "lower": np.deg2rad([-40, -30, -20, -60, -50, -30]),

@@ -1,7 +1,7 @@
-"""The agent on made-up senses: what it learns, what it refuses, and what it keeps.
+"""The agent on simulated sensor readings: what it learns, what it refuses, and what it keeps.
 
-The eyes of most tests are a stand-in that gives the exact pose of the marker; the robot is the
-drawing but for lengths that were zeroed at another posture.
+The detector of most tests is a stand-in that returns the exact pose of the marker. The robot is the
+nominal model, except that its lengths were zeroed at another posture.
 """
 
 from __future__ import annotations
@@ -24,10 +24,7 @@ from jmm_agent.observation import SensorReadings
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
-from kengoro.trained_maps import trained_map
-from kengoro_env.assets import asset_path
-from kengoro_env.names import JOINTS
-from kengoro_env.postures import posture_set
+from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
 
 START, FIRST, SECOND, THIRD = posture_set()[:4]
 MISTAKE = np.radians([1, -1, 1, 4, -4, 3, 4, -8, 7, 8, -7, 3, -3, 2])
@@ -37,17 +34,17 @@ CALM = np.full(36, 50.0)
 
 
 @pytest.fixture(scope="module")
-def drawn(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request.config.cache.mkdir("maps"))
+def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
+    return trained_map(request)
 
 
 @pytest.fixture(scope="module")
 def arm() -> ArmKinematics:
-    return ArmKinematics(asset_path("mjcf/kengoro_arm/arm.xml"), JOINTS)
+    return ArmKinematics(ARM, JOINTS)
 
 
 class Detector:
-    """Sees the site as marker 0, exactly."""
+    """Returns the exact pose of a site as that of marker 0."""
 
     def __init__(self, arm: ArmKinematics, site: str) -> None:
         self._arm, self._site, self.q = arm, site, START
@@ -58,30 +55,30 @@ class Detector:
         return Detections({0: MarkerPose(0, pose, corners, 0.0, pose, 9.0)}, {}, ())
 
 
-class Life:
-    """An agent and a robot that is wherever a test puts it."""
+class Trial:
+    """An agent, and a robot at the posture that a test sets."""
 
     def __init__(
         self,
-        drawn: JointMuscleMap,
+        nominal_map: JointMuscleMap,
         arm: ArmKinematics,
-        detector: Any = "eyes",
+        detector: Any = "exact",
         rule: Rule | None = None,
         seed: int = 0,
         **options: Any,
     ) -> None:
         choice = AgentOptions(**options)
         self.detector = Detector(arm, choice.marker_site)
-        if detector == "eyes":
+        if detector == "exact":
             detector = self.detector
         rng = np.random.default_rng(seed)
-        self.agent = Agent(drawn, arm, detector, posture_set(), START, rng, choice, rule)
-        self._drawn, self.steps, self.q, self.frame = drawn, 0, START, FRAME
+        self.agent = Agent(nominal_map, arm, detector, posture_set(), START, rng, choice, rule)
+        self._nominal_map, self.steps, self.q, self.frame = nominal_map, 0, START, FRAME
         self.agent.begin_episode()
 
     def readings(self, **more: Any) -> SensorReadings:
         time = 0.02 * self.steps
-        lengths = self._drawn.lengths(self.q) - self._drawn.lengths(MISTAKE)
+        lengths = self._nominal_map.lengths(self.q) - self._nominal_map.lengths(MISTAKE)
         frame_time = 0.2 * np.floor(time / 0.2 + 1e-9)
         return SensorReadings(time, lengths, CALM, self.frame, frame_time)._replace(**more)
 
@@ -92,7 +89,7 @@ class Life:
         return command
 
     def rest(self, q: np.ndarray, steps: int = 60) -> np.ndarray:
-        """Be at a posture for a while; the last command."""
+        """Hold a posture for some steps; the last command."""
         self.q = q
         return [self.step() for _ in range(steps)][-1]
 
@@ -109,99 +106,103 @@ class Life:
         )
 
 
-def missed_mm(life: Life, drawn: JointMuscleMap, q: np.ndarray) -> float:
-    """How far the map is from the robot's own lengths."""
-    robot = drawn.lengths(q) - drawn.lengths(MISTAKE)
-    return float(1e3 * np.sqrt(np.mean((life.agent.map.lengths(q) - robot) ** 2)))
+def missed_mm(trial: Trial, nominal_map: JointMuscleMap, q: np.ndarray) -> float:
+    """RMS difference [mm] of the map from the robot's own lengths at q (n,) [rad]."""
+    robot = nominal_map.lengths(q) - nominal_map.lengths(MISTAKE)
+    return float(1e3 * np.sqrt(np.mean((trial.agent.map.lengths(q) - robot) ** 2)))
 
 
-def test_it_learns_once_at_each_rest(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    life = Life(drawn, arm, vision=VisionOptions(lengths="l"))
-    life.visit(FIRST, SECOND)
-    assert (life.agent.vision.fired, life.agent.antagonism.fired) == (2, 2)
-    life.rest(SECOND, 200)
-    assert (life.agent.vision.fired, life.agent.antagonism.fired) == (2, 2)
-    life.visit(THIRD, posture_set()[4])
-    before = 1e3 * np.sqrt(np.mean(drawn.lengths(MISTAKE) ** 2))
-    assert missed_mm(life, drawn, posture_set()[10]) < 0.75 * before
+def test_it_learns_once_at_each_rest(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
+    trial = Trial(nominal_map, arm, vision=VisionOptions(lengths="l"))
+    trial.visit(FIRST, SECOND)
+    assert (trial.agent.vision.fired, trial.agent.antagonism.fired) == (2, 2)
+    trial.rest(SECOND, 200)
+    assert (trial.agent.vision.fired, trial.agent.antagonism.fired) == (2, 2)
+    trial.visit(THIRD, posture_set()[4])
+    before = 1e3 * np.sqrt(np.mean(nominal_map.lengths(MISTAKE) ** 2))
+    assert missed_mm(trial, nominal_map, posture_set()[10]) < 0.75 * before
 
 
-def test_it_does_not_learn_while_it_moves(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    life = Life(drawn, arm)
+def test_it_does_not_learn_while_it_moves(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
+    trial = Trial(nominal_map, arm)
     for share in np.linspace(0.0, 1.0, 100):
-        life.q = FIRST + share * (SECOND - FIRST)
-        life.step()
-        assert not life.agent.at_rest
-    assert life.same_map(drawn)
+        trial.q = FIRST + share * (SECOND - FIRST)
+        trial.step()
+        assert not trial.agent.at_rest
+    assert trial.same_map(nominal_map)
 
 
-def test_a_frame_from_before_the_rest_is_not_looked_at(
-    drawn: JointMuscleMap, arm: ArmKinematics
+def test_a_frame_from_before_the_rest_is_not_evaluated(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm)
-    life.q = FIRST
+    trial = Trial(nominal_map, arm)
+    trial.q = FIRST
     for _ in range(100):
-        life.step(frame_time=-1.0)
-    assert life.agent.vision.fired == 0
-    assert not life.agent.at_rest
-    life.step(frame_time=1.0)
-    assert life.agent.vision.fired == 1
-    assert life.agent.at_rest
+        trial.step(frame_time=-1.0)
+    assert trial.agent.vision.fired == 0
+    assert not trial.agent.at_rest
+    trial.step(frame_time=1.0)
+    assert trial.agent.vision.fired == 1
+    assert trial.agent.at_rest
 
 
 def test_the_command_is_the_maps_length_of_the_target(
-    drawn: JointMuscleMap, arm: ArmKinematics
+    nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm, detector=None, learn_antagonism=False)
-    life.step()
-    life.agent.go(SECOND, 0.5)
-    command = life.rest(START, 60)
-    np.testing.assert_allclose(command, drawn.lengths(SECOND), atol=1e-12)
-    np.testing.assert_array_equal(life.agent.target, SECOND)
-    command[:] = 0.0  # whose array it is now
-    np.testing.assert_allclose(life.step(), drawn.lengths(SECOND), atol=1e-12)
-    longer = drawn.with_output_layers({g.name: (g.W2, g.b2 + 1.0) for g in drawn.groups})
-    life.agent.recall(longer, life.agent.antagonism.memory, life.agent.vision.memory)
-    np.testing.assert_allclose(life.step(), drawn.lengths(SECOND) + 0.001, atol=1e-12)
+    trial = Trial(nominal_map, arm, detector=None, learn_antagonism=False)
+    trial.step()
+    trial.agent.go(SECOND, 0.5)
+    command = trial.rest(START, 60)
+    np.testing.assert_allclose(command, nominal_map.lengths(SECOND), atol=1e-12)
+    np.testing.assert_array_equal(trial.agent.target, SECOND)
+    command[:] = 0.0  # the caller may change it
+    np.testing.assert_allclose(trial.step(), nominal_map.lengths(SECOND), atol=1e-12)
+    longer = nominal_map.with_output_layers(
+        {g.name: (g.W2, g.b2 + 1.0) for g in nominal_map.groups}
+    )
+    trial.agent.recall(longer, trial.agent.antagonism.memory, trial.agent.vision.memory)
+    np.testing.assert_allclose(trial.step(), nominal_map.lengths(SECOND) + 0.001, atol=1e-12)
     beyond = np.full(14, 9.0)
-    life.agent.go(beyond, 0.5)
-    np.testing.assert_array_equal(life.agent.target, arm.limits[:, 1])
+    trial.agent.go(beyond, 0.5)
+    np.testing.assert_array_equal(trial.agent.target, arm.limits[:, 1])
 
 
-def test_a_way_leads_through_its_points_without_a_jump(
-    drawn: JointMuscleMap, arm: ArmKinematics
+def test_a_trajectory_leads_through_its_points_without_a_jump(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm, detector=None, learn_antagonism=False)
-    life.rest(START, 5)
-    life.agent.go(np.array([FIRST, SECOND]), 2.0)
-    commands = np.array([life.step() for _ in range(102)])
-    between = np.abs(commands - drawn.lengths(FIRST)).max(axis=1)
+    trial = Trial(nominal_map, arm, detector=None, learn_antagonism=False)
+    trial.rest(START, 5)
+    trial.agent.go(np.array([FIRST, SECOND]), 2.0)
+    commands = np.array([trial.step() for _ in range(102)])
+    between = np.abs(commands - nominal_map.lengths(FIRST)).max(axis=1)
     assert between.min() < 1e-3
-    np.testing.assert_allclose(commands[-1], drawn.lengths(SECOND), atol=1e-12)
+    np.testing.assert_allclose(commands[-1], nominal_map.lengths(SECOND), atol=1e-12)
     steps = np.abs(np.diff(commands, axis=0)).max(axis=1)
     assert steps.max() < 6.0 * steps.mean()
     assert steps[0] < 0.2 * steps.max()
 
 
-def test_a_way_that_is_asked_for_before_the_first_step_is_gone(
-    drawn: JointMuscleMap, arm: ArmKinematics
+def test_a_trajectory_set_before_the_first_step_is_followed(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm, detector=None, learn_antagonism=False)
-    life.agent.go(SECOND, 0.5)
-    first = life.step()
-    np.testing.assert_array_equal(life.agent.target, SECOND)
-    np.testing.assert_allclose(first, drawn.lengths(life.agent.joint_angles), atol=1e-3)
-    np.testing.assert_allclose(life.rest(START, 60), drawn.lengths(SECOND), atol=1e-12)
+    trial = Trial(nominal_map, arm, detector=None, learn_antagonism=False)
+    trial.agent.go(SECOND, 0.5)
+    first = trial.step()
+    np.testing.assert_array_equal(trial.agent.target, SECOND)
+    np.testing.assert_allclose(first, nominal_map.lengths(trial.agent.joint_angles), atol=1e-3)
+    np.testing.assert_allclose(trial.rest(START, 60), nominal_map.lengths(SECOND), atol=1e-12)
 
 
-def test_without_a_way_it_stays_where_it_wakes(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    life = Life(drawn, arm, detector=None, learn_antagonism=False)
-    life.rest(FIRST, 3)
-    life.agent.begin_episode()
-    life.steps = 0
-    command = life.rest(SECOND, 3)
-    np.testing.assert_array_equal(command, drawn.lengths(life.agent.target))
-    np.testing.assert_allclose(command, life.readings().lengths, atol=0.02)
+def test_without_a_trajectory_it_stays_where_it_starts(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm, detector=None, learn_antagonism=False)
+    trial.rest(FIRST, 3)
+    trial.agent.begin_episode()
+    trial.steps = 0
+    command = trial.rest(SECOND, 3)
+    np.testing.assert_array_equal(command, nominal_map.lengths(trial.agent.target))
+    np.testing.assert_allclose(command, trial.readings().lengths, atol=0.02)
 
 
 BAD = {
@@ -214,37 +215,39 @@ BAD = {
 @pytest.mark.parametrize(
     ("name", "value"), [(name, value) for name, values in BAD.items() for value in values]
 )
-def test_bad_senses_are_refused_and_change_nothing(
-    name: str, value: Any, drawn: JointMuscleMap, arm: ArmKinematics
+def test_bad_readings_are_refused_and_change_nothing(
+    name: str, value: Any, nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    clean, spoilt = Life(drawn, arm), Life(drawn, arm)
-    for life in (clean, spoilt):
-        life.visit(FIRST)
+    clean, spoilt = Trial(nominal_map, arm), Trial(nominal_map, arm)
+    for trial in (clean, spoilt):
+        trial.visit(FIRST)
     learned = spoilt.agent.map
     with pytest.raises(AgentError, match=f"Agent: {name} must be"):
         spoilt.agent.step(spoilt.readings(**{name: value}))
     assert spoilt.agent.map is learned
-    for life in (clean, spoilt):
-        life.visit(SECOND)
+    for trial in (clean, spoilt):
+        trial.visit(SECOND)
     assert spoilt.agent.vision.fired == 2
     assert spoilt.same_map(clean.agent.map)
     np.testing.assert_array_equal(spoilt.agent.joint_angles, clean.agent.joint_angles)
 
 
-def test_bad_first_senses_do_not_wake_it(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    life = Life(drawn, arm)
+def test_bad_first_readings_do_not_start_it(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm)
     for name, values in BAD.items():
         for value in values[:3]:
             if (name, np.ndim(value)) == ("time", 0) and value == -1.0:
                 continue  # a first time may be any
             with pytest.raises(AgentError):
-                life.agent.step(life.readings(**{name: value}))
-    life.visit(FIRST)
-    assert life.agent.vision.fired == 1
+                trial.agent.step(trial.readings(**{name: value}))
+    trial.visit(FIRST)
+    assert trial.agent.vision.fired == 1
 
 
 def frames() -> Iterator[tuple[np.ndarray, bool]]:
-    """Frames without a usable marker, and whether they are frames at all."""
+    """Frames without a usable marker, and whether they have the right shape and type."""
     yield np.zeros((480, 640, 3), dtype=np.uint8), True
     yield FRAME, True
     yield np.random.default_rng(0).integers(0, 255, (480, 640, 3)).astype(np.uint8), True
@@ -255,55 +258,57 @@ def frames() -> Iterator[tuple[np.ndarray, bool]]:
 
 @pytest.mark.parametrize(("frame", "whole"), list(frames()))
 def test_frames_without_a_marker_leave_the_map(
-    frame: np.ndarray, whole: bool, drawn: JointMuscleMap, arm: ArmKinematics
+    frame: np.ndarray, whole: bool, nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
     detector = MarkerDetector(CAMERA, {0: 0.05, 1: 0.036})
-    life = Life(drawn, arm, detector=detector, learn_antagonism=False)
-    life.frame = frame
+    trial = Trial(nominal_map, arm, detector=detector, learn_antagonism=False)
+    trial.frame = frame
     if whole:
-        life.visit(FIRST, SECOND)
-        assert life.agent.vision.dropped == {"the hand's marker was not seen": 2}
+        trial.visit(FIRST, SECOND)
+        assert trial.agent.vision.dropped == {"the hand's marker was not seen": 2}
     else:
         with pytest.raises(AgentError, match="camera frame"):
-            life.visit(FIRST)
-        life.frame = FRAME
-        life.steps += 1
-        life.visit(SECOND)
-    assert life.agent.vision.fired == 0
-    assert life.same_map(drawn)
+            trial.visit(FIRST)
+        trial.frame = FRAME
+        trial.steps += 1
+        trial.visit(SECOND)
+    assert trial.agent.vision.fired == 0
+    assert trial.same_map(nominal_map)
 
 
-def test_no_frame_is_a_skip_too(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    life = Life(drawn, arm, learn_antagonism=False)
-    life.frame = None
-    life.visit(FIRST)
-    assert life.agent.vision.dropped == {"the hand's marker was not seen": 1}
-    assert life.same_map(drawn)
+def test_no_frame_is_a_skip_too(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
+    trial = Trial(nominal_map, arm, learn_antagonism=False)
+    trial.frame = None
+    trial.visit(FIRST)
+    assert trial.agent.vision.dropped == {"the hand's marker was not seen": 1}
+    assert trial.same_map(nominal_map)
 
 
-def test_a_hand_that_is_not_free_leaves_the_map(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    life = Life(drawn, arm)
-    life.agent.hand_is_free = False
-    life.visit(FIRST, SECOND)
-    assert life.same_map(drawn)
-    assert not life.agent.at_rest
-    life.agent.hand_is_free = True
-    life.visit(SECOND)
-    assert (life.agent.vision.fired, life.agent.antagonism.fired) == (1, 1)
-
-
-def test_without_learning_it_looks_and_leaves_the_map(
-    drawn: JointMuscleMap, arm: ArmKinematics
+def test_a_hand_that_is_not_free_leaves_the_map(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm)
-    life.agent.learning = False
-    life.visit(FIRST, SECOND)
-    assert life.same_map(drawn)
-    assert (life.agent.vision.fired, life.agent.antagonism.fired) == (0, 0)
-    assert len(life.agent.vision.pairs.postures) == len(life.agent.antagonism.pairs.postures) == 0
-    seen = life.agent.seen
+    trial = Trial(nominal_map, arm)
+    trial.agent.hand_is_free = False
+    trial.visit(FIRST, SECOND)
+    assert trial.same_map(nominal_map)
+    assert not trial.agent.at_rest
+    trial.agent.hand_is_free = True
+    trial.visit(SECOND)
+    assert (trial.agent.vision.fired, trial.agent.antagonism.fired) == (1, 1)
+
+
+def test_without_learning_it_evaluates_and_leaves_the_map(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm)
+    trial.agent.learning = False
+    trial.visit(FIRST, SECOND)
+    assert trial.same_map(nominal_map)
+    assert (trial.agent.vision.fired, trial.agent.antagonism.fired) == (0, 0)
+    assert len(trial.agent.vision.pairs.postures) == len(trial.agent.antagonism.pairs.postures) == 0
+    seen = trial.agent.seen
     assert seen is not None
-    error = np.degrees(np.sqrt(np.mean((life.agent.joint_angles - SECOND) ** 2)))
+    error = np.degrees(np.sqrt(np.mean((trial.agent.joint_angles - SECOND) ** 2)))
     assert error > 2.0
     assert np.degrees(np.sqrt(np.mean((seen.angles - SECOND) ** 2))) < error
 
@@ -313,119 +318,124 @@ def test_without_learning_it_looks_and_leaves_the_map(
     [({"learn_vision": False}, (0, 2)), ({"learn_antagonism": False}, (2, 0))],
 )
 def test_each_updater_may_run_alone(
-    options: dict[str, bool], fired: tuple[int, int], drawn: JointMuscleMap, arm: ArmKinematics
+    options: dict[str, bool],
+    fired: tuple[int, int],
+    nominal_map: JointMuscleMap,
+    arm: ArmKinematics,
 ) -> None:
-    life = Life(drawn, arm, **options)
-    life.visit(FIRST, SECOND)
-    assert (life.agent.vision.fired, life.agent.antagonism.fired) == fired
-    assert not life.same_map(drawn)
+    trial = Trial(nominal_map, arm, **options)
+    trial.visit(FIRST, SECOND)
+    assert (trial.agent.vision.fired, trial.agent.antagonism.fired) == fired
+    assert not trial.same_map(nominal_map)
 
 
-def test_an_episode_begins_anew_and_keeps_what_was_learned(
-    drawn: JointMuscleMap, arm: ArmKinematics
+def test_a_new_episode_keeps_what_was_learned(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm)
-    life.visit(FIRST, SECOND)
-    learned, pairs = life.agent.map, life.agent.vision.pairs
-    life.agent.begin_episode()
-    assert life.agent.map is learned
-    assert life.agent.vision.pairs is pairs
-    assert life.agent.seen is None
-    assert life.agent.markers == {}
-    assert not life.agent.at_rest
-    life.steps = 0  # the clock of a new episode
-    life.rest(THIRD, 3)
-    assert life.agent.map is learned
-    life.visit(THIRD)
-    assert life.agent.vision.fired == 3
+    trial = Trial(nominal_map, arm)
+    trial.visit(FIRST, SECOND)
+    learned, pairs = trial.agent.map, trial.agent.vision.pairs
+    trial.agent.begin_episode()
+    assert trial.agent.map is learned
+    assert trial.agent.vision.pairs is pairs
+    assert trial.agent.seen is None
+    assert trial.agent.markers == {}
+    assert not trial.agent.at_rest
+    trial.steps = 0  # the clock of a new episode
+    trial.rest(THIRD, 3)
+    assert trial.agent.map is learned
+    trial.visit(THIRD)
+    assert trial.agent.vision.fired == 3
 
 
-def test_any_site_can_carry_the_marker(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    life = Life(drawn, arm, marker_site="grip")
-    life.visit(FIRST, SECOND, THIRD)
-    assert life.agent.vision.fired == 3
-    wrong = Life(drawn, arm, marker_site="marker_hand")
+def test_any_site_can_carry_the_marker(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
+    trial = Trial(nominal_map, arm, marker_site="grip")
+    trial.visit(FIRST, SECOND, THIRD)
+    assert trial.agent.vision.fired == 3
+    wrong = Trial(nominal_map, arm, marker_site="marker_hand")
     wrong.detector._site = "grip"
     wrong.visit(FIRST, SECOND, THIRD)
-    assert life.agent.seen is not None
+    assert trial.agent.seen is not None
     assert wrong.agent.seen is not None
-    right_error = np.linalg.norm(life.agent.seen.angles - THIRD)
+    right_error = np.linalg.norm(trial.agent.seen.angles - THIRD)
     assert right_error < 0.7 * np.linalg.norm(wrong.agent.seen.angles - THIRD)
 
 
-def test_an_unknown_site_is_named(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
+def test_an_unknown_site_is_named(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
     with pytest.raises(AgentError, match="marker_foot"):
         Agent(
-            drawn, arm, None, posture_set(), START, np.random.default_rng(0),
+            nominal_map, arm, None, posture_set(), START, np.random.default_rng(0),
             AgentOptions(marker_site="marker_foot"),
         )  # fmt: skip
 
 
-def test_kinematics_of_other_joints_are_refused(drawn: JointMuscleMap) -> None:
-    fewer = ArmKinematics(asset_path("mjcf/kengoro_arm/arm.xml"), JOINTS[:-1])
+def test_kinematics_of_other_joints_are_refused(nominal_map: JointMuscleMap) -> None:
+    fewer = ArmKinematics(ARM, JOINTS[:-1])
     with pytest.raises(AgentError, match="joints"):
-        Agent(drawn, fewer, None, posture_set(), START, np.random.default_rng(0))
+        Agent(nominal_map, fewer, None, posture_set(), START, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(
     "posture", [np.zeros(13), np.full(14, np.nan), np.zeros((2, 15)), np.empty((0, 14))]
 )
 def test_bad_targets_are_refused(
-    posture: np.ndarray, drawn: JointMuscleMap, arm: ArmKinematics
+    posture: np.ndarray, nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm)
-    before = life.agent.target
+    trial = Trial(nominal_map, arm)
+    before = trial.agent.target
     with pytest.raises(AgentError, match="14 joints"):
-        life.agent.go(posture, 1.0)
-    np.testing.assert_array_equal(life.agent.target, before)
+        trial.agent.go(posture, 1.0)
+    np.testing.assert_array_equal(trial.agent.target, before)
 
 
 @pytest.mark.parametrize("duration", [-1.0, np.nan, np.inf])
 def test_bad_durations_are_refused(
-    duration: float, drawn: JointMuscleMap, arm: ArmKinematics
+    duration: float, nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
     with pytest.raises(AgentError, match="duration"):
-        Life(drawn, arm).agent.go(FIRST, duration)
+        Trial(nominal_map, arm).agent.go(FIRST, duration)
 
 
-def test_the_papers_options_work(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
+def test_the_papers_options_work(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
     rule = MinibatchRule(steps=10, rate=1e-3)
-    life = Life(drawn, arm, rule=rule, vision=VisionOptions(lengths="l_target"))
-    commands = [life.rest(FIRST), life.rest(SECOND)]
-    assert life.agent.vision.fired == 2
-    np.testing.assert_allclose(life.agent.vision.pairs.lengths, commands, atol=0.005)
-    assert np.abs(life.agent.vision.pairs.lengths[1] - life.readings().lengths).max() > 0.02
-    assert not life.same_map(drawn)
-    moved = life.agent.map
-    for before, after in zip(drawn.groups, moved.groups, strict=True):
+    trial = Trial(nominal_map, arm, rule=rule, vision=VisionOptions(lengths="l_target"))
+    commands = [trial.rest(FIRST), trial.rest(SECOND)]
+    assert trial.agent.vision.fired == 2
+    np.testing.assert_allclose(trial.agent.vision.pairs.lengths, commands, atol=0.005)
+    assert np.abs(trial.agent.vision.pairs.lengths[1] - trial.readings().lengths).max() > 0.02
+    assert not trial.same_map(nominal_map)
+    moved = trial.agent.map
+    for before, after in zip(nominal_map.groups, moved.groups, strict=True):
         assert np.abs(before.W1 - after.W1).max() > 0
 
 
-def test_same_seed_same_bits_other_seed_others(drawn: JointMuscleMap, arm: ArmKinematics) -> None:
-    lives = [Life(drawn, arm, seed=seed) for seed in (3, 3, 4)]
-    for life in lives:
-        life.visit(FIRST, SECOND)
-    assert lives[0].same_map(lives[1].agent.map)
-    assert not lives[0].same_map(lives[2].agent.map)
-
-
-def test_senses_that_change_afterwards_do_not_change_what_was_learned(
-    drawn: JointMuscleMap, arm: ArmKinematics
+def test_same_seed_same_bits_other_seed_others(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
-    life = Life(drawn, arm)
-    life.q = FIRST
-    life.detector.q = FIRST
+    trials = [Trial(nominal_map, arm, seed=seed) for seed in (3, 3, 4)]
+    for trial in trials:
+        trial.visit(FIRST, SECOND)
+    assert trials[0].same_map(trials[1].agent.map)
+    assert not trials[0].same_map(trials[2].agent.map)
+
+
+def test_readings_that_change_afterwards_do_not_change_what_was_learned(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm)
+    trial.q = FIRST
+    trial.detector.q = FIRST
     buffer = np.empty(36)
     for _ in range(60):
-        readings = life.readings()
+        readings = trial.readings()
         buffer[:] = readings.lengths
-        life.agent.step(readings._replace(lengths=buffer))
-        life.steps += 1
-    kept = life.agent.vision.pairs.lengths.copy()
+        trial.agent.step(readings._replace(lengths=buffer))
+        trial.steps += 1
+    kept = trial.agent.vision.pairs.lengths.copy()
     buffer[:] = 9.0
-    np.testing.assert_array_equal(life.agent.vision.pairs.lengths, kept)
-    life.visit(SECOND)
-    assert np.abs(life.agent.vision.pairs.lengths).max() < 1.0
+    np.testing.assert_array_equal(trial.agent.vision.pairs.lengths, kept)
+    trial.visit(SECOND)
+    assert np.abs(trial.agent.vision.pairs.lengths).max() < 1.0
 
 
 def test_options_can_be_replaced_one_by_one() -> None:

@@ -1,4 +1,4 @@
-"""The loop between an agent and whatever robot it drives."""
+"""The loop between an agent and the robot that it drives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from jmm_agent.observation import SensorReadings
 
 
 class Robot:
-    """Counts; its clock began long ago."""
+    """Counts calls; its clock begins at 1000 s."""
 
     def __init__(self) -> None:
         self.time, self.commands, self.stopped = 1000.0, list[np.ndarray](), 0
@@ -34,26 +34,26 @@ class Robot:
         self.stopped += 1
 
 
-class Mind:
-    """Answers with what it felt; falls over when told to."""
+class EchoAgent:
+    """Commands the measured lengths plus 1; raises after a time [s]."""
 
-    def __init__(self, falls_at: float = np.inf) -> None:
-        self.falls_at = falls_at
+    def __init__(self, raises_at: float = np.inf) -> None:
+        self.raises_at = raises_at
 
     def step(self, readings: SensorReadings) -> np.ndarray:
-        if readings.time > self.falls_at:
+        if readings.time > self.raises_at:
             raise AgentError("Agent: lengths must be finite.")
         return readings.lengths + 1.0
 
 
-def driven(mind: Mind, robot: Robot, **more: Any) -> None:
-    drive(cast(Agent, mind), robot, 0.1, **more)
+def driven(agent: EchoAgent, robot: Robot, **more: Any) -> None:
+    drive(cast(Agent, agent), robot, 0.1, **more)
 
 
 def test_every_reading_is_answered_for_as_long_as_asked() -> None:
     robot, seen = Robot(), list[float]()
 
-    driven(Mind(), robot, watch=lambda readings, targets: seen.append(readings.time))
+    driven(EchoAgent(), robot, watch=lambda readings, targets: seen.append(readings.time))
 
     assert seen == pytest.approx(1000.02 + 0.02 * np.arange(6))
     np.testing.assert_array_equal([c[0] - 1.0 for c in robot.commands], seen)
@@ -63,23 +63,23 @@ def test_every_reading_is_answered_for_as_long_as_asked() -> None:
 def test_it_goes_on_where_it_was() -> None:
     robot = Robot()
 
-    driven(Mind(), robot)
-    driven(Mind(), robot)
+    driven(EchoAgent(), robot)
+    driven(EchoAgent(), robot)
 
     assert len(robot.commands) == 12
 
 
-@pytest.mark.parametrize("by", ["mind", "watcher"])
+@pytest.mark.parametrize("by", ["agent", "watcher"])
 def test_the_robot_is_stopped_when_anything_goes_wrong(by: str) -> None:
     robot = Robot()
-    mind = Mind(falls_at=1000.07 if by == "mind" else np.inf)
+    agent = EchoAgent(raises_at=1000.07 if by == "agent" else np.inf)
 
     def watch(readings: SensorReadings, targets: np.ndarray) -> None:
         if by == "watcher" and readings.time > 1000.07:
             raise KeyboardInterrupt
 
     with pytest.raises((AgentError, KeyboardInterrupt)):
-        driven(mind, robot, watch=watch)
+        driven(agent, robot, watch=watch)
 
     assert robot.stopped == 1
 
@@ -102,8 +102,8 @@ class Robot:
         print("stopped", flush=True)
 
 class Agent:
-    def step(self, senses):
-        return senses.lengths
+    def step(self, readings):
+        return readings.lengths
 
 drive(Agent(), Robot(), 60.0)
 """
@@ -115,20 +115,22 @@ def test_the_robot_is_stopped_when_the_process_is_asked_to_end(ending: signal.Si
         assert process.stdout is not None
         assert process.stdout.readline() == b"commanded\n"
         process.send_signal(ending)
-        said = process.stdout.read().splitlines()
-    assert said.count(b"stopped") == 1
-    assert said[-1] == b"stopped"
+        output = process.stdout.read().splitlines()
+    assert output.count(b"stopped") == 1
+    assert output[-1] == b"stopped"
     assert process.returncode == 128 + ending
 
 
 def test_signals_are_what_they_were_after_a_drive() -> None:
     def mine(number: int, frame: object) -> None:
-        """The caller's own way to end."""
+        """The caller's own handler."""
 
     before = signal.signal(signal.SIGHUP, mine)
     try:
         handlers = list[object]()
-        driven(Mind(), Robot(), watch=lambda *_: handlers.append(signal.getsignal(signal.SIGHUP)))
+        driven(
+            EchoAgent(), Robot(), watch=lambda *_: handlers.append(signal.getsignal(signal.SIGHUP))
+        )
         assert set(handlers) == {mine}
         assert signal.getsignal(signal.SIGHUP) is mine
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
@@ -138,7 +140,7 @@ def test_signals_are_what_they_were_after_a_drive() -> None:
 
 def test_a_thread_may_drive() -> None:
     robot = Robot()
-    thread = threading.Thread(target=driven, args=(Mind(), robot))
+    thread = threading.Thread(target=driven, args=(EchoAgent(), robot))
     thread.start()
     thread.join()
     assert len(robot.commands) == 6

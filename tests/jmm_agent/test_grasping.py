@@ -1,4 +1,4 @@
-"""Plans of grasps: the grip point comes to the can level, and an unreachable can is said to be."""
+"""Plans of grasps: the grip point reaches the can, and an unreachable can is reported."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import pytest
 from jmm_agent.errors import AgentError
 from jmm_agent.grasping import GraspOptions, GraspPlan, GraspPlanner
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from kengoro_env.assets import asset_path
-from kengoro_env.names import GROUP_JOINTS, JOINTS
+from tests.jmm_agent.nominal_arm import ARM, GROUPS, JOINTS
 
 OPTIONS = GraspOptions()
 Q = np.radians([-15, 10, 0, -8, 0, -3, 0, 5, -32, -50, 95, 0, 0, 0])
@@ -18,7 +17,7 @@ TOP = -0.265
 
 
 def can(x: float, y: float, z: float = TOP, turn: float = 0.7) -> np.ndarray:
-    """Pose of the marker on a can's top; how the can is turned must not matter."""
+    """Pose (4, 4) of the marker on top of a can, which may be turned about its axis."""
     pose = np.eye(4)
     pose[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
     pose[:3, 3] = x, y, z
@@ -27,17 +26,17 @@ def can(x: float, y: float, z: float = TOP, turn: float = 0.7) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def arm() -> ArmKinematics:
-    return ArmKinematics(asset_path("mjcf/kengoro_arm/arm.xml"), JOINTS)
+    return ArmKinematics(ARM, JOINTS)
 
 
 @pytest.fixture(scope="module")
 def planner(arm: ArmKinematics) -> GraspPlanner:
-    return GraspPlanner(arm, "eye", GROUP_JOINTS["neck"])
+    return GraspPlanner(arm, "eye", GROUPS["neck"])
 
 
 @pytest.fixture(scope="module")
 def plans(planner: GraspPlanner) -> list[tuple[np.ndarray, GraspPlan]]:
-    return [(can(*place), planner.plan(can(*place), Q)) for place in CANS]
+    return [(can(*xy), planner.plan(can(*xy), Q)) for xy in CANS]
 
 
 def grip(arm: ArmKinematics, q: np.ndarray) -> np.ndarray:
@@ -66,11 +65,11 @@ def test_the_hand_comes_straight_and_level_from_the_standoff(
         np.testing.assert_allclose(away, wanted, atol=0.006)
         thumb = [grip(arm, q)[:3, 0] for q in plan.approach]
         assert min(axis[2] for axis in thumb) > 0.9
-        # From its open side: along the way it moves in the hand's own direction of approach.
+        # The hand moves along its own direction of approach, its open side first.
         turned = grip(arm, plan.approach[-1])[:3, :3]
-        way = (points[-1] - points[0]) / np.linalg.norm(points[-1] - points[0])
+        moved = (points[-1] - points[0]) / np.linalg.norm(points[-1] - points[0])
         direction = turned @ OPTIONS.approach / np.linalg.norm(OPTIONS.approach)
-        assert way @ direction > 0.9
+        assert moved @ direction > 0.9
 
 
 def test_the_lift_goes_straight_up(
@@ -83,7 +82,7 @@ def test_the_lift_goes_straight_up(
         assert np.abs(points[:, :2] - plan.grip[:2]).max() < 0.006
 
 
-def test_limits_are_kept_and_the_camera_looks_at_the_can(
+def test_limits_are_kept_and_the_camera_points_at_the_can(
     arm: ArmKinematics, plans: list[tuple[np.ndarray, GraspPlan]]
 ) -> None:
     low, high = arm.limits.T
@@ -100,11 +99,11 @@ def test_how_the_can_is_turned_does_not_matter(planner: GraspPlanner) -> None:
     np.testing.assert_array_equal(one.approach, other.approach)
 
 
-@pytest.mark.parametrize("place", [(1.5, -0.2, TOP), (0.4, 0.9, TOP), (0.4, -0.15, 1.5)])
-def test_a_can_out_of_reach_is_said_to_be(
-    place: tuple[float, float, float], planner: GraspPlanner, arm: ArmKinematics
+@pytest.mark.parametrize("position", [(1.5, -0.2, TOP), (0.4, 0.9, TOP), (0.4, -0.15, 1.5)])
+def test_a_can_out_of_reach_is_reported(
+    position: tuple[float, float, float], planner: GraspPlanner, arm: ArmKinematics
 ) -> None:
-    plan = planner.plan(can(*place), Q)
+    plan = planner.plan(can(*position), Q)
     assert not plan.reachable
     missed = np.linalg.norm(grip(arm, plan.approach[-1])[:3, 3] - plan.grip)
     assert plan.worst >= missed - 1e-9
@@ -121,8 +120,8 @@ def test_a_marker_seen_by_the_camera_is_found_in_the_world(
     np.testing.assert_allclose(planner.marker_in_world(in_camera, Q), pose, atol=1e-12)
 
 
-def test_looking_moves_the_neck_alone(planner: GraspPlanner) -> None:
-    turned = planner.look_at(np.array([0.4, -0.1, -0.3]), Q)
+def test_pointing_the_camera_moves_the_neck_alone(planner: GraspPlanner) -> None:
+    turned = planner.point_camera(np.array([0.4, -0.1, -0.3]), Q)
     np.testing.assert_array_equal(turned[2:], Q[2:])
     assert np.abs(turned[:2] - Q[:2]).max() > 0.01
 
@@ -138,4 +137,4 @@ def test_hovering_keeps_the_grip_point_off_the_can(
 
 def test_an_unknown_joint_at_rest_is_named(arm: ArmKinematics) -> None:
     with pytest.raises(AgentError, match="knee"):
-        GraspPlanner(arm, "eye", GROUP_JOINTS["neck"], GraspOptions(rest=(("knee", 0.1),)))
+        GraspPlanner(arm, "eye", GROUPS["neck"], GraspOptions(rest=(("knee", 0.1),)))

@@ -1,12 +1,9 @@
-"""The filter: its innovations and its covariance are what it says they are."""
+"""Consistency of the filter: innovations and errors match its covariances."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
@@ -16,67 +13,23 @@ from scipy.stats import chi2
 from jmm_agent.kalman_filter import Consistency, JointEstimator
 from jmm_agent.kalman_filter_options import EstimatorError, EstimatorOptions
 from jmm_agent.mapping.length_map import QuadraticJacobian
+from tests.jmm_agent.nominal_arm import Tendons
 
-ARM = Path(__file__).parents[2] / "assets/mjcf/kengoro_arm/arm.xml"
-ARM_JOINTS = (
-    "neck_yaw", "neck_pitch", "neck_roll", "sc_roll", "sc_yaw", "ac_roll", "ac_pitch",
-    "sh_pitch", "sh_roll", "sh_yaw", "elbow", "radioulnar", "wrist_flex", "wrist_dev",
-)  # fmt: skip
 NOISE = 2e-4  # [m]
 DT = 0.02  # [s]
 
 
-@dataclass
-class Muscles:
-    """The drawing's wires by MuJoCo: what an error-free map would say."""
-
-    model: mujoco.MjModel
-    joints: tuple[str, ...]
-    muscles: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        self.data = mujoco.MjData(self.model)
-        self.qpos = [int(self.model.joint(name).qposadr[0]) for name in self.joints]
-        self.rows = [int(self.model.tendon(name).id) for name in self.muscles]
-        self.limits = np.array([self.model.joint(name).range for name in self.joints])
-
-    def lengths(self, q: np.ndarray) -> np.ndarray:
-        self.data.qpos[self.qpos] = q
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_tendon(self.model, self.data)
-        return self.data.ten_length[self.rows].copy()
-
-    def lengths_and_jacobian(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        lengths = self.lengths(q)
-        dense = np.zeros((self.model.ntendon, self.model.nv))
-        for row in range(self.model.ntendon):
-            start, count = self.model.ten_J_rowadr[row], self.model.ten_J_rownnz[row]
-            columns = self.model.ten_J_colind[start : start + count]
-            dense[row, columns] = self.data.ten_J[start : start + count]
-        return lengths, dense[np.ix_(self.rows, self.qpos)]
-
-    def jacobian_quadratic(self, q: np.ndarray, step: float = np.deg2rad(10)) -> np.ndarray:
-        points = [
-            sum(k * self.lengths(q + k * step * axis) for k in (-2, -1, 1, 2)) / (10 * step)
-            for axis in np.eye(q.size)
-        ]
-        return np.array(points).T
+@pytest.fixture(scope="module")
+def arm() -> Tendons:
+    return Tendons()
 
 
 @pytest.fixture(scope="module")
-def arm() -> Muscles:
-    model = mujoco.MjModel.from_xml_path(str(ARM))
-    muscles = tuple(model.tendon(i).name for i in range(model.ntendon))
-    return Muscles(model, ARM_JOINTS, muscles)
+def elbow() -> Tendons:
+    return Tendons(("elbow",), ("brachialis", "biceps", "triceps"))
 
 
-@pytest.fixture(scope="module")
-def elbow(arm: Muscles) -> Muscles:
-    return Muscles(arm.model, ("elbow",), ("brachialis", "biceps", "triceps"))
-
-
-def movement(muscles: Muscles, rng: np.random.Generator, steps: int) -> np.ndarray:
+def movement(muscles: Tendons, rng: np.random.Generator, steps: int) -> np.ndarray:
     """Postures (steps, n): half of each second smooth movement to a random posture, half rest."""
     low, high = muscles.limits.T
     inside = np.array([rng.uniform(0.8 * low, 0.8 * high) for _ in range(steps // 100 + 2)])
@@ -89,7 +42,7 @@ def movement(muscles: Muscles, rng: np.random.Generator, steps: int) -> np.ndarr
 
 
 def follow(
-    estimator: JointEstimator, muscles: Muscles, postures: np.ndarray, rng: np.random.Generator
+    estimator: JointEstimator, muscles: Tendons, postures: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """NIS, normalised estimation error squared, and |error| over the movement, after 10 steps."""
     nis, nees, errors = [], [], []
@@ -109,7 +62,7 @@ def in_band(values: np.ndarray, dof: int, confidence: float = 0.95) -> bool:
     return bool(low <= values.mean() <= high)
 
 
-def started(muscles: Muscles, q: np.ndarray, **options: float) -> JointEstimator:
+def started(muscles: Tendons, q: np.ndarray, **options: float) -> JointEstimator:
     chosen = EstimatorOptions(encoder_noise=NOISE, **options)  # type: ignore[arg-type]
     return JointEstimator(muscles, muscles.limits, chosen, q)
 
@@ -124,7 +77,7 @@ def seen(estimator: JointEstimator) -> Consistency:
 def test_innovations_are_consistent_moving_and_still(
     which: str, request: pytest.FixtureRequest
 ) -> None:
-    muscles: Muscles = request.getfixturevalue(which)
+    muscles: Tendons = request.getfixturevalue(which)
     dof = len(muscles.muscles) - len(muscles.joints)
     inside = steps_in_band = steps = 0
     for seed in range(8):
@@ -141,7 +94,7 @@ def test_innovations_are_consistent_moving_and_still(
     assert 0.935 < steps_in_band / steps < 0.965
 
 
-def test_covariance_is_as_large_as_the_errors(arm: Muscles) -> None:
+def test_covariance_is_as_large_as_the_errors(arm: Tendons) -> None:
     ratio = []
     for seed in range(3):
         rng = np.random.default_rng(seed)
@@ -152,10 +105,10 @@ def test_covariance_is_as_large_as_the_errors(arm: Muscles) -> None:
 
 
 def test_on_a_linear_map_it_is_the_exact_posterior() -> None:
-    """Prediction and correction with their shared noise together are one use of the lengths."""
+    """Prediction and correction with their shared noise together use the lengths once."""
     rng = np.random.default_rng(4)
     arms = rng.normal(0, 5e-3, (6, 3))
-    arms[:, 2] *= 1e-2  # a joint that the wires hardly see
+    arms[:, 2] *= 1e-2  # a joint that the muscles hardly show
 
     class Linear:
         def lengths_and_jacobian(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,8 +127,8 @@ def test_on_a_linear_map_it_is_the_exact_posterior() -> None:
         assert np.abs(estimate.covariance - covariance).max() < 1e-9
 
 
-def test_counting_one_measurement_twice_is_seen_to_be_inconsistent(arm: Muscles) -> None:
-    """The paper's two equations with the noises taken for independent."""
+def test_counting_one_measurement_twice_is_seen_to_be_inconsistent(arm: Tendons) -> None:
+    """The paper's two equations, with their noises taken as independent."""
     rng = np.random.default_rng(0)
     postures = movement(arm, rng, 400)
     naive = ExtendedKalmanFilter(dim_x=14, dim_z=36)
@@ -202,7 +155,7 @@ def test_counting_one_measurement_twice_is_seen_to_be_inconsistent(arm: Muscles)
     assert not in_band(np.array(nis[10:]), 36, 0.9999)
 
 
-def test_a_quadratic_jacobian_serves_as_well(arm: Muscles) -> None:
+def test_a_quadratic_jacobian_serves_as_well(arm: Tendons) -> None:
     rng = np.random.default_rng(3)
     postures = movement(arm, rng, 300)
     options = EstimatorOptions(encoder_noise=NOISE)
@@ -212,7 +165,7 @@ def test_a_quadratic_jacobian_serves_as_well(arm: Muscles) -> None:
     assert np.rad2deg(np.median(errors)) < 0.5
 
 
-def test_the_user_sees_a_map_that_is_wrong(elbow: Muscles, arm: Muscles) -> None:
+def test_a_wrong_map_is_inconsistent(elbow: Tendons, arm: Tendons) -> None:
     for muscles in (elbow, arm):
         rng = np.random.default_rng(5)
         postures = movement(muscles, rng, 200)
@@ -230,8 +183,8 @@ def test_the_user_sees_a_map_that_is_wrong(elbow: Muscles, arm: Muscles) -> None
         assert off.value > off.high
 
 
-def test_as_many_joints_as_muscles_leave_nothing_to_check(arm: Muscles) -> None:
-    lone = Muscles(arm.model, ("elbow",), ("brachialis",))
+def test_as_many_joints_as_muscles_leave_nothing_to_check(arm: Tendons) -> None:
+    lone = Tendons(("elbow",), ("brachialis",))
     estimator = started(lone, np.array([0.5]))
     estimate = estimator.update(lone.lengths(np.array([0.6])), DT)
     assert estimate.dof == 0
@@ -239,7 +192,7 @@ def test_as_many_joints_as_muscles_leave_nothing_to_check(arm: Muscles) -> None:
     assert abs(estimate.q[0] - 0.6) < 0.02
 
 
-def test_it_finds_the_posture_from_20_degrees_away_in_every_joint(arm: Muscles) -> None:
+def test_it_finds_the_posture_from_20_degrees_away_in_every_joint(arm: Tendons) -> None:
     low, high = arm.limits.T
     rng = np.random.default_rng(2)
     for _ in range(20):
@@ -252,7 +205,7 @@ def test_it_finds_the_posture_from_20_degrees_away_in_every_joint(arm: Muscles) 
         assert estimate.nis < 1e-2
 
 
-def test_a_posture_too_far_to_be_found_is_seen_as_inconsistent(arm: Muscles) -> None:
+def test_a_posture_too_far_to_be_found_is_seen_as_inconsistent(arm: Tendons) -> None:
     low, high = arm.limits.T
     rng = np.random.default_rng(2)
     lost = 0
@@ -268,9 +221,9 @@ def test_a_posture_too_far_to_be_found_is_seen_as_inconsistent(arm: Muscles) -> 
     assert 1 <= lost <= 10
 
 
-def test_muscles_that_do_not_see_a_joint_leave_it_where_it_was(arm: Muscles) -> None:
-    """Without scapula and neck wires the neck stays, and its variance grows with time."""
-    seeing = Muscles(arm.model, arm.joints, arm.muscles[18:])
+def test_a_joint_that_no_muscle_crosses_stays_where_it_was(arm: Tendons) -> None:
+    """Without scapula and neck muscles the neck stays, and its variance grows with time."""
+    seeing = Tendons(arm.joints, arm.muscles[18:])
     start = np.zeros(14)
     estimator = started(seeing, start)
     before = estimator.covariance
@@ -281,7 +234,7 @@ def test_muscles_that_do_not_see_a_joint_leave_it_where_it_was(arm: Muscles) -> 
     assert np.isfinite(estimate.covariance).all()
 
 
-def test_limits_are_kept_and_the_filter_comes_back(arm: Muscles) -> None:
+def test_limits_are_kept_and_the_filter_comes_back(arm: Tendons) -> None:
     estimator = started(arm, np.zeros(14), limit_margin=0.05)
     beyond = np.zeros(14)
     beyond[10] = -0.6  # elbow overstretched
@@ -306,7 +259,7 @@ def test_limits_are_kept_and_the_filter_comes_back(arm: Muscles) -> None:
 @pytest.mark.parametrize(
     "bad", [np.full(36, np.nan), np.r_[np.inf, np.zeros(35)], np.zeros(35), np.zeros((36, 1))]
 )
-def test_a_bad_measurement_is_refused_and_harms_nothing(arm: Muscles, bad: np.ndarray) -> None:
+def test_a_bad_measurement_is_refused_and_harms_nothing(arm: Tendons, bad: np.ndarray) -> None:
     estimator, other = started(arm, np.zeros(14)), started(arm, np.zeros(14))
     good = arm.lengths(np.full(14, 0.05))
     with pytest.raises(EstimatorError, match="lengths must be 36 finite"):
@@ -315,7 +268,7 @@ def test_a_bad_measurement_is_refused_and_harms_nothing(arm: Muscles, bad: np.nd
         assert np.array_equal(estimator.update(good, DT).q, other.update(good, DT).q)
 
 
-def test_an_absurd_measurement_and_a_broken_map_put_no_nan_into_the_state(arm: Muscles) -> None:
+def test_an_absurd_measurement_and_a_broken_map_put_no_nan_into_the_state(arm: Tendons) -> None:
     estimator = started(arm, np.zeros(14))
     estimator.update(np.full(36, 1e3), DT)
     assert np.isfinite(estimator.q).all()
@@ -336,7 +289,7 @@ def test_an_absurd_measurement_and_a_broken_map_put_no_nan_into_the_state(arm: M
         estimator.reset(np.zeros(3))
 
 
-def test_a_map_that_breaks_in_the_middle_of_a_step_leaves_the_state(arm: Muscles) -> None:
+def test_a_map_that_breaks_in_the_middle_of_a_step_leaves_the_state(arm: Tendons) -> None:
     class Fragile:
         healthy = True
 
@@ -355,7 +308,7 @@ def test_a_map_that_breaks_in_the_middle_of_a_step_leaves_the_state(arm: Muscles
     assert np.array_equal(estimator.covariance, covariance)
 
 
-def test_a_new_map_widens_the_covariance_and_is_followed(elbow: Muscles) -> None:
+def test_a_new_map_widens_the_covariance_and_is_followed(elbow: Tendons) -> None:
     class Longer:
         def lengths_and_jacobian(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             lengths, jacobian = elbow.lengths_and_jacobian(q)

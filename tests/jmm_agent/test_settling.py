@@ -14,13 +14,13 @@ OPTIONS = SettlingOptions(window=0.4, change=0.0008, release=0.004)
 
 
 def fired(lengths: np.ndarray, detector: SettlingDetector | None = None) -> list[int]:
-    """Steps at which a run of lengths (T, m) [m] is said to have settled."""
+    """Steps at which a sequence of lengths (T, m) [m] settles."""
     detector = detector or SettlingDetector(OPTIONS)
     return [step for step, row in enumerate(lengths) if detector.update(PERIOD * step, row)]
 
 
 def held(values: list[float], steps: int) -> np.ndarray:
-    """Two wires of which the second holds each value [m] for some steps."""
+    """Two muscles of which the second holds each value [m] for some steps."""
     second = np.repeat(values, steps)
     return np.column_stack([np.full(len(second), 0.1), second])
 
@@ -58,21 +58,21 @@ def test_a_reset_forgets_the_rest_and_the_past() -> None:
 
 
 @given(speed=st.floats(0.0025, 0.5), muscle=st.integers(0, 4), sign=st.sampled_from([-1.0, 1.0]))
-def test_one_wire_that_moves_keeps_all_unsettled(speed: float, muscle: int, sign: float) -> None:
+def test_one_muscle_that_moves_keeps_all_unsettled(speed: float, muscle: int, sign: float) -> None:
     lengths = np.zeros((150, 5))
     lengths[:, muscle] = sign * speed * PERIOD * np.arange(150)
     assert fired(lengths) == []
 
 
 @given(period=st.integers(4, 40), phase=st.floats(0.0, 6.28), amplitude=st.floats(0.002, 0.05))
-def test_a_swinging_wire_never_settles(period: int, phase: float, amplitude: float) -> None:
+def test_a_swinging_muscle_never_settles(period: int, phase: float, amplitude: float) -> None:
     steps = np.arange(200)
     swing = amplitude * np.sin(2 * np.pi * steps / period + phase)
     assert fired(np.column_stack([np.zeros(200), swing])) == []
 
 
 @given(seed=st.integers(0, 1000), level=st.floats(0.0, 0.00005))
-def test_noise_within_the_threshold_does_not_keep_it_awake(seed: int, level: float) -> None:
+def test_noise_within_the_threshold_does_not_prevent_settling(seed: int, level: float) -> None:
     lengths = level * np.random.default_rng(seed).standard_normal((60, 36))
     assert fired(lengths) == [20]
 
@@ -80,7 +80,7 @@ def test_noise_within_the_threshold_does_not_keep_it_awake(seed: int, level: flo
 @given(
     jumps=st.lists(st.tuples(st.integers(1, 60), st.floats(-0.02, 0.02)), min_size=1, max_size=6)
 )
-def test_whatever_it_calls_rest_was_still_for_the_whole_window(
+def test_lengths_that_settle_were_still_for_the_whole_window(
     jumps: list[tuple[int, float]],
 ) -> None:
     lengths = np.concatenate([np.full((steps, 1), value) for steps, value in jumps])
@@ -117,8 +117,8 @@ def stamps(period: float, jitter: float = 0.0, start: float = 0.0, lost: float =
 def moves_and_rests(time: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
     """Lengths (T, 36) [m] at moments [s] after the first move began: ten moves, ten rests."""
     cycle, phase = np.divmod(time, MOVE + HOLD)
-    way = SPEED * (MOVE * cycle + np.clip(phase, 0.0, MOVE))
-    lengths = way[:, None] * np.linspace(-1.0, 1.0, 36)
+    travelled = SPEED * (MOVE * cycle + np.clip(phase, 0.0, MOVE))
+    lengths = travelled[:, None] * np.linspace(-1.0, 1.0, 36)
     return lengths + noise * np.random.default_rng(seed).standard_normal(lengths.shape)
 
 
@@ -171,12 +171,12 @@ def test_a_stamp_that_is_not_newer_is_skipped(stamp: float) -> None:
         detector.update(PERIOD * step, rest)
     since = detector.since
     assert not detector.update(stamp, np.ones(2))
-    assert detector.since == since  # what came with it was not taken for a move
+    assert detector.since == since  # its lengths did not count as a move
 
 
 def test_a_gap_is_not_taken_for_a_rest() -> None:
     detector, rest = SettlingDetector(OPTIONS), np.zeros(2)
     for step in range(10):
         assert not detector.update(PERIOD * step, rest)
-    assert not detector.update(10.0, rest)  # what happened between is not known
+    assert not detector.update(10.0, rest)  # the time between is unknown
     assert [k for k in range(1, 30) if detector.update(10.0 + PERIOD * k, rest)] == [20]

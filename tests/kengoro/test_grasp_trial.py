@@ -1,4 +1,4 @@
-"""The trial on the drawing: it grasps, it does not without fingers, and it skips what it must."""
+"""A can-grasping trial on the nominal model: a grasp, open fingers, and a can out of reach."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import pytest
 
 from jmm_agent.grasping import GraspOptions, GraspPlanner
 from kengoro import grasp_trial
-from kengoro.arm import make_agent, make_env
-from kengoro.grasp_trial import GraspTrial
+from kengoro.agents import make_agent
+from kengoro.grasp_trial import GraspTrial, outcome_sentences
 from kengoro.hand_search import READY, TrialOptions
+from kengoro.robots import make_env
 from kengoro.session import OPEN, Session
-from kengoro.trained_maps import trained_map
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
 
 
 @pytest.fixture
 def session(request: pytest.FixtureRequest) -> Iterator[Session]:
-    agent = make_agent(trained_map(request.config.cache.mkdir("maps")), 0, learning=False)
+    agent = make_agent(cache=request.config.cache.mkdir("maps"), learning=False)
     env = make_env("CanGrasp", None)
     yield Session(env, agent, 0, None, {"posture": np.array(READY)})
     env.close()
@@ -32,18 +32,18 @@ def trial_of(session: Session, options: GraspOptions | None = None) -> GraspTria
     return GraspTrial(session, planner, posture_set(), rng, TrialOptions(approaches=1))
 
 
-def test_the_drawing_lifts_the_can_and_a_person_puts_it_back(session: Session) -> None:
-    stood = session.truth["can_pose"][:3, 3].copy()
+def test_the_nominal_model_lifts_the_can_which_is_then_put_back(session: Session) -> None:
+    start = session.truth["can_pose"][:3, 3].copy()
     trial = trial_of(session).run()
     (approach,) = trial.approaches
     assert approach.grasped
-    assert approach.distance < 0.060  # what gravity may make of stiff gains, learning off
+    assert approach.distance < 0.060  # [m]: sag under gravity, learning off
     session.step()
-    np.testing.assert_allclose(session.truth["can_pose"][:3, 3], stood, atol=2e-3)
+    np.testing.assert_allclose(session.truth["can_pose"][:3, 3], start, atol=2e-3)
     assert not session.truth["success"]
 
 
-def test_fingers_that_stay_open_lift_nothing(
+def test_open_fingers_do_not_lift_the_can(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(grasp_trial, "CLOSED", OPEN)
@@ -51,9 +51,21 @@ def test_fingers_that_stay_open_lift_nothing(
     assert not approach.grasped
 
 
-def test_a_can_out_of_reach_is_reported_and_left_alone(session: Session) -> None:
+def test_a_can_out_of_reach_is_reported_and_not_approached(session: Session) -> None:
     """The grip point is planned two metres above the can's marker."""
     trial = trial_of(session, GraspOptions(grip_depth=-2.0)).run()
     assert trial.approaches == []
     (note,) = trial.notes
     assert "out of reach by" in note
+
+
+def test_a_result_is_three_sentences() -> None:
+    assert outcome_sentences([0.1964, 0.0241], [False, True], 27, 93.2) == [
+        "In its first approach the robot missed the can: its hand was 196 mm off.",
+        "It then learned from 27 observations of its hand in 93 s.",
+        "In approach 2 it grasped and lifted the can, with its hand 24 mm off.",
+    ]
+
+
+def test_a_trial_without_an_approach_is_one_sentence() -> None:
+    assert outcome_sentences([], [], 0, 0.0) == ["The robot made no approach to the can."]

@@ -1,11 +1,13 @@
-"""Visits: what was wanted, true, estimated and seen at a posture, and the errors between them."""
+"""Visits: target, true, estimated and seen joint angles at a posture, and their errors."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from kengoro.arm import ACTUAL, make_session, new_agent, shuffled_postures
+from kengoro.agents import make_agent
+from kengoro.robots import NO_END, make_env, shuffled_postures
+from kengoro.session import Session
 from kengoro.visits import (
     Visits,
     error_rows,
@@ -22,7 +24,7 @@ from kengoro_env.names import JOINTS
 SEED = 1
 
 
-def some_visits() -> Visits:
+def visits_with_known_errors() -> Visits:
     zero = np.zeros(len(JOINTS))
     one = np.eye(len(JOINTS))[JOINTS.index("elbow")]
     visits = no_visits()
@@ -36,8 +38,8 @@ def some_visits() -> Visits:
     return visits
 
 
-def test_errors_of_made_up_visits() -> None:
-    visits = some_visits()
+def test_errors_have_the_known_values() -> None:
+    visits = visits_with_known_errors()
     root = np.sqrt(len(JOINTS))
     np.testing.assert_allclose(rmse_deg(visits, "target_true"), 14.0 / root)
     elbow = np.array([JOINTS.index("elbow")])
@@ -47,13 +49,13 @@ def test_errors_of_made_up_visits() -> None:
     assert found["target_true_deg"] == pytest.approx(14.0 / root, abs=1e-3)
     assert found["estimate_target_deg"] == 0.0
     assert found["estimate_target_mm"] == 0.0
-    forearm = 0.35  # [m] elbow to grip point, about
+    forearm = 0.35  # [m], about, from the elbow to the grip point
     assert hand_mm(visits, "target_true")[0] == pytest.approx(1e3 * forearm * 0.244, rel=0.2)
     assert found["max_tension_N"] == 100.0
 
 
-def test_what_was_never_seen_is_left_out_and_told() -> None:
-    visits = some_visits()
+def test_errors_against_seen_angles_are_left_out_without_a_marker_observation() -> None:
+    visits = visits_with_known_errors()
     visits["seen"] = [None, None]
     found = errors(visits)
     assert "estimate_seen_deg" not in found
@@ -62,18 +64,19 @@ def test_what_was_never_seen_is_left_out_and_told() -> None:
     assert rows["largest tension [N]"] == "100.0 (100.0)"
 
 
-def test_groups_own_all_joints_once() -> None:
+def test_each_joint_is_in_one_group() -> None:
     groups = group_joints()
-    every = groups.pop("all")
-    np.testing.assert_array_equal(np.sort(np.concatenate(list(groups.values()))), every)
+    all_joints = groups.pop("all")
+    np.testing.assert_array_equal(np.sort(np.concatenate(list(groups.values()))), all_joints)
 
 
 @pytest.fixture(scope="module")
 def visited(request: pytest.FixtureRequest) -> Visits:
-    """Two visits of an actual robot; it learns at the first only."""
-    agent = new_agent(request.config.cache.mkdir("maps"), SEED)
+    """Two visits of an actual robot, with learning at the first only."""
+    agent = make_agent(SEED, cache=request.config.cache.mkdir("maps"))
     start, *postures = shuffled_postures(SEED)[:3]
-    session = make_session(ACTUAL, SEED, agent, start)
+    env = make_env("Posture", SEED, max_episode_steps=NO_END)
+    session = Session(env, agent, SEED, options={"posture": start, "target": start})
     visits = no_visits()
     before = agent.map
     visit(session, postures[0], visits)
@@ -85,8 +88,8 @@ def visited(request: pytest.FixtureRequest) -> Visits:
     return visits
 
 
-def test_a_visit_is_judged_before_it_is_learned_from(visited: Visits) -> None:
-    """What was learned at the first posture explains its look; the visit still tells the miss."""
+def test_the_error_of_a_visit_is_the_one_before_learning(visited: Visits) -> None:
+    """The map learned at the first posture fits its observation; the visit has the error before."""
     found = rmse_deg(visited, "estimate_seen")
     assert found[0] > 2.0
     assert len(found) == 2

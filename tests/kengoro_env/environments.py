@@ -1,4 +1,4 @@
-"""An environment as its tests want it."""
+"""Environments for the tests."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kengoro_env.robot.draft import Draft
 
 
 def make(env_id: str, **arguments: Any) -> KengoroEnv:
-    """The environment itself, without Gymnasium's wrappers."""
+    """The environment without Gymnasium's wrappers."""
     env = gym.make(env_id, **arguments).unwrapped
     assert isinstance(env, KengoroEnv)
     return env
@@ -20,7 +20,7 @@ def make(env_id: str, **arguments: Any) -> KengoroEnv:
 
 @dataclass(frozen=True)
 class EveryOtherStretches:
-    """Every other wire stretches and rubs in proportion to its tension; the rest is as drawn."""
+    """Every other tendon stretches and has friction per tension; the others are nominal."""
 
     def edit(self, draft: Draft) -> None:
         for tendon in list(draft.tendons.values())[::2]:

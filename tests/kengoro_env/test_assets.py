@@ -1,4 +1,4 @@
-"""Assets are found in a checkout and in an installed package, and a missing one is named."""
+"""Assets are found in a checkout and in an installed package; errors name missing ones."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The assets folder of a pretended installed wheel, with one file `mjcf/arm.xml`."""
+    """The assets folder as in an installed wheel, with one file `mjcf/arm.xml`."""
     root = tmp_path / "kengoro_env" / "assets_data"
     (root / "mjcf").mkdir(parents=True)
     (root / "mjcf" / "arm.xml").touch()
@@ -35,7 +35,7 @@ def test_folder(installed: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["mjcf/leg.xml", "mjcf/leg/knee.xml", "mjcf/arm.xml/more"])
-def test_missing_asset_says_what_there_is(installed: Path, name: str) -> None:
+def test_the_error_of_a_missing_asset_lists_the_assets(installed: Path, name: str) -> None:
     with pytest.raises(KengoroError, match=r"does not exist: .*mjcf holds arm\.xml\.") as caught:
         assets.asset_path(name)
     assert repr(name) in str(caught.value)

@@ -1,4 +1,4 @@
-"""Same seed, same bits: over runs, after a dirty episode, in a copy and after pickling."""
+"""The same seed gives the same bits: in two runs, after other episodes, in a copy, pickled."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MUSCLE = {"Kengoro/Elbow-v0": "biceps"}
 
 
 def roll(env: KengoroEnv, steps: int, seed: int) -> list[np.ndarray]:
-    """All numbers that ``steps`` random actions give."""
+    """All numbers returned for ``steps`` random actions."""
     env.action_space.seed(seed)
     numbers: list[np.ndarray] = []
     for _ in range(steps):
@@ -39,7 +39,7 @@ def same(first: list[np.ndarray], second: list[np.ndarray]) -> bool:
 
 
 def departed(env_id: str) -> tuple[Any, ...]:
-    """Every kind of departure, and a wire that gives in the middle of the episode."""
+    """Every kind of departure, and an elongation in the middle of the episode."""
     return (*actual(3), Elongation(MUSCLE.get(env_id, "delt_mid"), 0.01, time=0.1))
 
 

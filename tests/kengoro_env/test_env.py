@@ -1,4 +1,4 @@
-"""The environments keep Gymnasium's contract, and say in one sentence what is wrong."""
+"""The environments follow Gymnasium's interface; errors are one sentence."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from gymnasium.utils.env_checker import check_env
 
 from kengoro_env.departures import Elongation, TendonStretch, actual
 from kengoro_env.env import KengoroEnv
-from kengoro_env.errors import KengoroError
-from kengoro_env.robot.motors import Gains
-from kengoro_env.spaces import InvalidActionError
+from kengoro_env.errors import InvalidActionError, KengoroError
+from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.vision.rendering import Painter
 from tests.kengoro_env.environments import make
 
@@ -196,9 +195,9 @@ def test_unknown_names() -> None:
 def test_robot_seed_is_the_actual_robot_of_that_seed() -> None:
     seeded = make("Kengoro/Elbow-v0", robot_seed=7)
     listed = make("Kengoro/Elbow-v0", departures=actual(7))
-    drawn = make("Kengoro/Elbow-v0")
+    nominal = make("Kengoro/Elbow-v0")
     results = []
-    for env in (seeded, listed, drawn):
+    for env in (seeded, listed, nominal):
         env.reset(seed=0, options={"posture": [0.5]})
         for _ in range(20):
             observation, *_ = env.step(np.array([0.2, 0.1, 0.0]))

@@ -1,4 +1,4 @@
-"""The posture set is what its docstring says, and wide enough that easy cannot mean small."""
+"""The posture set meets the conditions of its docstring, and covers a wide range of angles."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from kengoro_env.departures.presets import actual
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import PostureChecker, least_tension, posture_set
 from kengoro_env.robot.draft import Draft
+from kengoro_env.robot.model_file import load_spec
 from kengoro_env.robot.nominal_model import NominalArm
-from kengoro_env.robot.robot import load_spec
 
 ARM = "mjcf/kengoro_arm/arm.xml"
 
@@ -31,7 +31,7 @@ def test_moment_arms() -> None:
     assert np.all(np.mean(both >= 0.010, axis=0) >= 0.95)
 
 
-def test_every_twentieth_posture_is_accepted_as_drawn() -> None:
+def test_every_twentieth_posture_is_accepted_in_the_nominal_model() -> None:
     checker = PostureChecker()
     assert all(checker.accepts(posture) for posture in posture_set()[::20])
 
@@ -39,7 +39,7 @@ def test_every_twentieth_posture_is_accepted_as_drawn() -> None:
 def test_checker_refuses() -> None:
     checker, posture = PostureChecker(), posture_set()[0].copy()
     beyond = posture.copy()
-    beyond[JOINTS.index("elbow")] = checker.drawing.upper[JOINTS.index("elbow")]
+    beyond[JOINTS.index("elbow")] = checker.nominal.upper[JOINTS.index("elbow")]
     assert not checker.inside(beyond)
     away = posture.copy()
     away[JOINTS.index("neck_yaw")] += np.radians(60.0)
@@ -47,7 +47,7 @@ def test_checker_refuses() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_displaced_wires_hold_gravity(seed: int, tmp_path) -> None:
+def test_displaced_tendons_hold_gravity(seed: int, tmp_path) -> None:
     displacement = next(d for d in actual(seed) if isinstance(d, AttachmentDisplacement))
     draft = Draft.of(load_spec(asset_path(ARM)))
     displacement.edit(draft)
@@ -65,7 +65,7 @@ def test_displaced_wires_hold_gravity(seed: int, tmp_path) -> None:
 
 
 def test_least_tension_of_a_pulley() -> None:
-    """Two wires on one joint: the agonist carries the torque and what the antagonist pulls."""
+    """Two tendons on one joint: the agonist carries torque and tension of the antagonist."""
     arms, gravity = np.array([[-0.05], [0.05]]), np.array([-1.0])
     assert least_tension(arms, gravity) == pytest.approx(25.0)
     assert least_tension(arms, gravity, most=20.0) == np.inf

@@ -1,4 +1,4 @@
-"""Actions map affinely to lengths and back, and the bounds hold the drawing's lengths."""
+"""Actions map affinely to lengths and back; the bounds contain the nominal lengths."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 
 from kengoro_env.assets import asset_path
 from kengoro_env.env import TASKS, KengoroEnv
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import InvalidActionError, KengoroError
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.spaces import (
     MARGIN,
     SCENES,
-    InvalidActionError,
     LengthBounds,
     computed_bounds,
     length_bounds,
@@ -49,7 +48,7 @@ def test_lengths_out_of_bounds_are_cut() -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_shipped_bounds_are_those_of_the_model(scene: str) -> None:
-    """Else `python -m kengoro_env.spaces` was forgotten after a change of the arm."""
+    """A failure means: run `python -m kengoro_env.spaces` after a change of the arm."""
     shipped, computed = length_bounds(scene), computed_bounds(NominalArm(asset_path(scene)))
     assert np.allclose(shipped.low, computed.low, rtol=0.0, atol=1e-9)
     assert np.allclose(shipped.high, computed.high, rtol=0.0, atol=1e-9)
@@ -62,26 +61,26 @@ def test_each_task_has_shipped_bounds_in_the_order_of_its_muscles(task: str) -> 
     assert tuple(shipped[env.task.scene]) == env.muscles
 
 
-def test_bounds_hold_the_drawings_lengths_with_room_to_spare() -> None:
-    drawing, bounds = NominalArm(ARM), length_bounds(SCENES[0])
+def test_bounds_contain_the_lengths_of_the_nominal_model_with_a_margin() -> None:
+    nominal, bounds = NominalArm(ARM), length_bounds(SCENES[0])
     rng = np.random.default_rng(99)
-    postures = rng.uniform(drawing.lower, drawing.upper, (1000, len(drawing.joints)))
-    lengths = drawing.lengths(np.vstack([postures, posture_set()]))
+    postures = rng.uniform(nominal.lower, nominal.upper, (1000, len(nominal.joints)))
+    lengths = nominal.lengths(np.vstack([postures, posture_set()]))
     assert np.all(lengths > bounds.low + 0.9 * MARGIN)
     assert np.all(lengths < bounds.high - 0.9 * MARGIN)
 
 
 def test_bounds_are_not_wider_than_the_lengths_need() -> None:
-    drawing, bounds = NominalArm(ARM), length_bounds(SCENES[0])
+    nominal, bounds = NominalArm(ARM), length_bounds(SCENES[0])
     rng = np.random.default_rng(98)
-    share = rng.random((2000, len(drawing.joints)))
+    share = rng.random((2000, len(nominal.joints)))
     share[1000:] = np.round(share[1000:])
-    lengths = drawing.lengths(drawing.lower + share * (drawing.upper - drawing.lower))
+    lengths = nominal.lengths(nominal.lower + share * (nominal.upper - nominal.lower))
     assert np.all(lengths.min(axis=0) < bounds.low + MARGIN + 0.02)
     assert np.all(lengths.max(axis=0) > bounds.high - MARGIN - 0.02)
 
 
-def test_an_environments_actions_command_what_they_say() -> None:
+def test_an_environments_actions_command_their_lengths() -> None:
     env = gym.make("Kengoro/CanGrasp-v0", camera=False).unwrapped
     assert isinstance(env, KengoroEnv)
     env.reset(seed=0)

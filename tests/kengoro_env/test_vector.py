@@ -1,4 +1,4 @@
-"""Many environments at once against as many single ones."""
+"""The vector environment has the bits of single environments."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from kengoro_env.departures.tendons import DryFriction, Elongation
 from kengoro_env.errors import KengoroError
-from kengoro_env.stepping import compiled_fleet
-from kengoro_env.stepping.compiled_fleet import CompiledFleet
-from kengoro_env.stepping.fleet import Fleet
+from kengoro_env.stepping import choice
+from kengoro_env.stepping.compiled_steps import CompiledSteps
+from kengoro_env.stepping.numpy_steps import NumpySteps
 from kengoro_env.vector import KengoroVectorEnv
 from tests.kengoro_env.environments import EveryOtherStretches
 
 ELBOW, POSTURE = "Kengoro/Elbow-v0", "Kengoro/Posture-v0"
-GIVES = {
+ELONGATES = {
     "departures": (
         Elongation("biceps", 0.004, time=0.03),
         Elongation("triceps", 0.003, time=0.07),
@@ -27,12 +27,12 @@ GIVES = {
 }
 
 
-@pytest.fixture(params=[CompiledFleet, Fleet], autouse=True)
+@pytest.fixture(params=[CompiledSteps, NumpySteps], autouse=True)
 def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Any:
     """By compiled code and by `mujoco.batch`; single environments are compiled where they can."""
-    if request.param is Fleet:
-        monkeypatch.setattr(compiled_fleet, "library", lambda: None)
-    elif compiled_fleet.library() is None:
+    if request.param is NumpySteps:
+        monkeypatch.setattr(choice, "library", lambda: None)
+    elif choice.library() is None:
         pytest.skip("there is no compiled code here")
     return request.param
 
@@ -50,7 +50,7 @@ def same(one: Any, other: Any) -> bool:
     [
         (ELBOW, {}),
         (ELBOW, {"robot_seed": 3}),
-        (ELBOW, GIVES),
+        (ELBOW, ELONGATES),
         (ELBOW, {"departures": (EveryOtherStretches(), Elongation("biceps", 0.004))}),
         (POSTURE, {}),
         (POSTURE, {"robot_seed": 1}),
@@ -114,7 +114,9 @@ def test_one_that_diverges_ends_alone(value: float, kind: type) -> None:
     before, *_, known = many.step(rest)
     assert known["success"].all()
     calm.step(rest)
-    velocities = many.fleet.data.qvel[1] if kind is Fleet else many.fleet.parts(1)[1].qvel
+    velocities = (
+        many.fleet._robots.data.qvel[1] if kind is NumpySteps else many.fleet.parts(1)[1].qvel
+    )
     velocities[:] = value
 
     found, reward, terminated, truncated, infos = many.step(rest)
@@ -163,7 +165,7 @@ def test_what_they_give_is_in_their_spaces_and_is_the_callers() -> None:
     [
         ({"camera": True}, 'no camera: leave camera out, or ask for vectorization_mode="async"'),
         ({"num_envs": 0}, "num_envs must be 1 or more, got 0"),
-        ({"task": "can_grasp"}, "only posture and elbow can be many at once"),
+        ({"task": "can_grasp"}, "only the tasks posture and elbow have a vector environment"),
         ({"task": "juggle"}, "unknown task 'juggle'"),
     ],
 )

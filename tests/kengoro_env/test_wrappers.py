@@ -24,7 +24,7 @@ IDS = ("Kengoro/CanGrasp-v0", "Kengoro/Posture-v0", "Kengoro/Elbow-v0")
 
 
 def wrapped(env_id: str, steps: int) -> gym.Env[Any, Any]:
-    """What a learner might put around an environment without its camera."""
+    """An environment without camera in wrappers that learning libraries use."""
     env = gym.make(env_id, camera=False, max_episode_steps=None, disable_env_checker=True)
     env = TransformAction(env, lambda action: 0.5 * action, env.action_space)
     return RecordEpisodeStatistics(TimeLimit(FlattenObservation(env), steps))

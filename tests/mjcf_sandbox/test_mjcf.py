@@ -1,4 +1,4 @@
-"""Hostile models are refused in a sentence, and read nothing outside their folder."""
+"""Hostile models are refused with one sentence, and read no file outside their folder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kengoro_env.errors import KengoroError
-from kengoro_env.robot.robot import load_spec
+from kengoro_env.robot.model_file import load_spec
 from mjcf_sandbox import sandbox
 from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model, named_files
@@ -37,7 +37,7 @@ PART = """<mujoco>
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with parts of models, beside files that are nobody's business."""
+    """A folder with parts of models, beside files that it must not read."""
     folder = tmp_path / "study"
     for name in ("meshes", "part", "a/b"):
         (folder / name).mkdir(parents=True)
@@ -151,7 +151,7 @@ REFUSED = {
     "no XML": ("mujoco", "cannot be read: model.xml is not well-formed XML: .*"),
     "a name too long": (
         MESH.format("", 300 * "x"),
-        r"names 'x{200}\.\.\.', which is no path of a file",
+        r"names 'x{200}\.\.\.', which is not a valid path of a file",
     ),
     "a long path outside": (
         MESH.format("", f"../{100 * 'folder/'}x.obj"),
@@ -159,13 +159,16 @@ REFUSED = {
     ),
     "a model's name too long": (
         f"<mujoco><asset><model name='m' file='{300 * 'x'}'/></asset></mujoco>",
-        "names .*, which is no path of a file",
+        "names .*, which is not a valid path of a file",
     ),
     "an included name too long": (
         f"<mujoco><include file='{300 * 'x'}'/></mujoco>",
-        "names .*, which is no path of a file",
+        "names .*, which is not a valid path of a file",
     ),
-    "a loop of links": (MESH.format("", "loop/x.obj"), "names .*, which is no path of a file"),
+    "a loop of links": (
+        MESH.format("", "loop/x.obj"),
+        "names .*, which is not a valid path of a file",
+    ),
     "too little memory to simulate": (
         "<mujoco><size memory='1'/><worldbody><body><freejoint/><geom size='1'/></body>"
         "<geom type='plane' size='1 1 1'/></worldbody></mujoco>",
@@ -205,7 +208,7 @@ def bits(model: mujoco.MjModel) -> bytes:
     return buffer.tobytes()
 
 
-def test_the_fence_changes_no_bit(folder: Path) -> None:
+def test_the_sandbox_changes_no_bit(folder: Path) -> None:
     model = write(folder, GOOD)
-    fenced, plain = load_spec(model).compile(), mujoco.MjModel.from_xml_path(str(model))
-    assert bits(fenced) == bits(plain)
+    sandboxed, plain = load_spec(model).compile(), mujoco.MjModel.from_xml_path(str(model))
+    assert bits(sandboxed) == bits(plain)

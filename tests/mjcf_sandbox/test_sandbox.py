@@ -1,4 +1,4 @@
-"""The fence: what happens behind it stays there."""
+"""The sandbox: what happens in its worker does not reach the parent."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ WORK = {
     "crashes": "os.kill(os.getpid(), signal.SIGSEGV)",
     "computes": "while True: pass",
     "fills": "bytearray(1 << 30)",
-    "tells": "tell(0.25); time.sleep(0.1); tell(1.0); time.sleep(0.1)",
+    "reports": "report_progress(0.25); time.sleep(0.1); report_progress(1.0); time.sleep(0.1)",
     "litters": "open('MUJOCO_LOG.TXT', 'w').write('x')",
 }
 
 
 @pytest.fixture
 def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Modules that do something, where this process finds its modules."""
+    """Modules for the worker, in a folder of this process's module path."""
     head = "import os, signal, time\nfrom mjcf_sandbox.errors import UntrustedFileError\n"
-    head += "from mjcf_sandbox.worker import tell\ndef main(*arguments):\n    "
+    head += "from mjcf_sandbox.worker import report_progress\ndef main(*arguments):\n    "
     for name, line in WORK.items():
         (tmp_path / f"work_that_{name}.py").write_text(head + line + "\n")
     monkeypatch.syspath_prepend(tmp_path)
@@ -40,7 +40,7 @@ def test_what_goes_well_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
     shares: list[float] = []
     sandbox.run("work_that_litters", [], LIMITS)
-    sandbox.run("work_that_tells", ["a", "b"], LIMITS, shares.append)
+    sandbox.run("work_that_reports", ["a", "b"], LIMITS, shares.append)
     assert shares[-1] in (0.25, 1.0)
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 
@@ -56,7 +56,7 @@ def test_what_goes_well_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.Monk
         ("fills", SandboxError, "makes its reader fail, or needs more than 256 MiB"),
     ],
 )
-def test_what_goes_wrong_is_said(name: str, kind: type[Exception], sentence: str) -> None:
+def test_what_goes_wrong_is_reported(name: str, kind: type[Exception], sentence: str) -> None:
     begin = time.monotonic()
     with pytest.raises(kind, match=f"^{sentence}$"):
         sandbox.run(f"work_that_{name}", [], LIMITS)
@@ -64,7 +64,7 @@ def test_what_goes_wrong_is_said(name: str, kind: type[Exception], sentence: str
 
 
 def test_modules_of_the_folder_are_not_imported(tmp_path: Path) -> None:
-    (tmp_path / "mujoco.py").write_text("raise SystemExit('code of a stranger was run')")
+    (tmp_path / "mujoco.py").write_text("raise SystemExit('code of the model's folder was run')")
     (tmp_path / "model.xml").write_text("<mujoco/>")
     program = (
         f"import sys; sys.path[0] = {str(Path(__file__).parents[2])!r}\n"

@@ -1,9 +1,10 @@
-"""A small machine with two wires, a good study of it on disk, and diagnoses made by hand."""
+"""Fixtures: a small machine with two tendons, a good study of it on disk, and made-up diagnoses."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from reality_gap.causes import cause
+from reality_gap.causes import find_cause
 from reality_gap.diagnosis import (
     Dependence,
     Diagnosis,
@@ -31,7 +32,7 @@ from reality_gap.simulation.replay import replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured
 from reality_gap.study.splits import split
-from reality_gap.study.system import System, look_at
+from reality_gap.study.system import System, compile_system
 
 MODEL = """
 <mujoco model="lever">
@@ -74,12 +75,12 @@ MODEL = """
 
 @dataclass
 class StudyFolder:
-    """A study on disk, to be spoilt.
+    """A study on disk, for tests that change it.
 
     Attributes:
-        path: of STUDY.yaml.
-        content: what STUDY.yaml says; `write` after changing it.
-        logs: columns of each log, by file name; `write` after changing them.
+        path: path of STUDY.yaml.
+        content: content of STUDY.yaml; call `write` after changes.
+        logs: columns of each log, by file name; call `write` after changes.
     """
 
     path: Path
@@ -87,7 +88,7 @@ class StudyFolder:
     logs: dict[str, dict[str, list]]
 
     def write(self) -> Path:
-        """Write STUDY.yaml and the logs, and return the path of the former."""
+        """Write STUDY.yaml and the logs, and return the path of STUDY.yaml."""
         for name, columns in self.logs.items():
             rows = [columns, *zip(*columns.values(), strict=True)]
             text = "".join(",".join(map(str, row)) + "\n" for row in rows)
@@ -97,7 +98,7 @@ class StudyFolder:
 
 
 def _log(seconds: float, phase: float) -> tuple[dict[str, list], dict[str, list]]:
-    """What the machine itself does, with noise: its log at 50 Hz and its camera's at 10 Hz."""
+    """Simulate the machine with noise: its log at 50 Hz and that of its camera at 10 Hz."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(model)
     random = np.random.default_rng(round(10 * phase))
@@ -138,7 +139,7 @@ def lever_logs() -> list[tuple[dict[str, list], dict[str, list]]]:
 def study_folder(
     tmp_path: Path, lever_logs: list[tuple[dict[str, list], dict[str, list]]]
 ) -> StudyFolder:
-    """A good study in a folder of its own, written."""
+    """A good study in its own folder."""
     logs = {}
     for i, (robot, camera) in enumerate(lever_logs):
         logs[f"robot_{i}.csv"] = {name: list(cells) for name, cells in robot.items()}
@@ -172,69 +173,67 @@ def study_folder(
 
 @pytest.fixture
 def lever_study(study_folder: StudyFolder) -> Study:
-    """The good study, read."""
+    """The good study, loaded."""
     return load_study(study_folder.path)
 
 
 @pytest.fixture
 def diagnosed(lever_study: Study) -> Callable[[Verdict], Diagnosis]:
-    """Makes a diagnosis of the good study by hand: friction of the flexor, and an encoder."""
+    """Makes diagnoses of the good study: friction of the flexor, and an encoder offset."""
+    return partial(_diagnosis, lever_study)
 
-    def make(verdict: Verdict) -> Diagnosis:
-        system, readings = look_at(lever_study), measured(lever_study)
-        rubs = _candidate(system, "coulomb_friction", "flexor")
-        reads = _candidate(system, "length_offset", "extensor")
-        values = {"friction": 3.0}, {"offset": 0.0025}
-        named = verdict is Verdict.NAMED
-        parts = list(zip((rubs, reads), values, strict=True)) if named else []
-        before, after = (
-            replay(build(system, found), lever_study, readings).prediction for found in ([], parts)
-        )
-        estimates = (
-            {"friction": Estimate(3.0, 2.5, 3.5, "N")},
-            {"offset": Estimate(0.0025, 0.002, 0.003, "m")},
-        )
-        return Diagnosis(
-            study=lever_study.name,
-            verdict=verdict,
-            sentence=f"This is what the data say: {verdict.value}.",
-            causes=(
-                NamedCause(rubs, estimates[0], 0.93, ()),
-                NamedCause(reads, estimates[1], 0.88, ("length_scale",)),
-            )[: 2 * named],
-            fitted_candidates=(
-                FittedCandidate(rubs, values[0], 40.0, 0.9, 0, named),
-                FittedCandidate(reads, values[1], 12.0, 0.1, 0),
-                FittedCandidate(reads, values[1], 60.0, 0.9, 1, named),
-                FittedCandidate(rubs, values[0], -np.inf, 0.0, 1),
-            ),
-            rms_before=12.0,
-            rms_after=1.5 if named else 12.0,
-            noise_floor=1.0,
-            gain=Gain(0.955, 0.93, 0.97) if named else None,
-            unexplained_fraction=0.05,
-            explainable_fraction=0.97,
-            depends_on=(Dependence("velocity sign of elbow", "length_flexor", 0.4),),
-            next_experiment=Experiment(
-                "slow sweeps",
-                "Sweep slowly.",
-                lever_study.episodes[0].time,
-                lever_study.episodes[0].command,
-                6.0,
-                1.5,
-            ),
-            not_judged=(("camera_focal", "nothing to act on"),),
-            traces=_traces(lever_study, readings, before, after),
-            effects=((reads, values[1]),) if named else (),
-            extended_xml=build(system, parts).spec.to_xml(),
-            seconds=12.5,
-        )
 
-    return make
+def _diagnosis(study: Study, verdict: Verdict) -> Diagnosis:
+    system, readings = compile_system(study), measured(study)
+    friction = _candidate(system, "coulomb_friction", "flexor")
+    offset = _candidate(system, "length_offset", "extensor")
+    values = {"friction": 3.0}, {"offset": 0.0025}
+    named = verdict is Verdict.NAMED
+    parts = list(zip((friction, offset), values, strict=True)) if named else []
+    before, after = (
+        replay(build(system, found), study, readings).prediction for found in ([], parts)
+    )
+    estimates = (
+        {"friction": Estimate(3.0, 2.5, 3.5, "N")},
+        {"offset": Estimate(0.0025, 0.002, 0.003, "m")},
+    )
+    return Diagnosis(
+        study=study.name,
+        verdict=verdict,
+        sentence=f"The verdict is {verdict.value}.",
+        causes=(
+            NamedCause(friction, estimates[0], 0.93, ()),
+            NamedCause(offset, estimates[1], 0.88, ("length_scale",)),
+        )[: 2 * named],
+        fitted_candidates=(
+            FittedCandidate(friction, values[0], 40.0, 0.9, 0, named),
+            FittedCandidate(offset, values[1], 12.0, 0.1, 0),
+            FittedCandidate(offset, values[1], 60.0, 0.9, 1, named),
+            FittedCandidate(friction, values[0], -np.inf, 0.0, 1),
+        ),
+        rms_before=12.0,
+        rms_after=1.5 if named else 12.0,
+        noise_floor=1.0,
+        gain=Gain(0.955, 0.93, 0.97) if named else None,
+        unexplained_fraction=0.05,
+        explainable_fraction=0.97,
+        depends_on=(Dependence("velocity sign of elbow", "length_flexor", 0.4),),
+        next_experiment=_experiment(study),
+        not_judged=(("camera_focal", "nothing to act on"),),
+        traces=_traces(study, readings, before, after),
+        effects=((offset, values[1]),) if named else (),
+        extended_xml=build(system, parts).spec.to_xml(),
+        seconds=12.5,
+    )
+
+
+def _experiment(study: Study) -> Experiment:
+    first = study.episodes[0]
+    return Experiment("slow sweeps", "Sweep slowly.", first.time, first.command, 6.0, 1.5)
 
 
 def _candidate(system: System, id: str, element: str) -> Candidate:
-    found = cause(id)
+    found = find_cause(id)
     location = next(p for p in found.locations(system) if p.elements == (element,))
     return Candidate(found, location, found.parameters(system, location))
 
@@ -256,5 +255,5 @@ def _traces(
 
 @pytest.fixture
 def one_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Makes the evidence of what is linear exact."""
+    """Makes the evidence of linear effects exact."""
     monkeypatch.setattr(evidence, "SIZES", (PRIOR,))

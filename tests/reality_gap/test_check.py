@@ -1,4 +1,4 @@
-"""What is suspicious is said, and a good study is left in peace."""
+"""Check: suspicious studies get warnings, and a good study gets none."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reality_gap.check import check_study, summary, unjudged
+from reality_gap.check import causes_without_location, check_study, summary
 from reality_gap.io.loader import load_study
 
 
 def sentences_of(folder: Any) -> str:
-    """What is suspicious in the study, written anew."""
+    """Write the study and return its warnings in one string."""
     sentences = check_study(load_study(folder.write()))
     assert all("\n" not in sentence for sentence in sentences)
     return "; ".join(sentences)
@@ -26,7 +26,7 @@ def scale(folder: Any, column: str, factor: float) -> None:
             columns[column] = [factor * cell for cell in columns[column]]
 
 
-def test_a_good_study_is_left_in_peace(study_folder: Any) -> None:
+def test_a_good_study_gets_no_warning(study_folder: Any) -> None:
     assert sentences_of(study_folder) == ""
 
 
@@ -52,8 +52,8 @@ def test_wrong_sign(study_folder: Any) -> None:
     assert "scale: -1" in sentences
 
 
-def test_a_wire_at_its_least_tension_is_not_suspicious(study_folder: Any) -> None:
-    """The motor pulls with 10 N at least; an offset of the sensor reads 3 N less."""
+def test_a_tendon_at_its_smallest_tension_is_not_suspicious(study_folder: Any) -> None:
+    """The motor pulls with at least 10 N; an offset of the sensor reads 3 N less."""
     for log in ("robot_0.csv", "robot_1.csv"):
         cells = study_folder.logs[log]["tension_flexor"]
         study_folder.logs[log]["tension_flexor"] = [7.0 + 0.1 * (i % 7) for i in range(len(cells))]
@@ -75,22 +75,24 @@ def test_readings_after_the_commands(study_folder: Any) -> None:
 def test_the_same_episode_twice(study_folder: Any) -> None:
     for name in ("robot", "camera"):
         study_folder.logs[f"{name}_1.csv"] = study_folder.logs[f"{name}_0.csv"]
-    assert "robot_0 and robot_1 hold the same readings" in sentences_of(study_folder)
+    assert "robot_0 and robot_1 have the same readings" in sentences_of(study_folder)
 
 
 def test_the_same_column_twice(study_folder: Any) -> None:
     study_folder.content["sensors"]["length_extensor"]["column"] = "length_flexor"
-    assert "length_flexor and length_extensor hold the same" in sentences_of(study_folder)
+    assert "length_flexor and length_extensor have the same values" in sentences_of(study_folder)
 
 
 @pytest.mark.parametrize(
     ("noise", "words"),
-    [(1e-2, "was the log filtered"), (1e-6, "log shows about")],
+    [(1e-2, "the log was not filtered"), (1e-6, "log shows about")],
 )
-def test_noise_that_the_log_does_not_show(study_folder: Any, noise: float, words: str) -> None:
+def test_a_stated_noise_that_differs_from_the_log(
+    study_folder: Any, noise: float, words: str
+) -> None:
     study_folder.content["sensors"]["length_flexor"]["noise"] = noise
     sentences = sentences_of(study_folder)
-    assert f"noise given for length_flexor is {noise:.2g} m" in sentences
+    assert f"the noise of length_flexor is stated as {noise:.2g} m" in sentences
     assert words in sentences
 
 
@@ -118,41 +120,41 @@ def test_a_log_that_is_too_quiet(study_folder: Any) -> None:
     assert "no command ever changes" in sentences
 
 
-def test_commands_that_never_turn_back(study_folder: Any) -> None:
+def test_commands_that_never_reverse(study_folder: Any) -> None:
     for columns in study_folder.logs.values():
         for name in ("target_flexor", "target_extensor"):
             if name in columns:
                 columns[name] = sorted(columns[name])
-    # Sorted in each episode, they still fall from one to the next.
+    # Sorted in each episode, they still decrease from one episode to the next.
     study_folder.content["episodes"].pop()
-    assert "no command turns back" in sentences_of(study_folder)
+    assert "no command reverses its direction" in sentences_of(study_folder)
 
 
-def test_beginning_elsewhere(study_folder: Any) -> None:
+def test_an_initial_position_that_contradicts_the_log(study_folder: Any) -> None:
     study_folder.content["initial"] = {"joints": {"elbow": math.radians(70.0)}, "settle": 0}
     sentences = sentences_of(study_folder)
     assert "robot_0 begins with elbow at 1.22, outside its range" in sentences
-    assert "joints: first_reading" in sentences
+    assert "'joints: first_reading' uses the reading" in sentences
 
 
 def test_a_sensor_that_was_off_for_an_episode(study_folder: Any) -> None:
     study_folder.logs["robot_1.csv"]["length_flexor"] = [0.2] * 200
-    assert "length_flexor reads the same throughout robot_1" in sentences_of(study_folder)
+    assert "length_flexor is constant in robot_1" in sentences_of(study_folder)
 
 
 def test_a_coarse_sensor(study_folder: Any) -> None:
     for i in range(2):
         log = study_folder.logs[f"robot_{i}.csv"]
         log["angle_elbow"] = [round(cell * 5.0) / 5.0 for cell in log["angle_elbow"]]
-    assert "angle_elbow takes only" in sentences_of(study_folder)
+    assert "angle_elbow has only" in sentences_of(study_folder)
 
 
-def test_commands_that_the_model_cuts(study_folder: Any) -> None:
+def test_commands_that_the_model_clips(study_folder: Any) -> None:
     model = study_folder.path.parent / "lever.xml"
     text = model.read_text(encoding="utf-8")
     limited = text.replace('<general name="flexor"', '<general ctrlrange="0.19 0.3" name="flexor"')
     model.write_text(limited, encoding="utf-8")
-    assert "command of flexor leaves the model's ctrlrange" in sentences_of(study_folder)
+    assert "command of flexor exceeds the model's ctrlrange" in sentences_of(study_folder)
 
 
 def test_a_replay_that_diverges(study_folder: Any) -> None:
@@ -163,10 +165,10 @@ def test_a_replay_that_diverges(study_folder: Any) -> None:
     assert "replay of robot_0 diverges" in sentences_of(study_folder)
 
 
-def test_causes_without_a_place_are_named(study_folder: Any) -> None:
+def test_causes_without_location_are_listed(study_folder: Any) -> None:
     study_folder.content["sensors"] = {
         "angle_elbow": study_folder.content["sensors"]["angle_elbow"]
     }
-    missing = unjudged(load_study(study_folder.write()))
+    missing = causes_without_location(load_study(study_folder.write()))
     assert "tension_scale" in missing
     assert "coulomb_friction" not in missing

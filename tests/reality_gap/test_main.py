@@ -1,10 +1,11 @@
-"""`python -m reality_gap`: what it prints, what it writes, and its exit codes."""
+"""Command line: output, files and exit codes."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +13,28 @@ import numpy as np
 import pytest
 
 from reality_gap.__main__ import main
-from reality_gap.causes import cause
+from reality_gap.causes import CATALOGUE, find_cause
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
 from reality_gap.inference.checkpoint import Checkpoint
 from reality_gap.inference.verdict import Options
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.data import Study
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def diagnosis_of(study: Study) -> Diagnosis:
-    """A diagnosis that somebody else has made."""
-    friction = cause("coulomb_friction")
-    system = look_at(study)
+    """A made-up diagnosis that names friction."""
+    friction = find_cause("coulomb_friction")
+    system = compile_system(study)
     location = friction.locations(system)[0]
     candidate = Candidate(friction, location, friction.parameters(system, location))
     parameters = {"friction": Estimate(4.2, 3.9, 4.6, "N")}
     return Diagnosis(
         study=study.name,
         verdict=Verdict.NAMED,
-        sentence="The wire flexor sticks.",
+        sentence="The flexor sticks.",
         causes=(NamedCause(candidate, parameters, 0.93, ("backlash",)),),
         fitted_candidates=(),
         rms_before=3.0,
@@ -54,8 +55,8 @@ def diagnosis_of(study: Study) -> Diagnosis:
 
 @pytest.fixture
 def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Replace the diagnosis and its files by a record of what they were asked."""
-    asked: dict[str, Any] = {}
+    """Replaces the diagnosis and its files by a record of their arguments."""
+    called: dict[str, Any] = {}
 
     def diagnose(
         study: Study,
@@ -66,17 +67,17 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     ) -> Diagnosis:
         progress(0.5, "fitting")
         Checkpoint(work, "k").get(0, lambda: [np.zeros((1, 1), dtype=np.float32)])
-        if asked.get("interrupt"):
+        if called.get("interrupt"):
             raise KeyboardInterrupt
-        asked.update(study=study, jobs=jobs, options=options)
+        called.update(study=study, jobs=jobs, options=options)
         return diagnosis_of(study)
 
     def write(diagnosis: Diagnosis, study: Study, out: Path) -> None:
-        asked.update(written=diagnosis, out=out)
+        called.update(written=diagnosis, out=out)
 
     monkeypatch.setattr("reality_gap.pipeline.diagnose", diagnose)
     monkeypatch.setattr("reality_gap.report.files.write_diagnosis", write)
-    return asked
+    return called
 
 
 def test_diagnose_writes_and_prints_the_verdict(
@@ -89,18 +90,18 @@ def test_diagnose_writes_and_prints_the_verdict(
     assert found["out"] == out
     assert found["written"].study == found["study"].name == "a lever"
     printed = capsys.readouterr().out
-    for words in (
-        "The wire flexor sticks.",
+    for text in (
+        "The flexor sticks.",
         "Coulomb",
         "4.20 N",
         "93 %",
         "backlash",
         "report.html",
     ):
-        assert words in printed
+        assert text in printed
 
 
-def test_diagnose_says_what_is_suspicious(
+def test_diagnose_prints_warnings(
     study_folder: Any, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     del study_folder.content["sensors"]["tension_flexor"]["scale"]
@@ -108,30 +109,30 @@ def test_diagnose_says_what_is_suspicious(
     assert "note: tension_flexor is" in capsys.readouterr().out
 
 
-def test_diagnose_refuses_a_wrong_study_before_any_work(
+def test_diagnose_refuses_a_wrong_study_before_its_work(
     study_folder: Any, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study_folder.logs["robot_0.csv"]["time"][5] = 0.0
     out = tmp_path / "diagnosis"
     assert main(["diagnose", str(study_folder.write()), "--out", str(out)]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("\n") == 1
-    assert "line 7 of robot_0.csv" in told.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert "line 7 of robot_0.csv" in printed.err
     assert not out.exists()
     assert not found
 
 
-def test_diagnose_leaves_a_folder_of_somebody_else_alone(
+def test_diagnose_does_not_overwrite_a_folder_with_other_files(
     study_folder: Any, found: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = study_folder.path.parent
     assert main(["diagnose", str(study_folder.path), "--out", str(out)]) == 2
-    assert "left alone" in capsys.readouterr().err
+    assert "is not overwritten" in capsys.readouterr().err
     assert not found
 
 
-def test_a_rough_machine_may_be_off_by_more(
+def test_a_rough_model_can_have_larger_tolerances(
     study_folder: Any, found: dict[str, Any], tmp_path: Path
 ) -> None:
     out = str(tmp_path / "d")
@@ -139,14 +140,14 @@ def test_a_rough_machine_may_be_off_by_more(
     assert found["options"] == Options(tolerance=3.0)
 
 
-def test_what_an_interrupted_diagnosis_did_is_kept_until_it_is_written(
+def test_an_interrupted_diagnosis_continues_from_its_checkpoint(
     study_folder: Any, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["diagnose", str(study_folder.path), "--out", str(tmp_path / "new" / "d")]
     work = tmp_path / "new" / ".d.work"
     found["interrupt"] = True
     assert main(arguments) == 130
-    assert capsys.readouterr().err == "interrupted; the same command goes on from there\n"
+    assert capsys.readouterr().err == "interrupted; run the same command to continue\n"
     assert {path.name for path in work.iterdir()} == {"KEY", "00000.npz"}
     assert "written" not in found
 
@@ -157,15 +158,15 @@ def test_what_an_interrupted_diagnosis_did_is_kept_until_it_is_written(
 
 
 @pytest.mark.parametrize("tolerance", ["0", "-1", "nan", "inf"])
-def test_a_tolerance_is_a_factor(
+def test_a_tolerance_that_is_no_factor_is_refused(
     study_folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], tolerance: str
 ) -> None:
     out = str(tmp_path / "d")
     assert main(["diagnose", str(study_folder.path), "--out", out, "--tolerance", tolerance]) == 2
-    assert "--tolerance is a factor above 0" in capsys.readouterr().err
+    assert "--tolerance must be above 0" in capsys.readouterr().err
 
 
-def test_diagnose_needs_a_process(
+def test_diagnose_needs_at_least_one_process(
     study_folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["diagnose", str(study_folder.path), "--out", str(tmp_path / "d"), "--jobs", "0"]
@@ -173,31 +174,31 @@ def test_diagnose_needs_a_process(
     assert "--jobs" in capsys.readouterr().err
 
 
-def test_check_is_content_with_a_good_study(
+def test_check_prints_the_size_of_a_good_study(
     study_folder: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["check", str(study_folder.path)]) == 0
     printed = capsys.readouterr().out
-    assert "nothing wrong with this study: 2 episodes, 7.96 s, 7 channels" in printed
+    assert "nothing is wrong with this study: 2 episodes, 7.96 s, 7 channels" in printed
 
 
-def test_check_says_what_is_suspicious(
-    study_folder: Any, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_prints_warnings(study_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
     study_folder.content["sensors"]["length_flexor"]["noise"] = 0.05
     assert main(["check", str(study_folder.write())]) == 0
     printed = capsys.readouterr().out
-    assert "the noise given for length_flexor is 0.05 m" in printed
-    assert "nothing wrong" not in printed
+    assert "the noise of length_flexor is stated as 0.05 m" in printed
+    assert "nothing is wrong" not in printed
 
 
-def test_check_names_causes_that_have_no_place(
+def test_check_lists_causes_without_a_location(
     study_folder: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     angle = study_folder.content["sensors"]["angle_elbow"]
     study_folder.content["sensors"] = {"angle_elbow": angle}
     assert main(["check", str(study_folder.write())]) == 0
-    cannot = next(line for line in capsys.readouterr().out.splitlines() if "cannot" in line)
+    cannot = next(
+        line for line in capsys.readouterr().out.splitlines() if "cannot be diagnosed" in line
+    )
     assert "tension_scale" in cannot
 
 
@@ -220,7 +221,7 @@ def test_init_overwrites_nothing(study_folder: Any, capsys: pytest.CaptureFixtur
     assert study_folder.path.read_text(encoding="utf-8") == before
 
 
-def test_init_leaves_nothing_behind_a_fault(
+def test_init_writes_no_file_after_an_error(
     study_folder: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     root = study_folder.path.parent
@@ -231,7 +232,7 @@ def test_init_leaves_nothing_behind_a_fault(
     assert sorted(root.iterdir()) == before
 
 
-def test_a_fault_in_a_process_of_its_own(tmp_path: Path) -> None:
+def test_an_error_ends_the_process_with_its_exit_code(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "reality_gap", "check", str(tmp_path / "none.yaml")],
         cwd=ROOT,
@@ -241,3 +242,37 @@ def test_a_fault_in_a_process_of_its_own(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr == f"there is no study file at {tmp_path / 'none.yaml'}\n"
+
+
+def test_causes_lists_the_catalogue_with_units(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["causes"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    heads = [line for line in lines if not line.startswith(" ")]
+    assert [head.split(":")[0] for head in heads] == list(CATALOGUE)
+    after = dict(pairwise(lines))
+    assert all(after[head].startswith("  ") for head in heads), "each cause has parameters"
+    assert after[next(h for h in heads if h.startswith("backlash"))] == "  tendon: gap [m]"
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("reality-gap ")
+
+
+@pytest.mark.parametrize(
+    ("started", "program"),
+    [("/usr/bin/reality-gap", "reality-gap"), ("reality_gap/__main__.py", "python -m reality_gap")],
+)
+def test_the_usage_names_the_program_that_was_started(
+    started: str, program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [started, "check", "--help"])
+    with pytest.raises(SystemExit, match="0"):
+        main()
+    assert f"usage: {program} check " in capsys.readouterr().out
+
+
+def test_the_command_line_starts_without_numpy_and_mujoco() -> None:
+    code = "import sys, reality_gap.__main__; print({'numpy', 'mujoco'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "set()\n"

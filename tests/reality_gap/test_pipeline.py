@@ -1,4 +1,4 @@
-"""Tests of how a verdict is decided."""
+"""Pipeline and verdict: when causes are named, and what a diagnosis does on the way."""
 
 from __future__ import annotations
 
@@ -15,19 +15,16 @@ from reality_gap.causes.base import Location, Parameter
 from reality_gap.diagnosis import Gain, Verdict
 from reality_gap.inference.confidence import TEMPER
 from reality_gap.inference.forward_selection import Settings
-from reality_gap.inference.gauss_newton import fit
+from reality_gap.inference.gauss_newton import Fit, fit, rescore
 from reality_gap.inference.held_out import pays
-from reality_gap.inference.likelihood import NoiseModel
-from reality_gap.inference.refinement import again
-from reality_gap.inference.remainder import Remainder, examine
-from reality_gap.inference.verdict import Options, at_bound, decide, weighed
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.remainder import Remainder, evaluate_remainder
+from reality_gap.inference.verdict import Options, at_bound, decide, revise_and_evaluate
 from reality_gap.io.loader import load_study
 from reality_gap.pipeline import diagnose
-from reality_gap.simulation.hypothesis import Candidate
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import BLOCK, REPORT, TURN
-from reality_gap.types import Floats
 
 
 def decided(
@@ -40,26 +37,35 @@ def decided(
     pays: bool = True,
     hypothesis: Hypothesis = (),
 ) -> Verdict:
-    """For causes of this evidence, or none; what could be learned beside and instead [nats]."""
+    """Decide on causes with this evidence, or on none.
+
+    Args:
+        evidence: evidence of the causes [nats]; None without causes.
+        learned, instead: evidence of what is learned of the remainder, and of the whole gap [nats].
+        before, after: RMS without and with the causes [noise].
+        events: for each cause, whether it is an event.
+        pays: whether the causes predict the report split better than the nominal model.
+        hypothesis: the causes with their values.
+    """
     candidates = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
-    best = SimpleNamespace(evidence=evidence, candidates=candidates, hypothesis=hypothesis)
-    result: Any = SimpleNamespace(best=None if evidence is None else best)
-    left: Any = SimpleNamespace(
+    best = SimpleNamespace(
+        evidence=evidence, candidates=candidates, hypothesis=hypothesis, is_null=evidence is None
+    )
+    result: Any = SimpleNamespace(best=best)
+    remainder: Any = SimpleNamespace(
         learned=SimpleNamespace(evidence=learned),
         instead=SimpleNamespace(evidence=learned if evidence is None else instead),
         before=before,
         after=after,
     )
-    return decide(result, left, pays, Options())
+    return decide(result, remainder, pays, Options())
 
 
 @pytest.mark.parametrize(
     ("learned", "expected"),
     [(0.0, Verdict.NOTHING_WRONG), (5.9, Verdict.NOTHING_WRONG), (6.1, Verdict.UNEXPLAINED)],
 )
-def test_without_a_cause_it_is_what_can_be_learned_that_counts(
-    learned: float, expected: Verdict
-) -> None:
+def test_without_causes_the_learned_residual_decides(learned: float, expected: Verdict) -> None:
     assert decided(None, learned, after=5.0) is expected
 
 
@@ -74,7 +80,7 @@ def test_without_a_cause_it_is_what_can_be_learned_that_counts(
         (10_000.0, 301.0, Verdict.UNEXPLAINED),  # a hard stop as three causes
     ],
 )
-def test_causes_may_leave_a_share_to_be_learned_and_few_roots(
+def test_causes_may_leave_a_share_and_some_roots_of_their_evidence(
     evidence: float, learned: float, expected: Verdict
 ) -> None:
     assert decided(evidence, learned) is expected
@@ -83,7 +89,7 @@ def test_causes_may_leave_a_share_to_be_learned_and_few_roots(
 @pytest.mark.parametrize(
     ("instead", "expected"), [(105.0, Verdict.NAMED), (107.0, Verdict.UNEXPLAINED)]
 )
-def test_what_has_no_name_may_explain_it_better(instead: float, expected: Verdict) -> None:
+def test_a_learned_residual_may_explain_the_gap_better(instead: float, expected: Verdict) -> None:
     assert decided(100.0, instead=instead) is expected
 
 
@@ -96,7 +102,7 @@ def test_what_has_no_name_may_explain_it_better(instead: float, expected: Verdic
         (1.0, 1.1, Verdict.NAMED),  # noise, and rounding of the model
     ],
 )
-def test_a_name_must_hold_where_it_was_not_fitted(
+def test_named_causes_must_predict_the_report_split(
     before: float, after: float, expected: Verdict
 ) -> None:
     assert decided(1000.0, before=before, after=after) is expected
@@ -111,7 +117,7 @@ def test_a_name_must_hold_where_it_was_not_fitted(
         ((True, False), 82.0, Verdict.NAMED),  # the learner explains the other one
     ],
 )
-def test_what_the_posture_explains_nearly_as_well_is_no_event(
+def test_an_event_that_the_posture_explains_nearly_as_well_is_not_named(
     events: tuple[bool, ...], instead: float, expected: Verdict
 ) -> None:
     assert decided(100.0, instead=instead, events=events) is expected
@@ -120,14 +126,14 @@ def test_what_the_posture_explains_nearly_as_well_is_no_event(
 @pytest.mark.parametrize(
     ("instead", "expected"), [(5.9, Verdict.NOTHING_WRONG), (6.1, Verdict.UNEXPLAINED)]
 )
-def test_causes_that_do_not_pay_on_held_out_readings_are_as_none(
+def test_causes_without_a_gain_on_held_out_readings_are_not_named(
     instead: float, expected: Verdict
 ) -> None:
     assert decided(1000.0, instead=instead, pays=False) is expected
 
 
 def one(value: float, low: float, high: float, null: float = 0.0) -> Hypothesis:
-    """A cause with one parameter."""
+    """Return a cause with one parameter."""
     parameter = Parameter("size", "1", 1.0, 0.0, low, high, null)
     candidate = Candidate(CATALOGUE["payload"], Location("body", ("hand",)), (parameter,))
     return [(candidate, {"size": value})]
@@ -146,7 +152,9 @@ def one(value: float, low: float, high: float, null: float = 0.0) -> Hypothesis:
         ([*one(0.5, 0.0, 2.0), *one(2.0, 0.0, 2.0)], True),
     ],
 )
-def test_no_name_has_a_parameter_at_its_bound(hypothesis: Hypothesis, expected: bool) -> None:
+def test_causes_with_a_parameter_at_its_bound_are_not_named(
+    hypothesis: Hypothesis, expected: bool
+) -> None:
     assert at_bound(hypothesis) is expected
     named = decided(1000.0, hypothesis=hypothesis) is Verdict.NAMED
     assert named is not expected
@@ -170,8 +178,8 @@ def test_a_model_pays_in_the_rms_or_in_the_likelihood(
 
 
 @pytest.mark.usefixtures("frictionless")
-def test_what_does_not_hold_on_held_out_readings_is_not_named(study_folder: Any) -> None:
-    """A tension that is read wrong, but not in those blocks of time that are only reported on."""
+def test_a_cause_that_fails_on_held_out_readings_is_not_named(study_folder: Any) -> None:
+    """A tension has a wrong scale, except in the blocks of the report split."""
     for log in study_folder.logs.values():
         if "tension_flexor" in log:
             block = np.floor(np.array(log["time"]) / BLOCK).astype(int)
@@ -191,14 +199,14 @@ STILL = """
 """
 
 
-def test_what_further_causes_need_follows_the_length_of_all_episodes(
+def test_the_evidence_for_further_causes_follows_the_length_of_all_episodes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Searched(Exception):
         pass
 
     def stop(*arguments: Any) -> None:
-        raise Searched(arguments[4])
+        raise Searched(arguments[2])
 
     monkeypatch.setattr("reality_gap.pipeline.search", stop)
     (tmp_path / "still.xml").write_text(STILL)
@@ -220,48 +228,61 @@ def with_a_wrong_tension(study_folder: Any) -> Study:
 
 
 @pytest.mark.parametrize("verdict", [Verdict.NAMED, Verdict.UNEXPLAINED])
-def test_an_experiment_is_looked_for_only_where_a_name_holds(
+def test_an_experiment_is_suggested_only_if_causes_are_named(
     verdict: Verdict, study_folder: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[Any] = []
-    monkeypatch.setattr("reality_gap.pipeline.decide", lambda *arguments: verdict)
-    monkeypatch.setattr("reality_gap.pipeline.next_experiment", lambda *a: asked.append(a))
+    calls: list[Any] = []
+    monkeypatch.setattr("reality_gap.inference.search_outcome.decide", lambda *arguments: verdict)
+    monkeypatch.setattr(
+        "reality_gap.inference.search_outcome.next_experiment", lambda *a: calls.append(a)
+    )
 
     diagnose(with_a_wrong_tension(study_folder), causes=[CATALOGUE["tension_scale"]])
 
-    assert len(asked) == (verdict is Verdict.NAMED)
+    assert len(calls) == (verdict is Verdict.NAMED)
 
 
 @pytest.mark.usefixtures("frictionless")
 @pytest.mark.parametrize(
     ("more", "chance"), [(-100.0, 0.0), (0.0, 0.5), (TEMPER * np.log(3), 0.75)]
 )
-def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
+def test_a_learned_residual_is_an_alternative_to_the_causes(
     more: float, chance: float, study_folder: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def as_good(
-        replayer: Replayer, rule: NoiseModel, hypothesis: Hypothesis, residual: Floats, null: Floats
-    ) -> Remainder:
-        [(candidate, values)] = hypothesis
-        named = again(rule, fit(replayer, [(candidate, values)], rule.learn, null)).evidence
-        found = examine(replayer, rule, hypothesis, residual, null)
+    def as_good(problem: Problem, fitted: Fit) -> Remainder:
+        named = rescore(problem, fit(problem, fitted.hypothesis)).evidence
+        found = evaluate_remainder(problem, fitted)
         return replace(found, instead=replace(found.instead, evidence=named + more))
 
-    asked: list[float] = []
-    monkeypatch.setattr("reality_gap.inference.verdict.examine", as_good)
-    monkeypatch.setattr("reality_gap.pipeline.next_experiment", lambda *a: asked.append(a[-1]))
+    doubts: list[float] = []
+    monkeypatch.setattr("reality_gap.inference.verdict.evaluate_remainder", as_good)
+    monkeypatch.setattr(
+        "reality_gap.inference.search_outcome.next_experiment", lambda *a: doubts.append(a[-1])
+    )
     study = with_a_wrong_tension(study_folder)
     found = diagnose(study, causes=[CATALOGUE["tension_scale"]])
 
     [cause] = found.causes
     assert found.unmodelled == pytest.approx(chance, abs=0.01)
-    assert asked == [found.unmodelled]
+    assert doubts == [found.unmodelled]
     assert cause.confidence == pytest.approx(1.0 - chance, abs=0.01)
     assert sum(r.confidence for r in found.fitted_candidates) <= 1.0 - found.unmodelled + 1e-9
 
 
+def searched(evidence: float) -> Any:
+    """Return the result of a search that found causes of this evidence."""
+    return SimpleNamespace(best=SimpleNamespace(evidence=evidence, is_null=False), problem=None)
+
+
+def remainder_of(instead: float, learned: float) -> Any:
+    """Return a remainder with these evidences."""
+    return SimpleNamespace(
+        instead=SimpleNamespace(evidence=instead), learned=SimpleNamespace(evidence=learned)
+    )
+
+
 @pytest.mark.parametrize(
-    ("named", "instead", "learned", "anew"),
+    ("named", "instead", "learned", "revised"),
     [
         (100.0, 0.0, 0.0, True),
         (100.0, 109.0, 0.0, True),
@@ -272,32 +293,30 @@ def test_a_learner_in_place_of_the_causes_is_a_rival_to_them(
         (10_000.0, 0.0, 1501.0, False),  # a hard stop as three causes
     ],
 )
-def test_causes_that_a_learner_beats_by_far_are_not_looked_at_anew(
-    named: float, instead: float, learned: float, anew: bool, monkeypatch: pytest.MonkeyPatch
+def test_causes_that_a_learned_residual_beats_by_far_are_not_revised(
+    named: float, instead: float, learned: float, revised: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first, other = (
-        SimpleNamespace(
-            best=SimpleNamespace(evidence=e, hypothesis=[], residual=None), noise_model=None
-        )
-        for e in (named, named + 1.0)
+    first, other = searched(named), searched(named + 1.0)
+    remainders = [remainder_of(instead, learned), object()]
+    evaluated = iter(remainders)
+    monkeypatch.setattr(
+        "reality_gap.inference.verdict.evaluate_remainder", lambda *arguments: next(evaluated)
     )
-    found = (SimpleNamespace(evidence=evidence) for evidence in (instead, learned))
-    leaves = [SimpleNamespace(instead=next(found), learned=next(found)), object()]
-    looks = iter(leaves)
-    monkeypatch.setattr("reality_gap.inference.verdict.examine", lambda *arguments: next(looks))
     monkeypatch.setattr("reality_gap.inference.verdict.revise", lambda *arguments: other)
-    nothing: Any = None
-    result: Any = first
-    got = weighed(nothing, result, nothing, Settings(), Options())
-    assert got == ((other, leaves[1]) if anew else (first, leaves[0]))
+
+    found = revise_and_evaluate(first, Options())
+
+    assert found == ((other, remainders[1]) if revised else (first, remainders[0]))
 
 
-def test_what_stays_as_it_was_is_not_examined_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    best = SimpleNamespace(evidence=100.0, hypothesis=[], residual=None)
-    nothing: Any = SimpleNamespace(evidence=0.0)
-    result: Any = SimpleNamespace(best=best, noise_model=None)
-    left = SimpleNamespace(instead=nothing, learned=nothing)
-    looks = iter([left])
-    monkeypatch.setattr("reality_gap.inference.verdict.examine", lambda *arguments: next(looks))
+def test_causes_that_no_revision_changes_are_evaluated_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result, remainder = searched(100.0), remainder_of(0.0, 0.0)
+    evaluated = iter([remainder])
+    monkeypatch.setattr(
+        "reality_gap.inference.verdict.evaluate_remainder", lambda *arguments: next(evaluated)
+    )
     monkeypatch.setattr("reality_gap.inference.verdict.revise", lambda *arguments: result)
-    assert weighed(nothing, result, nothing, Settings(), Options()) == (result, left)
+
+    assert revise_and_evaluate(result, Options()) == (result, remainder)

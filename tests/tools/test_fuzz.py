@@ -1,4 +1,4 @@
-"""The fuzzer sees what it is there to see."""
+"""The fuzzer detects crashes, hangs, reads outside of the folder, and executed code."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from tools.fuzz.watching import Watch
 
 @pytest.fixture(scope="module")
 def watch() -> Watch:
-    """Hooks stay for good, so there is one."""
+    """The only watch: audit hooks cannot be removed."""
     return Watch()
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """An empty case beside a secret."""
+    """Folder of a case beside a secret file."""
     (tmp_path / "secret.csv").write_text("1,2")
     (tmp_path / "case").mkdir()
     (tmp_path / "case" / "own.csv").write_text("1")
@@ -48,7 +48,7 @@ def _run(folder: Path) -> list[tuple[int, str]]:
 
 
 def _execute(folder: Path) -> list[tuple[int, str]]:
-    exec("1 + 1", {"__name__": "stranger"})
+    exec("1 + 1", {"__name__": "unknown"})
     return [(0, "")]
 
 
@@ -57,7 +57,7 @@ def _fail(folder: Path) -> list[tuple[int, str]]:
 
 
 @pytest.mark.parametrize(
-    ("use", "what"),
+    ("use", "result"),
     [
         (_read("own.csv"), FINE),
         (lambda folder: [(0, ""), (2, "It is refused.")], REFUSED),
@@ -69,42 +69,42 @@ def _fail(folder: Path) -> list[tuple[int, str]]:
         (_execute, RAN),
     ],
 )
-def test_what_becomes_of_a_case(
+def test_a_case_has_the_result_of_its_commands(
     folder: Path,
     watch: Watch,
     use: Callable[[Path], list[tuple[int, str]]],
-    what: str,
+    result: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(TARGETS, "toy", use)
-    assert attempt("toy", folder, watch).what == what
+    assert attempt("toy", folder, watch).result == result
 
 
 @pytest.mark.parametrize(
-    ("longer", "what"), [((0.0, 0.15, 0.15), FINE), ((0.0, 0.25), HANG), ((0.25, 0.0), HANG)]
+    ("durations", "result"), [((0.0, 0.15, 0.15), FINE), ((0.0, 0.25), HANG), ((0.25, 0.0), HANG)]
 )
-def test_each_command_has_its_own_time(
+def test_the_cpu_time_of_each_command_is_limited(
     folder: Path,
     watch: Watch,
-    longer: tuple[float, ...],
-    what: str,
+    durations: tuple[float, ...],
+    result: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def compute(folder: Path) -> Iterator[tuple[int, str]]:
-        for seconds in longer:
+        for seconds in durations:
             now[0] += seconds
             yield 0, ""
 
     now = [5.0]
     monkeypatch.setattr(cases, "SECONDS", 0.2)
-    monkeypatch.setattr(cases, "computed", lambda: now[0])
+    monkeypatch.setattr(cases, "cpu_time", lambda: now[0])
     monkeypatch.setitem(TARGETS, "toy", compute)
-    assert attempt("toy", folder, watch).what == what
+    assert attempt("toy", folder, watch).result == result
 
 
-def test_a_secret_that_was_read_by_another_process_is_noticed(folder: Path, watch: Watch) -> None:
+def test_a_secret_that_another_process_read_is_detected(folder: Path, watch: Watch) -> None:
     watch.begin(folder)
-    os.utime(folder.parent / "secret.csv", (2, 2))  # as a reader of any language leaves it
+    os.utime(folder.parent / "secret.csv", (2, 2))  # as if another process had read it
     watch.end()
     assert [Path(path).name for path in watch.outside] == ["secret.csv"]
 
@@ -113,8 +113,8 @@ def test_a_secret_that_was_read_by_another_process_is_noticed(folder: Path, watc
     ("name", "text"), [("model.xml", MODEL), ("STUDY.yaml", STUDY), ("log.bag", MODEL)]
 )
 def test_the_same_seed_makes_the_same_file(name: str, text: str) -> None:
-    def made(seed: int) -> bytes:
+    def mutated(seed: int) -> bytes:
         return mutate(name, text.encode(), np.random.default_rng(seed))
 
-    assert made(1) == made(1)
-    assert len({made(seed) for seed in range(10)}) > 5
+    assert mutated(1) == mutated(1)
+    assert len({mutated(seed) for seed in range(10)}) > 5

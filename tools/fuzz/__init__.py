@@ -1,5 +1,5 @@
-"""Hostile files for everything that reads files: does anything crash, hang, or do what it must not?
+"""Fuzzer: passes malformed files to all functions that read files, and detects faults.
 
-``python -m tools.fuzz [KIND ...] --minutes M --seed S`` changes small valid files and gives them to
-what users call. See `tools.fuzz.__main__` for what is counted.
+``python -m tools.fuzz [KIND ...] --minutes M --seed S`` changes small valid files and passes them
+to the commands that users call. `tools.fuzz.__main__` lists the results that are counted.
 """

@@ -1,17 +1,17 @@
-"""Count what becomes of hostile files: python -m tools.fuzz [KIND ...] --minutes M --seed S.
+"""Fuzz the readers of files: python -m tools.fuzz [KIND ...] --minutes M --seed S.
 
-Kinds: mjcf, yaml, csv, parquet, checkpoint, bag; all by default, each its share of the minutes.
-Every case is a folder of valid files of which one was made hostile. A worker process gives it to
-what users call, and the case is
+Kinds: mjcf, yaml, csv, parquet, checkpoint, bag. By default all, which share the minutes equally.
+Each case is a folder of valid files, one of which is changed. A worker process passes it to the
+commands that users call. Results of a case:
 
-    fine, refused       the exit code is 0, or 2 with one sentence
-    CRASH               any exception that is not one of ours, or a signal
-    HANG                it computed for 10 s, or 60 s went by
-    READ OUTSIDE        a file was opened that is neither in the folder nor Python's own
-    RAN CODE            something was executed that came with the files
+    fine, refused       exit code 0, or exit code 2 with one sentence
+    CRASH               an exception that the packages do not define, or a signal
+    HANG                10 s of CPU time, or 60 s of wall-clock time
+    READ OUTSIDE        a file was opened that is neither in the folder nor part of Python
+    RAN CODE            code was executed that came with the files
 
-The last four are kept in --out, made as small as goes quickly, one folder a fault. With atheris
-installed, --guided lets it choose the cases by the lines of our code that they reach.
+For each different fault (the last four), a shortened case is kept in a folder in --out. With
+--guided, atheris (to be installed) chooses the cases by the lines of Python code that they reach.
 """
 
 from __future__ import annotations
@@ -30,18 +30,29 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.fuzz.cases import BAD, CRASH, HANG, OUTCOMES, Outcome, Worker
+from tools.fuzz.cases import BAD, CRASH, HANG, RESULTS, Outcome, Worker
 from tools.fuzz.folders import Folders
 from tools.fuzz.mutating import mutate
 from tools.fuzz.seeds import CHANGED, MAKERS
-from tools.fuzz.targets import FENCED
+from tools.fuzz.targets import SANDBOXED
 
 TRIES = 60
-"""How often a fault is tried to be made smaller."""
+"""Largest number of attempts to shorten a case."""
 
 
-def smaller(folders: Folders, worker: Worker, name: str, data: bytes, outcome: Outcome) -> bytes:
-    """The file with parts left out, as long as the same becomes of it."""
+def shorten(folders: Folders, worker: Worker, name: str, data: bytes, outcome: Outcome) -> bytes:
+    """Remove parts of a file as long as the outcome stays the same.
+
+    Args:
+        folders: where the cases are made.
+        worker: process that tries them.
+        name: path of the file in its folder.
+        data: bytes of the file.
+        outcome: outcome of the case with ``data``.
+
+    Returns:
+        The bytes of the shorter file.
+    """
     size, tries = max(1, len(data) // 2), 0
     while size and tries < TRIES:
         at = 0
@@ -59,9 +70,19 @@ def smaller(folders: Folders, worker: Worker, name: str, data: bytes, outcome: O
 
 
 def fuzz(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
-    """Try one kind for a while; counts, and the faults that were kept."""
+    """Fuzz one kind.
+
+    Args:
+        kind: a key of `MAKERS`.
+        seconds: duration [s].
+        seed: of the changes.
+        out: folder of the kept cases.
+
+    Returns:
+        Entries "counts" (number of cases by result) and "faults" (the different faults).
+    """
     random, worker = np.random.default_rng([seed, *kind.encode()]), Worker(kind)
-    fenced = Worker(FENCED)
+    sandboxed = Worker(SANDBOXED)
     counts: Counter[str] = Counter()
     faults: dict[Outcome, str] = {}
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
@@ -71,27 +92,27 @@ def fuzz(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
             data = mutate(changed, folders.good(changed), random)
             folder = folders.make(changed, data)
             outcome = worker(folder)
-            if kind == "bag" and outcome.what in (CRASH, HANG):
-                outcome = fenced(folder)
-            counts[outcome.what] += 1
+            if kind == "bag" and outcome.result in (CRASH, HANG):
+                outcome = sandboxed(folder)
+            counts[outcome.result] += 1
             shutil.rmtree(folder)
-            if outcome.what in BAD and outcome not in faults:
-                print(f"{kind}: {outcome.what}: {outcome.detail}", flush=True)
-                data = smaller(folders, worker, changed, data, outcome)
+            if outcome.result in BAD and outcome not in faults:
+                print(f"{kind}: {outcome.result}: {outcome.detail}", flush=True)
+                data = shorten(folders, worker, changed, data, outcome)
                 kept = out / f"{kind}_{len(faults)}"
                 shutil.rmtree(kept, ignore_errors=True)
                 shutil.copytree(folders.make(changed, data), kept)
                 faults[outcome] = f"{kept}/{changed}"
         worker.stop()
-        fenced.stop()
+        sandboxed.stop()
     return {
-        "counts": {what: counts[what] for what in OUTCOMES},
+        "counts": {result: counts[result] for result in RESULTS},
         "faults": [{**asdict(outcome), "file": file} for outcome, file in faults.items()],
     }
 
 
 def guided(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]:
-    """The same with atheris, in a process that it may end."""
+    """Fuzz one kind with atheris in a process of its own, which atheris may end; as `fuzz`."""
     with tempfile.TemporaryDirectory(prefix="fuzz-") as location:
         arguments = [kind, str(seconds), str(seed), str(out), location]
         command = [sys.executable, "-m", "tools.fuzz.guided", *arguments]
@@ -104,7 +125,7 @@ def guided(kind: str, seconds: float, seed: int, out: Path) -> dict[str, object]
 
 
 def main(arguments: list[str]) -> int:
-    """Run the kinds that were asked for; 1 if anything bad was found."""
+    """Fuzz the requested kinds; returns the exit code, 1 if a fault was found."""
     head, _, rest = (__doc__ or "").partition("\n")
     parser = argparse.ArgumentParser(
         prog="python -m tools.fuzz",
@@ -113,10 +134,10 @@ def main(arguments: list[str]) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("kinds", nargs="*", metavar="KIND", choices=[*MAKERS, []])
-    parser.add_argument("--minutes", type=float, default=6.0, help="in all")
+    parser.add_argument("--minutes", type=float, default=6.0, help="duration of all kinds together")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
-    parser.add_argument("--guided", action="store_true", help="let atheris choose the cases")
+    parser.add_argument("--guided", action="store_true", help="choose the cases with atheris")
     options = parser.parse_args(arguments)
     kinds = options.kinds or list(MAKERS)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -127,7 +148,7 @@ def main(arguments: list[str]) -> int:
         found[kind] = run(kind, 60.0 * options.minutes / len(kinds), options.seed, options.out)
         (options.out / "summary.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
         print(f"{kind}: {found[kind]['counts']}", flush=True)
-    return int(any(result["faults"] for result in found.values()))
+    return int(any(entry["faults"] for entry in found.values()))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""One case: a folder with a hostile file, what became of it, and the process that tries it."""
+"""Cases: folders with a malformed file, their outcomes, and the worker process that tries them."""
 
 from __future__ import annotations
 
@@ -16,29 +16,38 @@ from tools.fuzz.watching import ROOT, Watch
 
 FINE, REFUSED = "fine", "refused"
 CRASH, HANG, OUTSIDE, RAN = "CRASH", "HANG", "READ OUTSIDE", "RAN CODE"
-OUTCOMES = (FINE, REFUSED, CRASH, HANG, OUTSIDE, RAN)
+RESULTS = (FINE, REFUSED, CRASH, HANG, OUTSIDE, RAN)
 BAD = (CRASH, HANG, OUTSIDE, RAN)
 
 SECONDS = 10.0
-"""How long a command may compute [s]."""
+"""Largest CPU time of a command [s]."""
 PATIENCE = 60.0
-"""How long a case may take at all, on a machine that does other things, too [s]."""
+"""Largest wall-clock time of a case [s]; larger, because other programs may run."""
 MEMORY = 6 << 30
 """Largest address space of a worker [bytes]."""
 LONGEST = 3000
-"""Characters of a sentence."""
+"""Largest length of a message [characters]."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case: one of `OUTCOMES`, and where or why; equal details are one fault."""
+    """Outcome of a case; equal outcomes are one fault.
 
-    what: str
+    Attributes:
+        result: one of `RESULTS`.
+        detail: where or why it happened.
+    """
+
+    result: str
     detail: str = ""
 
 
 class Worker:
-    """A process that tries cases of one kind; a new one after each crash or hang."""
+    """Process that tries cases of one kind; it is started again after each crash or hang.
+
+    Args:
+        kind: a key of `tools.fuzz.targets.TARGETS`.
+    """
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
@@ -46,7 +55,7 @@ class Worker:
         self._pipe: Connection | None = None
 
     def __call__(self, folder: Path) -> Outcome:
-        """Try the case in a folder."""
+        """Try the case in a folder; returns its outcome."""
         if self._process is None:
             self._start()
         assert self._pipe is not None
@@ -68,11 +77,11 @@ class Worker:
         self._process = context.Process(target=_work, args=(self._kind, theirs), daemon=True)
         self._process.start()
         theirs.close()
-        assert self._pipe.poll(120.0), "the worker says that it is ready"
+        assert self._pipe.poll(120.0), "the worker does not become ready"
         self._pipe.recv()
 
     def stop(self) -> None:
-        """Kill the process, if there is one."""
+        """Kill the process if it runs."""
         if self._process is not None:
             self._process.kill()
             self._process.join()
@@ -80,7 +89,7 @@ class Worker:
 
 
 def _work(kind: str, pipe: Connection) -> None:
-    """Try the folders that come through a pipe, for ever."""
+    """Try the folders whose paths come through a pipe, without end."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     watch = Watch()
@@ -88,17 +97,21 @@ def _work(kind: str, pipe: Connection) -> None:
     pipe.send("ready")
     while True:
         outcome = attempt(kind, Path(pipe.recv()), watch)
-        pipe.send((outcome.what, outcome.detail))
+        pipe.send((outcome.result, outcome.detail))
 
 
-def computed() -> float:
-    """Processor time of this process and of its children that ended [s]."""
-    whose = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return sum(use.ru_utime + use.ru_stime for use in map(resource.getrusage, whose))
+def cpu_time() -> float:
+    """CPU time of this process and of its subprocesses that ended [s]."""
+    processes = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return sum(use.ru_utime + use.ru_stime for use in map(resource.getrusage, processes))
 
 
 def warm_up(kind: str) -> None:
-    """Import what the kind needs, so that no case is charged for it."""
+    """Use valid files once, so that the time of imports does not count for a case.
+
+    Args:
+        kind: a key of `tools.fuzz.targets.TARGETS`.
+    """
     import tempfile
 
     from tools.fuzz.seeds import MAKERS
@@ -108,17 +121,26 @@ def warm_up(kind: str) -> None:
         folder = Path(name) / "case"
         folder.mkdir()
         MAKERS[kind.partition(" ")[0]](folder)
-        for code, said in TARGETS[kind](folder):
-            assert code == 0, said
+        for code, message in TARGETS[kind](folder):
+            assert code == 0, message
 
 
 def attempt(kind: str, folder: Path, watch: Watch) -> Outcome:
-    """Use the files of a folder in this process."""
+    """Use the files of a folder in this process.
+
+    Args:
+        kind: a key of `tools.fuzz.targets.TARGETS`.
+        folder: of the case.
+        watch: records what the process opens and runs.
+
+    Returns:
+        The outcome.
+    """
     from tools.fuzz.targets import TARGETS
 
     watch.begin(folder)
     try:
-        outcome = _judge(TARGETS[kind](folder))
+        outcome = _classify(TARGETS[kind](folder))
     except BaseException as error:
         outcome = Outcome(CRASH, _where(error))
     finally:
@@ -130,23 +152,23 @@ def attempt(kind: str, folder: Path, watch: Watch) -> Outcome:
     return outcome
 
 
-def _judge(commands: Iterable[tuple[int, str]]) -> Outcome:
-    """What became of commands, each of which is run for what it says."""
-    what, begin = FINE, computed()
+def _classify(commands: Iterable[tuple[int, str]]) -> Outcome:
+    """Outcome of commands, which run while the iterable is read."""
+    result, begin = FINE, cpu_time()
     for code, text in commands:
-        end = computed()
+        end = cpu_time()
         if end - begin >= SECONDS:
             return Outcome(HANG, f"longer than {SECONDS:g} s")
         if code not in (0, 2) or (code == 2 and not text):
             return Outcome(CRASH, f"exit code {code} and {text[:80]!r}")
         if code == 2 and ("\n" in text or len(text) > LONGEST):
             return Outcome(CRASH, f"more than one sentence: {text.splitlines()[0][:60]}")
-        what, begin = REFUSED if code else what, end
-    return Outcome(what)
+        result, begin = REFUSED if code else result, end
+    return Outcome(result)
 
 
 def _where(error: BaseException) -> str:
-    """The kind of an exception, and our last line on the way to it."""
+    """Type of an exception, and the last function of this repository in its traceback."""
     lines = traceback.extract_tb(error.__traceback__)
     ours = [line for line in lines if line.filename.startswith(str(ROOT / ""))]
     ours = [line for line in ours if "/tools/fuzz/" not in line.filename] or lines

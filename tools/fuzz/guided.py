@@ -1,7 +1,7 @@
-"""Cases chosen by atheris, by the lines of our Python code that they reach.
+"""Fuzzing guided by atheris, which chooses cases by the lines of Python code that they reach.
 
-``python -m tools.fuzz.guided KIND SECONDS SEED OUT PLACE`` is what ``--guided`` starts: libFuzzer
-owns its process, and ends it at a crash or a hang. Counts and faults are in OUT/KIND_guided.json.
+``--guided`` starts ``python -m tools.fuzz.guided KIND SECONDS SEED OUT FOLDER``. libFuzzer controls
+this process and ends it at a crash or a hang. Counts and faults are in OUT/KIND_guided.json.
 """
 
 from __future__ import annotations
@@ -15,54 +15,85 @@ from pathlib import Path
 import atheris
 import numpy as np
 
-from tools.fuzz.cases import BAD, OUTCOMES, SECONDS, attempt, warm_up
+from tools.fuzz.cases import BAD, RESULTS, SECONDS, attempt, warm_up
 from tools.fuzz.folders import Folders
 from tools.fuzz.mutating import mutate
 from tools.fuzz.seeds import CHANGED
 from tools.fuzz.watching import Watch
 
-OURS = ["reality_gap", "jmm_agent", "kengoro_env", "experiments", "mjcf_sandbox"]
+INSTRUMENTED = ["reality_gap", "jmm_agent", "kengoro_env", "experiments", "mjcf_sandbox"]
+
+
+class GuidedFuzzer:
+    """Callbacks of atheris for one kind. Its inputs are the path of a file, a zero byte, the file.
+
+    Args:
+        kind: a key of `MAKERS`.
+        out: folder of the kept cases and the summary.
+        folders: where the cases are made.
+    """
+
+    def __init__(self, kind: str, out: Path, folders: Folders) -> None:
+        self._kind, self._out, self._folders = kind, out, folders
+        self._watch = Watch()
+        self._counts: Counter[str] = Counter()
+        self._faults: dict[str, str] = {}
+
+    def write_summary(self) -> None:
+        """Write counts and faults so far."""
+        counts = {result: self._counts[result] for result in RESULTS}
+        text = json.dumps({"counts": counts, "faults": self._faults})
+        (self._out / f"{self._kind}_guided.json").write_text(text, encoding="utf-8")
+
+    def write_corpus(self, folder: Path) -> None:
+        """Write the valid files as inputs to an empty folder."""
+        for i, name in enumerate(sorted(set(CHANGED[self._kind]))):
+            data = name.encode() + b"\0" + self._folders.good(name)
+            (folder / str(i)).write_bytes(data)
+
+    def try_input(self, data: bytes) -> None:
+        """Try the case of an input."""
+        name, _, content = data.partition(b"\0")
+        if name.decode("utf-8", "replace") not in CHANGED[self._kind]:
+            return
+        folder = self._folders.make(name.decode(), content)
+        outcome = attempt(self._kind, folder, self._watch)
+        self._counts[outcome.result] += 1
+        if outcome.result in BAD and outcome.detail not in self._faults:
+            kept = self._out / f"{self._kind}_guided_{len(self._faults)}"
+            shutil.copytree(folder, kept, dirs_exist_ok=True)
+            self._faults[outcome.detail] = f"{outcome.result}: {kept}"
+        shutil.rmtree(folder)
+        if sum(self._counts.values()) % 10 == 0:
+            self.write_summary()
+
+    def mutate_input(self, data: bytes, max_size: int, seed: int) -> bytes:
+        """Change the file of an input; the result has at most ``max_size`` bytes."""
+        name, _, content = data.partition(b"\0")
+        if name.decode("utf-8", "replace") not in CHANGED[self._kind]:
+            first = CHANGED[self._kind][0]
+            name, content = first.encode(), self._folders.good(first)
+        new = mutate(name.decode(), content, np.random.default_rng(seed))
+        return (name + b"\0" + new)[:max_size]
 
 
 def main(kind: str, seconds: str, seed: str, out: str, empty: str) -> None:
-    """Fuzz one kind until the time is over, or the process is, in an empty folder."""
-    with atheris.instrument_imports(include=OURS):
+    """Fuzz one kind until the time is over or the process ends.
+
+    Args:
+        kind: a key of `MAKERS`.
+        seconds: duration [s].
+        seed: of the changes.
+        out: folder of the kept cases and the summary.
+        empty: empty folder in which the cases are made.
+    """
+    with atheris.instrument_imports(include=INSTRUMENTED):
         warm_up(kind)
     location = Path(empty)
-    folders, watch = Folders(kind, location), Watch()
-    counts: Counter[str] = Counter()
-    faults: dict[str, str] = {}
-
-    def note() -> None:
-        text = json.dumps({"counts": {what: counts[what] for what in OUTCOMES}, "faults": faults})
-        (Path(out) / f"{kind}_guided.json").write_text(text, encoding="utf-8")
-
-    def use(data: bytes) -> None:
-        name, _, content = data.partition(b"\0")
-        if name.decode("utf-8", "replace") not in CHANGED[kind]:
-            return
-        folder = folders.make(name.decode(), content)
-        outcome = attempt(kind, folder, watch)
-        counts[outcome.what] += 1
-        if outcome.what in BAD and outcome.detail not in faults:
-            kept = Path(out) / f"{kind}_guided_{len(faults)}"
-            shutil.copytree(folder, kept, dirs_exist_ok=True)
-            faults[outcome.detail] = f"{outcome.what}: {kept}"
-        shutil.rmtree(folder)
-        if sum(counts.values()) % 10 == 0:
-            note()
-
-    def change(data: bytes, most: int, number: int) -> bytes:
-        name, _, content = data.partition(b"\0")
-        if name.decode("utf-8", "replace") not in CHANGED[kind]:
-            name, content = CHANGED[kind][0].encode(), folders.good(CHANGED[kind][0])
-        new = mutate(name.decode(), content, np.random.default_rng(number))
-        return (name + b"\0" + new)[:most]
-
+    fuzzer = GuidedFuzzer(kind, Path(out), Folders(kind, location))
     corpus = location / "corpus"
     corpus.mkdir()
-    for i, name in enumerate(sorted(set(CHANGED[kind]))):
-        (corpus / str(i)).write_bytes(name.encode() + b"\0" + folders.good(name))
+    fuzzer.write_corpus(corpus)
     flags = [
         f"-max_total_time={round(float(seconds))}",
         f"-seed={int(seed) + 1}",
@@ -71,8 +102,9 @@ def main(kind: str, seconds: str, seed: str, out: str, empty: str) -> None:
         "-rss_limit_mb=4096",
         "-max_len=200000",
     ]
-    note()
-    atheris.Setup([sys.argv[0], *flags, str(corpus)], use, custom_mutator=change)
+    fuzzer.write_summary()
+    arguments = [sys.argv[0], *flags, str(corpus)]
+    atheris.Setup(arguments, fuzzer.try_input, custom_mutator=fuzzer.mutate_input)
     atheris.Fuzz()
 
 

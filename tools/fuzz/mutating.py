@@ -1,4 +1,4 @@
-"""Ways to make a valid file hostile: some know its format, the others only bytes."""
+"""Random changes that make a valid file malformed: some know its format, others change bytes."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ PIECE = {
     "json": re.compile(rb"(?<=: )[^,\n]+"),
     "text": re.compile(rb"[^\s]+"),
 }
-"""What may be swapped for something nasty: attributes, values, cells, words."""
+"""By format: pieces that may be replaced (attributes, values, cells, words)."""
 TAG = re.compile(rb"<[a-z]+[^<>]*/>")
 NAME = re.compile(rb"(?<=[\s<])[a-z_]+(?==|\s)")
 FORMATS = {
@@ -79,28 +79,42 @@ FORMATS = {
     ".json": "json",
     ".obj": "text",
 }
-"""By suffix; all else is bytes."""
+"""Formats by suffix; other files are changed as bytes."""
 
 Mutation = Callable[[bytes, np.random.Generator], bytes]
 
 
 def mutate(name: str, data: bytes, random: np.random.Generator) -> bytes:
-    """The file ``name`` with one to four changes."""
+    """Change a file one to four times.
+
+    Args:
+        name: of the file; its suffix chooses the changes.
+        data: its bytes.
+        random: random numbers.
+
+    Returns:
+        The new bytes.
+    """
     kind = FORMATS.get(Path(name).suffix, "bytes")
-    ways: tuple[Mutation, ...] = (some_bytes,)
+    mutations: tuple[Mutation, ...] = (change_bytes,)
     if kind != "bytes":
-        ways = (*(lambda d, r: swap_piece(kind, d, r),) * 6, copy_line, drop_line, some_bytes)
+        mutations = (
+            *(lambda d, r: swap_piece(kind, d, r),) * 6,
+            copy_line,
+            drop_line,
+            change_bytes,
+        )
     if kind == "xml":
-        ways = (*ways, *(add_element,) * 3, swap_names, drop_tag)
+        mutations = (*mutations, *(add_element,) * 3, swap_names, drop_tag)
     if Path(name).suffix == ".npz":
-        ways = (some_bytes, some_member, some_member, some_member)
+        mutations = (change_bytes, change_member, change_member, change_member)
     for _ in range(random.integers(1, 5)):
-        data = ways[random.integers(len(ways))](data, random)
+        data = mutations[random.integers(len(mutations))](data, random)
     return data
 
 
 def swap_piece(kind: str, data: bytes, random: np.random.Generator) -> bytes:
-    """One value becomes a nasty one, or another value of the same file."""
+    """Replace a value by an extreme one, or by another value of the same file."""
     found = list(PIECE[kind].finditer(data))
     if not found:
         return data
@@ -117,21 +131,21 @@ def swap_piece(kind: str, data: bytes, random: np.random.Generator) -> bytes:
 
 
 def copy_line(data: bytes, random: np.random.Generator) -> bytes:
-    """A line stands there again, somewhere."""
+    """Copy a line to another position."""
     lines = data.split(b"\n")
     line, at = random.integers(len(lines), size=2)
     return b"\n".join([*lines[:at], lines[line], *lines[at:]])
 
 
 def drop_line(data: bytes, random: np.random.Generator) -> bytes:
-    """A line is gone."""
+    """Remove a line."""
     lines = data.split(b"\n")
     del lines[random.integers(len(lines))]
     return b"\n".join(lines)
 
 
 def add_element(data: bytes, random: np.random.Generator) -> bytes:
-    """A nasty element after one of the others."""
+    """Insert an extreme element after another one."""
     locations = [found.end() for found in re.finditer(rb">", data)] or [0]
     at = locations[random.integers(len(locations))]
     element = ELEMENTS[random.integers(len(ELEMENTS))].encode()
@@ -139,7 +153,7 @@ def add_element(data: bytes, random: np.random.Generator) -> bytes:
 
 
 def drop_tag(data: bytes, random: np.random.Generator) -> bytes:
-    """An element without children is gone."""
+    """Remove an element that has no content."""
     found = list(TAG.finditer(data))
     if not found:
         return data
@@ -148,7 +162,7 @@ def drop_tag(data: bytes, random: np.random.Generator) -> bytes:
 
 
 def swap_names(data: bytes, random: np.random.Generator) -> bytes:
-    """An element or attribute is called like another one."""
+    """Rename an element or attribute to the name of another one."""
     found = list(NAME.finditer(data))
     if not found:
         return data
@@ -156,13 +170,13 @@ def swap_names(data: bytes, random: np.random.Generator) -> bytes:
     return data[: one.start()] + other[0] + data[one.end() :]
 
 
-def some_member(data: bytes, random: np.random.Generator) -> bytes:
-    """Bytes of an archive's member change, and its checksum with them."""
+def change_member(data: bytes, random: np.random.Generator) -> bytes:
+    """Change bytes of a member of an archive, and its checksum accordingly."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             content = {name: archive.read(name) for name in archive.namelist()}
-    except Exception:  # earlier changes may have broken it in any way
-        return some_bytes(data, random)
+    except Exception:  # an earlier change may have broken the archive
+        return change_bytes(data, random)
     if not content:
         return data
     name = list(content)[random.integers(len(content))]
@@ -173,7 +187,7 @@ def some_member(data: bytes, random: np.random.Generator) -> bytes:
         shape = shapes[random.integers(len(shapes))]
         content[name] = re.sub(rb"\([^()]*\)", lambda _: shape, content[name], count=1)
     else:
-        content[name] = some_bytes(content[name], random)
+        content[name] = change_bytes(content[name], random)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, member in content.items():
@@ -181,8 +195,8 @@ def some_member(data: bytes, random: np.random.Generator) -> bytes:
     return buffer.getvalue()
 
 
-def some_bytes(data: bytes, random: np.random.Generator) -> bytes:
-    """Bytes flipped, set to extremes, cut off, moved or repeated."""
+def change_bytes(data: bytes, random: np.random.Generator) -> bytes:
+    """Flip, overwrite, remove or repeat bytes, or cut the file off."""
     if not data:
         return random.bytes(8)
     at, end = sorted(random.integers(len(data) + 1, size=2).tolist())

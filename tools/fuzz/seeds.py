@@ -1,4 +1,4 @@
-"""Small valid files of each kind, from which hostile ones are made."""
+"""Small valid files of each kind, which the fuzzer changes."""
 
 from __future__ import annotations
 
@@ -70,7 +70,12 @@ initial: {{joints: first_reading, settle: 0.5}}
 
 
 def study(folder: Path, suffix: str) -> None:
-    """A study of one episode, its log in CSV or Parquet."""
+    """Write a study of one episode.
+
+    Args:
+        folder: empty folder.
+        suffix: of the log, ".csv" or ".parquet".
+    """
     (folder / "forms").mkdir()
     texts = {
         "model.xml": MODEL,
@@ -102,8 +107,9 @@ def _log() -> dict[str, np.ndarray]:
 
 
 def checkpoints(folder: Path) -> None:
-    """A map, a kept result of an experiment, and kept arrays of a diagnosis."""
-    from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
+    """Write a map, a checkpoint of an experiment, and one of a diagnosis."""
+    from jmm_agent.mapping.group_map import GroupMap
+    from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
     from mjcf_sandbox.files import write_json
     from reality_gap.inference.checkpoint import Checkpoint
     from tools.fuzz.targets import KEY, RESULT
@@ -126,31 +132,31 @@ def checkpoints(folder: Path) -> None:
 
 
 def bags(folder: Path) -> None:
-    """The same two topics as a ROS 1 bag, a ROS 2 bag in SQLite, and one in MCAP."""
+    """Write the same two topics to a ROS 1 bag, and to ROS 2 bags in SQLite and MCAP."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
     from rosbags.typesys import Stores
 
     with Writer1(folder / "one.bag") as writer:
-        _say(writer, Stores.ROS1_NOETIC)
+        _write_messages(writer, Stores.ROS1_NOETIC)
     for name, plugin in (("sqlite", StoragePlugin.SQLITE3), ("mcap", StoragePlugin.MCAP)):
         with Writer2(folder / name, version=9, storage_plugin=plugin) as writer2:
-            _say(writer2, Stores.ROS2_HUMBLE)
+            _write_messages(writer2, Stores.ROS2_HUMBLE)
     (recorded,) = (folder / "mcap").glob("*.mcap")
     recorded.rename(folder / "mcap" / "mcap.mcap")
     (stored,) = (folder / "sqlite").glob("*.db3")
     stored.rename(folder / "sqlite" / "sqlite.db3")
 
 
-def _say(writer: object, version: object) -> None:
-    """Write joint states and a number, five times."""
+def _write_messages(writer: object, version: object) -> None:
+    """Write five messages to each topic."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(version)  # type: ignore[arg-type]
     first = version is Stores.ROS1_NOETIC
     kinds = store.types
-    open_ = {
+    connections = {
         topic: writer.add_connection(topic, kind, typestore=store)  # type: ignore[attr-defined]
         for topic, kind in (
             ("/joints", "sensor_msgs/msg/JointState"),
@@ -171,9 +177,9 @@ def _say(writer: object, version: object) -> None:
         value = kinds["std_msgs/msg/Float64"](data=float(i))
         serialize = store.serialize_ros1 if first else store.serialize_cdr
         for topic, message in (("/joints", state), ("/target", value)):
-            when = 1_700_000_000_000_000_000 + i * 10**9
+            timestamp = 1_700_000_000_000_000_000 + i * 10**9
             raw = serialize(message, message.__msgtype__)
-            writer.write(open_[topic], when, raw)  # type: ignore[attr-defined]
+            writer.write(connections[topic], timestamp, raw)  # type: ignore[attr-defined]
 
 
 MAKERS: dict[str, Callable[[Path], None]] = {
@@ -184,7 +190,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "checkpoint": checkpoints,
     "bag": bags,
 }
-"""What writes the valid files of a kind into an empty folder."""
+"""By kind: writes the valid files to an empty folder."""
 
 CHANGED: dict[str, tuple[str, ...]] = {
     "mjcf": ("model.xml", "model.xml", "model.xml", "part.xml", "more.xml", "forms/bone.obj"),
@@ -194,4 +200,4 @@ CHANGED: dict[str, tuple[str, ...]] = {
     "checkpoint": ("map.npz", "map.npz", "task.json", "checkpoint/00000.npz"),
     "bag": ("one.bag", "sqlite/metadata.yaml", "sqlite/sqlite.db3", "mcap/mcap.mcap"),
 }
-"""Which of them are made hostile, one a case; the more often, the more often listed."""
+"""By kind: files that are changed, one in each case; repeated entries are chosen more often."""

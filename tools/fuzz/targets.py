@@ -1,4 +1,7 @@
-"""What users call with files, by kind: one command after the other, exit code and what it said."""
+"""Targets of the fuzzer: commands that users call with files, by kind.
+
+A target is a generator; it runs one command after the other and yields exit code and message.
+"""
 
 from __future__ import annotations
 
@@ -11,24 +14,24 @@ from typing import Any
 import numpy as np
 
 KEY = "the same"
-Said = Iterator[tuple[int, str]]
+Results = Iterator[tuple[int, str]]
 RESULT = {"rms": [1.0, 2.0]}
 BAGS = ("one.bag", "sqlite", "mcap/mcap.mcap")
-FENCED = "bag behind the fence"
+SANDBOXED = "bag in the sandbox"
 
 
 def reality_gap(*arguments: str | Path) -> tuple[int, str]:
-    """Exit code of the command, and what it wrote to stderr."""
+    """Run a command of reality-gap; returns exit code and text of stderr."""
     from reality_gap.__main__ import main
 
-    said = io.StringIO()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+    errors = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
         code = main([str(argument) for argument in arguments])
-    return code, said.getvalue().strip()
+    return code, errors.getvalue().strip()
 
 
 def kengoro_env(model: Path) -> tuple[int, str]:
-    """A robot's drawing, as an exit code and a sentence."""
+    """Load a nominal model; returns exit code and message."""
     from kengoro_env.errors import KengoroError
     from kengoro_env.robot.nominal_model import NominalArm
 
@@ -39,25 +42,25 @@ def kengoro_env(model: Path) -> tuple[int, str]:
     return 0, ""
 
 
-def check_study(folder: Path) -> Said:
+def check_study(folder: Path) -> Results:
     """Check a study."""
     yield reality_gap("check", folder / "STUDY.yaml")
 
 
-def use_study(folder: Path, log: str) -> Said:
-    """The same, and draft another one from its parts."""
+def use_study(folder: Path, log: str) -> Results:
+    """Check a study, and draft a new one from its model and log."""
     yield from check_study(folder)
     yield reality_gap("init", folder / "model.xml", folder / log, "--out", folder / "DRAFT.yaml")
 
 
-def use_model(folder: Path) -> Said:
-    """The same, and a robot of the environments."""
+def use_model(folder: Path) -> Results:
+    """Use a study, and load its model for an environment."""
     yield from use_study(folder, "log.csv")
     yield kengoro_env(folder / "model.xml")
 
 
-def use_checkpoints(folder: Path) -> Said:
-    """Load a map, go on with an experiment, and with a diagnosis."""
+def use_checkpoints(folder: Path) -> Results:
+    """Load a map, resume an experiment, and resume a diagnosis."""
     from jmm_agent.errors import AgentError
     from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
     from reality_gap.inference.checkpoint import Checkpoint
@@ -69,13 +72,13 @@ def use_checkpoints(folder: Path) -> Said:
     except AgentError as error:
         yield 2, str(error)
     with contextlib.redirect_stdout(io.StringIO()):
-        _go_on(folder)
+        _resume(folder)
     yield 0, ""
     Checkpoint(folder / "checkpoint", KEY).get(0, lambda: [np.arange(3, dtype=np.float32)])
     yield 0, ""
 
 
-def _go_on(folder: Path) -> None:
+def _resume(folder: Path) -> None:
     from experiments.harness.runner import core_seconds, run_tasks
 
     run_tasks(result, {"task": ()}, 1, folder, KEY)
@@ -83,12 +86,12 @@ def _go_on(folder: Path) -> None:
 
 
 def result() -> dict[str, Any]:
-    """Work of an experiment."""
+    """Result of the task of an experiment."""
     return RESULT
 
 
-def use_bags(folder: Path) -> Said:
-    """Unpack each bag as what runs behind the fence does it, so that it can be watched."""
+def use_bags(folder: Path) -> Results:
+    """Unpack each bag in this process, without the sandbox, so that it can be watched."""
     from reality_gap.errors import StudyError
     from reality_gap.io.rosbag import unpack
 
@@ -100,19 +103,19 @@ def use_bags(folder: Path) -> Said:
             yield 2, str(error)
 
 
-def unpack_bags(folder: Path) -> Said:
-    """Unpack each bag as users do."""
+def unpack_bags(folder: Path) -> Results:
+    """Unpack each bag with the command, which uses a sandbox."""
     for name in BAGS:
         yield reality_gap("unpack", folder / name, "--out", folder / f"{Path(name).stem}_new")
 
 
-TARGETS: dict[str, Callable[[Path], Said]] = {
+TARGETS: dict[str, Callable[[Path], Results]] = {
     "mjcf": use_model,
     "yaml": check_study,
     "csv": lambda folder: use_study(folder, "log.csv"),
     "parquet": lambda folder: use_study(folder, "log.parquet"),
     "checkpoint": use_checkpoints,
     "bag": use_bags,
-    FENCED: unpack_bags,
+    SANDBOXED: unpack_bags,
 }
-"""By kind: what is done with the files of a folder."""
+"""By kind: commands that use the files of a folder."""

@@ -1,4 +1,4 @@
-"""What a process does while it works on a hostile file: what it opens, runs and imports."""
+"""Watch on a process that reads a malformed file: files that it opens, code that it runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mjcf_sandbox.sandbox import START
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATORS = {"dataclasses", "collections", "rosbags", "numpy", "typing", "attr", "ruamel", "tyro"}
-"""Who makes code of strings: names of fields of messages go through grammars there."""
+"""Packages that execute generated code; field names in files pass their grammars first."""
 RUNS = {
     "os.system",
     "os.exec",
@@ -25,30 +25,34 @@ RUNS = {
     "ctypes.dlopen",
     "pickle.find_class",
 }
-"""Audit events of running something that is not Python's own."""
+"""Audit events of running code that is not part of Python."""
 SYSTEM = ("/proc", "/sys", "/dev/null", "/dev/urandom", "/usr/share", "/usr/lib", "/etc/mime.types")
 
 
 class Watch:
-    """Notes what goes on in this process, from its making on.
+    """Records what this process opens and runs, by an audit hook that stays until its end.
 
     Attributes:
-        folder: of the case that is worked on; None for not watching.
-        outside: files outside of it that were opened.
-        ran: what was run.
+        folder: of the current case; None between cases.
+        outside: opened files outside of the folder.
+        ran: descriptions of executed code.
     """
 
     def __init__(self) -> None:
         own = {str(ROOT), sys.prefix, sys.base_prefix, *sysconfig.get_paths().values(), *sys.path}
         self._own = tuple(os.path.realpath(folder) for folder in own if folder)
-        self._fences = os.path.join(os.path.realpath(tempfile.gettempdir()), "mjcf_sandbox-")
+        self._sandboxes = os.path.join(os.path.realpath(tempfile.gettempdir()), "mjcf_sandbox-")
         self.folder: str | None = None
         self.outside: list[str] = []
         self.ran: list[str] = []
-        sys.addaudithook(self._note)
+        sys.addaudithook(self._record)
 
     def begin(self, folder: Path) -> None:
-        """Watch a case; secrets beside its folder look as if never read."""
+        """Start to watch a case, and reset the access times of the files beside its folder.
+
+        Args:
+            folder: of the case.
+        """
         self.outside, self.ran = [], []
         self._secrets = [path for path in folder.parent.iterdir() if path.is_file()]
         for secret in self._secrets:
@@ -56,7 +60,7 @@ class Watch:
         self.folder = os.path.realpath(folder)
 
     def end(self) -> None:
-        """Stop watching; see who read the secrets, and whether anything left its trace."""
+        """Stop watching; check the files beside the folder, and traces of executed code."""
         folder, self.folder = self.folder, None
         assert folder is not None
         self.outside += [str(path) for path in self._secrets if path.stat().st_atime != 1]
@@ -66,31 +70,31 @@ class Watch:
             if file and os.path.realpath(file).startswith(folder + os.sep):
                 self.ran.append(f"import {file}")
 
-    def _note(self, event: str, arguments: tuple[Any, ...]) -> None:
+    def _record(self, event: str, arguments: tuple[Any, ...]) -> None:
         if self.folder is None:
             return
         if event == "open":
-            self._note_open(arguments[0])
+            self._record_open(arguments[0])
         elif event == "subprocess.Popen":
             if START not in (arguments[1] or ()):
                 self.ran.append(f"{event} {arguments[1]}")
         elif event in RUNS:
             self.ran.append(f"{event} {arguments}"[:200])
         elif event == "exec":
-            self._note_exec(arguments[0])
+            self._record_exec(arguments[0])
 
-    def _note_open(self, name: Any) -> None:
+    def _record_open(self, name: Any) -> None:
         if isinstance(name, int) or name is None:
             return
         path = os.path.realpath(os.fsdecode(name))
         allowed = (self.folder or "", *self._own, *SYSTEM)
-        if not path.startswith(self._fences) and not any(
+        if not path.startswith(self._sandboxes) and not any(
             path == location or path.startswith(location.rstrip(os.sep) + os.sep)
             for location in allowed
         ):
             self.outside.append(path)
 
-    def _note_exec(self, code: CodeType) -> None:
+    def _record_exec(self, code: CodeType) -> None:
         file = code.co_filename
         if file.startswith("<frozen") or file.startswith(self._own):
             return

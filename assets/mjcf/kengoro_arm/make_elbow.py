@@ -1,6 +1,6 @@
 """Write elbow.xml: the elbow alone, with every number as in arm.xml.
 
-Scapula and humerus are fixed in the zero posture, radius and hand to the ulna; of the wires,
+Scapula and humerus are fixed in the zero posture, radius and hand to the ulna; of the tendons,
 brachialis, biceps and triceps stay. Run it again when arm.xml changes; a test compares the two.
 """
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 FOLDER = Path(__file__).resolve().parent
-WIRES = ("biceps", "brachialis", "triceps")
+MUSCLES = ("biceps", "brachialis", "triceps")
 NOTE = " Written by make_elbow.py from arm.xml: the elbow alone, all else fixed at zero. "
 CAMERA = {
     "name": "outside",
@@ -48,8 +48,8 @@ def is_kept(element: ElementTree.Element, sites: set[str | None]) -> bool:
     """Whether a part of a body belongs to the elbow alone."""
     if element.tag == "joint":
         return element.get("name") == "elbow"
-    is_wire_point = element.tag == "site" and element.get("class") is not None
-    return not is_wire_point or element.get("name") in sites
+    is_tendon_point = element.tag == "site" and element.get("class") is not None
+    return not is_tendon_point or element.get("name") in sites
 
 
 def main() -> None:
@@ -61,7 +61,7 @@ def main() -> None:
     assert world is not None
     assert tendons is not None
     assert assets is not None
-    tendons[:] = [wire for wire in tendons if wire.get("name") in WIRES]
+    tendons[:] = [tendon for tendon in tendons if tendon.get("name") in MUSCLES]
     sites = {site.get("site") for site in tendons.iter("site")}
     chain = body_chain(world, "scapula")
     scapula = chain[-1]

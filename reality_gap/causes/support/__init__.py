@@ -1,1 +1,1 @@
-"""What causes share."""
+"""Support: functions that several causes share."""

@@ -1,4 +1,4 @@
-"""Where causes may act: the groups of elements that several causes share."""
+"""Elements: groups of tendons, joints and actuators on which several causes can act."""
 
 from __future__ import annotations
 
@@ -11,53 +11,44 @@ from reality_gap.causes.base import Location
 from reality_gap.study.system import ActuatedTendon, System, commanded
 
 Sensed = Literal["length", "tension", None]
+"""Quantity of a tendon that must be measured; None for no condition."""
 
-
-def _has(tendon: ActuatedTendon, sensed: Sensed) -> bool:
-    if sensed == "length":
-        return bool(tendon.length_sensors)
-    return sensed is None or bool(tendon.tension_sensors)
+Suits = Callable[[mujoco.MjModel, int], bool]
+"""Whether a cause can act on an actuator of this id."""
 
 
 def each_tendon(system: System, sensed: Sensed = None) -> tuple[Location, ...]:
-    """Every wire by itself; only those whose length or tension is measured, if asked."""
-    return tuple(Location("tendon", (w.name,)) for w in system.tendons if _has(w, sensed))
+    """Return a location for each actuated tendon, or only for those that are measured."""
+    return tuple(Location("tendon", (t.name,)) for t in system.tendons if _is_sensed(t, sensed))
 
 
 def all_tendons(system: System, sensed: Sensed = None) -> tuple[Location, ...]:
-    """All wires at once, sharing the parameters; none where there are fewer than two."""
-    names = tuple(w.name for w in system.tendons if _has(w, sensed))
+    """Return a location of all actuated tendons together; none if there are fewer than two."""
+    names = tuple(t.name for t in system.tendons if _is_sensed(t, sensed))
     return (Location("tendon", names),) if len(names) > 1 else ()
 
 
 def each_joint(system: System) -> tuple[Location, ...]:
-    """Every hinge and slide joint by itself."""
+    """Return a location for each hinge and slide joint."""
     return tuple(Location("joint", (name,)) for name in system.joints)
 
 
-Fit = Callable[[mujoco.MjModel, int], bool]
+def each_actuator(system: System, suits: Suits | None = None) -> tuple[Location, ...]:
+    """Return a location for each actuator, or only for those that ``suits`` accepts."""
+    return tuple(Location("actuator", (name,)) for name in _actuators(system, suits))
 
 
-def _fitting(system: System, fit: Fit | None) -> tuple[str, ...]:
-    model = system.model
-    return tuple(model.actuator(i).name for i in commanded(model) if fit is None or fit(model, i))
-
-
-def each_actuator(system: System, fit: Fit | None = None) -> tuple[Location, ...]:
-    """Every actuator by itself; only those with ``fit(model, actuator)``, if given."""
-    return tuple(Location("actuator", (name,)) for name in _fitting(system, fit))
-
-
-def all_actuators(system: System, fit: Fit | None = None) -> tuple[Location, ...]:
-    """All actuators at once; none where there are fewer than two."""
-    names = _fitting(system, fit)
+def all_actuators(system: System, suits: Suits | None = None) -> tuple[Location, ...]:
+    """Return a location of all actuators together; none if there are fewer than two."""
+    names = _actuators(system, suits)
     return (Location("actuator", names),) if len(names) > 1 else ()
 
 
 def tension_signs(system: System, location: Location) -> dict[str, float]:
-    """Sensors of the tension of a place's wires, each with the sign that it gives to a pull.
+    """Return the sign of a pull in each tension sensor of a location's tendons.
 
-    A force on a tendon that is positive lengthens it; an actuator's own comes before its gear.
+    In MuJoCo, a positive tendon force lengthens the tendon, so that a pull is negative. A sensor of
+    the actuator force measures before the gear, which may be negative.
     """
     model, signs = system.model, {}
     for tendon in (system.tendon(name) for name in location.elements):
@@ -66,3 +57,16 @@ def tension_signs(system: System, location: Location) -> dict[str, float]:
             turned = own and model.actuator(tendon.actuator).gear[0] < 0
             signs[sensor] = 1.0 if turned else -1.0
     return signs
+
+
+def _is_sensed(tendon: ActuatedTendon, sensed: Sensed) -> bool:
+    if sensed == "length":
+        return bool(tendon.length_sensors)
+    return sensed is None or bool(tendon.tension_sensors)
+
+
+def _actuators(system: System, suits: Suits | None) -> tuple[str, ...]:
+    model = system.model
+    return tuple(
+        model.actuator(i).name for i in commanded(model) if suits is None or suits(model, i)
+    )

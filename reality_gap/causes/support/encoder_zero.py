@@ -1,7 +1,9 @@
-"""Encoders of wires are relative: they were zeroed where the drawing knows the length.
+"""Zero of tendon encoders: encoders are relative and are zeroed at the model's ``qpos0``.
 
-Whatever changes the path of a wire shows no error in the model's ``qpos0``, where a person put the
-machine and called every wire's length that of the drawing.
+At ``qpos0`` a person sets the reading of each tendon to the nominal length. A cause that changes
+the path of a tendon therefore shows no error of the length there. The functions of this module add
+such a cause to a model: ``geometry`` changes the paths, and what the lengths at ``qpos0`` change by
+is subtracted from the readings and from the feedback of servos.
 """
 
 from __future__ import annotations
@@ -15,23 +17,24 @@ from reality_gap.causes.support import servos
 from reality_gap.study.system import System
 
 Geometry = Callable[[mujoco.MjSpec, System, Location, Values], None]
+"""Edits the paths of tendons in a model; its arguments are those of ``Cause.edit``."""
 
 
-def edit(
+def edit_zeroed(
     geometry: Geometry, spec: mujoco.MjSpec, system: System, location: Location, values: Values
 ) -> None:
-    """Change paths by ``geometry``, and let servos see lengths zeroed at ``qpos0``."""
+    """Edit paths, and let servos feed back lengths that are zeroed at ``qpos0``."""
     geometry(spec, system, location, values)
     for name, excess in _excess(geometry, system, location, values).items():
         tendon = system.tendon(name)
         if tendon.servo:
-            servos.misread(spec, tendon.actuator, -excess)
+            servos.add_reading_error(spec, tendon.actuator, -excess)
 
 
-def attach(
+def attach_zeroed(
     geometry: Geometry, effects: Effects, system: System, location: Location, values: Values
 ) -> None:
-    """The same for what encoders read."""
+    """Add the effect that encoders read lengths that are zeroed at ``qpos0``."""
     excess = _excess(geometry, system, location, values)
 
     def zero(record: Record) -> None:
@@ -45,10 +48,10 @@ def attach(
 def _excess(
     geometry: Geometry, system: System, location: Location, values: Values
 ) -> dict[str, float]:
-    """By how much wires are longer than drawn at ``qpos0`` [m]."""
+    """Return by how much tendons are longer than nominal at ``qpos0`` [m]."""
     spec = system.study.spec()
     geometry(spec, system, location, values)
     model = spec.compile()
-    lengths = {w.name: float(model.tendon_length0[model.tendon(w.name).id]) for w in system.tendons}
-    changes = {w.name: lengths[w.name] - w.length0 for w in system.tendons}
+    lengths = {t.name: float(model.tendon_length0[model.tendon(t.name).id]) for t in system.tendons}
+    changes = {t.name: lengths[t.name] - t.length0 for t in system.tendons}
     return {tendon: change for tendon, change in changes.items() if abs(change) > 1e-12}

@@ -1,4 +1,4 @@
-"""Encoders: what reads the position of a wire or joint, and the actuator that feeds it back."""
+"""Encoders: sensors of a tendon's length or a joint's position, and the servo that uses them."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Location, Record
-from reality_gap.causes.support.model_overrides import Extra
+from reality_gap.causes.support.model_overrides import ModelOffset
 from reality_gap.study.system import System, commanded
 from reality_gap.types import Floats
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """What reads the length of a wire or the position of a joint.
+    """The encoder of a tendon or joint.
 
     Attributes:
         kind: "tendon" or "joint".
-        element: its name.
-        sensors: measured sensors that read it.
-        actuator: the affine actuator that feeds it back; empty where there is none.
+        element: name of the tendon or joint.
+        sensors: measured sensors of its length or position.
+        actuator: the affine actuator that feeds the position back; empty without one.
     """
 
     kind: str
@@ -31,67 +31,42 @@ class Encoder:
 
 
 def encoders(system: System, location: Location) -> tuple[Encoder, ...]:
-    """One for each element of a place of wires or joints."""
-    of_one = _of_tendon if location.kind == "tendon" else _of_joint
-    return tuple(of_one(system, name) for name in location.elements)
+    """Return an encoder for each element of a location of tendons or joints."""
+    encoder_of = _of_tendon if location.kind == "tendon" else _of_joint
+    return tuple(encoder_of(system, name) for name in location.elements)
 
 
-def matters(encoder: Encoder) -> bool:
-    """Whether a wrong reading would show: in a measured channel or in the motion."""
+def is_used(encoder: Encoder) -> bool:
+    """Return whether an error of the encoder shows in a measured channel or in the motion."""
     return bool(encoder.sensors or encoder.actuator)
 
 
-def _of_tendon(system: System, name: str) -> Encoder:
-    tendon = system.tendon(name)
-    return Encoder("tendon", name, tendon.length_sensors, tendon.actuator if tendon.servo else "")
-
-
-def _of_joint(system: System, joint: str) -> Encoder:
-    model = system.model
-    here = model.joint(joint).id
-    servos = [
-        model.actuator(i).name
-        for i in commanded(model)
-        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        and int(model.actuator_trnid[i, 0]) == here
-        and int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
-        and model.actuator_biasprm[i, 1] != 0.0
-    ]
-    sensors = tuple(
-        name
-        for name in system.sensed
-        if int(model.sensor(name).type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTPOS)
-        and int(model.sensor(name).objid[0]) == here
-    )
-    return Encoder("joint", joint, sensors, servos[0] if servos else "")
-
-
-def recorded(record: Record, encoder: Encoder) -> Floats:
-    """Its true position along a record (k,) [m or rad]."""
+def true_position(record: Record, encoder: Encoder) -> Floats:
+    """Return the true position of an encoder's element along a record, shape (k,) [m or rad]."""
     if encoder.kind == "tendon":
         return record.length[:, record.model.tendon(encoder.element).id]
     return record.qpos[:, record.model.joint(encoder.element).qposadr[0]]
 
 
 def add_to_reading(record: Record, encoder: Encoder, error: Floats) -> None:
-    """Add an error (k,) to what its sensors read."""
+    """Add an error, shape (k,), to the readings of an encoder."""
     for sensor in encoder.sensors:
         record.sensors[:, record.column(sensor)] += error
 
 
 class Feedback:
-    """The position feedback of encoders in a model, for hooks that falsify it.
+    """Position feedback of encoders in a model, for hooks that let it be wrong.
 
-    An affine actuator's force is ``gain ctrl + bias[0] + bias[1] position``, so that an error of
-    the position is one of ``bias[0]``; that way it passes neither the actuator's dynamics nor the
-    range of ctrl.
+    The force of an affine actuator is ``gain ctrl + bias[0] + bias[1] position``, so that an error
+    of the position is equivalent to an offset of ``bias[0]``. This offset is not subject to the
+    dynamics of the actuator or to the range of ctrl.
 
     Args:
-        model: whose biases it writes.
-        chosen: encoders of one kind; those that are not fed back are looked at only.
+        model: the model whose biases are written.
+        chosen: encoders of one kind; those without an actuator only have a position.
 
     Attributes:
-        slope: (k,) of those fed back: force of the actuator per unit of position [N/m or N].
+        slope: force per position of each encoder with an actuator, shape (k,) [N/m or N m/rad].
     """
 
     def __init__(self, model: mujoco.MjModel, chosen: tuple[Encoder, ...]) -> None:
@@ -101,21 +76,49 @@ class Feedback:
         self._fed = np.flatnonzero([bool(encoder.actuator) for encoder in chosen])
         actuators = [model.actuator(chosen[i].actuator).id for i in self._fed]
         self.slope = model.actuator_biasprm[actuators, 1] * model.actuator_gear[actuators, 0]
-        self._bias = Extra(model.actuator_biasprm[:, 0], np.array(actuators, dtype=np.int64))
+        self._bias = ModelOffset(model.actuator_biasprm[:, 0], np.array(actuators, dtype=np.int64))
 
     def position(self, model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
-        """True positions (n,) [m or rad] before a step; a wire's length is carried on to now."""
+        """Return the true positions before a step, shape (n,) [m or rad].
+
+        MuJoCo's lengths of tendons are those of the previous step; they are extrapolated.
+        """
         if not self._of_tendons:
             return data.qpos[self._elements]
         if not self._fresh:
             mujoco.mj_fwdPosition(model, data)
             self._fresh = True
-        here = self._elements
-        return data.ten_length[here] + model.opt.timestep * data.ten_velocity[here]
+        ids = self._elements
+        return data.ten_length[ids] + model.opt.timestep * data.ten_velocity[ids]
 
-    def falsify(self, error: Floats) -> None:
-        """Let the actuators see positions that are wrong by ``error`` (n,), until the next call."""
-        self._bias.write(self.slope * error[self._fed])
+    def set_error(self, error: Floats) -> None:
+        """Let actuators feed back positions that are wrong by ``error``, shape (n,)."""
+        self._bias.set(self.slope * error[self._fed])
+
+
+def _of_tendon(system: System, name: str) -> Encoder:
+    tendon = system.tendon(name)
+    return Encoder("tendon", name, tendon.length_sensors, tendon.actuator if tendon.servo else "")
+
+
+def _of_joint(system: System, joint: str) -> Encoder:
+    model = system.model
+    id_ = model.joint(joint).id
+    servos = [
+        model.actuator(i).name
+        for i in commanded(model)
+        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        and int(model.actuator_trnid[i, 0]) == id_
+        and int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        and model.actuator_biasprm[i, 1] != 0.0
+    ]
+    sensors = tuple(
+        name
+        for name in system.sensed
+        if int(model.sensor(name).type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTPOS)
+        and int(model.sensor(name).objid[0]) == id_
+    )
+    return Encoder("joint", joint, sensors, servos[0] if servos else "")
 
 
 def _index(model: mujoco.MjModel, encoder: Encoder) -> int:

@@ -1,4 +1,4 @@
-"""Markers and cameras: which sensors of frames refer to them, and moving them on their bodies."""
+"""Frames: sensors of markers and cameras, and small changes of the poses of these elements."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 SHIFT, TURN = ("x", "y", "z"), ("rx", "ry", "rz")
+"""Names of the parameters of a translation and of a rotation vector."""
 
 _SENSOR = mujoco.mjtSensor
 _POSITION = (int(_SENSOR.mjSENS_FRAMEPOS),)
@@ -26,43 +27,47 @@ _ORIENTATION = tuple(
 
 
 def position_sensors(system: System) -> tuple[str, ...]:
-    """Measured sensors of the position of a frame."""
+    """Return the measured sensors of the position of a frame."""
     return tuple(n for n in system.sensed if int(system.model.sensor(n).type[0]) in _POSITION)
 
 
 def orientation_sensors(system: System) -> tuple[str, ...]:
-    """Measured sensors of the orientation of a frame."""
+    """Return the measured sensors of the orientation of a frame."""
     return tuple(n for n in system.sensed if int(system.model.sensor(n).type[0]) in _ORIENTATION)
 
 
-def seen_from(system: System, sensor: str) -> str:
-    """The camera in whose frame a sensor reads; empty if it is another frame."""
-    reads = system.model.sensor(sensor)
-    if int(reads.reftype[0]) != int(mujoco.mjtObj.mjOBJ_CAMERA):
+def camera_of(system: System, sensor: str) -> str:
+    """Return the camera in whose frame a sensor measures; empty if it is another frame."""
+    measures = system.model.sensor(sensor)
+    if int(measures.reftype[0]) != int(mujoco.mjtObj.mjOBJ_CAMERA):
         return ""
-    return system.model.camera(int(reads.refid[0])).name
+    return system.model.camera(int(measures.refid[0])).name
 
 
-def cameras(system: System, sensors: tuple[str, ...]) -> tuple[Location, ...]:
-    """Cameras in whose frames sensors read."""
-    names = dict.fromkeys(seen_from(system, sensor) for sensor in sensors)
+def camera_locations(system: System, sensors: tuple[str, ...]) -> tuple[Location, ...]:
+    """Return a location for each camera in whose frame one of the sensors measures."""
+    names = dict.fromkeys(camera_of(system, sensor) for sensor in sensors)
     return tuple(Location("camera", (name,)) for name in names if name)
 
 
-def motion(shift: Parameter, turn: Parameter | None) -> tuple[Parameter, ...]:
-    """Six parameters like these two, or three if there is nothing to turn."""
+def pose_parameters(shift: Parameter, turn: Parameter | None) -> tuple[Parameter, ...]:
+    """Return the parameters x, y, z like ``shift``, and rx, ry, rz like ``turn`` if it is given."""
     alike = [(shift, name) for name in SHIFT]
     if turn is not None:
         alike += [(turn, name) for name in TURN]
     return tuple(Parameter(name, p.unit, p.scale, p.tolerance, p.low, p.high) for p, name in alike)
 
 
-def moved(pos: Floats, quat: Floats, values: Values) -> tuple[Floats, Floats]:
-    """A pose moved by x, y, z and turned by the vector rx, ry, rz, all in its own axes.
+def moved_pose(pos: Floats, quat: Floats, values: Values) -> tuple[Floats, Floats]:
+    """Move a pose by x, y, z and turn it by the rotation vector rx, ry, rz, in its own axes.
 
     Args:
-        pos, quat: of the pose (3,) [m] and (4,), scalar first.
-        values: [m] and [rad]; no turn where there are no rx, ry, rz.
+        pos: position, shape (3,) [m].
+        quat: orientation, shape (4,), scalar first.
+        values: x, y, z [m] and rx, ry, rz [rad]; without rx, ry, rz there is no rotation.
+
+    Returns:
+        Position and orientation of the moved pose.
     """
     pose = Rotation.from_quat(quat, scalar_first=True)
     shift = np.array([values[name] for name in SHIFT])
@@ -70,8 +75,8 @@ def moved(pos: Floats, quat: Floats, values: Values) -> tuple[Floats, Floats]:
     return pos + pose.apply(shift), (pose * turn).as_quat(scalar_first=True)
 
 
-def put(element: mujoco.MjsSite | mujoco.MjsCamera, pos: Floats, quat: Floats) -> None:
-    """Put a site or camera at a pose on its body."""
+def set_pose(element: mujoco.MjsSite | mujoco.MjsCamera, pos: Floats, quat: Floats) -> None:
+    """Set the pose of a site or camera in the frame of its body."""
     if element.frame is not None:
         element.set_frame(element.parent.add_frame())
     element.pos, element.quat = pos, quat

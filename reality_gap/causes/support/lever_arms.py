@@ -1,4 +1,4 @@
-"""Lengths of the drawing's wires at postures, and the joints that they cross."""
+"""Lever arms: nominal lengths of tendons at postures, and the joints that tendons cross."""
 
 from __future__ import annotations
 
@@ -7,55 +7,39 @@ from functools import lru_cache
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.study.system import System
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 PROBE = 0.1
-"""How far a joint is moved to see which wires it pulls [rad or m]."""
-SEEN = 1e-5
-"""A length that changes by less does not depend on a joint [m]."""
+"""Displacement of a joint to find the tendons that cross it [rad or m]."""
+NEGLIGIBLE = 1e-5
+"""Largest change of length of a tendon that does not cross a joint [m]."""
 
 
 def lengthening(system: System, joints: Mapping[str, float]) -> dict[str, float]:
-    """Longer by how much each wire is at a posture than at ``qpos0`` [m].
+    """Return by how much each tendon is longer at a posture than at ``qpos0`` [m].
 
     Args:
-        system: whose model is asked.
-        joints: how far from ``qpos0`` joints stand [rad or m]; the others stand there.
+        system: the machine.
+        joints: displacements of joints from ``qpos0`` [rad or m]; the others are at ``qpos0``.
     """
     change = _tendon_lengths(system.model, joints) - system.model.tendon_length0
-    return {w.name: float(change[system.model.tendon(w.name).id]) for w in system.tendons}
+    return {t.name: float(change[system.model.tendon(t.name).id]) for t in system.tendons}
 
 
 def actuated_joints(system: System) -> tuple[str, ...]:
-    """Joints that change the length of a wire, in the order of the system's."""
-    moved = _moved_tendons(system.model, system.joints)
-    tendons = [system.model.tendon(w.name).id for w in system.tendons]
-    return tuple(name for name, row in zip(system.joints, moved, strict=True) if row[tendons].any())
-
-
-@lru_cache(maxsize=4)
-def _moved_tendons(model: mujoco.MjModel, joints: tuple[str, ...]) -> NDArray[np.bool_]:
-    """Whether each joint changes each tendon's length (joints, ntendon)."""
-    changes = [
-        [_tendon_lengths(model, {name: side * PROBE}) - model.tendon_length0 for side in (-1, 1)]
-        for name in joints
-    ]
-    return np.abs(changes).max(axis=1) > SEEN if changes else np.zeros((0, 0), bool)
-
-
-def _tendon_lengths(model: mujoco.MjModel, joints: Mapping[str, float]) -> Floats:
-    data = mujoco.MjData(model)
-    for name, offset in joints.items():
-        data.qpos[model.joint(name).qposadr[0]] += offset
-    mujoco.mj_fwdPosition(model, data)
-    return data.ten_length
+    """Return the joints that actuated tendons cross, in the order of the system's joints."""
+    crossed = _crossed_tendons(system.model, system.joints)
+    ids = [system.model.tendon(t.name).id for t in system.tendons]
+    return tuple(name for name, row in zip(system.joints, crossed, strict=True) if row[ids].any())
 
 
 def lever_arms(system: System, tendon: str) -> dict[str, float]:
-    """Lengthening of a wire by each joint [m/rad or 1], in the middle of the joints' ranges."""
+    """Return a tendon's lever arm at each joint, in the middle of the joints' ranges [m/rad or 1].
+
+    A positive lever arm means that the tendon becomes longer if the joint's position increases.
+    """
     model, index = system.model, system.model.tendon(tendon).id
     middle = {name: _middle(model, name) for name in system.joints}
     arms = {}
@@ -68,7 +52,26 @@ def lever_arms(system: System, tendon: str) -> dict[str, float]:
     return arms
 
 
+@lru_cache(maxsize=4)
+def _crossed_tendons(model: mujoco.MjModel, joints: tuple[str, ...]) -> Bools:
+    """Return whether each joint changes each tendon's length, shape (joints, ntendon)."""
+    changes = [
+        [_tendon_lengths(model, {name: side * PROBE}) - model.tendon_length0 for side in (-1, 1)]
+        for name in joints
+    ]
+    return np.abs(changes).max(axis=1) > NEGLIGIBLE if changes else np.zeros((0, 0), bool)
+
+
+def _tendon_lengths(model: mujoco.MjModel, joints: Mapping[str, float]) -> Floats:
+    """Return the lengths of all tendons with joints displaced from ``qpos0``, (ntendon,) [m]."""
+    data = mujoco.MjData(model)
+    for name, offset in joints.items():
+        data.qpos[model.joint(name).qposadr[0]] += offset
+    mujoco.mj_fwdPosition(model, data)
+    return data.ten_length
+
+
 def _middle(model: mujoco.MjModel, joint: str) -> float:
-    """Of a joint's range, from ``qpos0``."""
+    """Return the middle of a joint's range relative to ``qpos0``; 0 without limits."""
     found = model.joint(joint)
     return float(found.range.mean() - found.qpos0[0]) if found.limited[0] else 0.0

@@ -1,4 +1,4 @@
-"""Rigid links: bodies welded together, which only their sum of masses can tell apart."""
+"""Links: bodies that are welded together, whose masses only show in their sum."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from reality_gap.causes.support import lever_arms
 from reality_gap.study.system import System, commanded
 
 LIGHT = 0.01
-"""Links lighter than this share of all that moves cannot show a wrong mass."""
+"""Share of the moving mass below which a link is too light for an error of its mass to show."""
 
 _GEOM = mujoco.mjtInertiaFromGeom
 
@@ -21,10 +21,10 @@ class Link:
     """Bodies that move as one.
 
     Attributes:
-        name: of its first body, the one with the joints.
-        bodies: names of those with mass.
-        heaviest: of them.
-        mass: of all together [kg].
+        name: name of its first body, which has the joints.
+        bodies: names of its bodies with mass.
+        heaviest: name of the heaviest of them.
+        mass: sum of their masses [kg].
     """
 
     name: str
@@ -34,7 +34,7 @@ class Link:
 
 
 def links(system: System) -> tuple[Link, ...]:
-    """The moving links whose mass can show; those with a body that matters but has no name not."""
+    """Return the moving links that are not too light and whose bodies have names."""
     model = system.model
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     total = float(sum(model.body_mass[b] for b in moving))
@@ -44,7 +44,7 @@ def links(system: System) -> tuple[Link, ...]:
 
 
 def link(system: System, root: int) -> Link:
-    """The link that a body is the first of."""
+    """Return the link whose first body has this id."""
     model = system.model
     members = np.flatnonzero((model.body_weldid == root) & (model.body_mass > 0))
     masses = model.body_mass[members]
@@ -53,10 +53,10 @@ def link(system: System, root: int) -> Link:
     return Link(model.body(root).name, names, heaviest, float(masses.sum()))
 
 
-def ends(system: System) -> tuple[int, ...]:
-    """First bodies of the links at which things are held: beyond them nothing is driven or read.
+def end_links(system: System) -> tuple[int, ...]:
+    """Return the first bodies of the last links of each limb that are driven or measured.
 
-    So a hand is an end, and its passive fingers are not.
+    A hand is such a link, for example, but passive fingers beyond it are not.
     """
     model = system.model
     weld, parent = model.body_weldid, model.body_parentid
@@ -71,8 +71,25 @@ def ends(system: System) -> tuple[int, ...]:
     return tuple(dict.fromkeys(found))
 
 
+def editable_body(spec: mujoco.MjSpec, system: System, name: str) -> mujoco.MjsBody:
+    """Return a body of a spec whose ``mass``, ``ipos`` and ``inertia`` can be edited.
+
+    If the model derives them from geoms or gives a full inertia matrix, the compiled values are
+    written into the spec.
+    """
+    if spec.compiler.inertiafromgeom == _GEOM.mjINERTIAFROMGEOM_TRUE:
+        for index in range(1, system.model.nbody):
+            _set_compiled_inertia(spec.body(system.model.body(index).name), system.model, index)
+        spec.compiler.inertiafromgeom = _GEOM.mjINERTIAFROMGEOM_AUTO
+    body = spec.body(name)
+    plain = body.ialt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
+    if not (body.explicitinertial and plain and np.isnan(body.fullinertia[0])):
+        _set_compiled_inertia(body, system.model, system.model.body(name).id)
+    return body
+
+
 def _driven(system: System) -> set[int]:
-    """First bodies of links with a joint that is pulled, driven or read."""
+    """Return the first bodies of links with a joint that is actuated or measured."""
     model = system.model
     joints = {model.joint(name).id for name in lever_arms.actuated_joints(system)}
     joints |= {
@@ -88,23 +105,7 @@ def _driven(system: System) -> set[int]:
     return {int(model.body_weldid[model.jnt_bodyid[j]]) for j in joints}
 
 
-def inertial(spec: mujoco.MjSpec, system: System, name: str) -> mujoco.MjsBody:
-    """A body of a spec whose ``mass``, ``ipos`` and ``inertia`` may be edited.
-
-    What the drawing derives from geoms, or gives by a full matrix, is written down as compiled.
-    """
-    if spec.compiler.inertiafromgeom == _GEOM.mjINERTIAFROMGEOM_TRUE:
-        for index in range(1, system.model.nbody):
-            _write_down(spec.body(system.model.body(index).name), system.model, index)
-        spec.compiler.inertiafromgeom = _GEOM.mjINERTIAFROMGEOM_AUTO
-    body = spec.body(name)
-    plain = body.ialt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
-    if not (body.explicitinertial and plain and np.isnan(body.fullinertia[0])):
-        _write_down(body, system.model, system.model.body(name).id)
-    return body
-
-
-def _write_down(body: mujoco.MjsBody | None, model: mujoco.MjModel, index: int) -> None:
+def _set_compiled_inertia(body: mujoco.MjsBody | None, model: mujoco.MjModel, index: int) -> None:
     if body is None or model.body_mass[index] == 0:
         return
     body.explicitinertial = True

@@ -1,118 +1,129 @@
-"""Dry friction of wires and joints.
+"""Dry friction of tendons and joints, as MuJoCo's LuGre model in an actuator without input.
 
-As bristles that bend, then slide: MuJoCo's LuGre model, as an actuator without input. A wire in a
-guide and a joint in its bearing move a little before they slip; ``frictionloss`` knows no such
-motion, so that a replay sticks elsewhere than the machine does, and jumps with the size of the
-friction. C. Canudas de Wit et al., "A new model for control of systems with friction", IEEE Trans.
-Automatic Control 40 (1995), without Stribeck's effect. Where efforts are compared, or a sensor adds
-up all actuators, it is ``frictionloss`` all the same.
+A tendon in a guide and a joint in its bearing move a little before they slip (presliding). MuJoCo's
+``frictionloss`` has no presliding: such a replay sticks at other positions than the machine, and
+its residual jumps with the size of the friction. The LuGre model is a spring of stiffness ``sigma_0
+= F / d`` [N/m or N m/rad] that slips at the friction ``F`` [N or N m], where ``d`` is the
+presliding distance [m or rad]:
+
+    dz/dt = v - sigma_0 |v| z / F,    force = sigma_0 z + sigma_1 dz/dt
+
+with the bristle deflection ``z``, the velocity ``v`` and the bristle damping ``sigma_1``. Static
+and sliding friction are equal (no Stribeck effect). Source: C. Canudas de Wit et al., "A new model
+for control of systems with friction", IEEE Trans. Automatic Control 40 (1995).
+
+If efforts are compared by inverse dynamics, or if a sensor measures the sum of all actuators, an
+actuator cannot represent friction and ``frictionloss`` is used instead.
 """
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from reality_gap.causes.base import Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import typical_scales
-from reality_gap.causes.support.model_overrides import Extra
+from reality_gap.causes.support.model_overrides import ModelOffset
 from reality_gap.causes.support.new_elements import add_actuator
 from reality_gap.study.system import System
-from reality_gap.types import Floats
+from reality_gap.types import Floats, Ints
 
 SOLREF = (0.004, 1.0)
 SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
-"""Friction that hardly creeps: MuJoCo's default lets a tenth of the force through at rest."""
+"""Solver parameters of ``frictionloss`` with little creep; MuJoCo's defaults let a tenth of the
+force through at rest."""
 STABLE = 0.1
-"""Stiffness of a bristle times the squared time step, over the mass that it holds, at most."""
+"""Largest stiffness of the bristles, as a multiple of moving mass over squared time step."""
 DAMPED = 1.25
-"""Time constant of a bristle in time steps: its force is that of a step ago, and would buzz."""
+"""Ratio of the bristles' damping to stiffness in time steps; below it the force oscillates, because
+MuJoCo applies it one step late."""
 SLOW = 1e-3
-"""Stribeck's velocity; without effect, as friction at rest is that of sliding."""
+"""Stribeck velocity [m/s or rad/s]; it has no effect, as static and sliding friction are equal."""
 SUMS = (int(mujoco.mjtSensor.mjSENS_TENDONACTFRC), int(mujoco.mjtSensor.mjSENS_JOINTACTFRC))
+"""Sensors of the sum of all actuator forces on an element."""
 SLIDING, RESTING = 3, 4
-"""Where an actuator's ``biasprm`` holds its friction."""
-LEAST = 1e-3
-"""Share of their force that bristles keep; MuJoCo's have a stiffness or are none."""
+"""Entries of ``biasprm`` with sliding and static friction."""
 STIFFNESS, DAMPING = 5, 6
-"""Where its ``dynprm`` holds those of the bristles."""
+"""Entries of ``dynprm`` with stiffness and damping of the bristles."""
+SMALLEST = 1e-3
+"""Smallest factor of the friction: MuJoCo needs a stiffness above 0."""
 
 
-def bend(system: System, location: Location) -> Parameter:
-    """The parameter of how far an element moves before it slips."""
+def is_available(system: System) -> bool:
+    """Return whether an actuator can represent friction in this study."""
+    kinds = {int(system.model.sensor(name).type[0]) for name in system.sensed}
+    return not system.study.inverse and kinds.isdisjoint(SUMS)
+
+
+def presliding_parameter(system: System, location: Location) -> Parameter:
+    """Return the parameter of the distance that an element moves before it slips [m or rad]."""
     if location.kind == "tendon":
-        return Parameter(
-            "presliding", "m", 3e-5, 0.0, 3e-6, 1e-3, null=3e-5, hints=SearchHints(shape=True)
-        )
-    unit, travel = typical_scales.joint_travel(system, location)
-    size = 3e-4 * travel
+        unit, size, low, high = "m", 3e-5, 3e-6, 1e-3
+    else:
+        unit, travel = typical_scales.joint_travel(system, location)
+        size = 3e-4 * travel
+        low, high = 0.1 * size, 30 * size
     return Parameter(
         "presliding",
         unit,
-        size,
-        0.0,
-        0.1 * size,
-        30 * size,
+        scale=size,
+        tolerance=0.0,
+        low=low,
+        high=high,
         null=size,
         hints=SearchHints(shape=True),
     )
 
 
-def bend_in(values: Values, system: System, location: Location) -> float:
-    """How far an element moves before it slips [m or rad]: as ``values`` say, or as usual."""
-    return float(values.get("presliding", bend(system, location).null))
+def presliding(values: Values, system: System, location: Location) -> float:
+    """Return the presliding distance in ``values``, or else the usual one [m or rad]."""
+    return float(values.get("presliding", presliding_parameter(system, location).null))
 
 
-def possible(system: System) -> bool:
-    """Whether friction may be an actuator's force."""
-    kinds = {int(system.model.sensor(name).type[0]) for name in system.sensed}
-    return not system.study.inverse and kinds.isdisjoint(SUMS)
-
-
-def drawn(system: System, location: Location) -> bool:
-    """Whether the study's model has dry friction in any of a place's tendons."""
+def has_nominal_friction(system: System, location: Location) -> bool:
+    """Return whether the nominal model has dry friction in any of a location's tendons."""
     model = system.model
     tendons = [model.tendon(name).id for name in location.elements]
     motors = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR) & (
         model.actuator_biasprm[:, SLIDING] > 0.0
     )
-    tied = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
-    braked = model.actuator_trnid[motors & tied, 0]
+    on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    braked = model.actuator_trnid[motors & on_tendon, 0]
     return bool(model.tendon_frictionloss[tendons].any() or np.isin(tendons, braked).any())
 
 
-def brake(
+def add_friction(
     spec: mujoco.MjSpec,
     system: System,
     cause: str,
     location: Location,
     force: float,
-    bend: float,
-    lean: float = 0.0,
+    distance: float,
+    constant: float = 0.0,
 ) -> None:
-    """Add dry friction to all elements of a place.
+    """Add dry friction to all elements of a location.
 
     Args:
-        spec: the model.
+        spec: edited in place.
         system: the machine.
-        cause: id of the cause.
-        place: tendons or joints.
-        force: friction [N or N m]; a hook may change it, see `Brakes`.
-        bend: over which it builds up [m or rad].
-        lean: constant force besides [N or N m]; only where friction may be an actuator's force.
+        cause: id of the cause; the names of the new actuators begin with it.
+        location: tendons or joints.
+        force: friction [N or N m]; a hook can change it during a replay, see `VariableFriction`.
+        distance: presliding distance [m or rad].
+        constant: additional constant force [N or N m]; only where `is_available`.
     """
-    tendon = location.kind == "tendon"
-    if not possible(system):
+    on_tendon = location.kind == "tendon"
+    if not is_available(system):
         for name in location.elements:
-            element = spec.tendon(name) if tendon else spec.joint(name)
+            element = spec.tendon(name) if on_tendon else spec.joint(name)
             element.frictionloss = element.frictionloss + force
             element.solref_friction, element.solimp_friction = SOLREF, SOLIMP
         return
-    kind = mujoco.mjtTrn.mjTRN_TENDON if tendon else mujoco.mjtTrn.mjTRN_JOINT
+    kind = mujoco.mjtTrn.mjTRN_TENDON if on_tendon else mujoco.mjtTrn.mjTRN_JOINT
     step = float(system.model.opt.timestep)
     for name in location.elements:
-        stiffness = min(force / bend, STABLE / (_lightness(system, location, name) * step**2))
+        limit = STABLE / (_inverse_mass(system, location, name) * step**2)
+        stiffness = min(force / distance, limit)
         actuator = add_actuator(
             spec, name=_name(system, cause, location, name), trntype=kind, target=name
         )
@@ -120,13 +131,78 @@ def brake(
             motorconst=[0.0, 0.0],
             resistance=1.0,
             lugre=[stiffness, DAMPED * step * stiffness, force, force, SLOW],
-            cogging=[lean, 0.0, np.pi / 2 if lean else 0.0],  # without poles: the same everywhere
+            # Cogging without poles is a constant force.
+            cogging=[constant, 0.0, np.pi / 2 if constant else 0.0],
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
         )
 
 
-def _lightness(system: System, location: Location, name: str) -> float:
-    """One over the mass or inertia that moves with an element."""
+class VariableFriction:
+    """The friction that `add_friction` added to a location, for hooks that change it.
+
+    Args:
+        model: the compiled model with the friction.
+        system: the machine.
+        cause: id of the cause, as in `add_friction`.
+        location: tendons or joints, as in `add_friction`.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, system: System, cause: str, location: Location
+    ) -> None:
+        self._bristles: list[tuple[ModelOffset, Floats]] = []
+        self._deflections: Ints | None = None
+        if is_available(system):
+            names = [_name(system, cause, location, element) for element in location.elements]
+            ids = np.array([model.actuator(name).id for name in names])
+            self._deflections = model.actuator_actadr[ids]
+            self._levels = [
+                ModelOffset(model.actuator_biasprm[:, k], ids) for k in (SLIDING, RESTING)
+            ]
+            for k in (STIFFNESS, DAMPING):
+                offset = ModelOffset(model.actuator_dynprm[:, k], ids)
+                self._bristles.append((offset, model.actuator_dynprm[ids, k]))
+        elif location.kind == "tendon":
+            ids = np.array([model.tendon(name).id for name in location.elements])
+            self._levels = [ModelOffset(model.tendon_frictionloss, ids)]
+        else:
+            ids = np.array([model.joint(name).dofadr[0] for name in location.elements])
+            self._levels = [ModelOffset(model.dof_frictionloss, ids)]
+
+    def directions(self, data: mujoco.MjData, velocity: Floats, creep: float) -> Floats:
+        """Return the direction in which each element slides, or slid before it came to rest.
+
+        At rest, the bristles of the LuGre model remain deflected in the direction of the last
+        motion. With ``frictionloss``, only the velocity shows the direction.
+
+        Args:
+            data: the state.
+            velocity: velocities of the elements, shape (k,).
+            creep: velocity from which on the direction is clear.
+
+        Returns:
+            Directions from -1 to 1, shape (k,).
+        """
+        if self._deflections is not None:
+            return np.sign(data.act[self._deflections])
+        return np.tanh(velocity / creep)
+
+    def scale(self, force: float, factor: float | Floats) -> None:
+        """Set the friction to ``factor * force``.
+
+        Args:
+            force: the friction that was added to the model [N or N m].
+            factor: one number or one for each element, shape (k,); at least `SMALLEST` is used.
+        """
+        factor = np.maximum(factor, SMALLEST)
+        for level in self._levels:
+            level.set(force * (factor - 1.0))
+        for bristle, nominal in self._bristles:
+            bristle.set(nominal * (factor - 1.0))
+
+
+def _inverse_mass(system: System, location: Location, name: str) -> float:
+    """Return one over the mass or inertia that moves with an element [1/kg or 1/(kg m^2)]."""
     model = system.model
     if location.kind == "tendon":
         return float(model.tendon_invweight0[model.tendon(name).id])
@@ -134,56 +210,9 @@ def _lightness(system: System, location: Location, name: str) -> float:
 
 
 def _name(system: System, cause: str, location: Location, element: str) -> str:
-    """A name that no actuator of the study's model has; it may be one that was extended before."""
+    """Return a name that no actuator of the nominal model has, even if it is an extended model."""
     group = "all" if len(location.elements) > 1 else ""
     name = "/".join(filter(None, (cause, location.note, group, element)))
     while mujoco.mj_name2id(system.model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) >= 0:
         name += "'"
     return name
-
-
-class Brakes:
-    """The frictions that `brake` put on a place, for a hook that changes them at every step."""
-
-    def __init__(
-        self, model: mujoco.MjModel, system: System, cause: str, location: Location
-    ) -> None:
-        self._bristles: list[tuple[Extra, Floats]] = []
-        self._bend: NDArray[np.int64] | None = None
-        if possible(system):
-            names = [_name(system, cause, location, element) for element in location.elements]
-            at = np.array([model.actuator(name).id for name in names])
-            self._bend = model.actuator_actadr[at]
-            self._levels = [Extra(model.actuator_biasprm[:, k], at) for k in (SLIDING, RESTING)]
-            for k in (STIFFNESS, DAMPING):
-                cells = Extra(model.actuator_dynprm[:, k], at)
-                self._bristles.append((cells, model.actuator_dynprm[at, k]))
-        elif location.kind == "tendon":
-            at = np.array([model.tendon(name).id for name in location.elements])
-            self._levels = [Extra(model.tendon_frictionloss, at)]
-        else:
-            at = np.array([model.joint(name).dofadr[0] for name in location.elements])
-            self._levels = [Extra(model.dof_frictionloss, at)]
-
-    def ways(self, data: mujoco.MjData, velocity: Floats, creep: float) -> Floats:
-        """Which way each element slides, or slid before it came to rest (k,), -1 to 1.
-
-        A wire at rest still hangs on bristles that are bent the way it came. Where there are none,
-        only the velocity tells.
-
-        Args:
-            data: the state.
-            velocity: of the elements (k,).
-            creep: velocity at which the way counts as clear.
-        """
-        if self._bend is not None:
-            return np.sign(data.act[self._bend])
-        return np.tanh(velocity / creep)
-
-    def press(self, force: float, factor: float | Floats) -> None:
-        """Press bristles that were given ``force`` [N] so many times harder, one number or (k,)."""
-        factor = np.maximum(factor, LEAST)
-        for cells in self._levels:
-            cells.write(force * (factor - 1.0))
-        for cells, usual in self._bristles:
-            cells.write(usual * (factor - 1.0))

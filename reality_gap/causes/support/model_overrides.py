@@ -1,26 +1,25 @@
-"""What hooks add to numbers of the model at every step, on top of what stands there."""
+"""Model overrides: amounts that hooks add to numbers of the model during a replay."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from reality_gap.types import Floats
+from reality_gap.types import Floats, Ints
 
 
-class Extra:
-    """Something added to cells of one of the model's arrays; several may add to the same cell.
+class ModelOffset:
+    """An amount on top of the values in one of the model's arrays.
+
+    Several offsets may act on the same entry.
 
     Args:
-        values: the model's array (n,), such as ``model.tendon_frictionloss``.
-        cells: an index into it, or several (k,), each once.
+        values: the model's array, shape (n,), such as ``model.tendon_frictionloss``.
+        entries: index of an entry, or of several entries, shape (k,), each once.
     """
 
-    def __init__(self, values: Floats, cells: int | NDArray[np.int64]) -> None:
-        self._values, self._cells = values, cells
+    def __init__(self, values: Floats, entries: int | Ints) -> None:
+        self._values, self._entries = values, entries
         self._added: float | Floats = 0.0
 
-    def write(self, amount: float | Floats) -> None:
-        """Let there be ``amount`` (one number, or (k,)) more than without, until the next call."""
-        self._values[self._cells] += amount - self._added
+    def set(self, amount: float | Floats) -> None:
+        """Replace the previous amount by ``amount``, a number or an array of shape (k,)."""
+        self._values[self._entries] += amount - self._added
         self._added = amount

@@ -1,7 +1,9 @@
-"""What a wire that is drawn straight could run over: the axes of joints, and bones.
+"""Obstacles: joint axes and bones that a nominally straight tendon could wrap around.
 
-Everything is looked at over postures that fill the ranges of all joints, in the plane in which a
-wire would wrap: across a cylinder's axis, or through a sphere's centre.
+Postures are sampled from the ranges of all joints. At each posture, a segment of a tendon's path is
+projected into the plane in which it would wrap: across the axis of a cylinder, or through the
+centre of a sphere. The distance of the projected segment from the axis or centre then is the radius
+at which a body touches the tendon.
 """
 
 from __future__ import annotations
@@ -13,28 +15,29 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats.qmc import Halton
 
 from reality_gap.study.system import ActuatedTendon, System
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 POSTURES = 64
+"""Number of sampled postures."""
 NEAR = 0.025
-"""A bone whose surface is farther from a straight wire is not in its way [m]."""
+"""Largest distance of a straight tendon from the surface of a bone that is an obstacle [m]."""
 THICK = 0.04
-"""A joint whose axis is farther from a straight wire is not in its way [m]."""
+"""Largest distance of a straight tendon from the axis of a joint that is an obstacle [m]."""
 OFTEN = 0.1
-"""In so large a share of the postures a wire must pass something that is in its way."""
-ASTRAY = 0.05
-"""In so large a share of the postures it may pass on the other side."""
+"""Smallest share of the postures in which a tendon must pass an obstacle."""
+OTHER_SIDE = 0.05
+"""Largest share of the postures in which a tendon may pass an obstacle on the other side."""
 CLEAR = 0.95
-"""Share of the distance to a wire's nearer end that a radius may reach: ends lie outside."""
+"""Largest radius over the distance of the nearer end of the segment; ends must lie outside."""
 MOST, LIFT = 0.8, 0.003
-"""A typical radius lifts the wire in most of the postures by this much [m], if its ends allow."""
+"""A typical radius lifts the tendon by `LIFT` [m] in the share `MOST` of the postures, or reaches
+`MOST` of the way to the largest radius if that is smaller."""
 
 TWIN = 0.001
-"""A bone about a joint's axis, whose radii differ by less from the joint's, is the same [m]."""
+"""Obstacles are the same if their radii differ by less, as of a bone about a joint's axis [m]."""
 
 _GEOM = mujoco.mjtGeom
 _ROUND = {
@@ -46,16 +49,18 @@ _ROUND = {
 
 
 @dataclass(frozen=True)
-class Body:
-    """Something round that could be in a wire's way.
+class RoundBody:
+    """A round body that a tendon could wrap around.
 
     Attributes:
-        kind, name: of the model's element.
-        body: id of the body that carries it.
+        kind: "joint" for a cylinder about the joint's axis, "geom" for a bone.
+        name: name of the joint or geom.
+        body: id of the model's body that carries it.
         shape: "cylinder" or "sphere".
-        pos, quat: in the body's frame (3,) [m], (4,); a cylinder lies along z.
-        radius: drawn [m]; 0 for a joint.
-        reach: how far along its axis it reaches from the middle [m].
+        pos: centre in the frame of ``body``, shape (3,) [m].
+        quat: orientation in the frame of ``body``, shape (4,); a cylinder lies along z.
+        radius: radius in the model [m]; 0 for a joint.
+        reach: half of the length along the axis [m].
     """
 
     kind: Literal["joint", "geom"]
@@ -70,20 +75,22 @@ class Body:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Something round between two points of a wire's path.
+    """A round body between two successive sites of a tendon's path.
 
     Attributes:
-        tendon: name.
+        tendon: name of the tendon.
         between: names of the two sites.
-        over: what the wire would run over.
-        side: where the wire passes: a unit vector in the frame of ``over``'s body (3,).
-        touching: radius at which it touches the straight wire in some posture [m].
-        typical, largest: radius that shows, and that the wire's ends allow [m].
+        over: the round body.
+        side: side on which the tendon passes: a unit vector in the frame of the body that carries
+            ``over``, shape (3,).
+        touching: smallest radius at which the straight tendon touches it in some posture [m].
+        typical: radius of a typical fault [m].
+        largest: largest radius; the sites must lie outside [m].
     """
 
     tendon: str
     between: tuple[str, str]
-    over: Body
+    over: RoundBody
     side: Floats
     touching: float
     typical: float
@@ -91,37 +98,43 @@ class Obstacle:
 
 
 def obstacles(system: System) -> tuple[Obstacle, ...]:
-    """All that could be in the way of a system's wires."""
-    return _all(system.model, system.tendons)
+    """Return all obstacles of a system's tendons."""
+    return _obstacles(system.model, system.tendons)
 
 
 @lru_cache(maxsize=4)
-def _all(model: mujoco.MjModel, tendons: tuple[ActuatedTendon, ...]) -> tuple[Obstacle, ...]:
+def _obstacles(model: mujoco.MjModel, tendons: tuple[ActuatedTendon, ...]) -> tuple[Obstacle, ...]:
     postures = _Postures(model)
     joints, bones = list(_joints(model)), list(_bones(model))
     found: list[Obstacle] = []
     for tendon in tendons:
-        for between in _gaps(model, tendon.name):
-            crossed = _crossed(model, *between)
+        for between in _straight_segments(model, tendon.name):
+            crossed = _crossed_joints(model, *between)
             if not crossed:
                 continue
             near = [axis for axis in joints if axis.name in crossed] + bones
-            here: list[Obstacle] = []
+            of_segment: list[Obstacle] = []
             for over in near:
-                new = _look(model, postures, tendon.name, between, over)
-                if new is not None and not any(_twins(old, new) for old in here):
-                    here.append(new)
-            found += here
+                new = _obstacle(model, postures, tendon.name, between, over)
+                if new is not None and not any(_are_twins(old, new) for old in of_segment):
+                    of_segment.append(new)
+            found += of_segment
     return tuple(found)
 
 
-def _twins(one: Obstacle, other: Obstacle) -> bool:
+def _are_twins(one: Obstacle, other: Obstacle) -> bool:
     apart = max(abs(one.touching - other.touching), abs(one.largest - other.largest))
     return one.over.shape == other.over.shape and apart < TWIN
 
 
 class _Postures:
-    """Poses of bodies and sites at postures: (n, nbody, 3), (n, nbody, 3, 3), (n, nsite, 3)."""
+    """Poses of bodies and sites at sampled postures.
+
+    Attributes:
+        bodies: positions of bodies, shape (n, nbody, 3) [m].
+        turns: rotation matrices of bodies, shape (n, nbody, 3, 3).
+        sites: positions of sites, shape (n, nsite, 3) [m].
+    """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         data = mujoco.MjData(model)
@@ -138,15 +151,15 @@ class _Postures:
             sites.append(data.site_xpos.copy())
         self.bodies, self.turns, self.sites = np.array(bodies), np.array(turns), np.array(sites)
 
-    def seen_from(self, body: int, site: int) -> Floats:
-        """A site in a body's frame (n, 3)."""
+    def site_in_body(self, body: int, site: int) -> Floats:
+        """Return the position of a site in the frame of a body, shape (n, 3) [m]."""
         return np.einsum(
             "nji,nj->ni", self.turns[:, body], self.sites[:, site] - self.bodies[:, body]
         )
 
 
 def _range(model: mujoco.MjModel, joint: int) -> tuple[float, float] | None:
-    """Of a hinge or slide; about ``qpos0`` where there are no limits."""
+    """Return the range of a hinge or slide joint, 1 rad or 0.1 m about ``qpos0`` without limits."""
     reach = {int(mujoco.mjtJoint.mjJNT_HINGE): 1.0, int(mujoco.mjtJoint.mjJNT_SLIDE): 0.1}
     kind = int(model.jnt_type[joint])
     if kind not in reach:
@@ -157,8 +170,8 @@ def _range(model: mujoco.MjModel, joint: int) -> tuple[float, float] | None:
     return middle - reach[kind], middle + reach[kind]
 
 
-def _gaps(model: mujoco.MjModel, tendon: str) -> Iterator[tuple[str, str]]:
-    """Sites that follow each other in a path with nothing between them."""
+def _straight_segments(model: mujoco.MjModel, tendon: str) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of successive sites in a tendon's path without a geom between them."""
     start = int(model.tendon_adr[model.tendon(tendon).id])
     site = int(mujoco.mjtWrap.mjWRAP_SITE)
     for i in range(start, start + int(model.tendon_num[model.tendon(tendon).id]) - 1):
@@ -166,8 +179,8 @@ def _gaps(model: mujoco.MjModel, tendon: str) -> Iterator[tuple[str, str]]:
             yield tuple(model.site(int(model.wrap_objid[k])).name for k in (i, i + 1))
 
 
-def _crossed(model: mujoco.MjModel, one: str, other: str) -> set[str]:
-    """Joints between the bodies of two sites."""
+def _crossed_joints(model: mujoco.MjModel, one: str, other: str) -> set[str]:
+    """Return the joints between the bodies of two sites."""
 
     def above(site: str) -> set[str]:
         body, names = int(model.site(site).bodyid[0]), set()
@@ -180,16 +193,18 @@ def _crossed(model: mujoco.MjModel, one: str, other: str) -> set[str]:
     return above(one) ^ above(other)
 
 
-def _joints(model: mujoco.MjModel) -> Iterator[Body]:
+def _joints(model: mujoco.MjModel) -> Iterator[RoundBody]:
+    """Yield a cylinder about the axis of each hinge joint."""
     for j in range(model.njnt):
         if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE) and model.joint(j).name:
             quat = np.empty(4)
             mujoco.mju_quatZ2Vec(quat, model.jnt_axis[j])
             name, body = model.joint(j).name, int(model.jnt_bodyid[j])
-            yield Body("joint", name, body, "cylinder", model.jnt_pos[j], quat, 0.0, np.inf)
+            yield RoundBody("joint", name, body, "cylinder", model.jnt_pos[j], quat, 0.0, np.inf)
 
 
-def _bones(model: mujoco.MjModel) -> Iterator[Body]:
+def _bones(model: mujoco.MjModel) -> Iterator[RoundBody]:
+    """Yield a cylinder or sphere for each round geom."""
     for g in range(model.ngeom):
         shape, name = _ROUND.get(int(model.geom_type[g])), model.geom(g).name
         if shape is None or not name:
@@ -199,46 +214,55 @@ def _bones(model: mujoco.MjModel) -> Iterator[Body]:
         radius = float(size.mean() if ellipsoid else size[0])
         reach = float(size[1]) + radius if shape == "cylinder" else np.inf
         pos, quat = model.geom_pos[g], model.geom_quat[g]
-        yield Body("geom", name, body, shape, pos, quat, radius, reach)
+        yield RoundBody("geom", name, body, shape, pos, quat, radius, reach)
 
 
-def _look(
-    model: mujoco.MjModel, postures: _Postures, tendon: str, between: tuple[str, str], over: Body
+def _obstacle(
+    model: mujoco.MjModel,
+    postures: _Postures,
+    tendon: str,
+    between: tuple[str, str],
+    over: RoundBody,
 ) -> Obstacle | None:
-    """A wire's gap beside something round, at all postures; None if that is not in its way."""
-    ends = [postures.seen_from(over.body, model.site(name).id) - over.pos for name in between]
+    """Return a round body as an obstacle of a segment; None if the segment rarely passes it.
+
+    ``a`` and ``b`` are the ends of the segment in the plane of wrapping, and ``point`` is its
+    nearest point to the axis or centre, at each posture.
+    """
+    ends = [postures.site_in_body(over.body, model.site(name).id) - over.pos for name in between]
     across = _planes(over, *ends)
     a, b = (np.einsum("nki,ni->nk", across, end) for end in ends)
     share = np.clip(np.sum(a * (a - b), axis=1) / np.sum((a - b) ** 2, axis=1), 0.0, 1.0)
     point = a + share[:, None] * (b - a)
     distance = np.linalg.norm(point, axis=1)
-    allowed = CLEAR * float(np.min(np.linalg.norm([a, b], axis=2)))
+    largest = CLEAR * float(np.min(np.linalg.norm([a, b], axis=2)))
     passing = (share > 0) & (share < 1)
     limit = THICK if over.kind == "joint" else over.radius + NEAR
     along = (ends[0] + share[:, None] * (ends[1] - ends[0])) @ _axis(over)
-    acting = passing & (distance < allowed) & (distance < limit) & (np.abs(along) < over.reach)
+    acting = passing & (distance < largest) & (distance < limit) & (np.abs(along) < over.reach)
     if np.mean(acting) < OFTEN:
         return None
     outward = np.einsum("nki,nk->ni", across, point / distance[:, None])[passing].mean(axis=0)
     side = outward / np.linalg.norm(outward)
-    if np.mean(_astray(a, b, np.einsum("nki,i->nk", across, side))) > ASTRAY:
+    if np.mean(_on_other_side(a, b, np.einsum("nki,i->nk", across, side))) > OTHER_SIDE:
         return None
     touching = float(distance[passing].min())
     typical = min(
         float(np.quantile(distance[passing], MOST)) + LIFT,
-        touching + MOST * (allowed - touching),
+        touching + MOST * (largest - touching),
     )
-    return Obstacle(tendon, between, over, side, touching, typical, allowed)
+    return Obstacle(tendon, between, over, side, touching, typical, largest)
 
 
-def _axis(over: Body) -> Floats:
+def _axis(over: RoundBody) -> Floats:
+    """Return the z axis of a round body in the frame of the body that carries it, shape (3,)."""
     axis = np.empty(3)
     mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, 1.0]), over.quat)
     return axis
 
 
-def _planes(over: Body, a: Floats, b: Floats) -> Floats:
-    """Two unit vectors that span the plane of wrapping, at every posture (n, 2, 3)."""
+def _planes(over: RoundBody, a: Floats, b: Floats) -> Floats:
+    """Return two unit vectors that span the plane of wrapping at each posture, (n, 2, 3)."""
     if over.shape == "cylinder":
         across = np.empty((2, 3))
         for row, unit in zip(across, np.eye(3), strict=False):
@@ -249,8 +273,11 @@ def _planes(over: Body, a: Floats, b: Floats) -> Floats:
     return np.stack([one, other / np.linalg.norm(other, axis=1)[:, None]], axis=1)
 
 
-def _astray(a: Floats, b: Floats, side: Floats) -> NDArray[np.bool_]:
-    """Whether the straight line from a to b passes the origin on the side that is not ``side``."""
+def _on_other_side(a: Floats, b: Floats, side: Floats) -> Bools:
+    """Return whether the segment from a to b passes the origin on the side opposite to ``side``.
+
+    All arguments have shape (n, 2); the result has shape (n,).
+    """
     ahead = np.arctan2(side[:, 1], side[:, 0])
     angles = [np.arctan2(p[:, 1], p[:, 0]) - ahead for p in (a, b)]
     one, other = (np.mod(angle + np.pi, 2 * np.pi) - np.pi for angle in angles)

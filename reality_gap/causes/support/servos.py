@@ -1,20 +1,21 @@
-"""Servos that feed back a position that is read wrongly."""
+"""Servos: feedback of a wrong position reading, written into a model."""
 
 from __future__ import annotations
 
 import mujoco
 
 
-def misread(
+def add_reading_error(
     spec: mujoco.MjSpec, actuator: str, offset: float, scale: float = 0.0, about: float = 0.0
 ) -> None:
-    """Let an affine actuator see ``position + offset + scale (position - about)``.
+    """Let an affine actuator feed back ``position + offset + scale (position - about)``.
 
     Args:
         spec: edited in place.
-        actuator: name.
-        offset, about: of what the actuator acts on [m or rad], before its gear.
-        scale: also of the velocity, which a motor takes from the same encoder.
+        actuator: name of the actuator.
+        offset, about: of the actuator's tendon or joint, before the gear [m or rad].
+        scale: relative error; it applies to the velocity as well, which a motor measures with the
+            same encoder.
     """
     element = spec.actuator(actuator)
     slope = element.biasprm[1]

@@ -1,8 +1,8 @@
-"""Paths of wires in a spec: read, and laid anew with something in them.
+"""Tendon paths: inserts a wrapping geom into the path of a tendon in a spec.
 
-MuJoCo's specs cannot insert into a tendon's path, so the tendon is deleted and made again with all
-that it had. It becomes the last of the tendons: what asks a compiled model for it asks by name, as
-actuators and sensors of the spec do.
+`MjSpec` cannot insert an element into a path. The tendon is therefore deleted and created again
+with all its attributes. It then is the last tendon of the model, so that it must be referred to by
+name, as actuators and sensors in a spec do.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ _ATTRIBUTES = (
 
 
 @dataclass(frozen=True)
-class Stop:
+class PathElement:
     """An element of a path.
 
     Attributes:
-        kind: of `mujoco.mjtWrap`.
-        name: of the site, geom or joint.
-        side: of a geom, the site on the side that the wire takes; may be empty.
-        number: coefficient of a joint, divisor of a pulley.
+        kind: kind of the element.
+        name: name of the site, geom or joint.
+        side: name of the side site of a geom; may be empty.
+        number: coefficient of a joint, or divisor of a pulley.
     """
 
     kind: mujoco.mjtWrap
@@ -59,68 +59,69 @@ class Stop:
 
 @dataclass(frozen=True)
 class _Tendon:
+    """A copy of a tendon's name, default class, attributes and path."""
+
     name: str
     default: Any
     attributes: dict[str, Any]
-    path: tuple[Stop, ...]
+    path: tuple[PathElement, ...]
 
 
-def go_round(
+def wrap_around(
     spec: mujoco.MjSpec, tendon: str, between: tuple[str, str], geom: str, side: str
 ) -> None:
-    """Let a wire pass a geom on one side.
+    """Let a tendon wrap around a geom.
 
     Args:
         spec: edited in place.
-        tendon: name.
-        between: two sites that follow each other in its path; where something is between them
-            already, nothing happens.
-        geom: a sphere or cylinder.
-        side: a site outside the geom, on the side that the wire takes.
+        tendon: name of the tendon.
+        between: two successive sites of its path; if there already is an element between them,
+            nothing is changed.
+        geom: name of a sphere or cylinder.
+        side: name of a site outside of the geom, on the side on which the tendon passes.
     """
-    old = _read(spec.tendon(tendon))
-    sites = [stop.name if stop.kind == _WRAP.mjWRAP_SITE else "" for stop in old.path]
+    old = _copy(spec.tendon(tendon))
+    sites = [element.name if element.kind == _WRAP.mjWRAP_SITE else "" for element in old.path]
     pairs = list(pairwise(sites))
     if between not in pairs:
         return
     at = pairs.index(between) + 1
-    round_it = Stop(_WRAP.mjWRAP_CYLINDER, geom, side)
+    wrap = PathElement(_WRAP.mjWRAP_CYLINDER, geom, side)
     spec.delete(spec.tendon(tendon))
-    _lay(spec, replace(old, path=(*old.path[:at], round_it, *old.path[at:])))
+    _add(spec, replace(old, path=(*old.path[:at], wrap, *old.path[at:])))
 
 
-def _read(tendon: mujoco.MjsTendon) -> _Tendon:
-    """A copy that outlives the tendon."""
+def _copy(tendon: mujoco.MjsTendon) -> _Tendon:
     attributes = {}
     for name in _ATTRIBUTES:
         value = getattr(tendon, name)
         plain = isinstance(value, str) or not isinstance(value, Iterable)
         attributes[name] = value if plain else np.array(list(value))
-    path = tuple(_stop(wrap) for wrap in tendon.path)
+    path = tuple(_path_element(wrap) for wrap in tendon.path)
     return _Tendon(tendon.name, tendon.default(), attributes, path)
 
 
-def _stop(wrap: mujoco.MjsWrap) -> Stop:
+def _path_element(wrap: mujoco.MjsWrap) -> PathElement:
     if wrap.type == _WRAP.mjWRAP_PULLEY:
-        return Stop(wrap.type, number=wrap.divisor)
+        return PathElement(wrap.type, number=wrap.divisor)
     if wrap.type == _WRAP.mjWRAP_JOINT:
-        return Stop(wrap.type, wrap.target.name, number=wrap.coef)
+        return PathElement(wrap.type, wrap.target.name, number=wrap.coef)
     if wrap.type == _WRAP.mjWRAP_SITE:
-        return Stop(wrap.type, wrap.target.name)
+        return PathElement(wrap.type, wrap.target.name)
     side = wrap.sidesite
-    return Stop(wrap.type, wrap.target.name, "" if side is None else side.name)
+    return PathElement(wrap.type, wrap.target.name, "" if side is None else side.name)
 
 
-def _lay(spec: mujoco.MjSpec, tendon: _Tendon) -> None:
+def _add(spec: mujoco.MjSpec, tendon: _Tendon) -> None:
     new = spec.add_tendon(tendon.default, name=tendon.name)
     for name, value in tendon.attributes.items():
         setattr(new, name, value)
-    for stop in tendon.path:
-        if stop.kind == _WRAP.mjWRAP_PULLEY:
-            new.wrap_pulley(stop.number)
-        elif stop.kind == _WRAP.mjWRAP_JOINT:
-            new.wrap_joint(stop.name, stop.number)
-        elif stop.kind == _WRAP.mjWRAP_SITE:
-            new.wrap_site(stop.name)
+    for element in tendon.path:
+        if element.kind == _WRAP.mjWRAP_PULLEY:
+            new.wrap_pulley(element.number)
+        elif element.kind == _WRAP.mjWRAP_JOINT:
+            new.wrap_joint(element.name, element.number)
+        elif element.kind == _WRAP.mjWRAP_SITE:
+            new.wrap_site(element.name)
         else:
-            new.wrap_geom(stop.name, stop.side)
+            new.wrap_geom(element.name, element.side)

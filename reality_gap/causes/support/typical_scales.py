@@ -1,4 +1,4 @@
-"""Typical sizes of what happens at joints and actuators: the yardsticks of causes' parameters."""
+"""Typical scales of forces, velocities and positions, from which causes derive their parameters."""
 
 from __future__ import annotations
 
@@ -12,18 +12,14 @@ from reality_gap.study.data import Channel, Reading
 from reality_gap.study.system import System
 
 TENDON_SPEED = 0.1
-"""Typical velocity of a wire [m/s]."""
+"""Typical velocity of a tendon [m/s]."""
 
 SPEED_PERIOD = 0.02
-"""Over which a measured velocity is averaged [s]."""
-
-
-def _slides(system: System, joint: str) -> bool:
-    return int(system.model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+"""Interval over which a measured velocity is averaged [s]."""
 
 
 def joint_force(system: System, location: Location) -> tuple[str, float]:
-    """Unit and typical size of a joint's force: its measured effort's, or 10."""
+    """Return unit and typical size of a joint's force: RMS of its effort, or 10 N or N m."""
     joint = location.elements[0]
     efforts = [
         np.sqrt(np.mean(reading.value**2))
@@ -35,7 +31,7 @@ def joint_force(system: System, location: Location) -> tuple[str, float]:
 
 
 def joint_speed(system: System, location: Location) -> float:
-    """Typical velocity of a joint: as measured by a jointpos sensor, or 0.1 m/s or 1 rad/s."""
+    """Return the typical velocity of a joint: the measured RMS, or else 0.1 m/s or 1 rad/s."""
     squares = []
     for reading in _positions(system, location.elements[0]):
         period = (reading.time[-1] - reading.time[0]) / (len(reading.time) - 1)
@@ -47,14 +43,14 @@ def joint_speed(system: System, location: Location) -> float:
 
 
 def joint_damping(system: System, location: Location) -> tuple[str, float]:
-    """Unit and size of the viscous friction that takes a joint's typical force."""
+    """Return unit and size of the damping that gives a joint's typical force at its speed."""
     unit, force = joint_force(system, location)
     per = "s/m" if _slides(system, location.elements[0]) else "s/rad"
     return f"{unit} {per}", force / joint_speed(system, location)
 
 
 def joint_travel(system: System, location: Location) -> tuple[str, float]:
-    """Unit and typical size of a joint's motion: as measured, or 0.1 m or 1 rad."""
+    """Return unit and typical size of a joint's motion: the measured one, or 0.1 m or 1 rad."""
     joint = location.elements[0]
     travels = [float(np.ptp(reading.value)) for reading in _positions(system, joint)]
     slides = _slides(system, joint)
@@ -62,7 +58,11 @@ def joint_travel(system: System, location: Location) -> tuple[str, float]:
 
 
 def actuator_force(system: System, location: Location) -> tuple[str, float]:
-    """Unit and typical size of an actuator's force: half its limit, at most 100, or else 10."""
+    """Return unit and typical size of an actuator's force.
+
+    The size is half of the actuator's limit, but at most 100. Without a limit it is 100 N for an
+    actuator of a tendon, and 10 N or N m for others.
+    """
     actuator = system.model.actuator(location.elements[0])
     if any(tendon.actuator == actuator.name for tendon in system.tendons):
         unit, size = "N", 100.0
@@ -76,11 +76,15 @@ def actuator_force(system: System, location: Location) -> tuple[str, float]:
 
 
 def tendon_force(system: System, location: Location) -> float:
-    """Typical size of the force of the weakest of a place's wires [N]."""
+    """Return the typical force of the weakest of a location's tendons [N]."""
     actuators = [
         Location("actuator", (system.tendon(name).actuator,)) for name in location.elements
     ]
     return min(actuator_force(system, actuator)[1] for actuator in actuators)
+
+
+def _slides(system: System, joint: str) -> bool:
+    return int(system.model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def _readings(system: System) -> Iterator[tuple[Channel, Reading]]:
@@ -89,14 +93,14 @@ def _readings(system: System) -> Iterator[tuple[Channel, Reading]]:
 
 
 def _positions(system: System, joint: str) -> list[Reading]:
-    """What jointpos sensors measured of a joint, in each episode where they did."""
-    model, here = system.model, system.model.joint(joint).id
+    """Return the measured positions of a joint in each episode."""
+    model, id_ = system.model, system.model.joint(joint).id
     kind = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
     return [
         reading
         for channel, reading in _readings(system)
         if channel.kind == "sensor"
         and int(model.sensor(channel.sensor).type[0]) == kind
-        and int(model.sensor(channel.sensor).objid[0]) == here
+        and int(model.sensor(channel.sensor).objid[0]) == id_
         and len(reading.time) > 1
     ]

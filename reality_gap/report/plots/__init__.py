@@ -1,1 +1,1 @@
-"""The pictures of a report: every function draws one, from the parts of a diagnosis."""
+"""Plots: the pictures of a report."""

@@ -1,4 +1,4 @@
-"""The next experiment: what to command, and what it would tell."""
+"""Commands of the next experiment, and how well it separates the candidates."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from reality_gap.report.plots.canvas import AFTER, QUIET, figure
 from reality_gap.study.system import commanded
 
 MOST = 6
+"""Largest number of commands in the picture."""
 
 
 def commands(experiment: Experiment, model: mujoco.MjModel) -> Figure:
-    """The commands that change most over time, and the rivals' distance now and then."""
+    """Plot the commands that change most, and the separation of the candidates before and after."""
     moved = np.ptp(experiment.command, axis=0)
     chosen = sorted(np.argsort(-moved, kind="stable")[:MOST].tolist())
     made, axes = figure(11, 3.4, 1, 2, width_ratios=(3, 1))
@@ -36,22 +37,22 @@ def commands(experiment: Experiment, model: mujoco.MjModel) -> Figure:
 
 
 def left_out(experiment: Experiment) -> int:
-    """How many commands the picture does not show."""
+    """Return the number of commands that the picture does not show."""
     return max(0, experiment.command.shape[1] - MOST)
 
 
 def _separation(ax: Axes, experiment: Experiment) -> None:
     values = (experiment.separation_before, experiment.separation)
     ax.bar((0, 1), values, color=(QUIET, AFTER), width=0.6)
-    for location, value in enumerate(values):
-        ax.annotate(number(value, 2), (location, value), ha="center", va="bottom", fontsize=9)
+    for x, value in enumerate(values):
+        ax.annotate(number(value, 2), (x, value), ha="center", va="bottom", fontsize=9)
     ax.set_xticks((0, 1), ("these data", "with this\nexperiment"), fontsize=8)
     ax.set_ylim(0.0, 1.15 * max(values) + 1e-9)
-    ax.set_ylabel("distance of the rivals\n[standard deviations]", fontsize=8)
+    ax.set_ylabel("separation of the candidates\n[standard deviations]", fontsize=8)
 
 
 def _unit(model: mujoco.MjModel, actuator: int) -> str:
-    """SI unit of a position servo's command; "1" for other actuators."""
+    """Return the SI unit of a position servo's command, or "1" for other actuators."""
     if model.actuator_biasprm[actuator, 1] == 0.0:
         return "1"
     kind = int(model.actuator_trntype[actuator])

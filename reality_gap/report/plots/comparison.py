@@ -1,4 +1,4 @@
-"""Against what the residual of a channel shows: time, velocity, tension, posture."""
+"""Comparison of a channel's residual with time, velocity, tension and posture."""
 
 from __future__ import annotations
 
@@ -15,24 +15,27 @@ from reality_gap.report.plots.signals import Signal, changed
 from reality_gap.types import Floats
 
 BINS = 20
+"""Largest number of bins."""
 PER_BIN = 25
+"""Smallest mean number of readings in a bin."""
 MOST_POINTS = 3000
+"""Largest number of points in a panel, about."""
 ALIKE = 0.05
-"""Shares that differ by no more than this are alike; the channel with more readings is shown."""
+"""Largest difference of shares that count as equal; the channel with more readings is shown."""
 KINDS = {"tension": ("N", "N m"), "posture": ("m", "rad")}
-"""SI units of the channels that stand for a quantity."""
+"""SI units of the channels of each kind of quantity."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that a residual may depend on.
+    """A quantity on which a residual may depend.
 
     Attributes:
-        label: with its unit.
-        value: (k,) at the times of the residual, in the unit of the label.
-        share: of the power of the residual's varying part, what its mean over bins of the value
-            carries, 0 to 1.
-        readings: of the channel that it comes from.
+        label: name and unit.
+        value: values at the times of the residual, shape (k,), in the unit of the label.
+        share: share of the variance of the residual that its means over bins of ``value`` explain,
+            0 to 1.
+        readings: number of readings of the channel from which the quantity comes.
     """
 
     label: str
@@ -42,7 +45,12 @@ class Quantity:
 
 
 def against(signal: Signal, others: list[Signal]) -> Figure:
-    """The channel's residual over each quantity, with its means over bins."""
+    """Plot the residual of a channel against each quantity, with its means over bins.
+
+    Args:
+        signal: the channel.
+        others: all channels, from which the quantities are taken.
+    """
     residual = signal.residual("before")
     quantities = _quantities(signal, others, residual)
     made, axes = figure(11, 3.1, 1, len(quantities), sharey=True)
@@ -55,13 +63,13 @@ def against(signal: Signal, others: list[Signal]) -> Figure:
 
 
 def constant_share(signal: Signal) -> float:
-    """Of the power of the model's residual, what a constant carries."""
+    """Return the share of the power of the model's residual that is constant."""
     residual = signal.residual("before")
     return float(residual.mean() ** 2 / max(float(np.mean(residual**2)), 1e-30))
 
 
 def _quantities(signal: Signal, others: list[Signal], residual: Floats) -> list[Quantity]:
-    """Time, and of each kind the channel that the residual depends on most."""
+    """Return the time, and of each kind the quantity on which the residual depends most."""
     time = Quantity("time [s]", signal.time, _share(signal.time, residual), len(signal.time))
     found = [time]
     moving = [o for o in others if o.unit in KINDS["posture"] and len(o.time) > 2]
@@ -79,7 +87,7 @@ def _quantities(signal: Signal, others: list[Signal], residual: Floats) -> list[
 
 
 def _at(other: Signal, signal: Signal, value: Floats, residual: Floats, per: str = "") -> Quantity:
-    """Another channel as the extended model has it, which is free of noise."""
+    """Return another channel as a quantity, as simulated by the extended model without noise."""
     factor, unit = shown(other.unit + per)
     interpolated = factor * np.interp(signal.time, other.time, value)
     name = f"rate of {other.name}" if per else other.name
@@ -92,28 +100,29 @@ def _rate(other: Signal) -> Floats:
 
 
 def _bins(value: Floats) -> NDArray[np.int64]:
-    """Bins of equal numbers of readings (k,), fewer where there are few readings."""
+    """Return the bin of each value, shape (k,); bins have equal numbers of readings."""
     count = max(2, min(BINS, len(value) // PER_BIN))
     edges = np.quantile(value, np.linspace(0.0, 1.0, count + 1)[1:-1])
     return np.searchsorted(edges, value)
 
 
 def _means(value: Floats, residual: Floats) -> tuple[Floats, Floats]:
-    location = _bins(value)
-    count = np.bincount(location, minlength=BINS)
+    """Return the means of value and residual over each bin."""
+    bins = _bins(value)
+    count = np.bincount(bins, minlength=BINS)
     full = count > 0
-    x = np.bincount(location, value, minlength=BINS)[full] / count[full]
-    return x, np.bincount(location, residual, minlength=BINS)[full] / count[full]
+    x = np.bincount(bins, value, minlength=BINS)[full] / count[full]
+    return x, np.bincount(bins, residual, minlength=BINS)[full] / count[full]
 
 
 def _share(value: Floats, residual: Floats) -> float:
-    """Of the varying part's power, what the means carry; less what those of noise would."""
-    location = _bins(value)
+    """Return the share of the variance that the means explain, less the share by chance."""
+    bins = _bins(value)
     varying = residual - residual.mean()
-    count = np.maximum(np.bincount(location, minlength=BINS), 1)
-    carried = float(np.sum(np.bincount(location, varying, minlength=BINS) ** 2 / count))
+    count = np.maximum(np.bincount(bins, minlength=BINS), 1)
+    carried = float(np.sum(np.bincount(bins, varying, minlength=BINS) ** 2 / count))
     power = float(varying @ varying)
-    used = len(np.unique(location))
+    used = len(np.unique(bins))
     return max(0.0, carried / power - used / len(residual)) if power > 0.0 else 0.0
 
 

@@ -1,4 +1,4 @@
-"""How far the named parameters are from what the model has."""
+"""Parameters of the named causes, compared with the values of the model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from reality_gap.report.plots.canvas import AFTER, FLOOR, figure
 
 
 def intervals(causes: tuple[NamedCause, ...]) -> Figure:
-    """The foremost parameters with 95 % intervals, beside the values that the model has."""
+    """Plot the main parameters with their 95 % intervals, and the values of the model."""
     rows = [
         (cause, parameter, cause.parameters[parameter.name])
         for cause in causes
@@ -44,11 +44,11 @@ def _row(ax: Axes, parameter: Parameter, estimate: Estimate) -> None:
         color=FLOOR,
         alpha=0.25,
         lw=0,
-        label="what any honest model may be off by",
+        label="tolerance of a good model",
     )
     ax.axvline(null, color=FLOOR, lw=1.5, label="your model")
     ax.plot([low, high], [0.0, 0.0], color=AFTER, lw=4, solid_capstyle="butt")
-    ax.plot(value, 0.0, "o", color=AFTER, ms=7, label="found, with its 95 % interval")
+    ax.plot(value, 0.0, "o", color=AFTER, ms=7, label="estimate with 95 % interval")
     ends = (null - tolerance, null + tolerance, low, high, value)
     margin = 0.08 * (max(ends) - min(ends)) + 1e-12
     ax.set_xlim(min(ends) - margin, max(ends) + margin)

@@ -1,4 +1,4 @@
-"""What remains unexplained, and what it depends on."""
+"""Remainder: the error that is not explained, and the quantities that it depends on."""
 
 from __future__ import annotations
 
@@ -10,41 +10,44 @@ from reality_gap.report.formatting import percent
 from reality_gap.report.plots.canvas import AFTER, LEARNED, QUIET, figure, label_rows
 
 MOST = 8
+"""Largest number of quantities in the picture."""
 
 
 def remainder(
-    who: str, named: float, explainable: float, depends_on: tuple[Dependence, ...]
+    label: str, named: float, explainable: float, depends_on: tuple[Dependence, ...]
 ) -> Figure:
-    """The error above the noise by who explains it, and what the rest depends on.
+    """Plot the explained shares of the error above the noise, and what the rest depends on.
 
     Args:
-        who: name of those in the extended model: "named causes".
+        label: name of the causes, such as "named causes".
         named: share that they explain, 0 to 1.
         explainable: share that a learned residual would explain, 0 to 1.
-        depends_on: of what remains.
+        depends_on: quantities that the remaining error depends on.
     """
     listed = depends_on[:MOST]
     heights = [1.0, 0.6 + 0.3 * len(listed)] if listed else [1.0]
     made, axes = figure(9, sum(heights) + 0.7, len(heights), 1, height_ratios=heights)
-    _shares(axes[0, 0], who, named, explainable)
+    _shares(axes[0, 0], label, named, explainable)
     if listed:
         ax = axes[1, 0]
         for row, dependence in enumerate(listed):
             ax.barh(row, 100.0 * dependence.fraction, color=LEARNED)
-            told = f" {percent(dependence.fraction)}, in {dependence.channel}"
-            ax.annotate(told, (100.0 * dependence.fraction, row), va="center", fontsize=8)
+            text = f" {percent(dependence.fraction)}, in {dependence.channel}"
+            ax.annotate(text, (100.0 * dependence.fraction, row), va="center", fontsize=8)
         ax.set_xlim(0.0, 100.0)
-        ax.set_xlabel("share of what remains that it predicts on held-out data [%]", fontsize=9)
+        ax.set_xlabel(
+            "share of the remaining error that it predicts on held-out data [%]", fontsize=9
+        )
         label_rows(ax, [dependence.quantity for dependence in listed])
     return made
 
 
-def _shares(ax: Axes, who: str, named: float, explainable: float) -> None:
+def _shares(ax: Axes, causes: str, named: float, explainable: float) -> None:
     named = min(max(named, 0.0), 1.0)
     learned = max(min(explainable, 1.0) - named, 0.0)
     parts = (
-        (named, AFTER, who),
-        (learned, LEARNED, "what a learned residual adds (upper bound, no name)"),
+        (named, AFTER, causes),
+        (learned, LEARNED, "added by a learned residual (upper bound, no cause)"),
         (1.0 - named - learned, QUIET, "neither"),
     )
     left = 0.0

@@ -1,4 +1,4 @@
-"""Which signal the model misses, and when."""
+"""Signals: measured and simulated channels, and when the model misses them."""
 
 from __future__ import annotations
 
@@ -26,21 +26,26 @@ from reality_gap.report.plots.canvas import (
 from reality_gap.types import Floats
 
 BINS = 120
+"""Number of intervals of time in the residual map."""
 MOST_ROWS = 24
+"""Largest number of channels in the residual map."""
 WORST = 3
+"""Number of channels whose traces are shown."""
 ZOOM = 3.0
-"""Length of what is shown large [s]."""
+"""Duration of the enlarged part of a trace [s]."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A channel's traces of all episodes, one after another.
+    """A channel in all episodes, where both replays are finite.
 
     Attributes:
-        name, unit, noise: of the channel.
-        time: (k,) [s]; episodes follow each other.
-        episode: (k,) number of the episode.
-        split, measured, before, after: (k,) as in `Trace`; only where both replays are finite.
+        name: name of the channel.
+        unit: its SI unit.
+        noise: standard deviation of one reading.
+        time: time with each episode after the previous one, shape (k,) [s].
+        episode: index of the episode, shape (k,).
+        split, measured, before, after: shape (k,); as in `Trace`.
     """
 
     name: str
@@ -54,16 +59,16 @@ class Signal:
     after: Floats
 
     def residual(self, which: str) -> Floats:
-        """Measured minus "before" or "after" (k,), in units of the noise."""
+        """Return measured minus "before" or "after" in units of the noise, shape (k,)."""
         return (self.measured - getattr(self, which)) / self.noise
 
     def rms(self, which: str) -> float:
-        """Of the residual, over the whole log."""
+        """Return the RMS of the residual over the whole log, in units of the noise."""
         return float(np.sqrt(np.mean(self.residual(which) ** 2)))
 
 
 def starts(traces: tuple[Trace, ...]) -> dict[str, float]:
-    """When each episode begins [s], if they follow one another."""
+    """Return the begin of each episode if each follows the previous one [s]."""
     lengths: dict[str, float] = {}
     for trace in traces:
         end = float(trace.time[-1]) if len(trace.time) else 0.0
@@ -73,7 +78,7 @@ def starts(traces: tuple[Trace, ...]) -> dict[str, float]:
 
 
 def signals(traces: tuple[Trace, ...]) -> list[Signal]:
-    """All channels that were measured, that with the largest residual first."""
+    """Return all channels with finite replays, those with the largest residuals first."""
     begin = starts(traces)
     found = []
     for name in dict.fromkeys(trace.channel for trace in traces):
@@ -92,12 +97,12 @@ def signals(traces: tuple[Trace, ...]) -> list[Signal]:
 
 
 def changed(found: list[Signal]) -> bool:
-    """Whether the extended model predicts anything else than the model."""
+    """Return whether the predictions of the extended model differ from those of the model."""
     return any(not np.array_equal(signal.before, signal.after) for signal in found)
 
 
 def residual_map(found: list[Signal]) -> Figure:
-    """Channels over time, coloured by the RMS of the residual: of the model, and extended."""
+    """Plot channels over time, coloured by the RMS of their residuals before and after."""
     rows = found[:MOST_ROWS]
     end = max(float(signal.time[-1]) for signal in rows)
     titles = {"before": "your model", "after": "extended model"}
@@ -122,10 +127,10 @@ def residual_map(found: list[Signal]) -> Figure:
 
 
 def _binned(signal: Signal, which: str, end: float) -> Floats:
-    """RMS in each of the bins, at least 1; bins between two readings take that of the nearer."""
-    location = np.minimum((signal.time / end * BINS).astype(int), BINS - 1)
-    count = np.bincount(location, minlength=BINS)
-    power = np.bincount(location, signal.residual(which) ** 2, minlength=BINS)
+    """Return the RMS in each bin, at least 1; a bin without readings has that of a near one."""
+    bins = np.minimum((signal.time / end * BINS).astype(int), BINS - 1)
+    count = np.bincount(bins, minlength=BINS)
+    power = np.bincount(bins, signal.residual(which) ** 2, minlength=BINS)
     rms: Floats = np.full(BINS, np.nan)
     np.divide(power, count, out=rms, where=count > 0)
     centre = (np.arange(BINS) + 0.5) * end / BINS
@@ -133,12 +138,17 @@ def _binned(signal: Signal, which: str, end: float) -> Floats:
     nearest = np.searchsorted(middle, centre)
     period = float(np.median(np.diff(signal.time))) if len(middle) else 0.0
     close = (count == 0) & (np.abs(signal.time[nearest] - centre) <= period)
-    rms[close] = rms[location[nearest[close]]]
+    rms[close] = rms[bins[nearest[close]]]
     return np.clip(np.sqrt(rms), 1.0, None)
 
 
 def time_traces(found: list[Signal], begin: dict[str, float]) -> Figure:
-    """The worst channels and their residuals: the whole log, and large where it is worst."""
+    """Plot the worst channels and their residuals, in the whole log and enlarged.
+
+    Args:
+        found: channels, the worst first.
+        begin: begin of each episode [s].
+    """
     worst = found[:WORST]
     rows = 2 * len(worst)
     made, axes = figure(
@@ -163,7 +173,7 @@ def time_traces(found: list[Signal], begin: dict[str, float]) -> Figure:
 
 
 def _signal_rows(axes: NDArray[Any], signal: Signal, borders: list[float], extended: bool) -> None:
-    """Signal above residual, the whole log left and its worst window right."""
+    """Plot a signal and its residual, the whole log left and its worst part right."""
     factor, unit = shown(signal.unit)
     low, high = _worst_window(signal)
     inside = (signal.time >= low) & (signal.time <= high)
@@ -204,7 +214,7 @@ def _residuals(ax: Axes, signal: Signal, extended: bool) -> None:
 
 
 def _worst_window(signal: Signal) -> tuple[float, float]:
-    """The `ZOOM` seconds of one episode in which the model's residual is largest."""
+    """Return begin and end of the `ZOOM` seconds with the largest residual in one episode [s]."""
     power = np.r_[0.0, np.cumsum(signal.residual("before") ** 2)]
     ends = np.searchsorted(signal.time, signal.time + ZOOM)
     inside = signal.episode[np.minimum(ends, len(ends) - 1)] == signal.episode
@@ -218,7 +228,7 @@ def _worst_window(signal: Signal) -> tuple[float, float]:
 
 
 def _limits(signal: Signal, inside: NDArray[np.bool_], factor: float) -> tuple[float, float]:
-    """Of the y axis, so that what happens inside the window fills it."""
+    """Return limits of the y axis that fit the signals in the enlarged part."""
     values = factor * np.concatenate(
         [signal.measured[inside], signal.before[inside], signal.after[inside]]
     )

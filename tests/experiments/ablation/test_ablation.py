@@ -1,4 +1,4 @@
-"""The ablation: each variant is what it is called, and verdicts follow from the numbers."""
+"""Ablation: variants differ as described, and verdicts follow from the numbers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,20 @@ from experiments.ablation.run import CONDITIONS, Sizes, conclude, run
 from experiments.ablation.tables import (
     EQUAL,
     HOLDS,
-    OPEN,
     REVERSED,
+    UNDECIDED,
     WORSE,
     Numbers,
+    best_variant,
     better_than_default,
+    judge_claims,
     metrics,
-    told_claims,
     variant_tables,
     verdict,
-    winner,
 )
 from experiments.harness.statistics import Interval
-from experiments.learnability.run import known_world
 from experiments.robots.variants import CLAIMS, DEFAULT, NONE, PAPER, VARIANTS, Claim
-from experiments.robots.world import World
+from experiments.robots.world import World, known_world
 from jmm_agent.mapping.learner import BatchOptions
 from jmm_agent.mapping.minibatch import MinibatchRule
 
@@ -40,7 +39,7 @@ def world(request: pytest.FixtureRequest) -> World:
 
 
 def made_up(**more: float) -> Numbers:
-    """Ten robots on which all variants are alike, but for ``more`` [deg] of a variant's errors."""
+    """Ten robots with equal variants, except for ``more`` [deg] of a variant's errors."""
     spread = np.random.default_rng(0).uniform(4.0, 6.0, 10)
     keys = ("target_true_deg", "estimate_seen_deg", "target_true_mm", "max_tension_N", "set_mm",
             "box_mm")  # fmt: skip
@@ -50,7 +49,7 @@ def made_up(**more: float) -> Numbers:
     }
 
 
-def test_each_variant_changes_one_thing_of_its_reference() -> None:
+def test_each_variant_changes_one_option_of_its_reference() -> None:
     for name, variant in VARIANTS.items():
         reference = VARIANTS[variant.reference]
         differs = (variant.options != reference.options) + (variant.rule != reference.rule)
@@ -74,24 +73,30 @@ def test_claims_compare_variants_that_there_are() -> None:
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "told"),
-    [(-2, -1, HOLDS), (1, 2, REVERSED), (-0.2, 0.1, EQUAL), (-2, 1, OPEN), (-0.2, 0.6, OPEN)],
+    ("low", "high", "text"),
+    [
+        (-2, -1, HOLDS),
+        (1, 2, REVERSED),
+        (-0.2, 0.1, EQUAL),
+        (-2, 1, UNDECIDED),
+        (-0.2, 0.6, UNDECIDED),
+    ],
 )
 def test_something_is_better_if_the_whole_interval_is_below_zero(
-    low: float, high: float, told: str
+    low: float, high: float, text: str
 ) -> None:
     claim = Claim("one is better", "a", "b", "target_true_deg")
-    assert verdict(claim, Interval((low + high) / 2, low, high)) == told
+    assert verdict(claim, Interval((low + high) / 2, low, high)) == text
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "told"), [(-2, 0.2, HOLDS), (0.1, 0.5, WORSE), (-1, 0.5, OPEN)]
+    ("low", "high", "text"), [(-2, 0.2, HOLDS), (0.1, 0.5, WORSE), (-1, 0.5, UNDECIDED)]
 )
 def test_something_is_not_worse_if_the_interval_ends_below_what_counts_as_equal(
-    low: float, high: float, told: str
+    low: float, high: float, text: str
 ) -> None:
     claim = Claim("one is not worse", "a", "b", "target_true_deg", "not worse")
-    assert verdict(claim, Interval((low + high) / 2, low, high)) == told
+    assert verdict(claim, Interval((low + high) / 2, low, high)) == text
 
 
 def test_a_variant_that_beats_the_default_is_named_and_counted() -> None:
@@ -100,29 +105,29 @@ def test_a_variant_that_beats_the_default_is_named_and_counted() -> None:
     assert metrics(alike)["variants_better_than_default"]["reached"] is True
     beaten = made_up(default_l=-1.0, paper_l=1.0)
     assert better_than_default(beaten) == ["default-l"]
-    assert winner(beaten) == "default-l"
-    told = metrics(beaten)
-    assert told["variants_better_than_default"]["reached"] is False
-    assert told["default_minus_best_other"]["median"] == pytest.approx(1.0)
-    assert "default-l, the winner" in [row[0] for row in variant_tables(beaten)[0].rows]
-    assert "Surely better than the default: default-l." in variant_tables(beaten)[0].note
+    assert best_variant(beaten) == "default-l"
+    text = metrics(beaten)
+    assert text["variants_better_than_default"]["reached"] is False
+    assert text["default_minus_best_other"]["median"] == pytest.approx(1.0)
+    assert "default-l, the best" in [row[0] for row in variant_tables(beaten)[0].rows]
+    assert "Significantly better than the default: default-l." in variant_tables(beaten)[0].note
 
 
-def test_a_map_that_fools_its_own_estimate_is_told() -> None:
+def test_a_map_that_fools_its_own_estimate_is_mentioned() -> None:
     found = made_up()
-    assert "Nowhere do" in variant_tables(found)[0].note
+    assert "never disagree significantly" in variant_tables(found)[0].note
     found["default-l"]["estimate_seen_deg"] = [1.0] * 10
     found["default-l"]["target_true_deg"] = [9.0] * 10
-    told = "beside the reference for: default-l; beside no learning for: default-l."
-    assert told in variant_tables(found)[0].note
+    text = "compared with the reference for: default-l; compared with no learning for: default-l."
+    assert text in variant_tables(found)[0].note
 
 
-def test_of_few_robots_nothing_is_told() -> None:
+def test_with_few_robots_claims_are_undecided() -> None:
     few = {
         name: {key: values[:2] for key, values in outcomes.items()}
         for name, outcomes in made_up(default_l=-1.0).items()
     }
-    assert {claim["verdict"] for claim in told_claims(few)} == {OPEN}
+    assert {claim["verdict"] for claim in judge_claims(few)} == {UNDECIDED}
     assert better_than_default(few) == []
     assert metrics(few)["variants_better_than_default"]["reached"] is None
     assert "too few robots" in variant_tables(few)[0].note
@@ -130,12 +135,12 @@ def test_of_few_robots_nothing_is_told() -> None:
 
 def test_claims_are_judged_by_the_numbers() -> None:
     found = made_up(paper_no_rehearsal=3.0, paper_vision=-2.0, none=5.0)
-    told = {(c["rule"], c["claim"]): c["verdict"] for c in told_claims(found)}
-    assert told[PAPER, "the whole rehearsal batch keeps the map from over-fitting"] == HOLDS
-    assert told[PAPER, "rehearsing random pairs keeps the map from over-fitting"] == EQUAL
-    assert told[PAPER, "both do not compete: error"] == WORSE
-    assert told[DEFAULT, "both do not compete: error"] == HOLDS
-    assert told[DEFAULT, "learning by both updaters lowers the error"] == HOLDS
+    text = {(c["rule"], c["claim"]): c["verdict"] for c in judge_claims(found)}
+    assert text[PAPER, "the whole rehearsal batch prevents over-fitting of the map"] == HOLDS
+    assert text[PAPER, "rehearsal of random pairs prevents over-fitting of the map"] == EQUAL
+    assert text[PAPER, "the updaters do not compete: error"] == WORSE
+    assert text[DEFAULT, "the updaters do not compete: error"] == HOLDS
+    assert text[DEFAULT, "learning by both updaters lowers the error"] == HOLDS
 
 
 def test_updaters_that_are_off_do_not_fire_and_one_robot_serves_all(world: World) -> None:

@@ -1,4 +1,4 @@
-"""`python -m experiments all --quick` runs everything, small."""
+"""`python -m experiments all --quick` runs all experiments in their small version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of all results is made from summaries, and the one in the project is up to date."""
+"""Page of all results: made from summaries, and up to date in the repository."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_page_shows_figure_command_minutes_and_numbers(summary: dict[str, An
     assert "figures/some-study.png" in page
 
 
-def test_what_is_not_reached_is_said(summary: dict[str, Any]) -> None:
+def test_a_threshold_that_is_not_reached_is_marked(summary: dict[str, Any]) -> None:
     summary["metrics"]["hand_error"] = metric([30.0], "mm", must=25.0)
     assert "**no**" in page_of([summary])
 

@@ -1,4 +1,4 @@
-"""The Antagonism Updater's experiment: wires that fight give way, by learning only."""
+"""Antagonism Updater on the elbow: antagonistic muscles pull less, by learning only."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from experiments.antagonism_elbow.run import (
     numbers,
     run,
 )
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from experiments.robots.elbow import Elbow
-from kengoro.arm import ACTUAL, NOMINAL
 
 SEED = 20
 SIZES = Sizes(trials=3, move=0.8, hold=0.8, tightening=1e-3)
@@ -76,15 +76,15 @@ def test_numbers_of_a_made_up_trial() -> None:
     }
 
 
-def test_tightening_shortens_all_wires_alike(maps: Path) -> None:
+def test_tightening_shortens_all_muscles_equally(maps: Path) -> None:
     loose, tight = (Elbow(NOMINAL, SEED, length, maps, learning=False) for length in (0.0, 0.004))
     there = [elbow.go(np.radians(60.0), 0.6, 0.6)[-1] for elbow in (loose, tight)]
     assert (there[1] > there[0] + 40.0).all()
 
 
 def test_conclusions_pair_robots_and_judge(result: dict, maps: Path) -> None:
-    drawn = run(NOMINAL, SEED, SIZES, maps)
-    found = conclude({SEED: {ACTUAL: result, NOMINAL: drawn}}, SIZES)
+    nominal = run(NOMINAL, SEED, SIZES, maps)
+    found = conclude({SEED: {ACTUAL: result, NOMINAL: nominal}}, SIZES)
     ratio = found.metrics["tension_ratio"]
     expected = result[OURS][-1]["largest"] / result[OURS][0]["largest"]
     assert ratio["median"] == pytest.approx(expected, rel=1e-2)

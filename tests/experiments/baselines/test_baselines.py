@@ -1,4 +1,4 @@
-"""The baselines: all methods get the same pairs, and what is told follows from the numbers."""
+"""Baselines: all methods get the same pairs, and the notes follow from the numbers."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from experiments.baselines.tables import (
     counted_tables,
     metrics,
 )
-from experiments.learnability.run import known_world
-from experiments.robots.world import World
-from kengoro.arm import ACTUAL, NOMINAL, make_agent, shuffled_postures
+from experiments.robots.conditions import ACTUAL, NOMINAL
+from experiments.robots.world import World, known_world
+from kengoro.agents import make_agent
+from kengoro.robots import shuffled_postures
 
 SEED = 1
 SIZES = Sizes(
-    counts=(1, 3), counts_drawing=(1,), tested=1, move=0.6, patience=1.2, test_move=0.6,
+    counts=(1, 3), counts_nominal=(1,), tested=1, move=0.6, patience=1.2, test_move=0.6,
     test_hold=0.6,
 )  # fmt: skip
 METHODS = {NO_LEARNING, *POLYNOMIALS.values(), TABLE, GAUSSIAN, OURS}
@@ -47,7 +48,7 @@ def without_times(result: dict[str, Any]) -> str:
 
 
 def test_pairs_are_gathered_by_number_of_postures(world: World) -> None:
-    agent = make_agent(world.map, SEED)
+    agent = make_agent(SEED, jmm=world.map)
     stages = gather(agent, ACTUAL, SEED, shuffled_postures(SEED), SIZES, world)
     assert list(stages) == [1, 3]
     for count, stage in stages.items():
@@ -63,7 +64,7 @@ def test_pairs_are_gathered_by_number_of_postures(world: World) -> None:
 
 
 def test_every_method_learns_from_the_pairs(world: World) -> None:
-    agent = make_agent(world.map, SEED)
+    agent = make_agent(SEED, jmm=world.map)
     stage = gather(agent, ACTUAL, SEED, shuffled_postures(SEED), SIZES, world)[3]
     made = methods(world, Baselines(world.map, world.postures), SEED)
     assert {NO_LEARNING, *made} == METHODS
@@ -73,14 +74,14 @@ def test_every_method_learns_from_the_pairs(world: World) -> None:
         assert np.abs(after).mean() < 0.25 * before, name
 
 
-def test_a_run_gives_the_same_again_and_its_findings_can_be_written(world: World) -> None:
+def test_a_run_repeats_and_its_findings_can_be_written(world: World) -> None:
     result = run(ACTUAL, SEED, SIZES, world.cache)
-    drawing = run(NOMINAL, SEED, SIZES, world.cache)
+    nominal = run(NOMINAL, SEED, SIZES, world.cache)
     again = run(NOMINAL, SEED, SIZES, world.cache)
-    assert without_times(drawing) == without_times(again)
+    assert without_times(nominal) == without_times(again)
     for part in result["counts"].values():
         assert set(part["maps"]) == METHODS
-    found = conclude({SEED: {ACTUAL: result, NOMINAL: drawing}}, SIZES)
+    found = conclude({SEED: {ACTUAL: result, NOMINAL: nominal}}, SIZES)
     json.dumps([found.per_seed, found.metrics], allow_nan=False)
     learned = found.per_seed[SEED]["3"]  # type: ignore[index]
     assert learned[OURS]["target_true_deg"] < 0.7 * learned[NO_LEARNING]["target_true_deg"]
@@ -98,12 +99,12 @@ def made_up(**errors: float) -> Numbers:
     }
 
 
-def test_who_is_best_is_told_by_both_definitions() -> None:
+def test_the_best_method_is_named_by_both_definitions() -> None:
     agreed = made_up(ours_t=2.0, ours_e=1.0, table_t=3.0, table_e=2.0)
     torn = made_up(ours_t=2.0, ours_e=3.0, table_t=3.0, table_e=1.0)
     notes = [table.note for table in counted_tables({5: agreed, 27: torn}, {5: [5], 27: [26]})]
     assert "Best by target - true and by estimate - seen: ours." in notes[0]
-    assert "Best by target - true: ours; by estimate - seen, which disagrees: table." in notes[1]
-    assert "surely better than ours: none; surely worse: table." in notes[0]
-    told = metrics({5: agreed})
-    assert told["ours_minus_best_other_5"]["median"] == pytest.approx(-1.0)
+    assert "Best by target - true: ours; by estimate - seen: table." in notes[1]
+    assert "significantly better than ours: none; significantly worse: table." in notes[0]
+    entries = metrics({5: agreed})
+    assert entries["ours_minus_best_other_5"]["median"] == pytest.approx(-1.0)

@@ -1,4 +1,4 @@
-"""Baselines' maps: they begin at the drawing, take measured pairs in, and smooth as they should."""
+"""Maps of the baselines: start at the nominal model, learn pairs, and interpolate smoothly."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pytest
 from experiments.baselines.maps import (
     Baselines,
     CorrectedMap,
-    NearAlike,
     Polynomial,
+    RadialCorrelation,
     Regression,
     Table,
-    TermsAlike,
+    TermCorrelation,
 )
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
@@ -35,7 +35,7 @@ def baselines() -> Baselines:
 
 
 def measured(count: int, missed: Callable[[Floats], Floats]) -> Pairs:
-    """Pairs of a robot that misses its drawing by a function of postures (B, n) -> (B, 1) [m]."""
+    """Pairs of a robot that departs from the nominal model by a function (B, n) -> (B, 1) [m]."""
     asked = postures(count, 3)
     return Pairs(asked, make_map(0).lengths(asked) + missed(asked), np.full(count, 0.001))
 
@@ -49,13 +49,13 @@ def test_before_anything_is_measured_the_map_is_the_drawing(
 
 
 def test_polynomials_come_nearer_to_the_drawing_by_degree(baselines: Baselines) -> None:
-    drawn = make_map(0).lengths(ASKED)
+    nominal = make_map(0).lengths(ASKED)
     missed = [
-        np.abs(baselines.polynomial(degree, Pairs.none(4, 5)).lengths(ASKED) - drawn).max()
+        np.abs(baselines.polynomial(degree, Pairs.none(4, 5)).lengths(ASKED) - nominal).max()
         for degree in (2, 3, 4)
     ]
     assert missed[0] > missed[1] > missed[2]
-    assert missed[2] < 0.1 * np.ptp(drawn)
+    assert missed[2] < 0.1 * np.ptp(nominal)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -92,30 +92,32 @@ def test_a_polynomial_has_all_products_up_to_its_degree() -> None:
     np.testing.assert_allclose(terms(np.array([[0.5, 1.25]])), [[x, y, x * x, x * y, y * y]])
 
 
-def test_terms_are_alike_by_one_on_average() -> None:
+def test_terms_have_a_variance_of_one_on_average() -> None:
     typical = postures(300, 9)[:, :2]
-    alike = TermsAlike(Polynomial(typical.min(axis=0), typical.max(axis=0), 3), typical)
-    assert np.mean(np.diag(alike(typical, typical))) == pytest.approx(1.0)
+    correlation = TermCorrelation(Polynomial(typical.min(axis=0), typical.max(axis=0), 3), typical)
+    assert np.mean(np.diag(correlation(typical, typical))) == pytest.approx(1.0)
 
 
 def test_a_regression_chooses_the_width_that_its_residuals_show() -> None:
     inputs = np.linspace(-3.0, 3.0, 60)[:, None]
-    widths = [NearAlike(0.25), NearAlike(4.0)]
+    widths = [RadialCorrelation(0.25), RadialCorrelation(4.0)]
     for quick, width in ((6.0, 0.25), (0.5, 4.0)):
         residuals = 0.01 * np.sin(quick * inputs)
         found = Regression(inputs, residuals, widths, 0.025)
-        assert found.chosen.alike == NearAlike(width)
+        assert found.chosen.correlation == RadialCorrelation(width)
         between = inputs[:-1] + 0.05
         np.testing.assert_allclose(found(between), 0.01 * np.sin(quick * between), atol=0.002)
 
 
 def test_a_regression_far_from_its_inputs_keeps_the_offset_alone() -> None:
     inputs = np.linspace(-0.5, 0.5, 30)[:, None]
-    found = Regression(inputs, 0.02 + 0.005 * np.sin(8.0 * inputs), [NearAlike(0.25)], 0.025)
+    found = Regression(
+        inputs, 0.02 + 0.005 * np.sin(8.0 * inputs), [RadialCorrelation(0.25)], 0.025
+    )
     np.testing.assert_allclose(found(np.array([[50.0]])), 0.02, atol=0.003)
 
 
-def test_a_table_gives_its_entries_and_their_mean_between_them() -> None:
+def test_a_table_returns_its_entries_and_interpolates_between_them() -> None:
     table = Table(np.array([[0.0], [1.0]]), np.array([[0.01, 0.0], [0.03, 0.02]]))
     np.testing.assert_allclose(table(np.array([[1.0]])), [[0.03, 0.02]], atol=1e-12)
     np.testing.assert_allclose(table(np.array([[0.5]])), [[0.02, 0.01]], atol=1e-12)

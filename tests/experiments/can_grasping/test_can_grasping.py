@@ -1,4 +1,4 @@
-"""Can grasping: what is tested was not learned, what is told is true, a video is of its robot."""
+"""Can grasping: tests are on new postures, sentences follow the numbers, the video is made."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from experiments.can_grasping import run as runner
 from experiments.can_grasping.robot import SWEEP_DEG, CanRobot, swept_lengths
 from experiments.can_grasping.run import Args, main
 from experiments.can_grasping.tables import fall, metrics, outcome_table, share
-from kengoro.arm import ACTUAL, NOMINAL
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from kengoro.grasp_trial import GraspTrial, Trial
 from kengoro.hand_search import TrialOptions
 from kengoro.trained_maps import trained_map
@@ -31,7 +31,7 @@ def maps(request: pytest.FixtureRequest) -> Path:
 def test_the_map_is_tested_where_it_was_not_learned(
     maps: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the trial may learn from, and where the test goes."""
+    """Postures of learning and of the test are disjoint."""
     libraries, tested = [], []
 
     def run(trial: GraspTrial) -> Trial:
@@ -73,6 +73,7 @@ def trial(distances: list[float], grasped: bool) -> dict[str, Any]:
     """A trial of which only the last approach may lift the can."""
     approaches = [
         {
+            "start_s": 100.0 * number,
             "hand_distance_mm": distance,
             "can_distance_mm": distance,
             "grasped": grasped and number == len(distances) - 1,
@@ -86,6 +87,8 @@ def trial(distances: list[float], grasped: bool) -> dict[str, Any]:
         "grasped_after": grasped,
         "approaches": approaches,
         "postures": 27,
+        "updates": {"antagonism": 30, "vision": 26, "dropped": {}},
+        "notes": [],
     }
 
 
@@ -125,15 +128,18 @@ def test_a_share_has_an_interval_even_where_all_robots_are_alike() -> None:
     assert share([True, False])["worst"] == 0.0
 
 
-def test_it_says_on_how_many_robots_errors_fell() -> None:
-    told = fall({0: robot([], False, after=2.0), 1: robot([], False, after=11.0)})
-    assert "rmse_true on 1 of 2" in told
-    assert "rmse_seen on 0 of 0" in told
-    assert "max_tension on 0 of 2" in told
+def test_a_sentence_counts_robots_with_lower_errors() -> None:
+    text = fall({0: robot([], False, after=2.0), 1: robot([], False, after=11.0)})
+    assert "rmse_true on 1 of 2" in text
+    assert "rmse_seen on 0 of 0" in text
+    assert "max_tension on 0 of 2" in text
 
 
 def test_a_video_is_of_the_first_robot_and_made_when_it_is_missing(
-    maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    maps: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     calls: list[tuple[str, int, bool]] = []
 
@@ -150,6 +156,9 @@ def test_a_video_is_of_the_first_robot_and_made_when_it_is_missing(
     monkeypatch.setattr(figures, "figures", lambda results: [])
     first = Args(seeds="3", out=tmp_path, cache=maps, jobs=1)
     summary = main(first)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "learned from 26 observations of its hand in 100 s. In approach 2 it grasped" in printed
+    assert "median" not in printed
     assert calls == [(ACTUAL, 3, True), (NOMINAL, 3, True)]
     assert (tmp_path / "episode.mp4").read_bytes() == b"3"
     assert summary["per_seed"]["3"]["grasped_after"]

@@ -1,4 +1,4 @@
-"""The da Vinci runner tells what a cable drive does, real or simulated, and what stays open."""
+"""Da Vinci experiment: established structure of a simulated or real cable drive."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from reality_gap.causes import CATALOGUE
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 
 FREQUENCIES, LOADS = (0.3, 0.5), (10, 40, 70, 100)
 COULOMB, GROWS, STIFFNESS, GEAR = 0.035, 0.35, 1.5, 0.92
@@ -34,7 +34,7 @@ real = pytest.mark.skipif(
 
 
 def simulate(frequency: float, load: float, seed: int) -> np.ndarray:
-    """One run: a spindle with dry friction, an elastic cable that rubs by its load, and a jaw."""
+    """One run: a spindle with dry friction, an elastic cable with friction by load, and a jaw."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, 9.0, 1 / RATE)
     drive = 0.52 + 0.52 * np.cos(2 * np.pi * frequency * time)
@@ -85,7 +85,7 @@ def test_the_signs_are_those_of_closing(runs: Runs) -> None:
     assert np.corrcoef(runs.drive.ravel(), runs.jaw.ravel())[0, 1] > 0.9
 
 
-def test_a_run_is_left_out_from_where_it_was_disturbed(log: Path, tmp_path: Path) -> None:
+def test_a_run_is_left_out_from_its_disturbance_on(log: Path, tmp_path: Path) -> None:
     with np.load(log) as content:
         index = json.loads(str(content["index_json"]))
         found = [content[f"run{k:03d}"].copy() for k in range(len(index))]
@@ -121,25 +121,25 @@ def test_what_was_not_simulated_is_not_established(compared: dict[str, Scores]) 
     established = {row[0]: row[-1] for row in evidence_table(compared).rows}
     assert established["friction that grows with the load"] == "yes"
     assert established["an elastic cable"] == "yes"
-    assert established["compliance behind the friction, too"] == "yes"
+    assert established["compliance behind the friction"] == "yes"
     assert established["viscous friction"] == "no"
     assert established["a cable that hardens"] == "no"
-    assert established["capstan's law, not proportion"] == "no"
+    assert established["the capstan law instead of proportionality"] == "no"
     assert set(ABLATIONS) <= set(established)
     held = [e.torque for e in compared[WHOLE_NAME].loads.values()]
     assert max(held) < 0.2 * min(e.torque for e in compared["rigid"].loads.values())
 
 
-def test_a_win_is_clear_or_it_is_none() -> None:
+def test_a_small_difference_is_no_win() -> None:
     one = {float(k): Errors(0.010, 0.010) for k in range(4)}
     pairs = ((0.020, 0.010), (0.0101, 0.010), (0.0099, 0.010), (0.008, 0.009))
     other = {float(k): Errors(*pair) for k, pair in enumerate(pairs)}
     assert wins(one, other) == (1, 1)
 
 
-def test_friction_mends_the_tension_of_the_model_and_stretch_its_angle(log: Path) -> None:
+def test_friction_corrects_the_tension_of_the_model_and_elasticity_its_angle(log: Path) -> None:
     study = make_study(read_runs(log, RATE))
-    system, readings = look_at(study), measured(study)
+    system, readings = compile_system(study), measured(study)
 
     def misfits(name: str, **values: float) -> list[float]:
         cause = CATALOGUE[name]
@@ -189,7 +189,7 @@ def test_a_file_that_is_not_the_log_is_refused(tmp_path: Path) -> None:
 
 
 @real
-def test_the_real_drive_rubs_by_its_load_and_stretches() -> None:
+def test_the_real_drive_has_friction_by_load_and_elasticity() -> None:
     log = Path(str(DATA)) / "davinci_cable" / "tool4_L4_freq5_load10.npz"
     runs = read_runs(log)
     names = ("rigid", "elastic", "jaw", WHOLE_NAME)
@@ -212,4 +212,4 @@ def test_the_claims_on_the_real_drive_hold() -> None:
     assert all(established[claim] == "yes" for claim in ABLATIONS)
     assert established["Coulomb friction"] == "yes"
     assert established["viscous friction"] == "no"
-    assert established["capstan's law, not proportion"] == "no"
+    assert established["the capstan law instead of proportionality"] == "no"

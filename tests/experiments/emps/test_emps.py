@@ -1,4 +1,4 @@
-"""The EMPS runner finds friction and offset of a drive in closed loop, real or simulated."""
+"""EMPS experiment: friction and offset of a simulated or real drive in closed loop."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def simulate(by_direction: bool, seconds: float = 13.0) -> np.ndarray:
         old, filtered_old = read, filtered
         rows.append((t, reference, read, volts))
         for _ in range(fine):
-            way = 1 if velocity > 0 else -1
-            viscous = VISCOUS[way] if by_direction else 200.0
+            direction = 1 if velocity > 0 else -1
+            viscous = VISCOUS[direction] if by_direction else 200.0
             dry = COULOMB * np.tanh(velocity / 1e-4)
             force = FORCE_PER_VOLT * volts - viscous * velocity - dry - OFFSET
             velocity += force / MASS * dt / fine
@@ -73,7 +73,7 @@ def write(path: Path, rows: np.ndarray) -> Path:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Log of a drive whose friction is alike in both directions."""
+    """Log of a drive whose friction is equal in both directions."""
     return write(tmp_path_factory.mktemp("emps") / "plain.csv", simulate(by_direction=False))
 
 
@@ -103,7 +103,7 @@ def test_friction_by_direction_is_seen_in_the_error(uneven: Path) -> None:
     assert by_direction.values["viscous by direction"] == pytest.approx(-30.0, abs=5.0)
 
 
-def test_what_differs_between_periods_is_told_from_what_repeats() -> None:
+def test_repeatability_is_the_deviation_between_periods() -> None:
     time = np.arange(0.0, 12.0, 1e-3)
     wave = np.sin(2 * np.pi * time / 4.0)
     # Half a period apart after 4 s, so that one is the other's negative.

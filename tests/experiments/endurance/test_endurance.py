@@ -1,4 +1,4 @@
-"""Hours of learning in parts: what an agent knows survives between them."""
+"""Continuous learning in parts: checkpoints keep the state of the agent between them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import pytest
 from experiments.endurance import run
 from experiments.endurance.run import Args, hourly, main
 from experiments.harness.errors import ExperimentError
-from experiments.robots.checkpoint import load_memory, save_memory
+from experiments.robots.checkpoint import load_checkpoint, save_checkpoint
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
 from jmm_agent.vision.observation_fit import MarkerObservation
-from kengoro.arm import new_agent
+from kengoro.agents import make_agent
 
 
 @pytest.fixture(scope="module")
 def agents(cache: Path) -> tuple[Agent, Agent]:
-    """Two agents that tests let know what they like."""
-    return new_agent(cache, 0), new_agent(cache, 1)
+    """Two agents whose memories tests may change."""
+    return make_agent(0, cache=cache), make_agent(1, cache=cache)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def cache(request: pytest.FixtureRequest) -> Path:
 
 
 def made_up(rng: np.random.Generator) -> tuple[AntagonismMemory, VisionMemory]:
-    """Memories of three looks."""
+    """Memories of three observations."""
 
     def pairs() -> Pairs:
         return Pairs(rng.normal(size=(3, 14)), rng.normal(size=(3, 36)), rng.uniform(size=3))
@@ -54,7 +54,7 @@ def made_up(rng: np.random.Generator) -> tuple[AntagonismMemory, VisionMemory]:
 
 
 def plain(memory: Any) -> Any:
-    """Nested lists of what a memory holds."""
+    """Content of a memory as nested lists."""
     if isinstance(memory, np.ndarray):
         return memory.tolist()
     return [plain(part) for part in memory] if isinstance(memory, tuple | list) else memory
@@ -68,8 +68,8 @@ def test_what_an_agent_knows_survives_in_a_file(
     layers = {group.name: (group.W2 + 1.0, group.b2 - 1.0)}
     agent.recall(agent.map.with_output_layers(layers), *made_up(np.random.default_rng(0)))
     agent.learner.rng.normal(size=5)
-    save_memory(tmp_path / "memory.npz", agent)
-    load_memory(tmp_path / "memory.npz", other)
+    save_checkpoint(tmp_path / "memory.npz", agent)
+    load_checkpoint(tmp_path / "memory.npz", other)
     np.testing.assert_array_equal(other.map.groups[0].W2, group.W2 + 1.0)
     np.testing.assert_array_equal(other.map.groups[0].b2, group.b2 - 1.0)
     assert other.learner.rng.normal() == agent.learner.rng.normal()
@@ -85,8 +85,8 @@ def test_an_agent_that_has_learned_nothing_can_be_kept(
     none = Pairs.none(14, 36)
     nothing = VisionMemory([], [], [], np.empty((0, 14)), np.empty((0, 36)), none)
     agent.recall(agent.map, AntagonismMemory(None, none), nothing)
-    save_memory(tmp_path / "memory.npz", agent)
-    load_memory(tmp_path / "memory.npz", other)
+    save_checkpoint(tmp_path / "memory.npz", agent)
+    load_checkpoint(tmp_path / "memory.npz", other)
     assert other.antagonism.memory.last is None
     assert other.vision.memory.observations == []
 
@@ -98,8 +98,8 @@ def test_a_file_without_a_memory_is_refused(
     path = tmp_path / "memory.npz"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(ExperimentError, match="holds no memory"):
-        load_memory(path, agents[0])
+    with pytest.raises(ExperimentError, match="is no checkpoint"):
+        load_checkpoint(path, agents[0])
 
 
 def test_errors_are_taken_by_the_hour() -> None:
@@ -109,7 +109,7 @@ def test_errors_are_taken_by_the_hour() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"jobs": 3}, {"hours": 0.0}, {"patience": -1.0}])
-def test_what_makes_no_sense_is_refused(wrong: dict[str, Any], tmp_path: Path) -> None:
+def test_invalid_options_are_refused(wrong: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(ExperimentError):
         main(replace(Args(out=tmp_path), **wrong))
 
@@ -125,14 +125,14 @@ def test_a_part_that_is_not_whole_is_lived_again(
         return {"error_mm": 1.0}
 
     lived: list[int] = []
-    monkeypatch.setattr(run, "live", live)
+    monkeypatch.setattr(run, "run_part", live)
     args = Args(out=tmp_path)
     for number in (0, 1, 1):
-        assert run.kept_or_lived(args, 0, number, 30.0, "key") == {"error_mm": 1.0}
+        assert run.saved_or_run(args, 0, number, 30.0, "key") == {"error_mm": 1.0}
     assert lived == [0, 1]
     (tmp_path / "robot-000" / "001.json").write_text(damage)
-    run.kept_or_lived(args, 0, 1, 30.0, "key")
-    run.kept_or_lived(args, 0, 1, 30.0, "another key")
+    run.saved_or_run(args, 0, 1, 30.0, "key")
+    run.saved_or_run(args, 0, 1, 30.0, "another key")
     assert lived == [0, 1, 1, 1]
 
 
@@ -151,13 +151,13 @@ def test_a_run_goes_on_where_it_was_stopped(
     )  # it remembers looks of the first part
     (tmp_path / "robot-000" / "001.json").unlink()
     lived = []
-    live = run.live
+    live = run.run_part
 
     def noted(*arguments: Any) -> dict[str, Any]:
         lived.append(arguments[2])
         return live(*arguments)
 
-    monkeypatch.setattr(run, "live", noted)
+    monkeypatch.setattr(run, "run_part", noted)
     again = main(args)
     assert lived == [1]
     assert again["core_s"] > 1.2 * again["wall_s"]  # the first part was there

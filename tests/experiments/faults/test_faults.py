@@ -1,4 +1,4 @@
-"""Faults are injected as told, and what came of them is counted rightly."""
+"""Faults are injected as specified, and their outcomes are counted."""
 
 from __future__ import annotations
 
@@ -18,28 +18,31 @@ from experiments.faults.injection import (
     FaultyEnv,
     Injection,
 )
-from experiments.faults.run import QUICK, conclude, guarded_agent, run
+from experiments.faults.run import QUICK, conclude, run
 from experiments.faults.tables import NO_FAULT, metrics, seed_entry, tables
+from experiments.robots.conditions import ACTUAL
 from jmm_agent.guard import faults
+from jmm_agent.guard.guard import Guard
 from jmm_agent.vision.marker_detector import MarkerDetector, Skip
-from kengoro.arm import ACTUAL, CAMERA, SIDES, make_env
+from kengoro.agents import make_agent
+from kengoro.robots import CAMERA, SIDES, make_env
 from kengoro_env.postures import posture_set
 
-MUSCLE, MUSCLE = "delt_mid", 19
+MUSCLE, INDEX = "delt_mid", 19
 
 
 @pytest.fixture
 def env() -> Iterator[FaultyEnv]:
-    """A robot without departures, whose senses have no noise and that has no camera."""
+    """A robot without departures, with noiseless sensors and without a camera."""
     faulty = FaultyEnv(make_env("Posture", None, camera=False), MarkerDetector(CAMERA, SIDES))
     faulty.reset(seed=0, options={"posture": posture_set()[0]})
-    assert faulty.world.muscles.index(MUSCLE) == MUSCLE
+    assert faulty.world.muscles.index(MUSCLE) == INDEX
     yield faulty
     faulty.close()
 
 
 def step(env: FaultyEnv, lengths: np.ndarray) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Command lengths (m,) [m]; what is felt, and the truth."""
+    """Command lengths (m,) [m]; observation, and truth."""
     observation, *_, info = env.step(env.world.lengths_to_action(lengths))
     return observation, info
 
@@ -55,10 +58,10 @@ def test_a_motor_pulls_by_what_its_encoder_reads(env: FaultyEnv) -> None:
     target = env.world.robot.target
     env.inject(Injection(faults.ENCODER_JUMP, MUSCLE))
     before, _ = step(env, target)
-    assert before["lengths"][MUSCLE] == pytest.approx(env.world.robot.lengths[MUSCLE] + JUMP)
+    assert before["lengths"][INDEX] == pytest.approx(env.world.robot.lengths[INDEX] + JUMP)
     step(env, target)
-    assert env.world.robot.target[MUSCLE] == pytest.approx(target[MUSCLE] - JUMP, abs=1e-6)
-    others = np.arange(36) != MUSCLE
+    assert env.world.robot.target[INDEX] == pytest.approx(target[INDEX] - JUMP, abs=1e-6)
+    others = np.arange(36) != INDEX
     np.testing.assert_allclose(env.world.robot.target[others], target[others], atol=1e-6)
     env.inject(None)
     observation, _ = step(env, target)
@@ -67,19 +70,19 @@ def test_a_motor_pulls_by_what_its_encoder_reads(env: FaultyEnv) -> None:
 
 def test_a_stuck_encoder_and_a_dead_sensor_read_the_same_for_ever(env: FaultyEnv) -> None:
     target = env.world.robot.target
-    felt, _ = step(env, target)
+    expected, _ = step(env, target)
     env.inject(Injection(faults.ENCODER_STUCK, MUSCLE))
     for _ in range(3):
         target = target - 0.002
         observation, _ = step(env, target)
-        assert observation["lengths"][MUSCLE] == felt["lengths"][MUSCLE]
-        assert observation["lengths"][MUSCLE + 1] != felt["lengths"][MUSCLE + 1]
+        assert observation["lengths"][INDEX] == expected["lengths"][INDEX]
+        assert observation["lengths"][INDEX + 1] != expected["lengths"][INDEX + 1]
     env.inject(Injection(faults.TENSION_SENSOR_DEAD, MUSCLE))
     observation, _ = step(env, target)
-    assert np.flatnonzero(observation["tensions"] == 0.0).tolist() == [MUSCLE]
+    assert np.flatnonzero(observation["tensions"] == 0.0).tolist() == [INDEX]
     env.inject(Injection(faults.ENCODER_DEAD, MUSCLE))
     observation, _ = step(env, target)
-    assert np.flatnonzero(np.isnan(observation["lengths"])).tolist() == [MUSCLE]
+    assert np.flatnonzero(np.isnan(observation["lengths"])).tolist() == [INDEX]
 
 
 def test_late_commands_are_obeyed_later(env: FaultyEnv) -> None:
@@ -105,25 +108,25 @@ def test_a_push_moves_the_hand_and_ends(env: FaultyEnv) -> None:
     assert not env.world.robot.data.xfrc_applied.any()
 
 
-def test_a_snapped_wire_never_pulls_again(env: FaultyEnv) -> None:
+def test_a_snapped_muscle_never_pulls_again(env: FaultyEnv) -> None:
     env.inject(Injection(faults.MUSCLE_SNAPPED, MUSCLE))
     env.inject(None)
     target = env.world.robot.target
     for _ in range(3):
         step(env, target)
-    assert env.world.robot.motors.elongation[MUSCLE] > 1.0
+    assert env.world.robot.motors.elongation[INDEX] > 1.0
 
 
 def test_commands_are_judged_by_what_they_demand(env: FaultyEnv) -> None:
     target = env.world.robot.target
-    target[MUSCLE] -= 0.005
+    target[INDEX] -= 0.005
     step(env, target)
     assert env.largest_demand == pytest.approx(30.0 + 30_000.0 * 0.005, rel=1e-3)
 
 
 @pytest.fixture(scope="module")
 def frame() -> np.ndarray:
-    """What the robot sees of its hand."""
+    """View of the hand by the robot's camera."""
     env = make_env("Posture", None)
     observation, _ = env.reset(seed=0, options={"posture": posture_set()[0]})
     env.close()
@@ -136,19 +139,19 @@ def test_a_marker_is_hidden_for_a_share_of_the_time_doubled_and_mirrored(
     detector, times = env.detector, 0.2 * np.arange(20)
     marker = detector.detect(frame).poses[0]
 
-    def look(kind: str, time: float) -> np.ndarray:
+    def view(kind: str, time: float) -> np.ndarray:
         picture = frame.copy()
         env.inject(Injection(kind))
-        env._felt({"lengths": np.zeros(36), "frame": picture, "frame_time": np.array([time])})
+        env._disturbed({"lengths": np.zeros(36), "frame": picture, "frame_time": np.array([time])})
         return picture
 
-    hidden = [0 not in detector.detect(look(faults.MARKER_HIDDEN, t)).poses for t in times]
+    hidden = [0 not in detector.detect(view(faults.MARKER_HIDDEN, t)).poses for t in times]
     assert np.mean(hidden) == pytest.approx(HIDDEN_SHARE, abs=0.05)
-    assert detector.detect(look(faults.SECOND_MARKER, 0.0)).skips[0] is Skip.TWICE
+    assert detector.detect(view(faults.SECOND_MARKER, 0.0)).skips[0] is Skip.TWICE
     env.inject(Injection(faults.MIRRORED_MARKER))
     pose = detector.detect(frame).poses[0].pose_marker_in_camera
     np.testing.assert_array_equal(pose, marker.pose_marker_in_camera, "a frame from before")
-    mirrored = detector.detect(look(faults.MIRRORED_MARKER, 0.0)).poses[0]
+    mirrored = detector.detect(view(faults.MIRRORED_MARKER, 0.0)).poses[0]
     np.testing.assert_array_equal(mirrored.pose_marker_in_camera, marker.flipped_in_camera)
     env.inject(None)
     np.testing.assert_array_equal(
@@ -156,7 +159,7 @@ def test_a_marker_is_hidden_for_a_share_of_the_time_doubled_and_mirrored(
     )
 
 
-def told(named: list[Any], **more: Any) -> dict[str, Any]:
+def make_record(named: list[Any], **more: Any) -> dict[str, Any]:
     return {
         "named": named,
         "largest_demand_N": 400.0,
@@ -174,7 +177,7 @@ def trial(
     after_mm: float = 3.0,
     shown: float | None = 100.0,
 ) -> dict[str, Any]:
-    return told(
+    return make_record(
         named, kind=kind, where=where, begin=100.0, shown=shown, gone=110.0, before_mm=4.0,
         after_mm=after_mm, still_named=[],
     )  # fmt: skip
@@ -185,7 +188,7 @@ def test_namings_are_counted_as_right_wrong_or_late() -> None:
     late = [faults.COMMAND_LATE, "commands", [105.0, 120.0]]
     entry = seed_entry(
         {
-            "learning": told([late]),
+            "learning": make_record([late]),
             "trials": {
                 NO_FAULT: trial(NO_FAULT, "", [late], shown=None),
                 faults.PUSHED: trial(faults.PUSHED, "hand", [pushed, late], after_mm=6.0),
@@ -211,9 +214,11 @@ def test_seconds_count_from_when_a_fault_shows() -> None:
     named, entries = [faults.SECOND_MARKER, "marker", [104.5]], {}
     for seed, shown in enumerate((100.0, 104.0, None)):
         part = trial(faults.SECOND_MARKER, "marker", [named], shown=shown)
-        entries[seed] = seed_entry({"learning": told([]), "trials": {faults.SECOND_MARKER: part}})
-    told_after = [entry[faults.SECOND_MARKER]["noticed_after_s"] for entry in entries.values()]
-    assert told_after == [4.5, 0.5, None]
+        entries[seed] = seed_entry(
+            {"learning": make_record([]), "trials": {faults.SECOND_MARKER: part}}
+        )
+    named_after = [entry[faults.SECOND_MARKER]["noticed_after_s"] for entry in entries.values()]
+    assert named_after == [4.5, 0.5, None]
     never = entries[2][faults.SECOND_MARKER]
     assert never["also_named"] == ["second_marker marker"]
     assert tables(entries)[0].rows[0][1] == "1 of 2"
@@ -227,13 +232,13 @@ def test_a_marker_that_is_not_in_view_is_not_hidden_yet(env: FaultyEnv, frame: n
         env.inject(Injection(kind))
         for picture, shown in ((np.zeros_like(frame), None), (frame, env.world.robot.time)):
             now = {"lengths": np.zeros(36), "frame": picture.copy(), "frame_time": np.zeros(1)}
-            env._felt(now)
+            env._disturbed(now)
             assert env.shown == shown
 
 
 def test_the_agent_watches_and_undoes_what_harms(request: pytest.FixtureRequest) -> None:
-    agent = guarded_agent(0, request.config.cache.mkdir("maps"), MarkerDetector(CAMERA, SIDES))
-    assert agent.guard is not None
+    agent = make_agent(0, guard=True, cache=Path(request.config.cache.mkdir("maps")))
+    assert isinstance(agent.guard, Guard)
     assert agent.vision.hold_out is not None
 
 

@@ -1,4 +1,4 @@
-"""The bench of the diagnosis: what follows from the counts, and how its trials are run."""
+"""Trials of the diagnosis: criteria follow from the counts, and options are checked."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from experiments.gap_bench.figures import pictures
 from experiments.gap_bench.run import SHARES, Args, cases, conclude
 from experiments.gap_bench.tables import baselines_table, causes_table, confusion
 from experiments.harness.errors import ExperimentError
-from tests.experiments.gap_bench.trials import FRICTION, made
+from tests.experiments.gap_bench.trials import FRICTION, make_trial
 
 
-def test_a_run_without_lone_effects_has_no_picture_of_them() -> None:
+def test_a_run_without_single_effects_has_no_confusion_matrix() -> None:
     pair = (("delay", ["biceps"], {}), ("coulomb_friction", ["biceps"], {"force": 4.0}))
-    trials = [made("pair", pair, (FRICTION,))]
+    trials = [make_trial("pair", pair, (FRICTION,))]
 
-    assert [p.title for p in pictures(trials, {})] == ["How sure, and how right"]
+    assert [p.title for p in pictures(trials, {})] == ["Calibration of confidences"]
 
 
 def test_wilson_stays_within_and_holds_the_share() -> None:
@@ -42,27 +42,27 @@ def test_a_must_is_reached_from_its_own_side() -> None:
 
 
 def test_calibration_compares_within_bins() -> None:
-    told, right = np.array([0.95, 0.95, 0.05, 1.0]), np.array([1.0, 1.0, 0.0, 0.0])
-    np.testing.assert_array_equal(bins(told), [9, 9, 0, 9])
-    assert expected_error(told, right) == pytest.approx((0.9 + 0.05) / 4)
+    confidence, right = np.array([0.95, 0.95, 0.05, 1.0]), np.array([1.0, 1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(bins(confidence), [9, 9, 0, 9])
+    assert expected_error(confidence, right) == pytest.approx((0.9 + 0.05) / 4)
 
 
 def some_trials() -> list[dict[str, Any]]:
     cogging = (("cogging_motor", ["biceps"], {"force": 4.0}),)
     trials = [
-        made(named=(FRICTION,), gain=0.7, true_model={"rms": 1.0, "gain": 0.8}),
-        made(named=(("delay", ["biceps"], {"delay": 0.01}),)),
-        made("null", (), ()),
-        made("null", (), (FRICTION,)),
-        made("outside", cogging, verdict="unexplained"),
-        made("pair", (*cogging, *cogging), (FRICTION,)),
+        make_trial(named=(FRICTION,), gain=0.7, true_model={"rms": 1.0, "gain": 0.8}),
+        make_trial(named=(("delay", ["biceps"], {"delay": 0.01}),)),
+        make_trial("null", (), ()),
+        make_trial("null", (), (FRICTION,)),
+        make_trial("outside", cogging, verdict="unexplained"),
+        make_trial("pair", (*cogging, *cogging), (FRICTION,)),
     ]
     for i, trial in enumerate(trials):
         trial["case"]["seed"] = i
     return trials
 
 
-def test_who_is_taken_for_whom() -> None:
+def test_first_names_are_counted_by_hidden_effect() -> None:
     assert confusion(some_trials()) == {
         "coulomb_friction": {"coulomb_friction": 1, "delay": 1},
         "(no fault)": {"coulomb_friction": 1, "nothing": 1},
@@ -75,7 +75,7 @@ def test_musts_count_their_own_kind_only() -> None:
     assert (rows["right cause first"].cases, rows["right cause first"].value) == (2, 50.0)
     alarms = rows["false alarms on fault-free logs"]
     assert (alarms.cases, alarms.value, alarms.reached) == (2, 50.0, False)
-    assert rows["outside called unexplained"].value == 100.0
+    assert rows["outside effects called unexplained"].value == 100.0
     assert rows["two causes, exact set"].value == 0.0
     assert rows["error: friction"].value == pytest.approx(25.0)
     assert rows["gain over that of the true model"].value == pytest.approx(87.5)
@@ -84,19 +84,19 @@ def test_musts_count_their_own_kind_only() -> None:
 def test_a_doubt_that_an_experiment_ends_is_counted() -> None:
     torn = [[0, "delay", ["biceps"], 1.0, 0.5], [0, "actuator_lag", ["biceps"], 1.0, 0.5]]
     sure = [[0, "coulomb_friction", ["biceps"], 1.0, 1.0]]
-    ended = made(
+    ended = make_trial(
         named=(FRICTION,),
         candidates=torn,
-        followup=made(named=(FRICTION,), candidates=sure),
+        followup=make_trial(named=(FRICTION,), candidates=sure),
     )
-    lasting = made(
+    lasting = make_trial(
         named=(FRICTION,),
         candidates=torn,
-        followup=made(named=(FRICTION,), candidates=torn),
+        followup=make_trial(named=(FRICTION,), candidates=torn),
     )
     hopeless, clear = (
-        made(named=(FRICTION,), candidates=torn),
-        made(named=(FRICTION,), candidates=sure),
+        make_trial(named=(FRICTION,), candidates=torn),
+        make_trial(named=(FRICTION,), candidates=sure),
     )
     rows = {row.name: row for row in musts([ended, lasting, hopeless, clear])}
     advised = rows["an experiment is advised where entropy > 0.1 nats"]
@@ -105,7 +105,7 @@ def test_a_doubt_that_an_experiment_ends_is_counted() -> None:
 
 
 def test_a_baseline_is_cut_on_fault_free_logs() -> None:
-    trials = [*some_trials(), made("null", ())]
+    trials = [*some_trials(), make_trial("null", ())]
     scores = (0.5, 0.05, 0.1, 0.2, 0.05, 0.05, 0.0)
     for trial, score in zip(trials, scores, strict=True):
         named = {"cause": "coulomb_friction", "elements": ["biceps"], "score": score}
@@ -118,7 +118,7 @@ def test_a_baseline_is_cut_on_fault_free_logs() -> None:
     assert causes_table(trials).rows[0][:3] == ("coulomb_friction", 2, "1 of 2")
 
 
-def test_trials_are_drawn_by_their_own_seeds() -> None:
+def test_cases_depend_on_their_own_seeds() -> None:
     many = cases(Args(trials=400, seed=3))
     assert many[5:9] == cases(Args(trials=4, seed=8))
     for kind, expected in SHARES.items():

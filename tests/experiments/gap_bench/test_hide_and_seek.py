@@ -14,13 +14,13 @@ import hidden_plants
 from experiments.gap_bench.trial import ASSETS
 from hidden_plants import Effect, Secret
 from hidden_plants.detection_limits import rows
-from hidden_plants.draw import ONLY_ON_ARM
 from hidden_plants.mechanisms import mechanism_of
+from hidden_plants.sampling import ONLY_ON_ARM
 from reality_gap import CATALOGUE, Diagnosis, Options, Verdict, diagnose, load_study
 
 SECONDS = {"elbow": 12.0, "arm": 5.0}
 LARGE = 10.0
-"""Amplitude over the oracle's detection floor: what is tested here is the naming."""
+"""Amplitude relative to the detection limit of the oracle."""
 ON_ELBOW = tuple(id for id in CATALOGUE if id not in ONLY_ON_ARM)
 ON_ARM = ("force_offset", "tension_scale", "camera_focal")
 OUTSIDE = (
@@ -37,7 +37,7 @@ PAIRS = (
 
 
 def effect_of(id: str, skip: int = 0, machine: str = "elbow") -> Effect:
-    """The effect at one of its places, ten times the floor or as large as is physical."""
+    """The effect at one of its locations, at ten times the detection limit or at its largest."""
     locations = [
         r for r in rows(machine) if r.structure.id == id and r.detection_limits[0] < float("inf")
     ]
@@ -55,7 +55,7 @@ def sought(folder: Path, secret: Secret, seed: int, machine: str = "elbow") -> D
 
 # The longest come first, so that no process waits for them in the end.
 @pytest.mark.parametrize("id", ON_ARM)
-def test_what_is_hidden_in_the_whole_arm_is_named_with_its_place(tmp_path: Path, id: str) -> None:
+def test_an_effect_in_the_whole_arm_is_named_with_its_location(tmp_path: Path, id: str) -> None:
     effect = effect_of(id, machine="arm")
     found = sought(tmp_path, Secret((effect,), 0, "single"), 11, "arm")
     assert found.verdict is Verdict.NAMED

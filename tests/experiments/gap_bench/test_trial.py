@@ -1,4 +1,4 @@
-"""A trial of the diagnosis beside the true model and a baseline."""
+"""Trial of the diagnosis, with true model and baselines."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from experiments.gap_bench.length_errors import bend, length_error
 from experiments.gap_bench.scores import (
     ASSETS,
 )
-from experiments.gap_bench.trial import Case, Seen, true_model, write_case
+from experiments.gap_bench.trial import Case, Inputs, true_model, write_case
 from hidden_plants import Effect, Nuisance, Secret, write_study
 from hidden_plants.machine import Machine, load
-from hidden_plants.nuisance import Mismatch, mismatch, size
+from hidden_plants.nuisance import Mismatch, mismatch_at, mismatch_size
 from reality_gap import load_study
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location
@@ -49,7 +49,7 @@ def test_the_largest_correlation_is_found_whatever_its_size() -> None:
     ]
     named = largest_correlation(readings, -2.0 * columns[:, 1], found)
     assert named is not None
-    assert (named.cause, named.where) == ("slack", ("two",))
+    assert (named.cause, named.elements) == ("slack", ("two",))
     assert named.score == pytest.approx(1.0)
 
 
@@ -84,7 +84,7 @@ def test_a_moved_site_is_judged_by_the_lengths_that_it_makes(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("note", ["capstan", ""])
-def test_the_bend_of_a_wire_is_that_of_the_postures(tmp_path: Path, note: str) -> None:
+def test_the_bend_of_a_tendon_is_that_of_the_postures(tmp_path: Path, note: str) -> None:
     truth = write_study(tmp_path, Secret(()), 1, assets=ASSETS, seconds=4.0, baseline=False)
     location = Location("tendon", ("biceps",), note)
     candidate = Candidate(CATALOGUE["load_dependent_friction"], location, ())
@@ -118,7 +118,7 @@ def test_the_true_model_leaves_little_and_gains_much(tmp_path: Path) -> None:
     assert truth.secret.effects[0].id == "viscous_friction"
     with Replayer(load_study(tmp_path / "STUDY.yaml")) as replayer:
         null = replayer.residual([])
-    found = true_model(case, Seen(replayer, null))
+    found = true_model(case, Inputs(replayer, null))
     assert found["rms"] < np.sqrt(np.mean(null**2))
     assert 0.2 < found["gain"] <= 1.0
 
@@ -126,18 +126,18 @@ def test_the_true_model_leaves_little_and_gains_much(tmp_path: Path) -> None:
 def test_of_the_usual_friction_the_true_model_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the middle of all mismatches a machine is as drawn, but for 0.15 N in each wire."""
+    """In the middle of all mismatches a machine is nominal, except for 0.15 N in each tendon."""
 
     def middle(machine: Machine, nuisance: Nuisance, rng: np.random.Generator) -> Mismatch:
-        return mismatch(machine, nuisance, np.zeros(size(machine)))
+        return mismatch_at(machine, nuisance, np.zeros(mismatch_size(machine)))
 
-    monkeypatch.setattr("hidden_plants.study.draw_mismatch", middle)
+    monkeypatch.setattr("hidden_plants.study.sample_mismatch", middle)
     case = Case("single", 2, seconds=4.0, family="viscous_friction")
     write_case(tmp_path, case)
 
     def left() -> float:
         with Replayer(load_study(tmp_path / "STUDY.yaml")) as replayer:
-            return true_model(case, Seen(replayer, replayer.residual([])))["rms"]
+            return true_model(case, Inputs(replayer, replayer.residual([])))["rms"]
 
     found = left()
     monkeypatch.setattr("reality_gap.causes.coulomb_friction.USUAL", 0.0)

@@ -1,4 +1,4 @@
-"""The temper of confidences, from evidence whose word is known to be kept."""
+"""Temper of confidences, from evidence with a known calibration."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.gap_calibrate.run import LARGEST, SMALLEST, calibrated, evidence_and_right, hide
-from reality_gap.causes import cause
+from reality_gap.causes import find_cause
 from reality_gap.causes.base import Location, Parameter
 from reality_gap.inference.confidence import tempered
 from reality_gap.simulation.hypothesis import Candidate
@@ -17,7 +17,7 @@ NAMES = ("delay", "payload", "slack")
 
 
 def _trial(rng: np.random.Generator, temper: float) -> dict[str, Any]:
-    """Rivals of which one is right as often as its tempered evidence says."""
+    """Candidates of which one is right as often as its tempered evidence states."""
     evidence = 10.0 + rng.uniform(0.0, 60.0) + rng.uniform(0.0, 12.0, len(NAMES))
     chances = tempered(evidence, temper)
     right = rng.choice(len(NAMES), p=chances / chances.sum())
@@ -36,7 +36,7 @@ def test_it_finds_the_temper_that_keeps_its_word(temper: float) -> None:
     assert calibrated(trials) == pytest.approx(temper, rel=0.15)
 
 
-def test_rivals_of_later_steps_do_not_count() -> None:
+def test_candidates_of_later_steps_do_not_count() -> None:
     trial = {
         "truth": {"cause": "delay"},
         "candidates": [
@@ -53,14 +53,17 @@ def test_rivals_of_later_steps_do_not_count() -> None:
     assert right.tolist() == [True, False]
 
 
-def test_without_evidence_nobody_is_likelier_than_none() -> None:
+def test_without_evidence_no_candidate_is_likelier_than_none() -> None:
     np.testing.assert_allclose(tempered(np.zeros(3), 1.5), 0.25)
 
 
-def test_what_is_hidden_is_of_a_drawn_size_and_not_the_same_in_all_its_numbers() -> None:
+def test_hidden_causes_have_a_random_size_and_different_parameters() -> None:
     """As large in both directions, friction by direction would be plain friction."""
-    ways = tuple(Parameter(way, "N", 3.0, 0.05, 0.0, 200.0) for way in ("forward", "backward"))
-    tendon = Candidate(cause("direction_dependent_friction"), Location("tendon", ("flexor",)), ways)
+    names = ("forward", "backward")
+    parameters = tuple(Parameter(name, "N", 3.0, 0.05, 0.0, 200.0) for name in names)
+    tendon = Candidate(
+        find_cause("direction_dependent_friction"), Location("tendon", ("flexor",)), parameters
+    )
 
     for seed in range(20):
         _, values = hide(np.random.default_rng(seed), [tendon])

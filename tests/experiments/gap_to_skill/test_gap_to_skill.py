@@ -1,4 +1,4 @@
-"""Gap to skill: an extended model settles where its commands say, and shares are right."""
+"""Gap to skill: an extended model settles at its commands, and shares are right."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ import experiments.gap_to_skill.run as experiment
 from experiments.gap_to_skill.extended_arm import ExtendedArm, extended_map, least_pull
 from experiments.gap_to_skill.run import Sizes, make_plan, run
 from experiments.gap_to_skill.tables import (
-    DRAWN,
     EXTENDED,
+    NOMINAL,
     metrics,
     seed_entry,
-    shares_gone,
+    shares_removed,
     tables,
 )
 from experiments.harness.errors import ExperimentError
 from experiments.posture_accuracy.run import AWAY, away
 from jmm_agent.mapping.network_fit import Recipe
-from kengoro.nominal_model import study_model, zero_lengths
 from kengoro.recording import whole_arm
+from kengoro.study_model import study_model, zero_lengths
 from kengoro.trained_maps import nominal_model, trained_map
 from kengoro.visits import ANGLES, Visits, no_visits
 from kengoro_env.names import JOINTS
@@ -36,13 +36,13 @@ MUSCLES = nominal_model().muscles
 TINY = Sizes(2, go=0.5, stay=0.5, learned=1, targets=1, starts=1, move=0.6, patience=0.8)
 
 
-def drawn() -> mujoco.MjSpec:
+def nominal_spec() -> mujoco.MjSpec:
     return study_model(whole_arm().scene)
 
 
 def extended(spec: mujoco.MjSpec) -> ExtendedArm:
     spec.compile()
-    return ExtendedArm(spec.to_xml(), MUSCLES, zero_lengths(drawn(), MUSCLES))
+    return ExtendedArm(spec.to_xml(), MUSCLES, zero_lengths(nominal_spec(), MUSCLES))
 
 
 def off(robot: Robot, posture: np.ndarray, command: np.ndarray) -> float:
@@ -53,43 +53,45 @@ def off(robot: Robot, posture: np.ndarray, command: np.ndarray) -> float:
     return float(np.degrees(np.sqrt(np.mean((robot.joint_angles - posture) ** 2))))
 
 
-def test_drawn_robot_settles_where_its_commands_say() -> None:
-    robot, arm = Robot(whole_arm().scene), extended(drawn())
+def test_a_nominal_robot_settles_at_its_commands() -> None:
+    robot, arm = Robot(whole_arm().scene), extended(nominal_spec())
     postures = posture_set()[:4]
     for posture, command, path in zip(
         postures, arm.commands(postures), arm.paths(postures), strict=True
     ):
         assert off(robot, posture, command) < 0.05
-        assert off(robot, posture, path) > 0.3  # lengths of wires alone let it sag
+        assert off(robot, posture, path) > 0.3  # muscle lengths alone let it sag
 
 
-def test_commands_of_a_model_with_soft_wires_are_shorter() -> None:
-    soft = drawn()
+def test_commands_of_a_model_with_soft_muscles_are_shorter() -> None:
+    soft = nominal_spec()
     for muscle in MUSCLES:
         motor = soft.actuator(muscle)
         motor.gainprm[0] /= 2
         motor.biasprm[1] /= 2
     posture = posture_set()[:1]
-    paths = extended(drawn()).paths(posture)
-    hard, softer = (arm.commands(posture) - paths for arm in (extended(drawn()), extended(soft)))
+    paths = extended(nominal_spec()).paths(posture)
+    hard, softer = (
+        arm.commands(posture) - paths for arm in (extended(nominal_spec()), extended(soft))
+    )
     assert hard.min() < -1e-4
     np.testing.assert_allclose(softer, 2 * hard, atol=1e-7)
 
 
 def test_commands_are_as_a_wrong_encoder_reads() -> None:
     """A servo that feeds back 5 mm too much is commanded 5 mm more."""
-    wrong = drawn()
+    wrong = nominal_spec()
     motor = wrong.actuator("biceps")
     motor.biasprm[0] -= motor.gainprm[0] * 0.005
     posture = posture_set()[:1]
-    change = (extended(wrong).commands(posture) - extended(drawn()).commands(posture))[0]
+    change = (extended(wrong).commands(posture) - extended(nominal_spec()).commands(posture))[0]
     expected = np.where(np.array(MUSCLES) == "biceps", 0.005, 0.0)
     np.testing.assert_allclose(change, expected, atol=1e-7)
 
 
 def test_friction_changes_no_command() -> None:
     """Bristles of a diagnosis are actuators without input."""
-    rubbing = drawn()
+    rubbing = nominal_spec()
     brake = rubbing.add_actuator(
         name="usual", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=MUSCLES[0]
     )
@@ -101,7 +103,7 @@ def test_friction_changes_no_command() -> None:
     )
     posture = posture_set()[:2]
     commands = extended(rubbing).commands(posture)
-    np.testing.assert_allclose(commands, extended(drawn()).commands(posture), atol=1e-12)
+    np.testing.assert_allclose(commands, extended(nominal_spec()).commands(posture), atol=1e-12)
 
 
 def test_pull_is_least_and_holds() -> None:
@@ -114,8 +116,8 @@ def test_pull_is_least_and_holds() -> None:
     np.testing.assert_allclose(least_pull(arms, held, least), least, atol=1e-6)
 
 
-def test_map_gives_the_commands() -> None:
-    shifted = drawn()
+def test_map_predicts_the_commands() -> None:
+    shifted = nominal_spec()
     for muscle in MUSCLES:
         motor = shifted.actuator(muscle)
         motor.biasprm[0] -= motor.gainprm[0] * 0.03
@@ -126,7 +128,7 @@ def test_map_gives_the_commands() -> None:
     assert np.sqrt(np.mean((found.lengths(fresh) - arm.commands(fresh)) ** 2)) < 2e-3
 
 
-def test_a_model_without_the_wires_is_refused() -> None:
+def test_a_model_without_the_muscles_is_refused() -> None:
     with pytest.raises(ExperimentError, match=r"The extended model cannot be used: .*neck_yaw"):
         ExtendedArm("<mujoco/>", ("biceps",), np.zeros(1))
 
@@ -137,8 +139,8 @@ def test_new_postures_are_far_from_all_that_the_robot_knows() -> None:
     assert len(known) == 57
     assert len(plan.targets) == 5
     assert away(plan.targets, known)[0].min() >= AWAY
-    everything = np.vstack([plan.first[None], *plan[1:]])
-    assert len(np.unique(everything, axis=0)) == len(everything)
+    all_postures = np.vstack([plan.first[None], *plan[1:]])
+    assert len(np.unique(all_postures, axis=0)) == len(all_postures)
     with pytest.raises(ExperimentError, match="are needed"):
         make_plan(4, Sizes(targets=1000))
 
@@ -177,7 +179,7 @@ def test_a_diagnosed_robot_moves_by_the_map_of_its_diagnosis(
     assert found["diagnosis"]["verdict"] == "nothing_wrong"
     assert len(found["before"]["time"]) == len(found["after"]["time"]) == 1
     # the same map, so before anything is learned the robot goes where the drawing sends it
-    other = run(DRAWN, 3, TINY, maps)
+    other = run(NOMINAL, 3, TINY, maps)
     assert other["diagnosis"] is None
     assert other["before"]["true"] == found["before"]["true"]
 
@@ -194,8 +196,8 @@ def made_up(error: float) -> Visits:
 
 
 def entries(*robots: tuple[float, float]) -> dict[int, dict[str, Any]]:
-    """Robots by their error before learning, from drawing and from diagnosis."""
-    told = {
+    """Entries of robots by their errors before learning, of nominal and diagnosed map."""
+    diagnosis = {
         "verdict": "named",
         "causes": [{"cause": "joint_offset", "parameters": 14}],
         "rms_before": 50.0,
@@ -206,26 +208,31 @@ def entries(*robots: tuple[float, float]) -> dict[int, dict[str, Any]]:
     return {
         seed: {
             condition: seed_entry(
-                {"before": made_up(error), "after": made_up(1.0), "starts": 1, "diagnosis": told}
+                {
+                    "before": made_up(error),
+                    "after": made_up(1.0),
+                    "starts": 1,
+                    "diagnosis": diagnosis,
+                }
             )
-            for condition, error in zip((DRAWN, EXTENDED), errors, strict=True)
+            for condition, error in zip((NOMINAL, EXTENDED), errors, strict=True)
         }
         for seed, errors in enumerate(robots)
     }
 
 
-def test_share_that_is_gone_is_of_the_drawings_error() -> None:
+def test_the_removed_share_is_of_the_nominal_error() -> None:
     robots = entries((10.0, 2.0), (8.0, 4.0), (12.0, 9.0))
-    gone = shares_gone(robots, "target_true_deg")
-    np.testing.assert_allclose(gone, [0.8, 0.5, 0.25], atol=1e-3)
-    found = metrics(robots)["rmse_gone_before_learning"]
+    removed = shares_removed(robots, "target_true_deg")
+    np.testing.assert_allclose(removed, [0.8, 0.5, 0.25], atol=1e-3)
+    found = metrics(robots)["rmse_removed_before_learning"]
     assert found["median"] == pytest.approx(0.5, abs=1e-3)
     assert found["worst"] == pytest.approx(0.25, abs=1e-3)
-    assert metrics(entries((10.0, 1.0)))["rmse_gone_before_learning"]["reached"]
-    assert not metrics(entries((10.0, 6.0)))["rmse_gone_before_learning"]["reached"]
+    assert metrics(entries((10.0, 1.0)))["rmse_removed_before_learning"]["reached"]
+    assert not metrics(entries((10.0, 6.0)))["rmse_removed_before_learning"]["reached"]
 
 
-def test_tables_tell_each_robot_and_its_causes() -> None:
+def test_tables_list_each_robot_and_its_causes() -> None:
     found = tables(entries((10.0, 2.0), (8.0, 4.0)))
     assert found[1].rows[0][:3] == (0, "10.0 -> 1.0", "2.0 -> 1.0")
     assert "joint_offset (14)" in found[2].rows[1]

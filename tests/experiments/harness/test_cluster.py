@@ -1,4 +1,4 @@
-"""Work on a real Ray cluster: a head and two nodes on loopback, one of which dies."""
+"""Tasks on a real Ray cluster: a head and two nodes on loopback, one of which is killed."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""What all experiments share: seeds, files, the command line, resumed and parallel tasks."""
+"""Common parts of experiments: seeds, files, command line, resumed and parallel tasks."""
 
-import csv
 import json
 import subprocess
 import sys
@@ -11,7 +10,7 @@ import pytest
 
 from experiments.__main__ import RUNNERS, main
 from experiments.harness import common
-from experiments.harness.common import log_reported, make_summary, median_and_worst, parse_seeds
+from experiments.harness.common import make_summary, median_and_worst, parse_seeds
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Picture, Table, png, write_report
 from experiments.harness.runner import run_tasks
@@ -46,9 +45,9 @@ def test_an_unknown_experiment_gets_one_sentence(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(arguments) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert all(name in told for name in (arguments[0], *RUNNERS))
+    output = capsys.readouterr().err
+    assert output.count("\n") == 1
+    assert all(name in output for name in (arguments[0], *RUNNERS))
 
 
 @pytest.mark.parametrize(("option", "value"), [("--seeds", "9-0"), ("--jobs", "0")])
@@ -85,22 +84,6 @@ def test_median_and_worst() -> None:
     assert median_and_worst([3.0, 1.0, 2.0, 10.0]) == {"median": 2.5, "worst": 10.0}
 
 
-def test_reported_seeds_are_logged_in_a_checkout_only(tmp_path: Path) -> None:
-    (tmp_path / "experiments").mkdir()
-    path = tmp_path / "experiments" / "REPORTED.csv"
-    log_reported([100], tmp_path)
-    assert not path.exists()
-    (tmp_path / ".git").mkdir()
-    log_reported([99], tmp_path)
-    assert not path.exists()
-    log_reported([99, 100, 101], tmp_path)
-    log_reported([100], tmp_path)
-    with path.open() as file:
-        rows = list(csv.DictReader(file))
-    assert [row["seed"] for row in rows] == ["100", "101", "100"]
-    assert set(rows[0]) == {"date", "commit", "command", "seed"}
-
-
 def square(number: int) -> dict[str, int]:
     return {"square": number**2}
 
@@ -128,7 +111,7 @@ def test_tasks_resume_and_do_not_depend_on_jobs(tmp_path: Path) -> None:
         run_tasks(square, tasks, 0, tmp_path / "none", "key")
 
 
-def test_two_jobs_give_what_one_gives(tmp_path: Path) -> None:
+def test_two_jobs_have_the_results_of_one(tmp_path: Path) -> None:
     tasks = {f"t{number}": (number, 2) for number in range(3)}
     alone = run_tasks(pow, tasks, 1, tmp_path / "one", "key")
     assert run_tasks(pow, tasks, 2, tmp_path / "two", "key") == alone == {"t0": 0, "t1": 1, "t2": 4}
@@ -178,7 +161,7 @@ def test_the_digest_sees_the_code(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     assert len(seen) == 1 + len(code)
 
 
-def test_the_command_is_told_without_the_folder_of_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_line_leaves_out_the_folder_of_maps(monkeypatch: pytest.MonkeyPatch) -> None:
     typed = [
         "/x/experiments/__main__.py",
         "ablation",

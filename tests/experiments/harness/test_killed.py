@@ -1,4 +1,4 @@
-"""Killed at any moment, a sweep and a training go on as if nothing had happened."""
+"""Runs that are killed at any moment resume without an effect on their results."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.antagonism_elbow.run import STUDY, Sizes
+from experiments.antagonism_elbow.run import EXPERIMENT, Sizes
 from experiments.harness.common import Args
-from experiments.harness.experiment import run_study
+from experiments.harness.experiment import run_experiment
 
 sizes = Sizes(trials=1, move=0.1, hold=0.1, tightening=0.02)
 out, maps = map(Path, sys.argv[1:])
-run_study(replace(STUDY, sizes=sizes), Args(seeds="0-1", out=out, jobs=2, cache=maps))
+run_experiment(replace(EXPERIMENT, sizes=sizes), Args(seeds="0-1", out=out, jobs=2, cache=maps))
 """
 """Two robots under two conditions, in two processes, with figures and a report."""
 
@@ -58,7 +58,7 @@ DURATIONS = {"wall_s", "core_s", "seconds", "command"}
 
 
 def content(path: Path) -> object:
-    """What a result file says, without durations and the names of folders."""
+    """Content of a result file, without durations and names of folders."""
     if path.suffix == ".json":
         return json.loads(
             path.read_text(encoding="utf-8"),
@@ -93,10 +93,10 @@ def kill(run: subprocess.Popen[bytes]) -> None:
 
 
 def finish(run: subprocess.Popen[bytes]) -> None:
-    """Wait for the end; whoever read half a file would not come so far."""
-    _, said = run.communicate(timeout=LONGEST)
-    assert run.returncode == 0, said.decode()
-    assert b"trained anew" not in said, "a map that was there could not be read"
+    """Wait for the end, which a process that read half a file would not reach."""
+    _, output = run.communicate(timeout=LONGEST)
+    assert run.returncode == 0, output.decode()
+    assert b"trained again" not in output, "a map that was there could not be read"
 
 
 def at_time(seconds: float, folder: Path) -> Callable[[], bool]:

@@ -1,4 +1,4 @@
-"""Workers end with whoever started them, even if that one was killed."""
+"""Workers end with the process that started them, even if it is killed."""
 
 from __future__ import annotations
 

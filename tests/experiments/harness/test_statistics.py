@@ -20,7 +20,7 @@ def test_the_interval_holds_the_median_within_the_numbers(values: list[float]) -
     assert found == interval(values)
 
 
-def test_the_interval_covers_the_true_median_about_as_often_as_it_says() -> None:
+def test_the_interval_covers_the_true_median_at_about_its_level() -> None:
     rng = np.random.default_rng(1)
     held = 0
     for _ in range(200):
@@ -50,7 +50,7 @@ def test_what_is_no_number_is_refused(values: list[float]) -> None:
         interval(values)
 
 
-def test_a_metric_says_whether_the_median_reaches_what_it_must() -> None:
+def test_a_metric_compares_the_median_with_its_threshold() -> None:
     errors = {100: 2.0, 101: 4.0, 102: 9.0}
     assert metric(errors, "deg", must=4.0)["reached"] is True
     assert metric(errors, "deg", must=3.9)["reached"] is False

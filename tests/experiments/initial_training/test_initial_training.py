@@ -1,4 +1,4 @@
-"""Initial training: the paper's grid and recipe, examining of maps, what is concluded."""
+"""Initial training: grid and recipe of the paper, evaluation of maps, conclusions."""
 
 from dataclasses import replace
 from math import prod
@@ -16,8 +16,9 @@ from experiments.initial_training.paper_recipe import (
     grid_postures,
     train_as_paper,
 )
-from experiments.initial_training.run import QUICK, conclude, examine, run, told
-from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
+from experiments.initial_training.run import QUICK, conclude, evaluate, run, statements
+from jmm_agent.mapping.group_map import GroupMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.nominal_model import NominalModel
 from kengoro.trained_maps import nominal_model
 from kengoro_env.names import GROUP_JOINTS
@@ -26,7 +27,7 @@ TINY = replace(QUICK, steps=2, samples=300, least_steps=100)
 
 
 @pytest.fixture(scope="module")
-def drawing() -> NominalModel:
+def nominal() -> NominalModel:
     return nominal_model()
 
 
@@ -37,42 +38,42 @@ def results() -> dict[int, dict[str, Any]]:
     }
 
 
-def test_the_shoulders_grid_is_the_papers(drawing: NominalModel) -> None:
-    assert set(PARTS) == set(drawing.joints)
+def test_the_shoulders_grid_is_the_papers(nominal: NominalModel) -> None:
+    assert set(PARTS) == set(nominal.joints)
     assert all(5 <= parts <= 9 for parts in PARTS.values())
-    [joints] = [of.joint_index for of in drawing.topology() if of.name == "shoulder"]
+    [joints] = [of.joint_index for of in nominal.topology() if of.name == "shoulder"]
     assert len(joints) == 8
-    assert prod(PARTS[drawing.joints[joint]] for joint in joints) == 2_646_000
+    assert prod(PARTS[nominal.joints[joint]] for joint in joints) == 2_646_000
 
 
-def test_a_grid_is_whole_even_and_without_repeats(drawing: NominalModel) -> None:
-    [joints] = [of.joint_index for of in drawing.topology() if of.name == "neck"]
+def test_a_grid_is_whole_even_and_without_repeats(nominal: NominalModel) -> None:
+    [joints] = [of.joint_index for of in nominal.topology() if of.name == "neck"]
     rng = np.random.default_rng(0)
-    whole = grid_postures(drawing, joints, 10_000, rng)
+    whole = grid_postures(nominal, joints, 10_000, rng)
     assert len(whole) == len(np.unique(whole, axis=0)) == 9 * 8 * 7
     for joint in joints:
         values = np.unique(whole[:, joint])
-        assert len(values) == PARTS[drawing.joints[joint]]
+        assert len(values) == PARTS[nominal.joints[joint]]
         np.testing.assert_allclose(
-            values[[0, -1]], [drawing.lower[joint], drawing.upper[joint]], atol=1e-12
+            values[[0, -1]], [nominal.lower[joint], nominal.upper[joint]], atol=1e-12
         )
         np.testing.assert_allclose(np.diff(values, 2), 0.0, atol=1e-12)
-    others = np.setdiff1d(np.arange(len(drawing.joints)), joints)
+    others = np.setdiff1d(np.arange(len(nominal.joints)), joints)
     assert not whole[:, others].any()
-    share = grid_postures(drawing, joints, 100, rng)
+    share = grid_postures(nominal, joints, 100, rng)
     assert len(np.unique(share, axis=0)) == 100
     assert {tuple(row) for row in share} <= {tuple(row) for row in whole}
 
 
-def test_the_papers_training_learns_and_repeats_its_bits(drawing: NominalModel) -> None:
+def test_the_papers_training_learns_and_repeats_its_bits(nominal: NominalModel) -> None:
     share = Share(samples=300, least_steps=2_500)
-    jmm, reports = train_as_paper(drawing, 0, share)
-    again, _ = train_as_paper(drawing, 0, share)
-    other, _ = train_as_paper(drawing, 1, share)
-    probe = np.random.default_rng(0).uniform(drawing.lower, drawing.upper, (20, 14))
+    jmm, reports = train_as_paper(nominal, 0, share)
+    again, _ = train_as_paper(nominal, 0, share)
+    other, _ = train_as_paper(nominal, 1, share)
+    probe = np.random.default_rng(0).uniform(nominal.lower, nominal.upper, (20, 14))
     np.testing.assert_array_equal(jmm.lengths(probe), again.lengths(probe))
     assert not np.allclose(jmm.lengths(probe), other.lengths(probe))
-    errors = examine(jmm, drawing, 0)
+    errors = evaluate(jmm, nominal, 0)
     for name, report in reports.items():
         assert report.samples == 300
         assert report.epoch_steps == (300 - 60) // 5
@@ -87,13 +88,13 @@ def test_the_papers_training_learns_and_repeats_its_bits(drawing: NominalModel) 
     assert shoulder.full_seconds == pytest.approx(shoulder.seconds * 8_467_200 / steps, rel=1e-9)
 
 
-def test_a_map_that_is_off_by_two_millimetres_is_found_out(drawing: NominalModel) -> None:
-    topology = drawing.topology()
+def test_a_map_that_is_off_by_two_millimetres_is_found_out(nominal: NominalModel) -> None:
+    topology = nominal.topology()
     names = [of.name for of in topology]
 
     class Off(JointMuscleMap):
         def lengths(self, q: np.ndarray) -> np.ndarray:
-            wrong = drawing.lengths(q)
+            wrong = nominal.lengths(q)
             wrong[:, topology[names.index("neck")].muscle_index] += 0.002
             return wrong
 
@@ -103,18 +104,18 @@ def test_a_map_that_is_off_by_two_millimetres_is_found_out(drawing: NominalModel
                  np.zeros(len(muscles)))
         for name, joints, muscles in topology
     )  # fmt: skip
-    found = examine(Off(drawing.joints, drawing.muscles, groups), drawing, 0)
+    found = evaluate(Off(nominal.joints, nominal.muscles, groups), nominal, 0)
     assert found["neck"] == pytest.approx(2.0)
     assert all(found[name] == pytest.approx(0.0) for name in names if name != "neck")
 
 
-def test_flexion_moves_the_pitch_alone(drawing: NominalModel) -> None:
-    flexion = Flexion(drawing)
+def test_flexion_moves_the_pitch_alone(nominal: NominalModel) -> None:
+    flexion = Flexion(nominal)
     moved = np.flatnonzero(flexion.postures.any(axis=0))
-    assert [drawing.joints[joint] for joint in moved] == ["sh_pitch"]
+    assert [nominal.joints[joint] for joint in moved] == ["sh_pitch"]
     np.testing.assert_allclose(flexion.degrees[[0, -1]], [-120.0, 30.0])
     assert len(flexion.names) == 10
-    zero = flexion.lengths(drawing.lengths)[np.argmin(np.abs(flexion.degrees))]
+    zero = flexion.lengths(nominal.lengths)[np.argmin(np.abs(flexion.degrees))]
     np.testing.assert_allclose(zero, 0.0, atol=1e-6)
 
 
@@ -130,21 +131,19 @@ def test_findings_have_a_number_for_every_group(results: dict[int, dict[str, Any
 
 
 def test_sentences_follow_the_numbers(results: dict[int, dict[str, Any]]) -> None:
-    assert "above the paper's 1 mm" in told(results)[0]
+    assert "above the paper's 1 mm" in statements(results)[0]
     groups = results[0]["paper"]["groups"]
     good = {name: {**of, "after_20": 0.5, "rmse": 0.5} for name, of in groups.items()}
     bad = {**good, "neck": {**good["neck"], "after_20": 3.0}}
     paper = results[0]["paper"]
-    better = told({0: {**results[0], "paper": {**paper, "groups": good}}})
-    mixed = told({0: {**results[0], "paper": {**paper, "groups": bad}}})
+    better = statements({0: {**results[0], "paper": {**paper, "groups": good}}})
+    mixed = statements({0: {**results[0], "paper": {**paper, "groups": bad}}})
     assert "below the paper's 1 mm" in better[0]
-    assert better[1].endswith("misses 1 mm in no group.")
-    assert mixed[1].endswith("misses 1 mm in: neck (3 mm).")
+    assert better[1].endswith("exceeds 1 mm in no group.")
+    assert mixed[1].endswith("exceeds 1 mm in: neck (3 mm).")
 
 
-def test_the_same_seed_gives_the_same_errors(
-    results: dict[int, dict[str, Any]], tmp_path: Path
-) -> None:
+def test_equal_seeds_have_equal_errors(results: dict[int, dict[str, Any]], tmp_path: Path) -> None:
     for condition in ("ours", "paper"):
         again = run(condition, 0, TINY, tmp_path)
         for group in GROUP_JOINTS:

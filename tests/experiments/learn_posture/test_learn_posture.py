@@ -1,4 +1,4 @@
-"""Learning postures by reward: who learns nothing, what is told, and what many arms are to SB3."""
+"""Reinforcement learning of postures: fixed policies, summary, and the adapter to SB3."""
 
 from __future__ import annotations
 
@@ -72,7 +72,9 @@ def invented(rewards: list[float]) -> dict[str, Any]:
     return {"steps": [0, 10], "short": [[0.1, 0.2], rewards], "whole": whole}
 
 
-def test_what_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_summary_report_and_output_hold_the_results(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     learned = {4: invented([0.5, 0.7]), 5: invented([0.8, 1.0]), 6: invented([0.0, 0.2])}
     others = {
         name: {"short": {"reward": [0.2], "success": [0.0]}, "whole": invented([0.25])["whole"]}
@@ -97,7 +99,7 @@ def test_what_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         (["--jobs", "0"], "Jobs are 0, but at least 1 is needed.\n"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(
+def test_an_error_message_is_one_sentence(
     arguments: list[str], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"

@@ -1,4 +1,4 @@
-"""The learnability study, small: error falls by learning, and only by it."""
+"""Small learnability experiment: the error falls by learning, and only by it."""
 
 import json
 from dataclasses import replace
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from experiments.learnability import run
-from experiments.learnability.observability import unseen
+from experiments.learnability.observability import observability
 from experiments.learnability.observers import Variant
-from experiments.learnability.run import Args, conclude, error_deg, known_world, run_trial
-from experiments.learnability.trial import examine, floor, learn
-from experiments.robots.world import Body, Sizes, World
+from experiments.learnability.run import Args, conclude, error_deg, run_trial
+from experiments.learnability.trial import evaluate, learn, lower_bound
+from experiments.robots.world import Body, Sizes, World, known_world
 from jmm_agent.types import Floats
 from kengoro_env.departures import actual
 
@@ -36,14 +36,14 @@ def errors_after(body: Body, variant: Variant) -> Floats:
     """|target - true| [deg] at the tested postures after learning."""
     learned_from, tested_on = body.world.split(SEED, SIZES)
     lesson = learn(body, learned_from, variant, SEED)
-    rests = examine(body, tested_on, lesson.map, SEED)
+    rests = evaluate(body, tested_on, lesson.map, SEED)
     return np.array([np.degrees(np.sqrt(np.mean((r.target - r.true) ** 2))) for r in rests])
 
 
 @pytest.fixture(scope="module")
 def before(body: Body) -> Floats:
-    """Errors [deg] of the map of the drawing, before anything was learned."""
-    rests = examine(body, body.world.split(SEED, SIZES)[1], body.world.map, SEED)
+    """Errors [deg] of the nominal map before learning."""
+    rests = evaluate(body, body.world.split(SEED, SIZES)[1], body.world.map, SEED)
     return np.array([np.degrees(np.sqrt(np.mean((r.target - r.true) ** 2))) for r in rests])
 
 
@@ -52,14 +52,14 @@ def test_without_learning_the_error_stays(body: Body, before: Floats) -> None:
     np.testing.assert_array_equal(errors_after(body, Variant(learns=False)), before)
 
 
-@pytest.mark.parametrize("vision", ["true angles", "looks together"])
-def test_learning_lets_the_error_fall(body: Body, before: Floats, vision: str) -> None:
+@pytest.mark.parametrize("vision", ["true angles", "observations together"])
+def test_learning_lowers_the_error(body: Body, before: Floats, vision: str) -> None:
     after = errors_after(body, replace(Variant(), vision=vision))
     assert np.median(after) < 0.6 * np.median(before)
 
 
-def test_the_floor_lies_below(body: Body, before: Floats) -> None:
-    found = floor(body, body.world.split(SEED, SIZES)[1], SEED)
+def test_the_lower_bound_is_below_the_error(body: Body, before: Floats) -> None:
+    found = lower_bound(body, body.world.split(SEED, SIZES)[1], SEED)
     best = [np.degrees(np.sqrt(np.mean((target - true) ** 2))) for target, true in found]
     assert np.median(best) < 0.2 * np.median(before)
 
@@ -71,18 +71,18 @@ def test_tested_postures_were_not_learned_from(world: World) -> None:
     assert not {tuple(q) for q in learned_from} & {tuple(q) for q in tested_on}
 
 
-def test_the_unseen_subspace_is_not_seen(world: World) -> None:
-    told = unseen(world)
-    low, high = told["one_look_dimensions"]
+def test_the_unobservable_subspace_is_not_observed(world: World) -> None:
+    report = observability(world)
+    low, high = report["one_observation_dimensions"]
     assert 8 <= low <= high
-    assert sum(told["one_look_share"].values()) == pytest.approx(
+    assert sum(report["one_observation_share"].values()) == pytest.approx(
         (low + high) / 2, abs=high - low + 0.01
     )
-    sizes = [direction["mm_per_deg"] for direction in told["many_observations"]]
+    sizes = [direction["mm_per_deg"] for direction in report["many_observations"]]
     assert 0 < sizes[0] < 2.0
 
 
-def test_a_study_writes_its_results(
+def test_a_run_writes_its_results(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sizes = Sizes(learned=2, tested=1, move=0.1, hold=0.1, corrections=1)
@@ -93,11 +93,11 @@ def test_a_study_writes_its_results(
     summary = conclude(args, [SEED], results, 0.0)
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
     assert "data:image/png" in (tmp_path / "report.html").read_text()
-    told = summary["per_seed"][str(SEED)]["2-together"]
+    report = summary["per_seed"][str(SEED)]["2-together"]
     last = results[f"{SEED:03d}-2-together"]["tested"]
-    assert told["target_true_deg"]["all"] == pytest.approx(
+    assert report["target_true_deg"]["all"] == pytest.approx(
         np.median(error_deg(last, "target", "true")), abs=1e-3
     )
-    assert set(told["estimate_true_deg"]) == {
+    assert set(report["estimate_true_deg"]) == {
         "all", "neck", "scapula", "shoulder", "forearm", "worst",
     }  # fmt: skip

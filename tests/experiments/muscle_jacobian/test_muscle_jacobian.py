@@ -1,4 +1,4 @@
-"""Muscle Jacobians: true moment arms, sweeps, errors and turns, what is said of the claim."""
+"""Muscle Jacobians: true moment arms, sweeps, errors and turns, verdict on the claim."""
 
 from typing import Any
 
@@ -20,16 +20,24 @@ from experiments.muscle_jacobian.moment_arms import (
     slope,
     sweeps,
 )
-from experiments.muscle_jacobian.robot import estimator_errors, feel, learn
+from experiments.muscle_jacobian.robot import estimator_errors, learn, record
 from experiments.muscle_jacobian.roughness import ALL, measures, numbers, turns
 from experiments.muscle_jacobian.run import QUICK, conclude
-from experiments.muscle_jacobian.tables import OURS, PAPER, RULE, STAGES, metrics, told, verdict
+from experiments.muscle_jacobian.tables import (
+    OURS,
+    PAPER,
+    RULE,
+    STAGES,
+    metrics,
+    statements,
+    verdict,
+)
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.training import train
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats
-from kengoro.arm import shuffled_postures
+from kengoro.robots import shuffled_postures
 from kengoro.trained_maps import ARM, nominal_model
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
@@ -39,14 +47,14 @@ from kengoro_env.robot.robot import Robot
 
 
 @pytest.fixture(scope="module")
-def drawing() -> NominalModel:
+def nominal() -> NominalModel:
     return nominal_model()
 
 
 @pytest.fixture(scope="module")
-def rough(drawing: NominalModel) -> JointMuscleMap:
+def rough(nominal: NominalModel) -> JointMuscleMap:
     """A map that was hardly trained, so that its Jacobians differ from each other."""
-    return train(drawing, 0, Recipe(hidden=100, samples=2_000, steps=10))[0]
+    return train(nominal, 0, Recipe(hidden=100, samples=2_000, steps=10))[0]
 
 
 @pytest.mark.parametrize("seed", [None, 3])
@@ -69,7 +77,7 @@ def test_moment_arms_of_a_robot_are_slopes_of_its_paths(seed: int | None) -> Non
             np.testing.assert_allclose(found[:, joint], slopes, atol=1e-6)
 
 
-def test_a_robot_without_departures_has_the_moment_arms_of_the_drawing() -> None:
+def test_a_robot_without_departures_has_the_moment_arms_of_the_nominal_model() -> None:
     scene = asset_path(ARM)
     posture = np.random.default_rng(1).uniform(-0.2, 0.2, 14)
     np.testing.assert_allclose(
@@ -77,11 +85,11 @@ def test_a_robot_without_departures_has_the_moment_arms_of_the_drawing() -> None
     )
 
 
-def test_sweeps_go_through_the_whole_range_of_one_joint(drawing: NominalModel) -> None:
-    swept = sweeps(drawing, 3, np.random.default_rng(0))
-    assert [sweep.joint for sweep in swept] == list(range(len(drawing.joints)))
+def test_sweeps_go_through_the_whole_range_of_one_joint(nominal: NominalModel) -> None:
+    swept = sweeps(nominal, 3, np.random.default_rng(0))
+    assert [sweep.joint for sweep in swept] == list(range(len(nominal.joints)))
     for joint, postures in swept:
-        low, high = drawing.lower[joint], drawing.upper[joint]
+        low, high = nominal.lower[joint], nominal.upper[joint]
         assert postures[:, 0, joint] == pytest.approx(low)
         assert np.all(postures[:, -1, joint] > high - STEP)
         assert np.all(postures[:, -1, joint] < high + 1e-9)
@@ -91,10 +99,10 @@ def test_sweeps_go_through_the_whole_range_of_one_joint(drawing: NominalModel) -
         assert np.ptp(others, axis=0).all(axis=1).all()
 
 
-def test_both_ways_to_differentiate_are_those_of_the_map(
-    drawing: NominalModel, rough: JointMuscleMap
+def test_both_derivatives_are_those_of_the_map(
+    nominal: NominalModel, rough: JointMuscleMap
 ) -> None:
-    q = np.random.default_rng(0).uniform(drawing.lower, drawing.upper, (6, 14))
+    q = np.random.default_rng(0).uniform(nominal.lower, nominal.upper, (6, 14))
     for joint in range(14):
         np.testing.assert_allclose(
             by_map(rough, q, joint, QUADRATIC), rough.jacobian_quadratic(q)[:, :, joint], atol=1e-12
@@ -130,8 +138,8 @@ def lines(kinds: dict[str, Floats]) -> Curves:
 def test_errors_and_bends_are_those_of_the_curves() -> None:
     angle = STEP * np.arange(31)
     true = 10.0 * np.cos(angle)
-    wavy = true + 2.0 * np.sin(20.0 * angle)
-    found = measures([lines({ANALYTIC: wavy, QUADRATIC: true + 3.0, TRUE: true})])
+    curved = true + 2.0 * np.sin(20.0 * angle)
+    found = measures([lines({ANALYTIC: curved, QUADRATIC: true + 3.0, TRUE: true})])
     analytic, quadratic = (numbers(found, kind) for kind in (ANALYTIC, QUADRATIC))
     assert quadratic["error"] == pytest.approx(3.0)
     assert analytic["error"] == pytest.approx(2.0 / np.sqrt(2.0), rel=0.1)
@@ -146,14 +154,14 @@ def test_errors_and_bends_are_those_of_the_curves() -> None:
 
 
 def test_the_inner_part_leaves_the_reach_of_the_five_points(
-    drawing: NominalModel, rough: JointMuscleMap
+    nominal: NominalModel, rough: JointMuscleMap
 ) -> None:
-    swept = sweeps(drawing, 2, np.random.default_rng(0))
+    swept = sweeps(nominal, 2, np.random.default_rng(0))
     found = list(curves(rough, NominalArm(asset_path(ARM)).moment_arms, swept))
     assert len(found) == sum(len(group.joint_index) for group in rough.groups)
     kept = {(of.group, of.joint): of for of in inner(found)}
     for of in found:
-        low, high = np.degrees([drawing.lower[of.joint], drawing.upper[of.joint]])
+        low, high = np.degrees([nominal.lower[of.joint], nominal.upper[of.joint]])
         points = 1 + int((high - low - 40.0) / 2.5 + 1e-6)
         if points < 5:
             assert (of.group, of.joint) not in kept
@@ -163,27 +171,27 @@ def test_the_inner_part_leaves_the_reach_of_the_five_points(
             np.testing.assert_array_equal(arms, of.arms[kind][:, 8:-8])
 
 
-def test_learning_moves_the_map_and_feeling_does_not(rough: JointMuscleMap) -> None:
+def test_learning_changes_the_map_and_recording_does_not(rough: JointMuscleMap) -> None:
     session = learn(rough, 0, shuffled_postures(0)[:3], False, 1.0, 2.0)
     learned = session.agent.map
     assert session.agent.antagonism.fired + session.agent.vision.fired > 0
     assert not np.allclose(learned.lengths(np.zeros(14)), rough.lengths(np.zeros(14)))
-    felt = feel(session, np.repeat(shuffled_postures(0)[-1:], 3, axis=0), 1.0)
+    readings = record(session, np.repeat(shuffled_postures(0)[-1:], 3, axis=0), 1.0)
     assert session.agent.at_rest
     assert session.agent.map is learned
-    assert len(felt.lengths) == len(felt.true) == 150
-    assert np.ptp(felt.true, axis=0).max() > 0.1
+    assert len(readings.lengths) == len(readings.true) == 150
+    assert np.ptp(readings.true, axis=0).max() > 0.1
     session.env.close()
 
 
-def test_an_exact_map_lets_the_estimator_find_the_joints(drawing: NominalModel) -> None:
+def test_an_exact_map_lets_the_estimator_find_the_joints(nominal: NominalModel) -> None:
     from experiments.muscle_jacobian.robot import FilteredReadings
 
-    jmm, _ = train(drawing, 0, Recipe(hidden=300, samples=3_000, steps=40))
+    jmm, _ = train(nominal, 0, Recipe(hidden=300, samples=3_000, steps=40))
     share = np.linspace(0.3, 0.6, 60)[:, None]
-    true = drawing.lower + share * (drawing.upper - drawing.lower)
-    limits = np.column_stack([drawing.lower, drawing.upper])
-    found = estimator_errors(FilteredReadings(list(drawing.lengths(true)), list(true)), jmm, limits)
+    true = nominal.lower + share * (nominal.upper - nominal.lower)
+    limits = np.column_stack([nominal.lower, nominal.upper])
+    found = estimator_errors(FilteredReadings(list(nominal.lengths(true)), list(true)), jmm, limits)
     assert found["analytic"] < 1.0
     assert found["quadratic"] < 2.0
     assert found["quadratic"] != found["analytic"]
@@ -199,7 +207,7 @@ def fake(analytic: float, quadratic: float, errors: tuple[float, float]) -> dict
     }
     by_group = {kind: dict.fromkeys((ALL, *GROUP_JOINTS), found) for kind, found in of.items()}
     arms = np.zeros((61, 10)).tolist()
-    examined = {
+    evaluated = {
         "whole": by_group,
         "inner": by_group,
         "flexion": {ANALYTIC: arms, QUADRATIC: arms, TRUE: arms},
@@ -207,7 +215,7 @@ def fake(analytic: float, quadratic: float, errors: tuple[float, float]) -> dict
     }
     estimator = {ANALYTIC: 1.0, QUADRATIC: 1.5, "between": 0.6}
     return {
-        **dict.fromkeys(("nominal", "before", "after"), examined),
+        **dict.fromkeys(("nominal", "before", "after"), evaluated),
         "estimator": estimator,
     }
 
@@ -215,8 +223,8 @@ def fake(analytic: float, quadratic: float, errors: tuple[float, float]) -> dict
 @pytest.mark.parametrize(
     ("turned", "errors", "claim", "words"),
     [
-        ((3.0, 1.0), (2.0, 1.0), "yes", ("fewer", "closer")),
-        ((1.0, 2.0), (1.0, 2.0), "no", ("more", "farther")),
+        ((3.0, 1.0), (2.0, 1.0), "yes", ("fewer", "smaller")),
+        ((1.0, 2.0), (1.0, 2.0), "no", ("more", "larger")),
         ((1.0, 0.5), (1.0, 1.0), "in part", ("fewer", "no difference")),
         ((3.0, 3.0), (1.0, 1.0), "in part", ("no difference", "no difference")),
     ],
@@ -229,14 +237,14 @@ def test_the_verdict_follows_the_numbers(
     found = verdict(results, STAGES[0])
     assert (found.turns, found.error) == words
     assert found.claim == claim
-    assert f"claim holds: {claim};" in told(results)[0]
+    assert f"claim holds: {claim};" in statements(results)[0]
     numbers = metrics(results)
     gained = numbers["ours_quadratic_minus_analytic_error"]["median"]
     assert gained == pytest.approx(errors[1] - errors[0])
     assert numbers["ours_analytic_turns_per_true_turn"]["median"] == turned[0]
 
 
-def test_findings_tell_of_every_map() -> None:
+def test_findings_hold_every_map() -> None:
     result = {name: fake(3.0, 1.0, (2.0, 1.0)) for name in (OURS, RULE, PAPER)}
     found = conclude({0: result, 1: result}, QUICK)
     assert all(picture.png.startswith(b"\x89PNG") for picture in found.pictures)

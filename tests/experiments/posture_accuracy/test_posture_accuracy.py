@@ -1,4 +1,4 @@
-"""Posture accuracy: new postures are new, trials are those of the paper, and sentences are true."""
+"""Posture accuracy: targets are new, trials are those of the paper, sentences are true."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from experiments.posture_accuracy.tables import (
     seed_entry,
     tables,
 )
-from kengoro.arm import ACTUAL, NOMINAL, shuffled_postures
+from experiments.robots.conditions import ACTUAL, NOMINAL
+from kengoro.robots import shuffled_postures
 from kengoro.trained_maps import trained_map
 from kengoro.visits import ANGLES, Visits, no_visits
 from kengoro_env.names import JOINTS
@@ -49,7 +50,9 @@ def test_too_few_postures_far_away_get_one_sentence(monkeypatch: pytest.MonkeyPa
         make_plan(0, Sizes())
 
 
-def made_up(offsets: list[float], unseen: tuple[int, ...] = (), seen_share: float = 1.0) -> Visits:
+def made_up(
+    offsets: list[float], not_seen: tuple[int, ...] = (), seen_share: float = 1.0
+) -> Visits:
     """Visits whose estimate is off by some degrees in all joints, of which vision shows a share;
     what is commanded is estimated."""
     visits = no_visits()
@@ -57,7 +60,7 @@ def made_up(offsets: list[float], unseen: tuple[int, ...] = (), seen_share: floa
         true = np.full(len(JOINTS), 0.1)
         estimate = true + np.radians(offset)
         seen = estimate - seen_share * np.radians(offset)
-        shown = None if number in unseen else seen
+        shown = None if number in not_seen else seen
         for key, angles in zip(ANGLES, (estimate, true, estimate, shown), strict=True):
             visits[key].append(None if angles is None else angles.tolist())
         visits["max_tension"].append(100.0 + number)
@@ -66,8 +69,8 @@ def made_up(offsets: list[float], unseen: tuple[int, ...] = (), seen_share: floa
 
 
 def test_errors_are_means_over_trials_and_spreads_over_starts() -> None:
-    """Two postures, three starts each; one look was not made."""
-    found = averages(made_up([1.0, 2.0, 3.0, 5.0, 5.0, 8.0], unseen=(5,)), 3)
+    """Two postures with three starts each; one observation is missing."""
+    found = averages(made_up([1.0, 2.0, 3.0, 5.0, 5.0, 8.0], not_seen=(5,)), 3)
     assert found["target_true_deg"] == pytest.approx(4.0, abs=1e-3)
     spread = (np.std([1, 2, 3]) + np.std([5, 5, 8])) / 2
     assert found["target_true_deg_std"] == pytest.approx(spread, abs=1e-3)
@@ -89,8 +92,8 @@ def result(before: float, after: float, seen_share: float = 1.0, starts: int = 2
 
 
 def entries(*robots: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    drawn = seed_entry(result(2.0, 0.5))
-    return {k: {ACTUAL: seed_entry(robot), NOMINAL: drawn} for k, robot in enumerate(robots)}
+    nominal = seed_entry(result(2.0, 0.5))
+    return {k: {ACTUAL: seed_entry(robot), NOMINAL: nominal} for k, robot in enumerate(robots)}
 
 
 def test_metrics_are_judged_by_the_median_robot() -> None:
@@ -106,31 +109,31 @@ def test_metrics_are_judged_by_the_median_robot() -> None:
 
 def test_a_robot_whose_hand_was_never_seen_stays_in_what_is_true() -> None:
     blind = result(12.0, 3.0)
-    blind["before"] = made_up([12.0] * 4, unseen=(0, 1, 2, 3))
+    blind["before"] = made_up([12.0] * 4, not_seen=(0, 1, 2, 3))
     found = metrics(entries(blind, result(10.0, 2.0)))
     assert found["rmse_seen_ratio"]["median"] == pytest.approx(0.2, abs=1e-3)
     assert found["rmse_true_before"]["median"] == pytest.approx(11.0, abs=1e-3)
     assert "0 of 4 -> 4 of 4" in {cell for row in tables(entries(blind))[1].rows for cell in row}
 
 
-def test_it_says_whether_what_is_seen_is_true() -> None:
+def test_a_sentence_compares_seen_and_true_errors() -> None:
     fooled = disagreement(entries(*[result(12.0, 4.0, seen_share=0.25)] * 3))
     assert fooled.startswith("Seen and true disagree after learning")
-    assert "3 [3, 3] deg farther" in fooled
+    assert "3 [3, 3] deg larger" in fooled
     assert disagreement(entries(*[result(12.0, 4.0, seen_share=0.9)] * 3)).startswith(
         "Seen and true agree after learning"
     )
     blind = result(12.0, 3.0)
-    blind["after"] = made_up([3.0] * 4, unseen=(0, 1, 2, 3))
+    blind["after"] = made_up([3.0] * 4, not_seen=(0, 1, 2, 3))
     assert "never seen" in disagreement(entries(blind))
     assert "2 [2, 2] deg before" in sag(entries(result(12.0, 3.0)))
 
 
-def test_a_drawn_robot_is_tested_where_it_was_sent_and_learns_in_between(
+def test_a_nominal_robot_is_tested_at_its_targets_and_learns_in_between(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     learned_in = watch_learning(monkeypatch)
-    sizes = Sizes(learned=2, targets=1, starts=2, starts_drawing=2, move=1.0, patience=1.5)
+    sizes = Sizes(learned=2, targets=1, starts=2, starts_nominal=2, move=1.0, patience=1.5)
     maps = request.config.cache.mkdir("maps")
     trained_map(maps)
     found = run(NOMINAL, 3, sizes, maps)

@@ -1,4 +1,4 @@
-"""Recordings: the drawing's replay is what was measured, and nothing is told that nobody knows."""
+"""Recordings: a replay of the nominal model has the measured readings."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ SHORT: dict[str, Any] = {"duration": 1.6, "move": 0.6, "hold": 0.5}
 
 
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("drawn")
+def nominal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("nominal")
     main(Args(folder, **SHORT))
     return folder
 
@@ -35,7 +35,7 @@ def table(path: Path) -> np.ndarray:
 
 def replayed(folder: Path, rows: int) -> tuple[dict[str, Any], mujoco.MjModel, np.ndarray]:
     """The study, its model, and what the model's sensors read (rows, ...) at each row of the log:
-    with MuJoCo alone, by what the study says."""
+    with MuJoCo alone, according to the study."""
     study = yaml.safe_load((folder / "STUDY.yaml").read_text())
     model = mujoco.MjModel.from_xml_path(str(folder / study["model"]))
     data = mujoco.MjData(model)
@@ -60,9 +60,9 @@ def column(model: mujoco.MjModel, sensor: str) -> int:
     return int(model.sensor(sensor).adr[0])
 
 
-def test_model_replays_what_the_drawing_felt(drawn: Path) -> None:
-    log = table(drawn / "log_0.csv")
-    study, model, read = replayed(drawn, len(log))
+def test_model_replays_the_readings_of_the_nominal_robot(nominal: Path) -> None:
+    log = table(nominal / "log_0.csv")
+    study, model, read = replayed(nominal, len(log))
     lengths = tensions = 0
     for sensor, entry in study["sensors"].items():
         if sensor.startswith("length"):
@@ -78,11 +78,11 @@ def test_model_replays_what_the_drawing_felt(drawn: Path) -> None:
     assert lengths == tensions == 36
 
 
-def test_model_replays_what_the_drawing_saw(drawn: Path) -> None:
-    observations = table(drawn / "camera_0.csv")
+def test_model_replays_what_the_drawing_saw(nominal: Path) -> None:
+    observations = table(nominal / "camera_0.csv")
     assert len(observations) >= 5
     assert np.all(np.diff(observations["time"]) > 0.19)
-    study, model, read = replayed(drawn, len(table(drawn / "log_0.csv")))
+    study, model, read = replayed(nominal, len(table(nominal / "log_0.csv")))
     rows = np.round(observations["time"] / 0.02).astype(int)
     for sensor, noise in (("marker_position", 3e-4), ("marker_orientation", 3e-3)):
         names = study["sensors"][sensor]["columns"]
@@ -95,8 +95,8 @@ def test_model_replays_what_the_drawing_saw(drawn: Path) -> None:
 
 
 @pytest.mark.usefixtures("frictionless")
-def test_reality_gap_finds_no_gap(drawn: Path) -> None:
-    study = load_study(drawn / "STUDY.yaml")
+def test_reality_gap_finds_no_gap(nominal: Path) -> None:
+    study = load_study(nominal / "STUDY.yaml")
     with Replayer(study) as bench:
         residual = bench.residual([])
         sensors = np.array([study.channels[c].sensor for c in bench.measured.channel])
@@ -105,8 +105,8 @@ def test_reality_gap_finds_no_gap(drawn: Path) -> None:
         assert np.sqrt(np.mean(residual[kinds == kind] ** 2)) < 1.0, kind
 
 
-def test_moving_wires_have_no_tension(drawn: Path) -> None:
-    log = table(drawn / "log_0.csv")
+def test_moving_muscles_have_no_tension(nominal: Path) -> None:
+    log = table(nominal / "log_0.csv")
     lengths = np.array([log[name] for name in log.dtype.names if name.startswith("length")]).T
     tensions = np.array([log[name] for name in log.dtype.names if name.startswith("tension")]).T
     fast = speed(lengths, log["time"]) > 0.01
@@ -123,8 +123,8 @@ def test_only_what_the_agent_knows_is_written(tmp_path: Path) -> None:
     written = {path.name for path in tmp_path.iterdir()}
     assert written == {"STUDY.yaml", "model.xml", "log_0.csv", "camera_0.csv"}
     assert "7" not in yaml.safe_load((tmp_path / "STUDY.yaml").read_text())["name"]
-    drawn = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
-    assert drawn.njnt == 18  # no spool: the model is the drawing
+    nominal = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    assert nominal.njnt == 18  # no spool: the model is the drawing
 
 
 def test_same_seed_same_bytes_and_robots_differ(tmp_path: Path) -> None:
@@ -158,22 +158,22 @@ def test_targets_are_visited_in_their_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("knee\n20\n", "need the columns elbow"),
         ("elbow\nbent\n", "need a number in each cell"),
         ("elbow\n20\n300\n", "put elbow at 300 deg in row 2"),
     ],
 )
-def test_wrong_targets_are_told(tmp_path: Path, text: str, told: str) -> None:
+def test_wrong_targets_get_a_message(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "targets.csv"
     path.write_text(text)
-    with pytest.raises(UsageError, match=told):
+    with pytest.raises(UsageError, match=message):
         read_targets(path, NominalArm(elbow().scene))
 
 
 @pytest.mark.parametrize("wrong", [{"move": 0.0}, {"episodes": 0}, {"robot": -1}])
-def test_wrong_arguments_are_told_and_nothing_is_written(
+def test_invalid_options_get_a_message_and_write_nothing(
     tmp_path: Path, wrong: dict[str, Any]
 ) -> None:
     with pytest.raises(UsageError):

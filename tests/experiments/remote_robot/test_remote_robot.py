@@ -1,4 +1,4 @@
-"""A robot in another process is the same robot."""
+"""A robot in another process behaves like the same robot in this process."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import pytest
 from experiments.harness.errors import ExperimentError
 from experiments.remote_robot.run import Args, main
 from jmm_agent.observation import SensorReadings
-from kengoro.arm import NO_END, make_env
 from kengoro.errors import UsageError
 from kengoro.remote_robot import robot_process
+from kengoro.robots import NO_END, make_env
 from kengoro_env.env import KengoroEnv
 
 STEPS = 4
 
 
 def wish(readings: SensorReadings) -> np.ndarray:
-    """Some command that depends on what was felt."""
+    """A command that depends on the readings."""
     return np.asarray(
         readings.lengths - 0.001 * np.sin(readings.time + np.arange(len(readings.lengths)))
     )
@@ -56,13 +56,13 @@ def test_a_robot_that_was_stopped_may_be_stopped_again() -> None:
 
 
 def command_nonsense() -> None:
-    """Three targets for a robot of thirty-six wires."""
+    """Three targets for a robot with 36 muscles."""
     with robot_process("Posture", None) as robot:
         robot.read()
         robot.write(np.zeros(3))
         robot.read()
 
 
-def test_a_robot_that_hangs_up_is_said_so() -> None:
-    with pytest.raises(UsageError, match="has hung up"):
+def test_a_closed_connection_is_reported() -> None:
+    with pytest.raises(UsageError, match="ended the connection"):
         command_nonsense()

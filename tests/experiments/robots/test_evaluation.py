@@ -1,15 +1,16 @@
-"""Examining a map: errors show, nothing is learned, and every examination starts alike."""
+"""Evaluation of a map: errors are measured, nothing is learned, all start equally."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from experiments.learnability.run import known_world
-from experiments.robots.evaluation import Examiner, map_error_mm
-from experiments.robots.world import World
+from experiments.robots.conditions import ACTUAL, NOMINAL
+from experiments.robots.evaluation import Evaluator, map_error_mm
+from experiments.robots.world import World, known_world
 from jmm_agent.updaters import VisionUpdater
-from kengoro.arm import ACTUAL, NOMINAL, make_agent, shuffled_postures
+from kengoro.agents import make_agent
+from kengoro.robots import shuffled_postures
 from kengoro.visits import errors, rmse_deg
 
 SEED = 1
@@ -26,46 +27,46 @@ def world(request: pytest.FixtureRequest) -> World:
 @pytest.fixture(scope="module")
 def detector(world: World) -> VisionUpdater:
     """Of an agent that has learned nothing."""
-    return make_agent(world.map, SEED).vision
+    return make_agent(SEED, jmm=world.map).vision
 
 
-def examiner(world: World, condition: str) -> Examiner:
-    return Examiner(world, condition, SEED, 1.0, 1.0)
+def evaluator(world: World, condition: str) -> Evaluator:
+    return Evaluator(world, condition, SEED, 1.0, 1.0)
 
 
 def test_the_drawings_map_errs_on_an_actual_robot_and_sags_on_the_drawing(
     world: World, detector: VisionUpdater
 ) -> None:
-    actual = errors(examiner(world, ACTUAL).examine(world.map, POSTURES, detector))
-    drawn = errors(examiner(world, NOMINAL).examine(world.map, POSTURES, detector))
+    actual = errors(evaluator(world, ACTUAL).evaluate(world.map, POSTURES, detector))
+    nominal = errors(evaluator(world, NOMINAL).evaluate(world.map, POSTURES, detector))
     assert actual["target_true_deg"] > 7.0
-    assert 0.1 < drawn["target_true_deg"] < 4.0
-    assert actual["estimate_seen_deg"] > 2.0 * drawn["estimate_seen_deg"]
+    assert 0.1 < nominal["target_true_deg"] < 4.0
+    assert actual["estimate_seen_deg"] > 2.0 * nominal["estimate_seen_deg"]
     assert actual["max_tension_N"] > 50.0
 
 
 def test_what_is_seen_on_the_drawing_is_true_and_so_is_the_estimate(
     world: World, detector: VisionUpdater
 ) -> None:
-    visits = examiner(world, NOMINAL).examine(world.map, POSTURES, detector)
+    visits = evaluator(world, NOMINAL).evaluate(world.map, POSTURES, detector)
     assert np.max(rmse_deg(visits, "estimate_true")) < 1.0
     assert np.max(rmse_deg(visits, "estimate_seen")) < 1.0
     np.testing.assert_allclose(visits["target"], POSTURES[1:], atol=1e-6)
 
 
-def test_every_examination_starts_alike_and_teaches_nothing(world: World) -> None:
-    subject, agent = examiner(world, ACTUAL), make_agent(world.map, SEED)
-    first = subject.examine(world.map, POSTURES, agent.vision)
+def test_every_evaluation_starts_equally_and_learns_nothing(world: World) -> None:
+    subject, agent = evaluator(world, ACTUAL), make_agent(SEED, jmm=world.map)
+    first = subject.evaluate(world.map, POSTURES, agent.vision)
     subject.own_lengths(OTHERS)
-    assert subject.examine(world.map, POSTURES, agent.vision) == first
+    assert subject.evaluate(world.map, POSTURES, agent.vision) == first
     assert agent.vision.fired == 0
     assert len(agent.vision.pairs.noise) == 0
     assert agent.map is world.map
 
 
 def test_own_lengths_are_the_drawings_where_nothing_departs_from_it(world: World) -> None:
-    drawn = examiner(world, NOMINAL).own_lengths(OTHERS)
-    assert map_error_mm(world.map, OTHERS, drawn) < 0.5
-    assert map_error_mm(world.map, OTHERS, drawn + 0.010) == pytest.approx(10.0, abs=0.5)
-    own = examiner(world, ACTUAL).own_lengths(OTHERS)
+    nominal = evaluator(world, NOMINAL).own_lengths(OTHERS)
+    assert map_error_mm(world.map, OTHERS, nominal) < 0.5
+    assert map_error_mm(world.map, OTHERS, nominal + 0.010) == pytest.approx(10.0, abs=0.5)
+    own = evaluator(world, ACTUAL).own_lengths(OTHERS)
     assert map_error_mm(world.map, OTHERS, own) > 5.0

@@ -1,4 +1,4 @@
-"""The Vision Updater's experiment: what is told of made-up visits, and where markers are drawn."""
+"""Vision Updater: findings from made-up visits, and corners of markers."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
+from experiments.robots.conditions import ACTUAL, NOMINAL
 from experiments.vision_update.figures import corners, shown_robot
 from experiments.vision_update.run import Sizes, conclude, run
 from jmm_agent.vision.marker_detector import MarkerDetector
-from kengoro.arm import ACTUAL, CAMERA, HAND, NOMINAL, SIDES
+from kengoro.robots import CAMERA, HAND, SIDES
 from kengoro.visits import group_joints
 from kengoro_env.names import JOINTS
 
@@ -27,7 +28,7 @@ def made_up(seen: list[float], true: list[float]) -> dict[str, Any]:
     jpeg = cv2.imencode(".jpg", np.zeros((480, 640, 3), np.uint8))[1]
     shot = {
         "frame": base64.b64encode(jpeg.tobytes()).decode(),
-        "believed": [[10, 10], [20, 10], [20, 20], [10, 20]],
+        "estimated": [[10, 10], [20, 10], [20, 20], [10, 20]],
         "seen": None,
     }
     count = len(seen)
@@ -59,15 +60,15 @@ def test_first_and_last_visits_are_compared_by_both_definitions() -> None:
 
 
 def test_the_picture_shows_a_robot_whose_hand_was_in_view() -> None:
-    unseen, seen = ({ACTUAL: made_up([1.0], [1.0])} for _ in range(2))
+    not_seen, seen = ({ACTUAL: made_up([1.0], [1.0])} for _ in range(2))
     for when in ("before", "after"):
         seen[ACTUAL][when] = seen[ACTUAL][when] | {"seen": [[1, 1], [2, 1], [2, 2], [1, 2]]}
-    assert shown_robot({3: unseen, 4: seen})[0] == 4
-    assert shown_robot({3: unseen})[0] == 3
+    assert shown_robot({3: not_seen, 4: seen})[0] == 4
+    assert shown_robot({3: not_seen})[0] == 3
 
 
 def test_corners_are_where_the_detector_finds_them() -> None:
-    """A marker that is drawn by hand, seen from straight ahead."""
+    """A synthetic marker, seen from straight ahead."""
     pose = np.eye(4)
     pose[:3, :3] = np.diag([1.0, -1.0, -1.0])  # faces the camera, upright
     pose[:3, 3] = 0.05, -0.02, 0.4
@@ -81,7 +82,7 @@ def test_corners_are_where_the_detector_finds_them() -> None:
     np.testing.assert_allclose(outline, found.corners_px, atol=2.0)
 
 
-def test_a_robot_looks_and_learns(request: pytest.FixtureRequest) -> None:
+def test_a_robot_observes_and_learns(request: pytest.FixtureRequest) -> None:
     maps: Path = request.config.cache.mkdir("maps")
     sizes = Sizes(postures=4, move=1.0, patience=1.5)
     result = run(ACTUAL, SEED, sizes, maps)
@@ -90,7 +91,7 @@ def test_a_robot_looks_and_learns(request: pytest.FixtureRequest) -> None:
     before, after = result["before"], result["after"]
     assert before["seen"] is not None
     miss = [
-        np.linalg.norm(np.mean(shot["seen"], axis=0) - np.mean(shot["believed"], axis=0))
+        np.linalg.norm(np.mean(shot["seen"], axis=0) - np.mean(shot["estimated"], axis=0))
         for shot in (before, after)
     ]
     assert miss[1] < miss[0]

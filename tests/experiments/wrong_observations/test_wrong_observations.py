@@ -1,4 +1,4 @@
-"""Which looks are wrong, by how much, and what is counted of them."""
+"""Wrong observations: which are wrong, by how much, and how their outcomes are counted."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_pose_is_displaced_by_as_much_as_it_should_be() -> None:
 
 
 def made_up(condition: str) -> dict[str, Any]:
-    """Looks of one robot: without looks held back wrong ones double the error."""
+    """Observations of one robot: without hold-out wrong ones double the error."""
     plain = condition == "plain"
     observations, error = [], 10.0
     for number in range(SIZES.observations):
@@ -53,15 +53,15 @@ def test_harm_and_its_undoing_are_counted() -> None:
     }  # fmt: skip
     assert found.metrics["right_observations_undone"]["worst"] == 0.0
     rows = {(row[0], row[1]): row[2:] for row in found.tables[0].rows}
-    assert rows["wrong looks, none held back", FAR] == [2, 0, 0, 0, 2, 2, "2.00"]
-    assert rows["wrong looks, some held back", FAR] == [2, 0, 2, 0, 0, 0, "1.00"]
-    assert rows["right looks only, some held back", "nothing"][:1] == [16]
+    assert rows["wrong observations, no hold-out", FAR] == [2, 0, 0, 0, 2, 2, "2.00"]
+    assert rows["wrong observations, with hold-out", FAR] == [2, 0, 2, 0, 0, 0, "1.00"]
+    assert rows["right observations only, with hold-out", "nothing"][:1] == [16]
     assert len(found.pictures[0].png) > 5000
 
 
-def test_a_robot_is_looked_at(request: pytest.FixtureRequest) -> None:
+def test_a_run_on_a_robot_follows_the_sizes(request: pytest.FixtureRequest) -> None:
     sizes = Sizes(observations=3, first=2, every=1, tested=4)
     observations = run("plain", 0, sizes, request.config.cache.mkdir("maps"))["observations"]
-    assert [look["wrong"] for look in observations] == ["", "", SOME]
+    assert [entry["wrong"] for entry in observations] == ["", "", SOME]
     assert observations[1]["after"] < observations[0]["before"]
     assert observations[1]["before"] == observations[0]["after"]

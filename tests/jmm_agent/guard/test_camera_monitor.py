@@ -1,4 +1,4 @@
-"""Camera and marker on made-up pictures: each fault is found, and let go of."""
+"""Camera and marker on simulated frames: each fault is found, and its end, too."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from jmm_agent.vision.marker_detector import MarkerPose, Skip
 
 
 def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_picture() -> None:
-    watch = FrozenCameraMonitor(CameraMonitorOptions())
+    monitor = FrozenCameraMonitor(CameraMonitorOptions())
     frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
-    assert not watch.is_new(0.0, -np.inf)
-    assert not watch.frozen  # an agent without a camera misses nothing
-    assert watch.is_new(0.1, 0.0)
-    assert watch.is_another(frame, lengths, True)
-    assert not watch.is_new(1.0, 0.0)
-    assert not watch.frozen
-    watch.is_new(1.2, 0.0)
-    assert watch.frozen
-    assert watch.is_new(1.3, 1.2)
-    assert not watch.frozen
-    assert not watch.is_another(frame, lengths + 0.001, True)
-    assert not watch.frozen
-    watch.is_another(frame, lengths + 0.01, False)
-    assert not watch.frozen
-    watch.is_another(frame, lengths + 0.01, True)
-    assert watch.frozen
-    assert watch.is_another(frame + 1, lengths + 0.01, True)
-    assert not watch.frozen
+    assert not monitor.is_new(0.0, -np.inf)
+    assert not monitor.frozen  # without a camera no frame is missed
+    assert monitor.is_new(0.1, 0.0)
+    assert monitor.is_another(frame, lengths, True)
+    assert not monitor.is_new(1.0, 0.0)
+    assert not monitor.frozen
+    monitor.is_new(1.2, 0.0)
+    assert monitor.frozen
+    assert monitor.is_new(1.3, 1.2)
+    assert not monitor.frozen
+    assert not monitor.is_another(frame, lengths + 0.001, True)
+    assert not monitor.frozen
+    monitor.is_another(frame, lengths + 0.01, False)
+    assert not monitor.frozen
+    monitor.is_another(frame, lengths + 0.01, True)
+    assert monitor.frozen
+    assert monitor.is_another(frame + 1, lengths + 0.01, True)
+    assert not monitor.frozen
 
 
 def test_a_camera_that_turns_without_another_picture_is_frozen() -> None:
-    watch = FrozenCameraMonitor(CameraMonitorOptions())
+    monitor = FrozenCameraMonitor(CameraMonitorOptions())
     frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)
 
-    def look(degrees: float) -> bool:
+    def frozen_at(degrees: float) -> bool:
         turned = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
-        watch.is_another(frame, lengths, False, turned)
-        return watch.frozen
+        monitor.is_another(frame, lengths, False, turned)
+        return monitor.frozen
 
-    assert [look(angle) for angle in (0.0, 5.0, 7.0)] == [False, False, True]
+    assert [frozen_at(angle) for angle in (0.0, 5.0, 7.0)] == [False, False, True]
     frame = frame + np.uint8(1)
-    assert not look(7.0)
-    watch.forget_estimate()
-    assert [look(angle) for angle in (20.0, 25.0, 27.0)] == [False, False, True]
+    assert not frozen_at(7.0)
+    monitor.forget_estimate()
+    assert [frozen_at(angle) for angle in (20.0, 25.0, 27.0)] == [False, False, True]
 
 
 def facing(angle: float, x: float = 0.0) -> np.ndarray:
@@ -66,10 +66,10 @@ def seen(angle: float, x: float = 0.0) -> MarkerPose:
 
 @pytest.fixture
 def marker() -> MarkerMonitor:
-    watch = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
-    watch.update(0.0, seen(0.4), facing(1.0))  # the wires are wrong by 0.6 rad
-    assert list(watch.found()) == []
-    return watch
+    monitor = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
+    monitor.update(0.0, seen(0.4), facing(1.0))  # the estimate is wrong by 0.6 rad
+    assert list(monitor.found()) == []
+    return monitor
 
 
 def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerMonitor) -> None:
@@ -83,7 +83,7 @@ def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerMonitor) -> None:
 
 
 @pytest.mark.parametrize(
-    ("believed", "named"),
+    ("predicted", "named"),
     [
         (facing(1.0), [faults.MARKER_HIDDEN]),
         (facing(1.1, x=0.04), [faults.MARKER_HIDDEN]),
@@ -92,13 +92,13 @@ def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerMonitor) -> None:
     ],
 )
 def test_a_map_that_is_not_trusted_only_misses_a_marker_that_did_not_move(
-    marker: MarkerMonitor, believed: np.ndarray, named: list[str]
+    marker: MarkerMonitor, predicted: np.ndarray, named: list[str]
 ) -> None:
     for k in (1, 2):
-        marker.update(0.2 * k, Skip.NOT_SEEN, believed, trusted=False)
+        marker.update(0.2 * k, Skip.NOT_SEEN, predicted, trusted=False)
     assert list(marker.found()) == named
     for k in (3, 4):
-        marker.update(0.2 * k, Skip.NOT_SEEN, believed)
+        marker.update(0.2 * k, Skip.NOT_SEEN, predicted)
     assert list(marker.found()) == [faults.MARKER_HIDDEN]
 
 
@@ -107,7 +107,7 @@ def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(
 ) -> None:
     marker.forget_estimate()
     for k in (1, 2):
-        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.7))  # what the new map has it look like
+        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.7))  # where the new map predicts it
     assert list(marker.found()) == [faults.MARKER_HIDDEN]
 
 
@@ -121,28 +121,28 @@ def test_a_marker_that_left_the_view_before_the_map_changed_is_not_missed(
     assert list(marker.found()) == []
 
 
-@pytest.mark.parametrize("believed", [facing(1.0, x=0.45), facing(1.7)])
+@pytest.mark.parametrize("predicted", [facing(1.0, x=0.45), facing(1.7)])
 def test_a_marker_that_leaves_the_view_is_not_missed(
-    marker: MarkerMonitor, believed: np.ndarray
+    marker: MarkerMonitor, predicted: np.ndarray
 ) -> None:
     for k in range(1, 5):
-        marker.update(0.2 * k, Skip.NOT_SEEN, believed)
+        marker.update(0.2 * k, Skip.NOT_SEEN, predicted)
     assert list(marker.found()) == []
 
 
-def test_a_second_marker_is_named_even_before_the_wires_are_believed() -> None:
-    watch = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
-    watch.update(0.0, Skip.TWICE, None)
-    assert list(watch.found()) == [faults.SECOND_MARKER]
-    watch.update(0.2, seen(0.4), None)
-    assert list(watch.found()) == []
+def test_a_second_marker_is_named_even_before_the_first_estimate() -> None:
+    monitor = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
+    monitor.update(0.0, Skip.TWICE, None)
+    assert list(monitor.found()) == [faults.SECOND_MARKER]
+    monitor.update(0.2, seen(0.4), None)
+    assert list(monitor.found()) == []
 
 
 def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerMonitor) -> None:
     for k in range(1, 10):
         marker.update(0.2 * k, seen(-0.4), facing(1.0))
         assert list(marker.found()) == [faults.MIRRORED_MARKER]
-    marker.update(2.0, seen(-0.05), facing(0.62))  # as good as head-on: who can tell?
+    marker.update(2.0, seen(-0.05), facing(0.62))  # almost head-on: not decided
     assert list(marker.found()) == [faults.MIRRORED_MARKER]
     marker.update(2.2, seen(0.4), facing(1.0))
     assert list(marker.found()) == []
@@ -158,6 +158,6 @@ def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerMonitor) 
     assert found[-1] == []
 
 
-def test_a_marker_that_turns_with_the_wires_is_not_mirrored(marker: MarkerMonitor) -> None:
+def test_a_marker_that_turns_with_the_estimate_is_not_mirrored(marker: MarkerMonitor) -> None:
     marker.update(0.2, seen(-0.4), facing(0.2))
     assert list(marker.found()) == []

@@ -1,4 +1,4 @@
-"""Late commands and pushes on made-up senses: each is found, and let go of."""
+"""Late commands and pushes on simulated readings: each is found, and its end, too."""
 
 from __future__ import annotations
 
@@ -16,73 +16,73 @@ DT = 0.02
 MOTORS = MotorControl()
 
 
-def late_watch(delay: int, steps: int, watch: DelayMonitor) -> bool:
-    """Feed a watch with wires that obey commands some steps late."""
+def delayed(delay: int, steps: int, monitor: DelayMonitor) -> bool:
+    """Whether commands are late, by muscles that follow them some steps late."""
     time = DT * np.arange(steps + 20)
     commands = 0.03 * np.sin(2.0 * time[:, None] + np.arange(3))
     for k in range(20, steps + 20):
         lengths = commands[k - delay] + 0.002
         tensions = MOTORS.demanded(lengths, commands[k - delay])
-        late = watch.update(lengths, tensions, commands[k], np.ones(3, dtype=bool))
+        late = monitor.update(lengths, tensions, commands[k], np.ones(3, dtype=bool))
     return late
 
 
 def test_late_commands_are_noticed_until_they_come_in_time_again() -> None:
-    watch = DelayMonitor(MOTORS, DelayMonitorOptions())
-    assert not late_watch(0, 200, watch)
-    assert late_watch(5, 80, watch)
-    assert not late_watch(0, 80, watch)
-    assert not late_watch(1, 80, watch)
+    monitor = DelayMonitor(MOTORS, DelayMonitorOptions())
+    assert not delayed(0, 200, monitor)
+    assert delayed(5, 80, monitor)
+    assert not delayed(0, 80, monitor)
+    assert not delayed(1, 80, monitor)
 
 
 def test_a_push_is_noticed_until_it_ends_and_a_steady_force_is_not() -> None:
-    watch = DisturbanceMonitor(DisturbanceMonitorOptions())
+    monitor = DisturbanceMonitor(DisturbanceMonitorOptions())
     rng = np.random.default_rng(0)
 
-    def feel(force: np.ndarray, times: int) -> bool:
+    def pushed_by(force: np.ndarray, times: int) -> bool:
         for _ in range(times):
             torques = -(force + rng.standard_normal(3))
-            pushed = watch.update(0.1, torques, np.eye(3), np.eye(3))
+            pushed = monitor.update(0.1, torques, np.eye(3), np.eye(3))
         return pushed
 
     usual, more = np.array([8.0, 0.0, -5.0]), np.array([0.0, 40.0, 0.0])
-    assert not feel(usual, 400)
-    assert feel(usual + more, 5)
-    assert feel(usual + more, 200)
-    assert not feel(usual, 5)
-    assert feel(usual + more, 5)
-    assert not feel(usual + more, 400)  # a load, by now
+    assert not pushed_by(usual, 400)
+    assert pushed_by(usual + more, 5)
+    assert pushed_by(usual + more, 200)
+    assert not pushed_by(usual, 5)
+    assert pushed_by(usual + more, 5)
+    assert not pushed_by(usual + more, 400)  # by now a load
 
 
 def test_while_the_map_is_not_trusted_a_change_is_its_error_and_usual() -> None:
-    watch = DisturbanceMonitor(DisturbanceMonitorOptions(usual_change=1.0))
+    monitor = DisturbanceMonitor(DisturbanceMonitorOptions(usual_change=1.0))
     here = (np.eye(3), np.eye(3))
 
-    def feel(force: float, trusted: bool) -> bool:
-        pushes = [watch.update(0.1, np.array([-force, 0, 0]), *here, trusted) for _ in range(5)]
+    def pushed_by(force: float, trusted: bool) -> bool:
+        pushes = [monitor.update(0.1, np.array([-force, 0, 0]), *here, trusted) for _ in range(5)]
         return any(pushes)
 
-    assert not any(feel(force, trusted=False) for force in 20 * [0.0, 60.0])
-    assert not feel(0.0, trusted=True)
-    assert not feel(60.0, trusted=True)  # by now it is known that forces seem to change so much
-    assert feel(400.0, trusted=True)
+    assert not any(pushed_by(force, trusted=False) for force in 20 * [0.0, 60.0])
+    assert not pushed_by(0.0, trusted=True)
+    assert not pushed_by(60.0, trusted=True)  # a usual change by now
+    assert pushed_by(400.0, trusted=True)
 
 
 def test_a_force_that_changes_slowly_is_no_push() -> None:
-    watch = DisturbanceMonitor(DisturbanceMonitorOptions())
+    monitor = DisturbanceMonitor(DisturbanceMonitorOptions())
     for force in [0.0] * 400 + np.linspace(0.0, 120.0, 100).tolist():
-        assert not watch.update(0.1, -np.array([force, 0.0, 0.0]), np.eye(3), np.eye(3))
+        assert not monitor.update(0.1, -np.array([force, 0.0, 0.0]), np.eye(3), np.eye(3))
 
 
-def test_a_push_is_told_from_a_wrong_map_s_force_that_sways_with_the_arm() -> None:
-    watch = DisturbanceMonitor(DisturbanceMonitorOptions())
+def test_a_push_differs_from_a_wrong_map_s_force_that_varies_with_the_posture() -> None:
+    monitor = DisturbanceMonitor(DisturbanceMonitorOptions())
 
-    def feel(times: np.ndarray, push: float) -> list[bool]:
+    def pushed_by(times: np.ndarray, push: float) -> list[bool]:
         forces = 30.0 * np.sin(2.0 * np.pi * times / 4.0)[:, None] * [1.0, 0.0, 0.0]
         forces[:, 1] += push
-        return [watch.update(0.04, -force, np.eye(3), np.eye(3)) for force in forces]
+        return [monitor.update(0.04, -force, np.eye(3), np.eye(3)) for force in forces]
 
-    assert not any(feel(np.arange(0.0, 60.0, 0.04), 0.0))
-    assert np.argmax(feel(np.arange(60.0, 64.0, 0.04), 40.0)) < 10
-    assert feel(np.arange(60.0, 64.0, 0.04), 40.0)[-1]
-    assert not feel(np.arange(64.0, 65.0, 0.04), 0.0)[-1]
+    assert not any(pushed_by(np.arange(0.0, 60.0, 0.04), 0.0))
+    assert np.argmax(pushed_by(np.arange(60.0, 64.0, 0.04), 40.0)) < 10
+    assert pushed_by(np.arange(60.0, 64.0, 0.04), 40.0)[-1]
+    assert not pushed_by(np.arange(64.0, 65.0, 0.04), 0.0)[-1]

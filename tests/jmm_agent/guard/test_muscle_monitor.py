@@ -1,4 +1,4 @@
-"""Wires on made-up senses: each fault is found, nothing else is named, and it is let go of."""
+"""Muscles on simulated readings: each fault is found, its end, too, and nothing else is named."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MUSCLES = ("one", "two", "three")
 
 
 class Muscles:
-    """Three wires that move slowly and pull as their motors say, with noisy encoders."""
+    """Three muscles that pull as their motors are commanded, with noisy encoders."""
 
     def __init__(self) -> None:
-        self.watch = MuscleMonitor(MUSCLES, MOTORS, MuscleMonitorOptions())
+        self.monitor = MuscleMonitor(MUSCLES, MOTORS, MuscleMonitorOptions())
         self.rng, self.steps = np.random.default_rng(0), 0
         self.command = np.zeros(3)
 
-    def live(
+    def run(
         self,
         steps: int,
         spoil: Callable[[np.ndarray, np.ndarray], None] = lambda lengths, tensions: None,
@@ -38,13 +38,13 @@ class Muscles:
             lengths = true + 1e-4 * self.rng.standard_normal(3)
             tensions = MOTORS.demanded(lengths, self.command)
             spoil(lengths, tensions)
-            told = true if expected is None else expected
-            felt = self.watch.update(DT, lengths, tensions, self.command, told)
-        return felt
+            estimated = true if expected is None else expected
+            filtered = self.monitor.update(DT, lengths, tensions, self.command, estimated)
+        return filtered
 
     @property
     def found(self) -> list[tuple[str, str]]:
-        return list(self.watch.found())
+        return list(self.monitor.found())
 
 
 def jump(lengths: np.ndarray, tensions: np.ndarray) -> None:
@@ -77,23 +77,23 @@ def read_nothing(lengths: np.ndarray, tensions: np.ndarray) -> None:
         (read_nothing, faults.TENSION_SENSOR_DEAD, 1),
     ],
 )
-def test_a_fault_of_a_wire_is_named_and_forgotten_when_it_has_gone(
+def test_a_fault_of_a_muscle_is_named_until_it_ends(
     spoil: Callable[[np.ndarray, np.ndarray], None], kind: str, steps: int
 ) -> None:
     muscles = Muscles()
-    muscles.live(100)
+    muscles.run(100)
     assert muscles.found == []
-    muscles.live(steps, spoil)
+    muscles.run(steps, spoil)
     assert muscles.found == [(kind, "two")]
-    muscles.live(200, spoil)
+    muscles.run(200, spoil)
     assert muscles.found == [(kind, "two")]
-    muscles.live(1)
+    muscles.run(1)
     assert muscles.found == []
 
 
-def test_a_wire_without_tension_that_is_wound_up_has_snapped() -> None:
+def test_a_muscle_without_tension_that_is_wound_up_has_snapped() -> None:
     muscles = Muscles()
-    muscles.live(100)
+    muscles.run(100)
     wound = 0.0
 
     def snap(lengths: np.ndarray, tensions: np.ndarray) -> None:
@@ -102,23 +102,23 @@ def test_a_wire_without_tension_that_is_wound_up_has_snapped() -> None:
         lengths[1] -= wound
         tensions[1] = 0.5
 
-    felt = muscles.live(15, snap)
+    filtered = muscles.run(15, snap)
     assert muscles.found == [(faults.MUSCLE_SNAPPED, "two")]
-    assert felt.unsafe.tolist() == felt.doubted.tolist() == [False, True, False]
-    muscles.live(100, snap)
+    assert filtered.unsafe.tolist() == filtered.doubted.tolist() == [False, True, False]
+    muscles.run(100, snap)
     assert muscles.found == [(faults.MUSCLE_SNAPPED, "two")]
 
 
 def test_what_is_not_believed_is_marked_and_replaced() -> None:
     muscles = Muscles()
-    muscles.live(100)
-    felt = muscles.live(1, die)
-    assert felt.doubted.tolist() == felt.unsafe.tolist() == [False, True, False]
-    assert np.isfinite(felt.lengths).all()
-    felt = muscles.live(2, read_nothing)
-    assert felt.numb.tolist() == [False, True, False]
-    assert not felt.doubted.any()
-    assert felt.tensions == pytest.approx(MOTORS.demanded(felt.lengths, muscles.command))
+    muscles.run(100)
+    filtered = muscles.run(1, die)
+    assert filtered.doubted.tolist() == filtered.unsafe.tolist() == [False, True, False]
+    assert np.isfinite(filtered.lengths).all()
+    filtered = muscles.run(2, read_nothing)
+    assert filtered.numb.tolist() == [False, True, False]
+    assert not filtered.doubted.any()
+    assert filtered.tensions == pytest.approx(MOTORS.demanded(filtered.lengths, muscles.command))
 
 
 def test_an_encoder_without_noise_does_not_stick_at_rest() -> None:
@@ -127,40 +127,40 @@ def test_an_encoder_without_noise_does_not_stick_at_rest() -> None:
     def quiet(lengths: np.ndarray, tensions: np.ndarray) -> None:
         lengths[:] = 0.001
 
-    muscles.live(500, quiet)
+    muscles.run(500, quiet)
     assert muscles.found == []
 
 
-def test_a_fast_wire_has_not_jumped() -> None:
+def test_a_fast_muscle_has_not_jumped() -> None:
     muscles = Muscles()
-    muscles.live(10)
+    muscles.run(10)
     for _ in range(20):
         muscles.command = muscles.command + 0.5 * DT
-        muscles.live(1)
+        muscles.run(1)
         assert muscles.found == []
 
 
 @pytest.mark.parametrize("lengths", [(0.03,), (0.03, 0.002, 0.025)])
-def test_a_wire_that_was_yanked_is_believed_again_as_the_others_tell_the_same(
+def test_a_muscle_that_was_yanked_is_believed_again_when_the_others_agree(
     lengths: tuple[float, ...],
 ) -> None:
     muscles = Muscles()
-    muscles.live(100)
+    muscles.run(100)
     for length in lengths:
         lagging = muscles.command + 0.001
         muscles.command = np.array([0.0, length, 0.0])
-        muscles.live(1, expected=lagging)  # what the other wires tell comes a step later
+        muscles.run(1, expected=lagging)  # the estimate of the other muscles lags by a step
     assert muscles.found == [(faults.ENCODER_JUMP, "two")]
-    muscles.live(60)
+    muscles.run(60)
     assert muscles.found == []
 
 
-def test_an_encoder_that_jumped_is_not_believed_while_its_wire_moves() -> None:
+def test_an_encoder_that_jumped_is_not_believed_while_its_muscle_moves() -> None:
     muscles = Muscles()
-    muscles.live(100)
+    muscles.run(100)
     for _ in range(300):
         muscles.command = muscles.command + 0.2 * DT
-        muscles.live(1, jump)
+        muscles.run(1, jump)
         assert muscles.found == [(faults.ENCODER_JUMP, "two")]
 
 

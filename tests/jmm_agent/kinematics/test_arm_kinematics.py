@@ -1,21 +1,15 @@
-"""Jacobians against finite differences; inverse kinematics finds, keeps limits, and says so."""
+"""Jacobians against finite differences; inverse kinematics converges and keeps limits."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from jmm_agent.kinematics.arm_kinematics import ArmKinematics, KinematicsError
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics, IkOptions, KinematicsError
+from tests.jmm_agent.nominal_arm import ARM, GROUPS, JOINTS
 
-ARM = Path(__file__).parents[3] / "assets/mjcf/kengoro_arm/arm.xml"
-NECK = ("neck_yaw", "neck_pitch", "neck_roll")
-JOINTS = (
-    *NECK, "sc_roll", "sc_yaw", "ac_roll", "ac_pitch",
-    "sh_pitch", "sh_roll", "sh_yaw", "elbow", "radioulnar", "wrist_flex", "wrist_dev",
-)  # fmt: skip
+NECK = GROUPS["neck"]
 MARKER, EYE = "marker_hand", "eye"
 
 
@@ -91,18 +85,18 @@ def test_reachable_poses_are_reached_from_the_hanging_arm(arm: ArmKinematics) ->
     reached = 0
     for truth in postures(arm, 50, seed=2):
         target = arm.pose("grip", truth)
-        result = arm.solve("grip", target, start, restarts=5)
+        result = arm.solve("grip", target, start, options=IkOptions(restarts=5))
         reached += result.converged
         assert kept(arm, result.q)
         assert result.converged == (np.abs(twist(target, arm.pose("grip", result.q))).max() < 1e-4)
     assert reached >= 48
 
 
-def test_an_unreachable_pose_is_said_to_be_so(arm: ArmKinematics) -> None:
+def test_an_unreachable_pose_is_reported(arm: ArmKinematics) -> None:
     target = arm.pose("grip", np.zeros(14))
     target[:3, 3] = (2.0, 0.0, 0.5)
     result = arm.solve("grip", target, np.zeros(14), weights=(1, 1, 1, 0, 0, 0),
-                       max_iterations=1000)  # fmt: skip
+                       options=IkOptions(max_iterations=1000))  # fmt: skip
     assert not result.converged
     assert kept(arm, result.q)
     assert "Out of reach" in result.reason
@@ -111,7 +105,7 @@ def test_an_unreachable_pose_is_said_to_be_so(arm: ArmKinematics) -> None:
     assert result.position_error == pytest.approx(distance, rel=1e-9)
     assert distance < 1.7  # 2.1 m from the shoulder, and it stretched out
     hurried = arm.solve(MARKER, arm.pose(MARKER, postures(arm, 1)[0]), np.zeros(14),
-                        max_iterations=1)  # fmt: skip
+                        options=IkOptions(max_iterations=1))  # fmt: skip
     assert not hurried.converged
     assert "Not settled after 1" in hurried.reason
 
@@ -125,7 +119,7 @@ def test_a_result_at_the_limits_is_the_best_one_in_the_box(
     target[:3, :3] = target[:3, :3] @ pin.exp3(np.array(turn))
     weights = np.array([1, 2, 1, 1, 5, 0.1])
     start = arm.limits[:, 1] - 0.1
-    result = arm.solve(MARKER, target, start, EYE, weights, max_iterations=2000)
+    result = arm.solve(MARKER, target, start, EYE, weights, options=IkOptions(max_iterations=2000))
     assert not result.converged
     assert "Out of reach" in result.reason
     assert kept(arm, result.q)
@@ -148,7 +142,9 @@ def test_a_rotation_that_cannot_be_reached_is_left_at_the_least_weighted_error(
     target = arm.pose(MARKER, start)
     target[:3, :3] = target[:3, :3] @ pin.exp3(np.array([0.5, 0.4, -0.7]))
     free = np.isin(JOINTS, ("sh_yaw", "elbow"))
-    result = arm.solve(MARKER, target, start, weights=weights, free=free, max_iterations=2000)
+    result = arm.solve(
+        MARKER, target, start, weights=weights, free=free, options=IkOptions(max_iterations=2000)
+    )
     assert not result.converged
 
     def cost(q: np.ndarray) -> float:
@@ -190,7 +186,7 @@ def test_covariance_weighted_ik_is_the_kalman_update_for_a_small_error(arm: ArmK
     target = (pin.SE3(arm.pose(MARKER, q, EYE)) * pin.exp6(seen)).homogeneous
     result = arm.solve(
         MARKER, target, q, EYE, 1 / variance, np.linalg.inv(covariance),
-        position_tolerance=1.0, rotation_tolerance=1.0,
+        options=IkOptions(position_tolerance=1.0, rotation_tolerance=1.0),
     )  # fmt: skip
     jacobian = arm.frame_jacobian(MARKER, q, EYE)
     gain = np.linalg.solve(
@@ -211,7 +207,7 @@ def test_a_weak_prior_makes_the_least_movement_that_explains_the_pose(arm: ArmKi
         assert result.position_error < 1e-5
         assert np.linalg.norm(move) <= np.linalg.norm(truth - estimate) + 1e-6
         inner = (result.q > arm.limits[:, 0]) & (result.q < arm.limits[:, 1])
-        if inner.all():  # then the least movement has no part that the look cannot see
+        if inner.all():  # then the least movement has no unobservable part
             assert np.abs(arm.unobservable_subspace(MARKER, result.q, EYE) @ move).max() < 1e-4
 
 
@@ -233,7 +229,7 @@ def test_the_head_turns_to_a_point_within_its_limits(arm: ArmKinematics) -> None
     for q in postures(arm, 20, seed=8):
         point = arm.pose(EYE, q)[:3] @ (0.0, 0.0, 0.5, 1.0)
         start = np.where(np.arange(14) < 3, 0.0, q)
-        result = arm.look_at(EYE, point, start, NECK)
+        result = arm.point_camera(EYE, point, start, NECK)
         seen = np.linalg.inv(arm.pose(EYE, result.q)) @ (*point, 1.0)
         angle = np.arctan2(np.hypot(seen[0], seen[1]), seen[2])
         assert result.rotation_error == pytest.approx(angle, abs=1e-9)
@@ -241,20 +237,20 @@ def test_the_head_turns_to_a_point_within_its_limits(arm: ArmKinematics) -> None
         assert np.array_equal(result.q[3:], start[3:])
         assert result.converged, result.reason
         assert angle < 1e-3
-    behind = arm.look_at(EYE, (-3.0, 0.2, 0.5), np.zeros(14), NECK)
+    behind = arm.point_camera(EYE, (-3.0, 0.2, 0.5), np.zeros(14), NECK)
     assert not behind.converged
     assert behind.rotation_error > 1
     assert kept(arm, behind.q)
 
 
-def test_what_a_look_cannot_see_is_what_leaves_the_pose_alone(arm: ArmKinematics) -> None:
+def test_the_unobservable_directions_leave_the_pose_alone(arm: ArmKinematics) -> None:
     q = postures(arm, 1, seed=9, inside=0.5)[0]
-    unseen = arm.unobservable_subspace(MARKER, q, EYE)
-    assert unseen.shape == (8, 14)
-    assert np.allclose(unseen @ unseen.T, np.eye(8))
-    assert np.abs(arm.frame_jacobian(MARKER, q, EYE) @ unseen.T).max() < 1e-9
+    unobservable = arm.unobservable_subspace(MARKER, q, EYE)
+    assert unobservable.shape == (8, 14)
+    assert np.allclose(unobservable @ unobservable.T, np.eye(8))
+    assert np.abs(arm.frame_jacobian(MARKER, q, EYE) @ unobservable.T).max() < 1e-9
     before = arm.pose(MARKER, q, EYE)
-    for direction in unseen:
+    for direction in unobservable:
         assert np.abs(twist(before, arm.pose(MARKER, q + 1e-4 * direction, EYE))).max() < 1e-6
     assert arm.unobservable_subspace(MARKER, q, EYE, weights=(1, 1, 1, 0, 0, 0)).shape == (11, 14)
 
@@ -278,6 +274,6 @@ def test_bad_input_gets_one_sentence(arm: ArmKinematics) -> None:
     with pytest.raises(KinematicsError, match="free must be 14 flags"):
         arm.solve(MARKER, good, q, free=np.zeros(14, dtype=bool))
     with pytest.raises(KinematicsError, match="unknown joint 'nose'"):
-        arm.look_at(EYE, (1, 0, 0), q, ("nose",))
+        arm.point_camera(EYE, (1, 0, 0), q, ("nose",))
     with pytest.raises(KinematicsError, match="in the camera's centre"):
-        arm.look_at(EYE, arm.pose(EYE, q)[:3, 3], q, NECK)
+        arm.point_camera(EYE, arm.pose(EYE, q)[:3, 3], q, NECK)

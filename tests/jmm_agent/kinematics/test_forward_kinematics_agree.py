@@ -1,4 +1,4 @@
-"""Pinocchio and MuJoCo read the same drawing as the same robot."""
+"""Pinocchio and MuJoCo read the same file as the same robot."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics, KinematicsError
+from tests.jmm_agent.nominal_arm import ARM, JOINTS
 
-ARM = Path(__file__).parents[3] / "assets/mjcf/kengoro_arm/arm.xml"
-ARM_JOINTS = (
-    "neck_yaw", "neck_pitch", "neck_roll", "sc_roll", "sc_yaw", "ac_roll", "ac_pitch",
-    "sh_pitch", "sh_roll", "sh_yaw", "elbow", "radioulnar", "wrist_flex", "wrist_dev",
-)  # fmt: skip
 OPENCV_IN_MUJOCO = np.diag([1.0, -1.0, -1.0])
 
-# Everything that Pinocchio's own reader gets wrong, in one file.
+# All that Pinocchio's own reader gets wrong, in one file.
 TRAPS = """
 <mujoco>
   <compiler angle="degree"/>
@@ -78,8 +74,8 @@ def check(kinematics: ArmKinematics, model: mujoco.MjModel, postures: np.ndarray
 
 def test_every_frame_of_the_arm_agrees_to_a_nanometre() -> None:
     model = mujoco.MjModel.from_xml_path(str(ARM))
-    kinematics = ArmKinematics(ARM, ARM_JOINTS)
-    ranges = np.array([model.joint(name).range for name in ARM_JOINTS])
+    kinematics = ArmKinematics(ARM, JOINTS)
+    ranges = np.array([model.joint(name).range for name in JOINTS])
     assert np.abs(kinematics.limits - ranges).max() < 1e-12
     assert {"eye", "marker_hand", "grip", "thorax", "head", "hand"} <= set(kinematics.frames)
     assert {model.site(i).name for i in range(model.nsite)} <= set(kinematics.frames)

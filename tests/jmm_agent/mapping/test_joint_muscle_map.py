@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jmm_agent.mapping.joint_muscle_map import LARGEST, JointMuscleMap, MappingError
+from jmm_agent.mapping.group_map import LARGEST, MappingError
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from tests.jmm_agent.small_map import JOINTS, MUSCLES, make_map
 
 

@@ -12,7 +12,7 @@ from tests.jmm_agent.small_map import LIMITS, make_map, postures
 
 
 class Recorder:
-    """A rule that changes nothing but remembers what it was given."""
+    """A rule that records its arguments and returns a fixed map, or the current one."""
 
     def __init__(self, result: JointMuscleMap | None = None) -> None:
         self.calls: list[tuple[JointMuscleMap, Pairs, Pairs]] = []
@@ -66,7 +66,7 @@ def test_each_batch_rehearses_other_postures_of_the_map_as_it_is_then() -> None:
     np.testing.assert_allclose(two.lengths[2:], moved.lengths(two.postures[2:]), atol=1e-15)
 
 
-def test_noise_says_how_far_each_part_of_the_batch_may_be_missed() -> None:
+def test_each_part_of_the_batch_has_its_own_noise() -> None:
     rule = Recorder()
     subject = learner(rule, make_map(0), rehearsal=3, rehearsal_noise=0.03, zero_noise=0.05)
     subject.learn(pair(5, noise=0.002), Pairs.none(4, 5))
@@ -105,7 +105,7 @@ def test_the_ridge_rule_moves_output_layers_only() -> None:
         assert np.abs(before.W2 - after.W2).max() > 0
 
 
-def test_the_same_generator_gives_the_same_bits() -> None:
+def test_the_same_generator_makes_the_same_bits() -> None:
     start = make_map(0)
     prior = MapPrior(start, postures(50, 9), PriorOptions())
     layers = []

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from tests.jmm_agent.small_map import JOINTS, MUSCLES, make_map
-from tools.fuzz.mutating import some_member
+from tools.fuzz.mutating import change_member
 
 
 @pytest.fixture
@@ -130,7 +130,7 @@ def damage_missing(path):
 @pytest.mark.parametrize(
     "damage", [f for name, f in sorted(globals().items()) if name.startswith("damage_")]
 )
-def test_a_file_that_is_no_map_gives_one_sentence(jmm, tmp_path, damage):
+def test_a_file_that_is_no_map_is_refused_in_one_sentence(jmm, tmp_path, damage):
     path = tmp_path / "map.npz"
     jmm.save(path)
     damage(path)
@@ -145,11 +145,11 @@ def test_a_name_that_is_too_long_is_of_no_file(tmp_path):
         JointMuscleMap.load(tmp_path / ("x" * 5000))
 
 
-def test_a_map_does_not_unfold_into_everything(jmm, tmp_path, monkeypatch):
+def test_a_map_does_not_unpack_without_limit(jmm, tmp_path, monkeypatch):
     jmm.save(tmp_path / "map.npz")
     JointMuscleMap.load(tmp_path / "map.npz")
     monkeypatch.setattr("jmm_agent.mapping.joint_muscle_map.MAX_BYTES", 1000)
-    with pytest.raises(CheckpointError, match="it unfolds into 0 MiB, and a map has 0"):
+    with pytest.raises(CheckpointError, match="it unpacks into 0 MiB, and a map has 0"):
         JointMuscleMap.load(tmp_path / "map.npz")
 
 
@@ -158,13 +158,13 @@ def test_a_map_does_not_unfold_into_everything(jmm, tmp_path, monkeypatch):
 def test_any_change_of_a_member_is_read_or_refused(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("changed") / "map.npz"
     make_map().save(path)
-    path.write_bytes(some_member(path.read_bytes(), np.random.default_rng(seed)))
+    path.write_bytes(change_member(path.read_bytes(), np.random.default_rng(seed)))
     with contextlib.suppress(CheckpointError):
         JointMuscleMap.load(path)
 
 
 @given(st.data())
-def test_any_truncation_gives_one_sentence(tmp_path_factory, data):
+def test_any_truncation_is_refused_in_one_sentence(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("cut") / "map.npz"
     make_map().save(path)
     whole = path.read_bytes()

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jmm_agent.mapping.joint_muscle_map import GroupMap, JointMuscleMap
+from jmm_agent.mapping.group_map import GroupMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.mapping.minibatch import MinibatchRule
 from tests.jmm_agent.small_map import make_map, postures
@@ -32,13 +33,13 @@ def gradient(group: GroupMap, layer: str, pairs: Pairs) -> np.ndarray:
     """Finite differences of the loss by one layer."""
     array = getattr(group, layer)
     slope = np.empty(array.shape)
-    for place in np.ndindex(array.shape):
+    for index in np.ndindex(array.shape):
         ends = []
         for sign in (1, -1):
             moved = array.copy()
-            moved[place] += sign * 1e-4
+            moved[index] += sign * 1e-4
             ends.append(loss(replace(group, **{layer: moved}), pairs))
-        slope[place] = (ends[0] - ends[1]) / 2e-4
+        slope[index] = (ends[0] - ends[1]) / 2e-4
     return slope
 
 

@@ -1,4 +1,4 @@
-"""Updates that make a map worse are told from those that do not, and undone."""
+"""Updates that make a map worse are found, and undone."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from jmm_agent.errors import AgentError
-from jmm_agent.mapping.joint_muscle_map import METRES, JointMuscleMap
+from jmm_agent.mapping.group_map import METRES
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.vision.hold_out import HoldOut, HoldOutOptions
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
-from tests.jmm_agent.test_updaters import MIDDLE, Bench
+from tests.jmm_agent.test_updaters import MIDDLE, UpdaterTrial
 
 OPTIONS = HoldOutOptions(every=2, memory=3, least=2, factor=1.5, noise=0.003, patience=2)
-SPOTS = MIDDLE + np.random.default_rng(3).uniform(-0.4, 0.4, (12, 4)) * (LIMITS[:, 1] - MIDDLE)
+POSTURES = MIDDLE + np.random.default_rng(3).uniform(-0.4, 0.4, (12, 4)) * (LIMITS[:, 1] - MIDDLE)
 
 
 def shifted(jmm: JointMuscleMap, offset: float) -> JointMuscleMap:
@@ -31,14 +32,14 @@ def jmm() -> JointMuscleMap:
 
 
 def pairs_of(jmm: JointMuscleMap, offset: float, count: int) -> list[Pairs]:
-    """Pairs of a robot whose wires are longer than the map says by an offset [m]."""
-    spots = postures(count)
+    """Pairs of a robot whose muscles are longer than in the map by an offset [m]."""
+    angles = postures(count)
     noise = np.array([0.001])
-    return [Pairs(q[None], jmm.lengths(q)[None] + offset, noise) for q in spots]
+    return [Pairs(q[None], jmm.lengths(q)[None] + offset, noise) for q in angles]
 
 
 def holding(jmm: JointMuscleMap, offset: float = 0.005) -> HoldOut:
-    """Three pairs held back of such a robot."""
+    """Three held-out pairs of such a robot."""
     hold_out = HoldOut(OPTIONS, 4, 5)
     assert [hold_out.keeps(pair) for pair in pairs_of(jmm, offset, 6)] == 3 * [False, True]
     return hold_out
@@ -64,7 +65,7 @@ def test_only_a_much_larger_error_is_harm(
     assert holding(jmm).harmed(jmm, shifted(jmm, offset)) == harmful
 
 
-def test_one_pair_tells_nothing(jmm: JointMuscleMap) -> None:
+def test_one_pair_is_no_evidence(jmm: JointMuscleMap) -> None:
     hold_out = HoldOut(OPTIONS, 4, 5)
     for pair in pairs_of(jmm, 0.0, 3):
         hold_out.keeps(pair)
@@ -93,58 +94,58 @@ def test_a_harmless_update_between_shows_that_it_has_not(jmm: JointMuscleMap) ->
 
 
 @pytest.mark.parametrize("wrong", ["every", "memory", "least", "patience"])
-def test_options_that_hold_nothing_back_are_refused(wrong: str) -> None:
+def test_options_that_hold_nothing_out_are_refused(wrong: str) -> None:
     with pytest.raises(AgentError, match=wrong):
         HoldOutOptions(**{wrong: 1 if wrong == "every" else 0})
 
 
-def learned(**options: Any) -> Bench:
+def learned(**options: Any) -> UpdaterTrial:
     """An updater that has seen eight postures."""
-    bench = Bench(distance=0.0, **options)
-    for spot in SPOTS[:8]:
-        bench.look(spot)
-    return bench
+    trial = UpdaterTrial(distance=0.0, **options)
+    for q in POSTURES[:8]:
+        trial.observe(q)
+    return trial
 
 
-def test_looks_held_back_are_not_learned() -> None:
-    bench = learned(hold_out=OPTIONS)
-    assert bench.vision.fired == len(bench.vision.pairs.noise) == 4
-    assert bench.vision.hold_out is not None
-    np.testing.assert_allclose(bench.vision.hold_out.pairs.postures, SPOTS[[3, 5, 7]], atol=0.05)
-    assert bench.look(SPOTS[8]).learned
-    assert bench.look(SPOTS[9]).reason == "held back, to test updates on it"
+def test_held_out_observations_are_not_learned() -> None:
+    trial = learned(hold_out=OPTIONS)
+    assert trial.vision.fired == len(trial.vision.pairs.noise) == 4
+    assert trial.vision.hold_out is not None
+    np.testing.assert_allclose(trial.vision.hold_out.pairs.postures, POSTURES[[3, 5, 7]], atol=0.05)
+    assert trial.observe(POSTURES[8]).learned
+    assert trial.observe(POSTURES[9]).reason == "held back, to test updates on it"
 
 
-def test_a_look_with_a_saturated_wire_tests_no_update() -> None:
-    bench = Bench(distance=0.0, hold_out=OPTIONS)
-    for spot in SPOTS[:4]:
-        bench.look(spot, tensions=np.full(5, 480.0))
-    assert bench.vision.hold_out is not None
-    assert not len(bench.vision.hold_out.pairs.noise)
+def test_an_observation_with_a_saturated_muscle_is_not_held_out() -> None:
+    trial = UpdaterTrial(distance=0.0, hold_out=OPTIONS)
+    for q in POSTURES[:4]:
+        trial.observe(q, tensions=np.full(5, 480.0))
+    assert trial.vision.hold_out is not None
+    assert not len(trial.vision.hold_out.pairs.noise)
 
 
-def test_what_a_wrong_look_taught_is_undone() -> None:
-    """Lengths of one look are 40 mm off, as if the marker had been seen in another place."""
-    bench, believing = learned(hold_out=OPTIONS), learned()
-    before, memory = bench.learner.map, bench.vision.memory
-    wrong = bench.lengths(SPOTS[8]) + 0.04
-    given = {"lengths": wrong, "target": wrong, "estimate": SPOTS[8]}
+def test_an_update_from_a_wrong_observation_is_undone() -> None:
+    """Lengths of one observation are 40 mm off, as if the marker had been seen elsewhere."""
+    trial, believing = learned(hold_out=OPTIONS), learned()
+    before, memory = trial.learner.map, trial.vision.memory
+    wrong = trial.lengths(POSTURES[8]) + 0.04
+    given = {"lengths": wrong, "target": wrong, "estimate": POSTURES[8]}
 
-    assert believing.look(SPOTS[8], **given).learned
-    seen = bench.look(SPOTS[8], **given)
+    assert believing.observe(POSTURES[8], **given).learned
+    seen = trial.observe(POSTURES[8], **given)
 
     assert not seen.learned
     assert seen.reason.startswith("undone")
-    assert bench.learner.map is before
-    assert all(now is then for now, then in zip(bench.vision.memory, memory, strict=True))
-    assert bench.vision.dropped[seen.reason] == 1
+    assert trial.learner.map is before
+    assert all(now is then for now, then in zip(trial.vision.memory, memory, strict=True))
+    assert trial.vision.dropped[seen.reason] == 1
 
 
 def test_a_robot_that_changed_is_learned_all_the_same() -> None:
-    bench = learned(hold_out=OPTIONS)
-    bench.start = shifted(bench.start, 0.04)
-    for spot in np.tile(SPOTS, (3, 1)):
-        bench.look(spot)
+    trial = learned(hold_out=OPTIONS)
+    trial.start = shifted(trial.start, 0.04)
+    for q in np.tile(POSTURES, (3, 1)):
+        trial.observe(q)
 
-    errors = bench.learner.map.lengths(SPOTS) - bench.lengths(SPOTS)
+    errors = trial.learner.map.lengths(POSTURES) - trial.lengths(POSTURES)
     assert np.sqrt(np.mean(errors**2)) < 0.005

@@ -1,11 +1,22 @@
+"""Marker poses in rendered frames against the exact ones; frames that cannot be used."""
+
+from __future__ import annotations
+
 import cv2
 import numpy as np
 import pytest
 
-from benchmarks.marker_pose import CAMERA, SIDE, MarkerScene, noisy, pose_error, random_pose
 from jmm_agent.errors import AgentError
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerDetector, Skip
+from tests.jmm_agent.vision.marker_scene import (
+    CAMERA,
+    SIDE,
+    MarkerScene,
+    noisy,
+    pose_error,
+    random_pose,
+)
 
 UPRIGHT = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.4], [0, 0, 0, 1]])
 
@@ -119,13 +130,15 @@ def test_half_hidden_markers_are_skipped(detector, scene):
     assert detector.detect(frame).skips == {0: Skip.NOT_SEEN}
 
 
-def test_an_empty_wall_a_black_frame_and_a_stranger_are_skips_with_a_reason(detector, scene):
+def test_an_empty_wall_a_black_frame_and_an_unexpected_marker_are_skips_with_a_reason(
+    detector, scene
+):
     behind = UPRIGHT.copy()
     behind[2, 3] = -0.4
     assert detector.detect(scene.render(behind)).skips == {0: Skip.NOT_SEEN}
     assert detector.detect(np.zeros((480, 640, 3), np.uint8)).skips == {0: Skip.DARK}
     other = MarkerDetector(CAMERA, {1: 0.036}).detect(scene.render(UPRIGHT))
-    assert (other.skips, other.strangers, other.poses) == ({1: Skip.NOT_SEEN}, (0,), {})
+    assert (other.skips, other.unexpected, other.poses) == ({1: Skip.NOT_SEEN}, (0,), {})
 
 
 def test_a_marker_seen_twice_is_skipped_and_its_neighbour_is_not(scene):

@@ -1,4 +1,4 @@
-"""Departures: null is the drawing, small is almost the drawing, and none breaks physics."""
+"""Departures: null is the nominal model, small is close to it, and none breaks physics."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from kengoro_env.departures import (
     actual,
     drawing,
 )
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import KengoroError, UnknownNameError
 from kengoro_env.postures import posture_set
 from kengoro_env.robot import robot
-from kengoro_env.robot.draft import Departure, UnknownNameError
+from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 ARM = asset_path("mjcf/kengoro_arm/posture.xml")
-DRAWING = NominalArm(ARM)
+NOMINAL = NominalArm(ARM)
 START, GOAL = posture_set()[[0, 5]]
 RAMP, STEPS = 25, 60
 
@@ -46,7 +46,7 @@ class Case:
     build: Callable[[float], Departure]
     large: float
     small: float
-    # A wire this stiff is unstable under the arm's own integrator at 2 ms, see below.
+    # A tendon this stiff is unstable under the arm's own integrator at 2 ms, see below.
     integrator: mujoco.mjtIntegrator | None = None
 
 
@@ -96,7 +96,7 @@ def movement(*chosen: Departure) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
     """Joint angles [rad], lengths [m], tensions [N] of a short movement, and the camera's pose."""
     arm = Robot(ARM, chosen)
     arm.reset(START, np.random.default_rng(0))
-    start, goal = DRAWING.lengths(np.array([START, GOAL]))
+    start, goal = NOMINAL.lengths(np.array([START, GOAL]))
     rows = []
     for step in range(1, STEPS + 1):
         arm.step(start + min(1.0, step / RAMP) * (goal - start))
@@ -108,7 +108,7 @@ def movement(*chosen: Departure) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_towards_null_the_robot_becomes_the_drawing(
+def test_towards_null_the_robot_becomes_the_nominal_model(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case, load = CASES[name], robot.load_spec
@@ -140,12 +140,12 @@ def test_towards_null_the_robot_becomes_the_drawing(
 
 
 def trembling(arm: Robot, seed: int) -> float:
-    """How much a joint's speed jumps to and fro after moves between postures of the set [rad/s]."""
+    """Oscillation of the joint speeds after moves between postures of the set [rad/s]."""
     rng = np.random.default_rng(seed)
     postures = posture_set()[rng.integers(len(posture_set()), size=4)]
     arm.reset(postures[0], rng)
     largest = 0.0
-    for target in DRAWING.lengths(postures):
+    for target in NOMINAL.lengths(postures):
         start, speeds = arm.target, []
         for step in range(1, 101):
             arm.step(start + min(1.0, step / 50) * (target - start))
@@ -156,8 +156,8 @@ def trembling(arm: Robot, seed: int) -> float:
     return largest
 
 
-def test_the_preset_is_far_from_where_stiff_wires_become_unstable() -> None:
-    """Under the arm's own integrator wires of half the preset's compliance do not tremble yet.
+def test_the_preset_is_far_from_the_stiffness_at_which_tendons_become_unstable() -> None:
+    """Under the arm's own integrator, tendons of half the preset's compliance do not oscillate.
 
     Stiffer ones do, from 2e-6 m/N on: their convergence is shown with another integrator.
     """
@@ -172,7 +172,7 @@ def test_tension_is_never_negative_in_random_motion(seed: int) -> None:
     arm, rng = Robot(ARM, actual(seed)), np.random.default_rng(seed)
     arm.reset(START, rng)
     for _ in range(60):
-        arm.step(DRAWING.lengths(posture_set()[rng.integers(1000)])[0] + rng.normal(0, 0.01, 36))
+        arm.step(NOMINAL.lengths(posture_set()[rng.integers(1000)])[0] + rng.normal(0, 0.01, 36))
         assert np.all(arm.tensions >= 0.0)
         assert np.all(arm.measured_tensions() >= 0.0)
         assert np.all(arm.motors.paths() > 0.0)
@@ -184,7 +184,7 @@ def test_actual_robots_are_stable_over_the_posture_set(seed: int) -> None:
 
 
 @pytest.mark.parametrize("chosen", [(), (TendonStretch(1e-5),)], ids=["ideal", "stretch"])
-def test_a_wire_that_gives_in_the_middle_shifts_its_own_reading(
+def test_an_elongation_during_the_motion_shifts_only_its_own_reading(
     chosen: tuple[Departure, ...],
 ) -> None:
     scene = asset_path("mjcf/kengoro_arm/elbow.xml")
@@ -214,7 +214,7 @@ def test_a_wire_that_gives_in_the_middle_shifts_its_own_reading(
 
 
 def test_friction_follows_the_tension() -> None:
-    """Friction is constant + ratio * tension, wire by wire."""
+    """Friction is constant + ratio * tension, tendon by tendon."""
     scene = asset_path("mjcf/kengoro_arm/elbow.xml")
     arm = Robot(scene, (DryFriction(constant=2.0, ratio=0.1),))
     arm.reset(np.array([1.0]), np.random.default_rng(0))
@@ -224,8 +224,8 @@ def test_friction_follows_the_tension() -> None:
     assert np.allclose(loss, 2.0 + 0.1 * arm.tensions, rtol=0.02)
 
 
-def test_inertia_over_a_bone_needs_a_wire_that_stretches() -> None:
-    with pytest.raises(KengoroError, match=r"wire of .* wraps over a bone.*add TendonStretch"):
+def test_inertia_over_a_bone_needs_a_tendon_that_stretches() -> None:
+    with pytest.raises(KengoroError, match=r"tendon of .* wraps over a bone.*add TendonStretch"):
         Robot(ARM, (BoneWrapping(1.0), MotorInertia(1.0)))
 
 

@@ -49,7 +49,7 @@ IJ_HEIGHT = 1.297
 
 
 @pytest.fixture(scope="module")
-def drawing() -> NominalArm:
+def nominal() -> NominalArm:
     return NominalArm(asset_path(str(ARM)))
 
 
@@ -118,37 +118,37 @@ def test_every_joint_has_a_body_of_its_own(model: mujoco.MjModel) -> None:
     assert len(set(model.jnt_bodyid)) == model.njnt
 
 
-def test_wires_by_group(drawing: NominalArm) -> None:
-    """36 wires: 8 neck, 10 scapula, 10 shoulder, 8 forearm; the shoulder's map has 8 inputs."""
+def test_tendons_by_group(nominal: NominalArm) -> None:
+    """36 tendons: 8 neck, 10 scapula, 10 shoulder, 8 forearm; the shoulder's map has 8 inputs."""
     groups = list(GROUP_JOINTS)
     group_of_joint = [g for g, joints in enumerate(GROUP_JOINTS.values()) for _ in joints]
-    most_distal = [max(np.array(group_of_joint)[row]) for row in drawing.crosses]
+    most_distal = [max(np.array(group_of_joint)[row]) for row in nominal.crosses]
     counts = {group: most_distal.count(g) for g, group in enumerate(groups)}
     assert counts == {"neck": 8, "scapula": 10, "shoulder": 10, "forearm": 8}
-    shoulder = drawing.crosses[np.array(most_distal) == groups.index("shoulder")].any(axis=0)
-    inputs = [joint for joint, crossed in zip(drawing.joints, shoulder, strict=True) if crossed]
+    shoulder = nominal.crosses[np.array(most_distal) == groups.index("shoulder")].any(axis=0)
+    inputs = [joint for joint, crossed in zip(nominal.joints, shoulder, strict=True) if crossed]
     assert inputs == [*GROUP_JOINTS["scapula"], *GROUP_JOINTS["shoulder"]]
 
 
-def test_wires_of_the_elbow(drawing: NominalArm) -> None:
-    crossing = drawing.crosses[:, drawing.joints.index("elbow")]
-    names = {muscle for muscle, c in zip(drawing.muscles, crossing, strict=True) if c}
+def test_tendons_of_the_elbow(nominal: NominalArm) -> None:
+    crossing = nominal.crosses[:, nominal.joints.index("elbow")]
+    names = {muscle for muscle, c in zip(nominal.muscles, crossing, strict=True) if c}
     assert names == {"brachialis", "biceps", "triceps"}
 
 
-def test_the_arm_holds_itself_with_tensions_of_5_to_400_newtons(drawing: NominalArm) -> None:
+def test_the_arm_holds_itself_with_tensions_of_5_to_400_newtons(nominal: NominalArm) -> None:
     """At 99 % or more of 1000 random postures within the joint ranges."""
     rng = np.random.default_rng(0)
-    postures = rng.uniform(drawing.lower, drawing.upper, (1000, len(drawing.joints)))
+    postures = rng.uniform(nominal.lower, nominal.upper, (1000, len(nominal.joints)))
     held = [
-        least_tension(drawing.moment_arms(q), drawing.gravity(q), least=5.0, most=400.0) <= 400.0
+        least_tension(nominal.moment_arms(q), nominal.gravity(q), least=5.0, most=400.0) <= 400.0
         for q in postures
     ]
     assert np.mean(held) >= 0.99
 
 
 def wrapped_arms(seed: int) -> Callable[[Floats], Floats]:
-    """dl/dq (m, n) [m/rad] of a robot whose displaced wires wrap over its bones."""
+    """dl/dq (m, n) [m/rad] of a robot whose displaced tendons wrap over its bones."""
     departures = (AttachmentDisplacement(sigma=0.004, seed=seed), BoneWrapping(scale=1.0))
     robot = Robot(asset_path(str(ARM)), departures)
     model, data = robot.model, robot.data
@@ -176,19 +176,19 @@ def steps(arms: Callable[[Floats], Floats], line: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("joint", range(len(JOINTS)), ids=JOINTS)
-@pytest.mark.parametrize("robot", ["drawing", "wrapped"])
+@pytest.mark.parametrize("robot", ["nominal", "wrapped"])
 def test_moment_arms_are_continuous(
-    drawing: NominalArm, robot: str, joint: int, wrapped: Callable[[Floats], Floats]
+    nominal: NominalArm, robot: str, joint: int, wrapped: Callable[[Floats], Floats]
 ) -> None:
     """On a grid 16 times as fine dl/dq changes at least 4 times less from point to point.
 
-    A jump, as of a wire that snaps over a bone, stays as large as it is.
+    A jump, as of a tendon that snaps over a bone, stays as large as it is.
     """
-    arms = drawing.moment_arms if robot == "drawing" else wrapped
+    arms = nominal.moment_arms if robot == "nominal" else wrapped
     rng = np.random.default_rng(joint)
-    for base in rng.uniform(drawing.lower, drawing.upper, (3, len(JOINTS))):
+    for base in rng.uniform(nominal.lower, nominal.upper, (3, len(JOINTS))):
         line = np.repeat(base[None], 60 * 16 + 1, axis=0)
-        line[:, joint] = np.linspace(drawing.lower[joint], drawing.upper[joint], len(line))
+        line[:, joint] = np.linspace(nominal.lower[joint], nominal.upper[joint], len(line))
         fine, coarse = steps(arms, line), steps(arms, line[::16])
         assert np.all(fine < np.maximum(coarse / 4, 1e-6)), f"jump of {fine.max() * 1e3:.2f} mm/rad"
 

@@ -1,4 +1,4 @@
-"""The robot obeys muscle stiffness control, senses as its departures say, and names bad input."""
+"""Robot: muscle stiffness control, sensors with errors, and errors for invalid input."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from kengoro_env.departures import (
     ZeroPosture,
     actual,
 )
-from kengoro_env.errors import KengoroError
+from kengoro_env.errors import KengoroError, UnknownNameError
 from kengoro_env.names import JOINTS
 from kengoro_env.postures import posture_set
-from kengoro_env.robot.draft import Departure, UnknownNameError
-from kengoro_env.robot.motors import Gains
+from kengoro_env.robot.draft import Departure
+from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 from kengoro_env.robot.tendons import actuated_joints
@@ -38,16 +38,16 @@ def settle(robot: Robot, target: np.ndarray, steps: int = 100) -> None:
 
 @pytest.mark.parametrize("seed", [None, 1])
 @pytest.mark.parametrize(("scene", "joints"), [("can_grasp", JOINTS), ("elbow", ("elbow",))])
-def test_joints_are_those_that_wires_cross(
+def test_joints_are_those_that_tendons_cross(
     scene: str, joints: tuple[str, ...], seed: int | None
 ) -> None:
-    """Neither the can, nor fingers, nor spools."""
+    """Joints of the can, the fingers and the spools do not count."""
     path = asset_path(f"mjcf/kengoro_arm/{scene}.xml")
     assert Robot(path, () if seed is None else actual(seed)).joints == joints
     assert NominalArm(path).joints == joints
 
 
-def test_a_wire_within_one_body_crosses_nothing() -> None:
+def test_a_tendon_within_one_body_crosses_nothing() -> None:
     model = mujoco.MjModel.from_xml_string("""
     <mujoco><worldbody>
       <body><joint name="inner"/><geom size="0.1"/><site name="a"/><site name="b" pos="1 0 0"/>
@@ -85,14 +85,14 @@ def test_muscle_stiffness_control(departures: tuple[Departure, ...]) -> None:
         assert np.allclose(robot.tensions, np.minimum(pull, gains.limit), atol=0.05)
 
 
-def test_a_stretched_wire_is_path_minus_stretch() -> None:
+def test_a_stretched_tendon_is_path_minus_stretch() -> None:
     compliance, hardening = 1e-5, 4e6
     robot = Robot(ELBOW, (TendonStretch(compliance, hardening),))
     robot.reset(np.array([0.7]), np.random.default_rng(0))
     path = NominalArm(ELBOW)
     settle(robot, robot.lengths - 0.004, 300)
     tension = robot.tensions
-    # Root of T = x / compliance + hardening x^2; the wires were zeroed while they pulled T_bias.
+    # Root of T = x / compliance + hardening x^2; the tendons were zeroed while they pulled T_bias.
     stretch, zeroed = (
         (np.sqrt(1.0 / compliance**2 + 4 * hardening * t) - 1.0 / compliance) / (2 * hardening)
         for t in (tension, robot.motors.bias)
@@ -102,12 +102,12 @@ def test_a_stretched_wire_is_path_minus_stretch() -> None:
     assert np.allclose(robot.lengths, expected, rtol=0.0, atol=1e-6)
 
 
-def test_every_other_wire_may_stretch() -> None:
-    """Each obeys its stiffness control, and has the friction that its tension makes."""
+def test_every_other_tendon_may_stretch() -> None:
+    """Each follows its stiffness control, and has friction in proportion to its tension."""
     gains = Gains(stiffness=20_000.0, bias=20.0, limit=150.0)
     robot = Robot(ELBOW, (EveryOtherStretches(),), gains)
     robot.reset(np.array([1.0]), np.random.default_rng(0))
-    drawing = NominalArm(ELBOW)
+    nominal = NominalArm(ELBOW)
     target = robot.lengths - 0.002
     settle(robot, target, 300)
     tensions, lengths = robot.tensions, robot.lengths
@@ -122,7 +122,7 @@ def test_every_other_wire_may_stretch() -> None:
     assert np.allclose(tensions[::2], pull[::2], atol=1.1 * loss[1:].max())
     assert np.allclose(loss[1:], 0.1 * pull[::2], rtol=0.02)
     assert tensions[1] == pytest.approx(pull[1], abs=0.05)
-    straight = drawing.lengths(robot.joint_angles)[0]
+    straight = nominal.lengths(robot.joint_angles)[0]
     stretch = straight - lengths
     assert abs(stretch[1]) < 1e-9
     assert np.all(stretch[::2] > 1e-4)
@@ -133,11 +133,11 @@ def test_lengths_are_zero_at_the_posture_called_zero() -> None:
     robot = Robot(
         ARM, (ZeroPosture(shoulder=sigma, scapula=sigma, forearm=sigma, neck=sigma, seed=4),)
     )
-    drawn = NominalArm(ARM)
+    nominal = NominalArm(ARM)
     robot.reset(posture_set()[0], np.random.default_rng(0))
-    offset = drawn.lengths(posture_set()[0])[0] - robot.lengths
-    draws = np.array([robot._senses.zero_posture[joint] for joint in robot.joints])
-    assert np.allclose(offset, drawn.lengths(draws)[0], atol=1e-12)
+    offset = nominal.lengths(posture_set()[0])[0] - robot.lengths
+    draws = np.array([robot._sensor_errors.zero_posture[joint] for joint in robot.joints])
+    assert np.allclose(offset, nominal.lengths(draws)[0], atol=1e-12)
     assert np.abs(offset).max() > 0.003
 
 
@@ -170,18 +170,18 @@ def test_both_sensors_read_as_one_after_the_other(departures: tuple[Departure, .
     for robot in (at_once, in_turn):
         robot.reset(np.array([0.7]), np.random.default_rng(3))
     for _ in range(3):
-        lengths, tensions = at_once.sense(at_once.measure())
+        lengths, tensions = at_once.read_sensors(at_once.measure())
         assert np.array_equal(lengths, in_turn.measured_lengths())
         assert np.array_equal(tensions, in_turn.measured_tensions())
 
 
 def test_offsets_of_encoders_move_the_arm() -> None:
-    """The controller sees what the encoders read: it holds the reading, not the truth."""
+    """The controller holds the reading of the encoders, not the true length."""
     robot = Robot(ELBOW, (EncoderError(offset=0.003, seed=2),))
-    drawing = NominalArm(ELBOW)
+    nominal = NominalArm(ELBOW)
     robot.reset(np.array([1.0]), np.random.default_rng(0))
     robot.motors.set_stiffness(100_000.0, 20.0)
-    target = drawing.lengths(np.array([1.0]))[0]
+    target = nominal.lengths(np.array([1.0]))[0]
     settle(robot, target)
     pulls = robot.tensions > 21.0
     assert pulls.any()
@@ -196,7 +196,7 @@ def test_slack_metrics() -> None:
     assert np.all(robot.slack(target)[0] == 0.0)
     long = target + np.array([0.01, 0.0, 0.0])
     assert np.allclose(robot.slack(long)[1], [0.01, 0.0, 0.0], atol=1e-12)
-    # A wire that gives by 20 mm hangs loose until its motor has wound up what it gave.
+    # A tendon that is elongated by 20 mm is slack until its motor has wound up the elongation.
     robot.elongate("biceps", 0.02)
     mujoco.mj_forward(robot.model, robot.data)
     assert robot.slack(target)[0][0] > 0.015
@@ -204,9 +204,9 @@ def test_slack_metrics() -> None:
     assert np.all(robot.slack(target)[0][1:] == 0.0)
 
 
-@pytest.mark.parametrize("departures", [(), actual(2)], ids=["drawing", "actual"])
+@pytest.mark.parametrize("departures", [(), actual(2)], ids=["nominal", "actual"])
 def test_the_bits_are_those_of_mj_step_alone(departures: tuple[Departure, ...]) -> None:
-    """Also where somebody moves the robot by hand between two control periods."""
+    """Also if the state is changed between two control periods."""
     robot, plain = Robot(ELBOW, departures), Robot(ELBOW, departures)
     for one in (robot, plain):
         one.reset(np.array([1.0]), np.random.default_rng(0))
@@ -227,7 +227,7 @@ def test_the_bits_are_those_of_mj_step_alone(departures: tuple[Departure, ...]) 
 
 
 def test_the_elbow_alone_is_the_arms_elbow() -> None:
-    """elbow.xml repeats numbers of arm.xml: places, masses, wires and joint agree."""
+    """elbow.xml repeats numbers of arm.xml: positions, masses, tendons and joint agree."""
     arm, elbow = (mujoco.MjModel.from_xml_path(str(path)) for path in (ARM, ELBOW))
     whole, part = mujoco.MjData(arm), mujoco.MjData(elbow)
     hinge = arm.joint("elbow").qposadr[0]

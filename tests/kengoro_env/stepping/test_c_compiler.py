@@ -1,4 +1,4 @@
-"""The C code is compiled once, where that is possible; elsewhere the log says why not."""
+"""The C code is compiled once, if that is possible; otherwise the log gives the reason."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 import kengoro_env
-from kengoro_env.stepping import c_compiler, compiled_steps
+from kengoro_env.stepping import c_compiler, step_structures
 from kengoro_env.stepping.c_compiler import library, load
-from kengoro_env.stepping.control import Control
+from kengoro_env.stepping.numpy_steps import NumpySteps
 from kengoro_env.vision.quick_renderer import Canvas
 from tests.kengoro_env.environments import make
 
 
 def test_on_linux_a_compiler_is_enough() -> None:
-    """So that the other tests of compiled code are not left out for another reason."""
+    """The other tests of compiled code are skipped without it."""
     compiler = os.environ.get("CC", "cc")
     if sys.platform == "linux" and shutil.which(compiler) and c_compiler.SWITCH not in os.environ:
         assert library() is not None
@@ -34,21 +34,22 @@ def test_structures_are_as_large_as_in_c() -> None:
     found = library()
     if found is None:
         pytest.skip("there is no compiled code here")
-    assert found.size_of_step() == ctypes.sizeof(compiled_steps.Step)
+    assert found.size_of_step() == ctypes.sizeof(step_structures.Step)
 
 
 @pytest.mark.parametrize(
     ("structure", "file"),
     [
-        (compiled_steps.Step, "stepping/control_step.c"),
-        (compiled_steps.Friction, "stepping/control_step.c"),
+        (step_structures.Step, "stepping/control_step.c"),
+        (step_structures.Friction, "stepping/control_step.c"),
+        (step_structures.Fleet, "stepping/control_step.c"),
         (Canvas, "vision/scene.c"),
     ],
 )
 def test_structures_have_their_fields_in_the_order_of_c(
     structure: type[ctypes.Structure], file: str
 ) -> None:
-    """A field in another place of the same size is a pointer that leads anywhere."""
+    """Two fields of the same size in another order would be pointers to the wrong memory."""
     source = (Path(kengoro_env.__file__).parent / file).read_text("utf-8")
     source = re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL)
     found = re.search(rf"typedef struct {{([^}}]*)}} {structure.__name__};", source)
@@ -68,10 +69,10 @@ def _failing_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
 
 def _slow_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setenv("CC", "sh -c 'sleep 9'")
-    patch.setattr(c_compiler, "_PATIENCE", 0.05)
+    patch.setattr(c_compiler, "_TIMEOUT", 0.05)
 
 
-def _strange_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
+def _unparsable_compiler(patch: pytest.MonkeyPatch, folder: Path) -> None:
     patch.setenv("CC", "cc '-DQUOTE")
 
 
@@ -82,7 +83,7 @@ def _no_folder(patch: pytest.MonkeyPatch, folder: Path) -> None:
 
 def _hidden_folder(patch: pytest.MonkeyPatch, folder: Path) -> None:
     def refuse(path: Path) -> bool:
-        raise PermissionError(f"not allowed to look into {path}")
+        raise PermissionError(f"not allowed to read {path}")
 
     patch.setattr(Path, "is_file", refuse)
 
@@ -97,13 +98,13 @@ def _other_mujoco(patch: pytest.MonkeyPatch, folder: Path) -> None:
         (_no_compiler, "there is no C compiler 'a-compiler-that-is-not-there'"),
         (_failing_compiler, "false failed: no message"),
         (_slow_compiler, "sh took longer than 0.05 s"),
-        (_strange_compiler, "No closing quotation"),
+        (_unparsable_compiler, "No closing quotation"),
         (_no_folder, "exists"),
-        (_hidden_folder, "not allowed to look into"),
-        (_other_mujoco, "does not have the one library of MuJoCo"),
+        (_hidden_folder, "not allowed to read"),
+        (_other_mujoco, "must hold one library of MuJoCo, found 0"),
     ],
 )
-def test_without_compiled_code_numpy_does_it_and_the_log_says_why(
+def test_without_compiled_code_numpy_computes_it_and_the_log_has_the_reason(
     obstacle: Callable[[pytest.MonkeyPatch, Path], None],
     reason: str,
     tmp_path: Path,
@@ -115,9 +116,9 @@ def test_without_compiled_code_numpy_does_it_and_the_log_says_why(
     monkeypatch.setattr(c_compiler, "user_cache_path", lambda name: folder)
     with monkeypatch.context() as patch:
         obstacle(patch, folder)
-        told = log_of_a_library()
-    assert "steps by NumPy and pictures of all there is" in told
-    assert reason in told
+        message = log_of_a_library()
+    assert "no compiled code, so that steps and images take longer" in message
+    assert reason in message
     assert not folder.is_dir() or not list(folder.iterdir())
 
 
@@ -129,7 +130,7 @@ def test_a_switch_leaves_it_to_numpy(
     assert "KENGORO_COMPILED is 0" in log_of_a_library()
 
 
-def test_somebody_without_a_home_folder_has_numpy(
+def test_without_a_home_folder_there_is_numpy(
     monkeypatch: pytest.MonkeyPatch, log_of_a_library: Callable[[], str]
 ) -> None:
     monkeypatch.setattr(c_compiler, "user_cache_path", _homeless)
@@ -141,7 +142,7 @@ def test_other_systems_have_numpy(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(sys, "platform", "darwin")
-        assert "tried on Linux only" in log_of_a_library()
+        assert "tested on Linux only" in log_of_a_library()
 
 
 def _homeless(name: str) -> Path:
@@ -152,19 +153,19 @@ def _homeless(name: str) -> Path:
 def log_of_a_library(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> Iterator[Callable[[], str]]:
-    """What the log says when there is no compiled code; environments step all the same."""
+    """Message in the log without compiled code; environments step nevertheless."""
     monkeypatch.delenv(c_compiler.SWITCH, raising=False)
 
-    def look() -> str:
+    def log() -> str:
         library.cache_clear()
         with caplog.at_level(logging.INFO, logger="kengoro_env"):
             assert library() is None
         return caplog.text
 
-    yield look
+    yield log
     env = make("Kengoro/Elbow-v0")
     library.cache_clear()
-    assert type(env._control) is Control
+    assert type(env._steps) is NumpySteps
     env.reset(seed=0)
     assert env.step(np.zeros(3, dtype=np.float32))[4]["time"] == pytest.approx(0.02)
 
@@ -193,7 +194,7 @@ def test_a_broken_file_in_the_cache_is_compiled_again(tmp_path: Path) -> None:
     broken = tmp_path / "broken" / made.name
     broken.parent.mkdir()
     broken.write_bytes(b"not a library")
-    assert load(broken.parent).size_of_step() == ctypes.sizeof(compiled_steps.Step)
+    assert load(broken.parent).size_of_step() == ctypes.sizeof(step_structures.Step)
     assert broken.stat().st_size == made.stat().st_size
 
 
@@ -204,4 +205,4 @@ def test_a_compiler_may_warn_in_any_bytes(tmp_path: Path, monkeypatch: pytest.Mo
     compiler.write_text("#!/bin/sh\nprintf 'Gr\\374\\337e' >&2\nexec cc \"$@\"\n")
     compiler.chmod(0o755)
     monkeypatch.setenv("CC", str(compiler))
-    assert load(tmp_path / "cache").size_of_step() == ctypes.sizeof(compiled_steps.Step)
+    assert load(tmp_path / "cache").size_of_step() == ctypes.sizeof(step_structures.Step)

@@ -1,4 +1,4 @@
-"""The grasp is physical: the hand alone on a soft rig, then the whole drawn arm, lift the can."""
+"""The grasp is physical: the hand on a soft rig lifts the can, and so does the nominal arm."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from kengoro_env.assets import asset_path
 from kengoro_env.names import FINGER_JOINTS, JOINTS
 from kengoro_env.postures import RANGES_DEG
 from kengoro_env.robot.fingers import FINGERS, add_fingers
-from kengoro_env.robot.motors import Gains
+from kengoro_env.robot.model_file import load_spec
+from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.nominal_model import NominalArm
-from kengoro_env.robot.robot import Robot, load_spec
-from kengoro_env.stepping.lift_monitor import LIFT_TIME, LiftMonitor, TrackedObject
+from kengoro_env.robot.robot import Robot
+from kengoro_env.stepping.tracked_object import TrackedObject
+from kengoro_env.tasks.lift_monitor import LIFT_TIME, LiftMonitor
 from kengoro_env.types import Floats
 
 SCENE = asset_path("mjcf/kengoro_arm/can_grasp.xml")
@@ -34,7 +36,7 @@ RIG = ("x", "y", "z", "roll", "pitch", "yaw")
 
 @pytest.fixture(scope="module")
 def rig() -> mujoco.MjModel:
-    """The can's scene with the hand on six springs in place of the robot: 700 N/m, 12 N m/rad."""
+    """The can's scene with the hand on six springs instead of the robot: 700 N/m, 12 N m/rad."""
     scene, arm = load_spec(SCENE), load_spec(ARM)
     for spec in (scene, arm):
         for tendon in list(spec.tendons):
@@ -80,9 +82,9 @@ def grasp(
     data = mujoco.MjData(rig)
     mujoco.mj_forward(rig, data)
     grip = data.site("grip").xpos.copy()
-    place = data.body("can").xpos.copy()
+    stands = data.body("can").xpos.copy()
     turn = np.radians(tilt)
-    goal = place + error + [0.0, 0.0, ABOVE] - Rotation.from_euler("XYZ", turn).apply(grip)
+    goal = stands + error + [0.0, 0.0, ABOVE] - Rotation.from_euler("XYZ", turn).apply(grip)
     away = 0.12 * np.array([-STAND_OFF[2], STAND_OFF[1], 0.0])
     first = rig.joint("x").qposadr[0]
     springs = rig.qpos_spring
@@ -90,7 +92,7 @@ def grasp(
     data.qpos[first : first + 6] = [*(goal + away), *turn]
     mujoco.mj_forward(rig, data)
     can = TrackedObject(rig, "can")
-    monitor = LiftMonitor(can.look(data), data.time)
+    monitor = LiftMonitor(can.observe(data), data.time)
     for step in range(round(4.4 / STEP)):
         time = step * STEP
         rise = np.interp(time, [2.2, 3.0], [0.0, 0.08])
@@ -98,7 +100,7 @@ def grasp(
         data.ctrl[rig.actuator(FINGERS).id] = -1.0 if time < 1.2 else close
         mujoco.mj_step(rig, data)
         if step % 10 == 9:
-            monitor.update(can.look(data), data.time)
+            monitor.update(can.observe(data), data.time)
     return monitor, data
 
 
@@ -192,7 +194,7 @@ def test_fingers_follow_their_command(rig: mujoco.MjModel) -> None:
     assert 0.3 < quarter < half - 0.3 < fist - 0.6
 
 
-# --- who lifted it? ------------------------------------------------------------------------------
+# --- what lifts it? ------------------------------------------------------------------------------
 
 
 def carried(body: str, tilt: float = 0.0, seconds: float = 1.5) -> LiftMonitor:
@@ -217,14 +219,14 @@ def carried(body: str, tilt: float = 0.0, seconds: float = 1.5) -> LiftMonitor:
         mujoco.mj_forward(model, data)
     data.time = 10.0
     can = TrackedObject(model, "can")
-    monitor = LiftMonitor(can.look(data), data.time)
+    monitor = LiftMonitor(can.observe(data), data.time)
     data.joint("can").qpos[2] += 0.05
     data.joint("can").qpos[3:] = pose
     mujoco.mj_forward(model, data)
-    assert bool(can.look(data).touched) == bool(body)
+    assert bool(can.observe(data).touched) == bool(body)
     for _ in range(round(seconds / 0.02)):
         data.time += 0.02
-        monitor.update(can.look(data), data.time)
+        monitor.update(can.observe(data), data.time)
     return monitor
 
 
@@ -249,11 +251,11 @@ def test_carried_by_anything_else_does_not_count(body: str) -> None:
     assert not monitor.lifted
 
 
-# --- the whole arm, as drawn ---------------------------------------------------------------------
+# --- the whole nominal arm -----------------------------------------------------------------------
 
 
 class Reach:
-    """Postures by least squares on the drawing: the hand's thumb up, the grip point at a place."""
+    """Postures by least squares on the nominal model: thumb up, grip point at a position."""
 
     def __init__(self) -> None:
         self.model = mujoco.MjModel.from_xml_path(str(SCENE))
@@ -286,9 +288,9 @@ def reach() -> Reach:
     return Reach()
 
 
-@pytest.mark.parametrize("place", [(0.30, -0.30), (0.32, 0.0), (0.40, -0.15), (0.46, -0.28)])
-def test_the_drawn_arm_lifts_the_can(reach: Reach, place: tuple[float, float]) -> None:
-    can = np.array([*place, CAN_HEIGHT])
+@pytest.mark.parametrize("standing", [(0.30, -0.30), (0.32, 0.0), (0.40, -0.15), (0.46, -0.28)])
+def test_the_nominal_arm_lifts_the_can(reach: Reach, standing: tuple[float, float]) -> None:
+    can = np.array([*standing, CAN_HEIGHT])
     grip = can + np.array([0.0, 0.0, ABOVE])
     at = reach(grip, (reach.low + reach.high) / 2)
     position, turn = reach.hand(at)
@@ -299,17 +301,17 @@ def test_the_drawn_arm_lifts_the_can(reach: Reach, place: tuple[float, float]) -
 
     robot = Robot(SCENE, gains=Gains(40_000.0, 30.0))
     robot.reset(before, np.random.default_rng(0))
-    robot.data.joint("can").qpos[:2] = place
+    robot.data.joint("can").qpos[:2] = standing
     mujoco.mj_forward(robot.model, robot.data)
-    thing = TrackedObject(robot.model, "can")
-    monitor = LiftMonitor(thing.look(robot.data), robot.time)
-    drawing = NominalArm(SCENE)
+    tracked = TrackedObject(robot.model, "can")
+    monitor = LiftMonitor(tracked.observe(robot.data), robot.time)
+    nominal = NominalArm(SCENE)
     path = np.array([before, before, half, at, at, at, up, up])
     for time in np.arange(0.0, 7.5, robot.control_period):
         keys = [0.0, 1.0, 2.0, 3.0, 3.4, 4.2, 5.8, 7.5]
         posture = np.array([np.interp(time, keys, angles) for angles in path.T])
         robot.close_fingers(-1.0 if time < 3.4 else 1.0)
-        robot.step(drawing.lengths(posture)[0])
-        monitor.update(thing.look(robot.data), robot.time)
+        robot.step(nominal.lengths(posture)[0])
+        monitor.update(tracked.observe(robot.data), robot.time)
     assert monitor.lifted
     assert robot.tensions.max() < 300.0

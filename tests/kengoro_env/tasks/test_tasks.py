@@ -1,4 +1,4 @@
-"""What each task asks for: when it is fulfilled, what it rewards, and what ends it."""
+"""Tasks: success, reward and end of an episode."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_fingers_close() -> None:
     assert angle[1.0] - angle[-1.0] > np.radians(30)
 
 
-def test_the_can_stands_where_it_is_told() -> None:
+def test_the_can_stands_at_the_position_of_the_option() -> None:
     env = make("Kengoro/CanGrasp-v0", camera=False)
     observation, info = env.reset(seed=0, options={"can": (0.5, -0.2)})
     assert np.allclose(info["can_pose"][:2, 3], (0.5, -0.2))
@@ -72,7 +72,7 @@ def test_a_can_off_the_table_ends_the_episode() -> None:
         *_, terminated, _, info = env.step(action)
         steps += 1
     assert terminated
-    assert steps * 0.02 > FALLEN_TIME  # until then somebody may put it back
+    assert steps * 0.02 > FALLEN_TIME  # until then it may be put back
     assert info["reason"] == "the can fell off the table"
     assert info["success"] is False
 
@@ -110,8 +110,8 @@ def test_lifting_is_rewarded() -> None:
     rewards = []
     for near in (False, True):
         if near:
-            place = env.robot.data.site("grip").xpos
-            env.robot.data.joint("can").qpos[:3] = place - [0.0, 0.0, 0.05]
+            grip = env.robot.data.site("grip").xpos
+            env.robot.data.joint("can").qpos[:3] = grip - [0.0, 0.0, 0.05]
             env.robot.data.joint("can").qvel[:] = 0.0
             mujoco.mj_forward(env.robot.model, env.robot.data)
         rewards.append(env.step(action)[1])

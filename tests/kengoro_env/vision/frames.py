@@ -1,4 +1,4 @@
-"""Pictures of models at rest, and words of MJCF for some."""
+"""Images of models at rest, and parts of their MJCF."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BALL = '<geom size="0.1" pos="0.1 0.2 {}" rgba="1 0 0 {}"/>'
 
 
 def painted(model: mujoco.MjModel, camera: str, width: int = WIDTH, height: int = HEIGHT) -> Image:
-    """What a camera of a model sees, (height, width, 3) uint8."""
+    """Image of a camera of a model (height, width, 3) uint8."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     painter = Painter(model, width, height)
@@ -26,7 +26,7 @@ def painted(model: mujoco.MjModel, camera: str, width: int = WIDTH, height: int 
 
 
 def slow_painter(model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT) -> Painter:
-    """A painter that draws all there is; it has drawn once."""
+    """A painter that renders all geoms, after its first image."""
     painter, data = Painter(model, width, height), mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     with pytest.MonkeyPatch.context() as patch:
@@ -37,7 +37,7 @@ def slow_painter(model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT
 
 
 def assert_same(model: mujoco.MjModel, width: int = WIDTH, height: int = HEIGHT) -> None:
-    """A model's camera called eye sees the same when all is drawn."""
+    """The camera "eye" of a model has the same image when all geoms are rendered."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     full = slow_painter(model, width, height)

@@ -1,4 +1,4 @@
-"""The head's camera keeps its own time, and hands frames out late."""
+"""The camera in the head exposes at its own rate; its frames arrive with a delay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What of a scene is drawn, and what is left out."""
+"""Which geoms of a scene are rendered, and which are left out."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ pytestmark = pytest.mark.skipif(library() is None, reason="there is no compiled 
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bool]]:
-    """Of each picture that is drawn: how many geoms but a piece of floor, and whether the sky."""
+def rendered(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bool]]:
+    """Number of geoms without a piece of floor, and whether the sky is rendered, of each image."""
     noted = list[tuple[int, bool]]()
     draw = mujoco.mjr_render
 
@@ -43,21 +43,21 @@ LENS = 'pos="0 0 1" resolution="640 480" sensorsize="0.008 0.002" focal="0.002 0
 NARROW = '<geom type="plane" size="1.2 1.2 1"/>'  # the picture is 2 m high and 2.7 m wide there
 BESIDE = '<geom size="0.1" pos="{} {} 0.5"/>'
 CORNER = '<geom size="0.01" pos="{} {} 0.5"/>'
-PLACES = [((2 * i - 7) / 12, (2 * j - 5) / 12) for j in range(6) for i in range(8)]
-LOW_LEFT, ALL_BUT_LAST = PLACES[0], PLACES[:-1]
+POSITIONS = [((2 * i - 7) / 12, (2 * j - 5) / 12) for j in range(6) for i in range(8)]
+LOW_LEFT, ALL_BUT_LAST = POSITIONS[0], POSITIONS[:-1]
 AROUND = '<geom type="ellipsoid" size="{}" pos="{}"/>'
 
 
 @pytest.mark.parametrize(
     ("assets", "world", "camera", "geoms", "sky"),
     [
-        # A floor that fills the picture, below all else, is not drawn, and hides the sky.
+        # A floor that fills the picture, below all else, is not rendered, and hides the sky.
         (FLAT, WIDE, DOWN, 0, False),
         (FLAT, WIDE + BALL.format(0.3, 1), DOWN, 1, False),
         (GRADED, WIDE + BALL.format(0.3, 1), DOWN, 1, False),
         (FLAT, WIDE, LENS, 0, False),
         (FLAT, '<geom type="plane" size="90 90 1" pos="0 0 -14"/>', DOWN, 0, False),
-        # It is drawn where something is below it, or shines through, or has not one colour.
+        # It is rendered where something is below it, or shines through, or has not one colour.
         (FLAT, WIDE + BALL.format(0.05, 1), DOWN, 2, False),
         (FLAT, WIDE + BALL.format(-0.3, 1), DOWN, 2, False),
         (FLAT, WIDE + '<geom type="capsule" size="0.1 0.3" pos="0 0 0.35"/>', DOWN, 2, False),
@@ -68,7 +68,7 @@ AROUND = '<geom type="ellipsoid" size="{}" pos="{}"/>'
         (FLAT, BALL.format(0.3, 1) + WIDE, DOWN, 2, False),
         (FLAT, WIDE + WIDE, DOWN, 2, False),
         (FLAT, WIDE + '<light pos="0 0 2" specular="0 0 0" type="point"/>', DOWN, 1, False),
-        # It is no matter what light is mirrored by who mirrors none.
+        # Highlights of a light do not matter for a plane without highlights.
         (
             '<material name="dull" specular="0"/>',
             '<geom type="plane" size="3 3 1" material="dull"/>'
@@ -80,11 +80,11 @@ AROUND = '<geom type="ellipsoid" size="{}" pos="{}"/>'
         (FLAT, WIDE + BESIDE.format(LOW_LEFT[0] + 0.125, LOW_LEFT[1]), DOWN, 1, False),
         (FLAT, WIDE + "".join(CORNER.format(*at) for at in ALL_BUT_LAST), DOWN, 47, False),
         (FLAT, WIDE + '<geom type="box" size="1 1 0.01" pos="0 0 0.4"/>', DOWN, 2, False),
-        # A sky of one colour is not drawn.
+        # A sky of one colour is not rendered.
         (FLAT, NARROW, DOWN, 1, False),
         ("", NARROW, DOWN, 1, False),
         (FLAT, BALL.format(0.3, 1), DOWN, 1, False),
-        # It is drawn where it has more than one (rgb2 is below), or something shines through.
+        # It is rendered where it has more than one (rgb2 is below), or something shines through.
         (GRADED, NARROW, DOWN, 1, True),
         (GRADED, WIDE, DOWN + ' euler="70 0 0"', 1, True),
         (FLAT, NARROW + BALL.format(0.3, 0.5), DOWN, 2, True),
@@ -115,8 +115,8 @@ AROUND = '<geom type="ellipsoid" size="{}" pos="{}"/>'
         (FLAT, WIDE + AROUND.format("0.1 0.2 0.3", "0.09 0.05 1"), DOWN, 2, False),
     ],
 )
-def test_what_is_drawn(
-    assets: str, world: str, camera: str, geoms: int, sky: bool, drawn: list[tuple[int, bool]]
+def test_only_visible_geoms_are_rendered(
+    assets: str, world: str, camera: str, geoms: int, sky: bool, rendered: list[tuple[int, bool]]
 ) -> None:
     model = mujoco.MjModel.from_xml_string(
         "<mujoco><statistic extent='1'/><visual><headlight specular='0 0 0'/></visual>"
@@ -126,29 +126,29 @@ def test_what_is_drawn(
     painter, data = Painter(model), mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for _ in range(2):
-        painter.draw(data, "eye")  # the first picture is drawn in full, too
+        painter.draw(data, "eye")  # the first picture is rendered in full, too
     assert isinstance(painter._renderer, QuickRenderer)
     assert not painter._renderer._differs
     painter.close()
-    assert drawn[-1] == (geoms, sky)
+    assert rendered[-1] == (geoms, sky)
     assert_same(model)
 
 
-def test_a_wire_beside_the_picture_is_not_drawn(drawn: list[tuple[int, bool]]) -> None:
+def test_a_tendon_outside_of_the_image_is_not_rendered(rendered: list[tuple[int, bool]]) -> None:
     hidden = 'group="4"'
     sites = "".join(f'<site name="{i}" pos="{2 * i - 2} 0 0.5" {hidden}/>' for i in range(6))
     tendon = "".join(f'<site site="{i}"/>' for i in range(6))
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{sites}<camera name='eye' {DOWN}/></worldbody>"
-        f"<tendon><spatial name='wire'>{tendon}</spatial></tendon></mujoco>"
+        f"<tendon><spatial name='tendon'>{tendon}</spatial></tendon></mujoco>"
     )
     painted(model, "eye")
-    assert drawn[-2] == (2, False)  # of five parts, those that begin or end in the middle
+    assert rendered[-2] == (2, False)  # of five parts, those that begin or end in the middle
     assert_same(model)
 
 
-def test_what_somebody_adds_is_not_hidden_by_the_background(
-    drawn: list[tuple[int, bool]],
+def test_added_geoms_are_not_hidden_by_the_background(
+    rendered: list[tuple[int, bool]],
 ) -> None:
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><worldbody>{WIDE}<camera name='eye' {DOWN}/></worldbody></mujoco>"
@@ -167,7 +167,7 @@ def test_what_somebody_adds_is_not_hidden_by_the_background(
     for decoration in (None, None, decorate):
         pictures = [each.draw(data, "eye", decoration) for each in (painter, full)]
         assert np.array_equal(*pictures)
-    assert drawn[-2] == (2, False)
+    assert rendered[-2] == (2, False)
     for each in (painter, full):
         each.close()
 
@@ -177,8 +177,8 @@ FLEX = (
 )
 
 
-def test_no_background_is_filled_in_where_geoms_do_not_tell_all(
-    drawn: list[tuple[int, bool]],
+def test_no_background_is_filled_in_for_skins_flexes_and_alpha(
+    rendered: list[tuple[int, bool]],
 ) -> None:
     cloth, glass = (
         mujoco.MjSpec.from_string(
@@ -189,10 +189,10 @@ def test_no_background_is_filled_in_where_geoms_do_not_tell_all(
     texture = glass.add_texture(name="glass", type=mujoco.mjtTexture.mjTEXTURE_2D)
     texture.width, texture.height, texture.nchannel, texture.data = 2, 2, 4, bytes(16)
     for model in (cloth.compile(), glass.compile()):
-        drawn.clear()
+        rendered.clear()
         painter, data = Painter(model), mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         for _ in range(2):
             painter.draw(data, "eye")
         painter.close()
-        assert len(drawn) == 4  # two by two renderers at the opening, and each picture once
+        assert len(rendered) == 4  # two by two renderers at the opening, and each picture once

@@ -1,4 +1,4 @@
-"""Pictures from which is left out what nobody sees are, pixel by pixel, those of all there is."""
+"""Images without the invisible geoms have the pixels of images with all geoms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(library() is None, reason="there is no compiled 
 
 @pytest.mark.parametrize("stretches", [False, True])
 @pytest.mark.parametrize("scene", ["posture", "can_grasp", "elbow"])
-def test_a_robot_looks_the_same(scene: str, stretches: bool) -> None:
+def test_a_robot_has_the_same_pixels(scene: str, stretches: bool) -> None:
     departures = (TendonStretch(1e-5),) if stretches else ()
     model = Robot(asset_path(f"mjcf/kengoro_arm/{scene}.xml"), departures).model
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
@@ -59,7 +59,7 @@ LENSES: list[dict[str, Any]] = [
 
 
 def scattered(rng: np.random.Generator, lens: dict[str, Any]) -> mujoco.MjSpec:
-    """Things of all kinds around a camera that looks down to a floor, some of them below it."""
+    """Geoms of all types around a camera above a floor, some of them below it."""
     spec = mujoco.MjSpec()
     spec.stat.extent = 2.0
     spec.visual.headlight.specular = [0, 0, 0]
@@ -91,13 +91,13 @@ def scattered(rng: np.random.Generator, lens: dict[str, Any]) -> mujoco.MjSpec:
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=["wide", "narrow", "shifted", "orthographic"])
-def test_things_look_the_same_wherever_they_are(lens: dict[str, Any]) -> None:
+def test_geoms_have_the_same_pixels_in_every_position(lens: dict[str, Any]) -> None:
     rng = np.random.default_rng(0)
     for i in range(10):
         assert_same(scattered(rng, lens).compile(), *((131, 90) if i % 2 else (WIDTH, HEIGHT)))
 
 
-def _tell_another_colour(patch: pytest.MonkeyPatch) -> None:
+def _return_another_colour(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(QuickRenderer, "_colour", lambda self, behind: 0x0000FF)
 
 
@@ -110,7 +110,7 @@ def _read_nothing(patch: pytest.MonkeyPatch) -> None:
     )
 
 
-@pytest.mark.parametrize("break_driver", [_tell_another_colour, _read_nothing])
+@pytest.mark.parametrize("break_driver", [_return_another_colour, _read_nothing])
 def test_mujoco_draws_all_where_pictures_differ(
     break_driver: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,8 +146,8 @@ def test_painters_draw_in_turns() -> None:
     )
     quick, small, full = Painter(model), Painter(model, 64, 48), slow_painter(model)
     data = mujoco.MjData(model)
-    for place in (0.2, 0.4, 0.6):
-        model.geom_pos[1, :2] = place
+    for position in (0.2, 0.4, 0.6):
+        model.geom_pos[1, :2] = position
         mujoco.mj_forward(model, data)
         pictures = [painter.draw(data, "eye") for painter in (quick, full, small)]
         assert np.array_equal(pictures[0], pictures[1])

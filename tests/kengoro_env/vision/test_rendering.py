@@ -1,4 +1,4 @@
-"""Pictures are drawn without a display and without a variable set; if not, a sentence says why."""
+"""Images are rendered without a display and without MUJOCO_GL; else an error gives the reason."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ import pytest
 
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import TendonStretch
+from kengoro_env.errors import RenderingError
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot
 from kengoro_env.vision import gl_backend, rendering
-from kengoro_env.vision.rendering import Painter, RenderingError
+from kengoro_env.vision.rendering import Painter
 from tests.kengoro_env.vision.frames import painted
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -56,7 +57,7 @@ def test_draws_headless_without_any_variable(before: str) -> None:
 
 @pytest.mark.parametrize("chosen", ["osmesa", "glfw", "disable"])
 def test_a_backend_that_does_not_work_here_is_a_sentence(chosen: str) -> None:
-    if chosen == "osmesa" and gl_backend.is_there("osmesa"):
+    if chosen == "osmesa" and gl_backend.is_installed("osmesa"):
         pytest.skip("OSMesa works here")
     program = "try:\n  " + DRAW.replace("\n", "\n  ") + "\nexcept Exception as e: print(e)"
     done = python(program, MUJOCO_GL=chosen)
@@ -66,7 +67,7 @@ def test_a_backend_that_does_not_work_here_is_a_sentence(chosen: str) -> None:
     assert done.stdout.count("\n") == 1
 
 
-def test_no_library_at_all_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_without_a_library_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gl_backend, "candidates", lambda: ())
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
@@ -91,7 +92,7 @@ def test_order_of_backends(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setattr(gl_backend, "is_there", lambda backend: backend in libraries)
+    monkeypatch.setattr(gl_backend, "is_installed", lambda backend: backend in libraries)
     for name in ("DISPLAY", "MUJOCO_GL"):
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
@@ -105,7 +106,7 @@ def test_what_a_user_chose_stays() -> None:
     assert python(program, DISPLAY=":7").stdout.strip() == "None"
 
 
-def test_wound_up_wire_is_not_drawn() -> None:
+def test_the_part_of_a_tendon_on_its_spool_is_not_rendered() -> None:
     pictures = []
     for departures in ((), (TendonStretch(1e-5),)):
         robot = Robot(SCENE, departures)
@@ -114,7 +115,7 @@ def test_wound_up_wire_is_not_drawn() -> None:
         pictures.append(painter.draw(robot.data, "outside").astype(int))
         painter.close()
     differ = np.abs(pictures[0] - pictures[1]).max(axis=2) > 40
-    assert differ.mean() < 2e-4  # with the spools' ends drawn, 1.4 % differ
+    assert differ.mean() < 2e-4  # with the parts on the spools rendered, 1.4 % differ
 
 
 def test_shadows_are_left_out() -> None:
@@ -132,8 +133,8 @@ def test_shadows_are_left_out() -> None:
     painter.close()
 
 
-def drawn_in_full(robot: Robot, camera: str, tendons: bool = True) -> np.ndarray:
-    """What MuJoCo draws at our quality, without shadows and reflections."""
+def rendered_in_full(robot: Robot, camera: str, tendons: bool = True) -> np.ndarray:
+    """MuJoCo's own image at our quality, without shadows and reflections."""
     renderer, shown = rendering.open_renderer(robot.model), mujoco.MjvOption()
     shown.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = tendons
     renderer.update_scene(robot.data, camera, shown)
@@ -146,18 +147,18 @@ def drawn_in_full(robot: Robot, camera: str, tendons: bool = True) -> np.ndarray
 
 @pytest.mark.parametrize("camera", ["eye", "outside"])
 @pytest.mark.parametrize("scene", ["posture", "can_grasp"])
-def test_floor_and_wires_look_as_mujoco_draws_them(scene: str, camera: str) -> None:
+def test_floor_and_tendons_have_the_pixels_of_mujoco(scene: str, camera: str) -> None:
     robot = Robot(asset_path(f"mjcf/kengoro_arm/{scene}.xml"))
     robot.reset(posture_set()[0], np.random.default_rng(0))
     painter = Painter(robot.model)
     picture = painter.draw(robot.data, camera)
     painter.close()
-    full = drawn_in_full(robot, camera).astype(int)
+    full = rendered_in_full(robot, camera).astype(int)
     boxes, without_tendons = (
         np.abs(other - full).max(axis=2)
-        for other in (picture, drawn_in_full(robot, camera, tendons=False))
+        for other in (picture, rendered_in_full(robot, camera, tendons=False))
     )
-    # Wires alone differ, by their shading; without the floor half of the pixels would.
+    # Tendons alone differ, by their shading; without the floor half of the pixels would.
     assert np.mean(boxes > 10) < 0.01
     # They are where MuJoCo draws them.
     assert np.mean(boxes > 60) < 0.5 * np.mean(without_tendons > 60)
@@ -173,8 +174,8 @@ SKY = """
 
 def test_a_plane_hides_from_above_what_is_behind_it() -> None:
     above, below = (
-        painted(mujoco.MjModel.from_xml_string(SKY.format(f'pos="{place}" fovy="90"')), "eye")
-        for place in ("0 0 1", '0 0 -1" euler="180 0 0')
+        painted(mujoco.MjModel.from_xml_string(SKY.format(f'pos="{pose}" fovy="90"')), "eye")
+        for pose in ("0 0 1", '0 0 -1" euler="180 0 0')
     )
     red, _, blue = above[240, 320].astype(int)
     assert red == blue

@@ -1,4 +1,4 @@
-"""Causes of where things are, what they weigh and how they are read: what they do to a model."""
+"""Causes that change poses, masses and readings: their effects on a model."""
 
 from __future__ import annotations
 
@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reality_gap.causes import cause
+from reality_gap.causes import find_cause
 from reality_gap.causes.base import Location, Record
-from reality_gap.simulation.hypothesis import Candidate, Plant, build
-from reality_gap.study.data import Channel, Episode, Reading, Study
-from reality_gap.study.system import System, look_at
+from reality_gap.simulation.hypothesis import Plant, build
+from reality_gap.study.system import System
 from reality_gap.types import Floats
-
-ASSETS = Path(__file__).parents[3] / "assets" / "mjcf" / "kengoro_arm"
+from tests.reality_gap.causes.plants import at, plant_with, system_of
 
 CRANE = """
 <mujoco>
@@ -64,20 +62,6 @@ CRANE = """
 """
 
 
-def system_of(path: Path) -> System:
-    """A machine all of whose sensors are measured."""
-    model = mujoco.MjModel.from_xml_path(str(path))
-    time = np.array([0.0, 1.0])
-    channels = tuple(
-        Channel(f"{model.sensor(s).name}_{i}", model.sensor(s).name, i)
-        for s in range(model.nsensor)
-        for i in range(int(model.sensor(s).dim[0]))
-    )
-    readings = tuple(Reading(time, np.zeros(2)) for _ in channels)
-    episode = Episode("still", time, np.zeros((2, model.nu)), readings)
-    return look_at(Study("test", path, channels, (episode,)))
-
-
 @pytest.fixture(scope="module")
 def crane(tmp_path_factory: pytest.TempPathFactory) -> System:
     path = tmp_path_factory.mktemp("crane") / "crane.xml"
@@ -85,60 +69,14 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> System:
     return system_of(path)
 
 
-def robot(folder: Path, name: str) -> System:
-    """A drawing of the arm with a length servo on every wire."""
-    spec = mujoco.MjSpec.from_file(str(ASSETS / f"{name}.xml"))
-    spec.compiler.texturedir = str(ASSETS / "textures")
-    for tendon in spec.tendons:
-        servo = spec.add_actuator(name=tendon.name, target=tendon.name)
-        servo.trntype = mujoco.mjtTrn.mjTRN_TENDON
-        servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        servo.gainprm[0], servo.biasprm[:2] = 2e4, [-20.0, -2e4]
-        sensor = spec.add_sensor(
-            name=f"length_{tendon.name}", type=mujoco.mjtSensor.mjSENS_TENDONPOS
-        )
-        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, tendon.name
-    spec.compile()
-    path = folder / f"{name}.xml"
-    path.write_text(spec.to_xml())
-    return system_of(path)
-
-
-@pytest.fixture(scope="module")
-def elbow(tmp_path_factory: pytest.TempPathFactory) -> System:
-    return robot(tmp_path_factory.mktemp("elbow"), "elbow")
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> System:
-    return robot(tmp_path_factory.mktemp("arm"), "arm")
-
-
-def plant_with(system: System, id: str, location: Location, **values: float) -> Plant:
-    """The machine with one cause, its other parameters null."""
-    candidate = Candidate(cause(id), location, cause(id).parameters(system, location))
-    unknown = set(values) - set(candidate.nulls())
-    assert not unknown, unknown
-    return build(system, [(candidate, candidate.nulls() | values)])
-
-
 def only(system: System, id: str, note: str | None = None) -> Location:
-    """The one place of a cause, with a note if given."""
-    (found,) = (p for p in cause(id).locations(system) if note is None or p.note == note)
+    """The only location of a cause, or the only one with this note."""
+    (found,) = (p for p in find_cause(id).locations(system) if note is None or p.note == note)
     return found
 
 
-def at(model: mujoco.MjModel, **joints: float) -> mujoco.MjData:
-    """Everything computed at a posture."""
-    data = mujoco.MjData(model)
-    for name, position in joints.items():
-        data.joint(name).qpos = position
-    mujoco.mj_forward(model, data)
-    return data
-
-
 def read(plant: Plant, sensor: str, **joints: float) -> Floats:
-    """What a sensor reads at a posture, effects included."""
+    """Readings of a sensor at a posture, including effects."""
     model = plant.spec.compile()
     data = at(model, **joints)
     record = Record(
@@ -151,8 +89,8 @@ def read(plant: Plant, sensor: str, **joints: float) -> Floats:
         qvel=data.qvel[None],
         model=model,
     )
-    for sense in plant.effects.readings:
-        sense(record)
+    for effect in plant.effects.readings:
+        effect(record)
     start = record.column(sensor)
     return record.sensors[0, start : start + int(model.sensor(sensor).dim[0])]
 
@@ -162,33 +100,33 @@ def test_a_shift_adds_to_the_numbers_of_the_file(crane: System) -> None:
     model = plant.spec.compile()
     assert plant.spec.site("hook_0").pos == pytest.approx([0.0, 0.12, 0.06])
     assert model.site("hook_0").pos - crane.model.site("hook_0").pos == pytest.approx([-0.02, 0, 0])
-    every = only(crane, "attachment_shift", "every wire")
+    every = only(crane, "attachment_shift", "every tendon")
     group = plant_with(crane, "attachment_shift", every, **{"hook_0.y": 0.02}).spec.compile()
     assert np.array_equal(group.site_pos, model.site_pos)
 
 
 @pytest.mark.parametrize("angle", [-0.3, 0.0, 0.5])
-def test_a_servo_sees_what_its_encoder_reads(crane: System, angle: float) -> None:
+def test_a_servo_feeds_back_what_its_encoder_reads(crane: System, angle: float) -> None:
     wrong = [
         ("length_scale", Location("tendon", ("rope",)), {"scale": 0.1}),
-        ("joint_offset", Location("joint", ("luff",), "zero of its wires"), {"offset": 0.1}),
+        ("joint_offset", Location("joint", ("luff",), "zero of its tendons"), {"offset": 0.1}),
     ]
     for id, location, values in wrong:
         plant = plant_with(crane, id, location, **values)
         excess = float(
             read(plant, "length", luff=angle)[0] - at(crane.model, luff=angle).ten_length[0]
         )
-        seen = at(plant.spec.compile(), luff=angle).actuator_force[0]
-        drawn = at(crane.model, luff=angle).actuator_force[0]
-        assert seen - drawn == pytest.approx(-500 * -2 * excess, abs=1e-9)
+        found = at(plant.spec.compile(), luff=angle).actuator_force[0]
+        nominal = at(crane.model, luff=angle).actuator_force[0]
+        assert found - nominal == pytest.approx(-500 * -2 * excess, abs=1e-9)
         if id == "length_scale":
             tendon = crane.tendon("rope")
             travel = at(crane.model, luff=angle).ten_length[0] - tendon.length0
             assert excess == pytest.approx(0.1 * travel)
 
 
-def test_wires_zeroed_at_a_wrong_angle_read_as_at_another(crane: System) -> None:
-    location = Location("joint", ("luff",), "zero of its wires")
+def test_tendons_zeroed_at_a_wrong_angle_read_as_at_another(crane: System) -> None:
+    location = Location("joint", ("luff",), "zero of its tendons")
     plant = plant_with(crane, "joint_offset", location, offset=0.1)
     short_of_zero = at(crane.model, luff=-0.1).ten_length[0]
     assert read(plant, "length", luff=-0.1)[0] == pytest.approx(crane.tendon("rope").length0)
@@ -199,30 +137,30 @@ def test_wires_zeroed_at_a_wrong_angle_read_as_at_another(crane: System) -> None
     assert read(own, "angle", luff=0.2)[0] == pytest.approx(0.3)
 
 
-def test_every_joint_is_each_joint_at_once(arm: System) -> None:
+def test_the_group_of_all_joints_offsets_each_joint_alike(arm: System) -> None:
     every = only(arm, "joint_offset", "every joint")
     assert len(every.elements) == 14
     group = plant_with(arm, "joint_offset", every, elbow=0.1).spec.compile()
-    location = Location("joint", ("elbow",), "zero of its wires")
+    location = Location("joint", ("elbow",), "zero of its tendons")
     alone = plant_with(arm, "joint_offset", location, offset=0.1).spec.compile()
     assert np.array_equal(group.actuator_biasprm, alone.actuator_biasprm)
 
 
-def test_more_pull_is_positive_whatever_the_sensor(crane: System) -> None:
+def test_an_offset_of_tension_has_the_sign_of_the_sensor(crane: System) -> None:
     location = only(crane, "tension_offset")
-    drawn, offset = build(crane, []), plant_with(crane, "tension_offset", location, offset=5.0)
-    assert read(offset, "own_force") - read(drawn, "own_force") == pytest.approx(5.0)
-    assert read(offset, "rope_force") - read(drawn, "rope_force") == pytest.approx(-5.0)
+    nominal, offset = build(crane, []), plant_with(crane, "tension_offset", location, offset=5.0)
+    assert read(offset, "own_force") - read(nominal, "own_force") == pytest.approx(5.0)
+    assert read(offset, "rope_force") - read(nominal, "rope_force") == pytest.approx(-5.0)
     scaled = plant_with(crane, "tension_scale", location, scale=0.5)
-    assert read(scaled, "rope_force") == pytest.approx(1.5 * read(drawn, "rope_force"))
+    assert read(scaled, "rope_force") == pytest.approx(1.5 * read(nominal, "rope_force"))
 
 
 @pytest.mark.parametrize("compiler", ["", '<compiler inertiafromgeom="true"/>'])
-def test_a_heavier_link_turns_about_the_same_centre(tmp_path: Path, compiler: str) -> None:
+def test_a_heavier_link_keeps_its_centre_of_mass(tmp_path: Path, compiler: str) -> None:
     path = tmp_path / "crane.xml"
     path.write_text(CRANE.replace("<mujoco>", f"<mujoco>{compiler}"))
     system = system_of(path)
-    drawn = at(system.model)
+    nominal = at(system.model)
     rigid = float(system.model.body("jib").mass[0] + system.model.body("tip").mass[0])
     link = Location("body", ("jib",))
     model = plant_with(system, "link_mass", link, mass=0.3 * rigid).spec.compile()
@@ -231,9 +169,9 @@ def test_a_heavier_link_turns_about_the_same_centre(tmp_path: Path, compiler: st
     for name in ("jib", "tip"):
         assert model.body(name).mass == pytest.approx(1.3 * system.model.body(name).mass)
         assert model.body(name).inertia == pytest.approx(1.3 * system.model.body(name).inertia)
-        assert found.body(name).xipos == pytest.approx(drawn.body(name).xipos)
+        assert found.body(name).xipos == pytest.approx(nominal.body(name).xipos)
     moved = plant_with(system, "centre_of_mass", Location("body", ("jib",)), x=0.01).spec.compile()
-    assert centre(at(moved), moved) - centre(drawn, system.model) == pytest.approx([0.01, 0, 0])
+    assert centre(at(moved), moved) - centre(nominal, system.model) == pytest.approx([0.01, 0, 0])
     assert moved.body_mass == pytest.approx(system.model.body_mass)
 
 
@@ -253,9 +191,11 @@ def centre(data: mujoco.MjData, model: mujoco.MjModel) -> Floats:
     return np.average(data.xipos[bodies], axis=0, weights=model.body_mass[bodies])
 
 
-def test_links_are_what_moves_as_one(crane: System, elbow: System, arm: System) -> None:
+def test_links_consist_of_bodies_that_move_as_one(
+    crane: System, elbow: System, arm: System
+) -> None:
     def locations(id: str, system: System) -> list[str]:
-        return [str(p) for p in cause(id).locations(system)]
+        return [str(p) for p in find_cause(id).locations(system)]
 
     assert locations("link_mass", crane) == ["jib", "jib (alone)", "tip (alone)", "tassel"]
     assert locations("link_mass", elbow) == [
@@ -269,11 +209,11 @@ def test_links_are_what_moves_as_one(crane: System, elbow: System, arm: System) 
 
 
 def test_a_payload_hangs_in_the_hand(tmp_path: Path, crane: System, arm: System) -> None:
-    assert [str(p) for p in cause("payload").locations(arm)] == [
+    assert [str(p) for p in find_cause("payload").locations(arm)] == [
         "head (at eye_site)",
         "hand (at grip)",
     ]
-    assert [str(p) for p in cause("payload").locations(crane)] == ["tip (at lamp)"]
+    assert [str(p) for p in find_cause("payload").locations(crane)] == ["tip (at lamp)"]
     spec = plant_with(arm, "payload", Location("body", ("hand",), "at grip"), mass=0.5).spec
     spec.compile()
     again = mujoco.MjModel.from_xml_string(spec.to_xml())
@@ -288,7 +228,7 @@ def test_a_tilt_turns_gravity_and_keeps_its_size(crane: System) -> None:
     assert model.opt.gravity == pytest.approx(9.81 * np.array([0, np.sin(0.1), -np.cos(0.1)]))
 
 
-def test_a_camera_that_moves_sees_the_opposite(crane: System) -> None:
+def test_a_displaced_camera_measures_the_inverse_displacement(crane: System) -> None:
     turn = np.array([0.0, 0.1, 0.05])
     values = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (0.01, 0.02, -0.03, *turn), strict=True))
     plant = plant_with(crane, "camera_mounting", Location("camera", ("eye",)), **values)
@@ -300,13 +240,13 @@ def test_a_camera_that_moves_sees_the_opposite(crane: System) -> None:
 
 
 def test_a_marker_moves_in_its_own_axes(crane: System) -> None:
-    drawn = at(crane.model, luff=0.2)
+    nominal = at(crane.model, luff=0.2)
     plant = plant_with(crane, "marker_offset", Location("site", ("lamp",)), z=0.01, rx=0.2)
     moved = at(plant.spec.compile(), luff=0.2).site("lamp")
-    axes = drawn.site("lamp").xmat.reshape(3, 3)
-    assert moved.xpos == pytest.approx(drawn.site("lamp").xpos + 0.01 * axes[:, 2])
+    axes = nominal.site("lamp").xmat.reshape(3, 3)
+    assert moved.xpos == pytest.approx(nominal.site("lamp").xpos + 0.01 * axes[:, 2])
     turned = axes @ Rotation.from_rotvec([0.2, 0, 0]).as_matrix()
     assert moved.xmat.reshape(3, 3) == pytest.approx(turned)
     tip = plant_with(crane, "marker_offset", Location("body", ("tip",)), x=0.01)
-    along = drawn.body("tip").xmat.reshape(3, 3)[:, 0]
-    assert read(tip, "tip_seen", luff=0.2) == pytest.approx(drawn.body("tip").xpos + 0.01 * along)
+    along = nominal.body("tip").xmat.reshape(3, 3)[:, 0]
+    assert read(tip, "tip_seen", luff=0.2) == pytest.approx(nominal.body("tip").xpos + 0.01 * along)

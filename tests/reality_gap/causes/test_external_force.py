@@ -1,4 +1,4 @@
-"""A push that comes once in a log, or in each of its episodes."""
+"""External force: once in a log, or in each episode."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from reality_gap.simulation.replay import replay
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 from reality_gap.types import Floats
 
 START, DURATION = 1.0, 0.5
 
 
 def moved(study: Study, note: str, start: float) -> list[Floats]:
-    """Times since their episode's begin [s] of the readings that a push changes, by episode."""
+    """Times of the readings that a push changes, in each episode [s]."""
     with Replayer(study, 1) as replayer:
         location = next(p for p in CAUSE.locations(replayer.system) if p.note == note)
         push = Candidate(CAUSE, location, CAUSE.parameters(replayer.system, location))
@@ -33,21 +33,21 @@ def moved(study: Study, note: str, start: float) -> list[Floats]:
         ]
 
 
-def test_a_push_in_each_episode_comes_at_the_same_time_of_all(lever_study: Study) -> None:
+def test_a_push_in_each_episode_begins_at_the_same_time_of_each(lever_study: Study) -> None:
     assert len(lever_study.episodes) == 2
 
     for times in moved(lever_study, EACH, START):
         assert times.min() == pytest.approx(START, abs=0.15)
 
 
-def test_a_push_that_comes_once_is_in_one_episode(lever_study: Study) -> None:
+def test_a_single_push_is_in_one_episode(lever_study: Study) -> None:
     first, second = moved(lever_study, "", lever_study.episodes[0].duration + START)
 
     assert len(first) == 0
     assert second.min() == pytest.approx(START, abs=0.15)
 
 
-def test_a_push_at_the_end_of_an_episode_is_none_at_the_begin_of_the_next(
+def test_a_push_at_the_end_of_an_episode_does_not_continue_in_the_next(
     lever_study: Study,
 ) -> None:
     late = lever_study.episodes[0].duration - 0.2
@@ -56,15 +56,15 @@ def test_a_push_at_the_end_of_an_episode_is_none_at_the_begin_of_the_next(
         assert times.min() > late - 0.15
 
 
-def test_a_log_of_one_episode_knows_one_kind_only(lever_study: Study) -> None:
+def test_a_log_of_one_episode_has_one_kind_of_location(lever_study: Study) -> None:
     short = replace(lever_study, episodes=lever_study.episodes[:1])
 
-    assert [p.note for p in CAUSE.locations(look_at(short))] == [""]
+    assert [p.note for p in CAUSE.locations(compile_system(short))] == [""]
 
 
 @pytest.mark.parametrize("note", ["", EACH])
-def test_a_push_by_the_clock_does_in_c_what_its_hook_does(lever_study: Study, note: str) -> None:
-    system = look_at(lever_study)
+def test_a_push_in_c_equals_its_hook(lever_study: Study, note: str) -> None:
+    system = compile_system(lever_study)
     location = next(p for p in CAUSE.locations(system) if p.note == note)
     values = {"x": 3.0, "y": -2.0, "z": 1.0, "start": START, "duration": DURATION}
     push = Candidate(CAUSE, location, CAUSE.parameters(system, location))
@@ -73,7 +73,7 @@ def test_a_push_by_the_clock_does_in_c_what_its_hook_does(lever_study: Study, no
         plant = build(system, push)
         hooks = plant.effects.hooks
         assert all(h.wrenches is not None for h in hooks)
-        stop = START + 0.5 * DURATION  # in the middle of the push: none of the rest is replayed
+        stop = START + 0.5 * DURATION  # in the middle of the push
         hooks[:] = [replace(h, end=min(stop, h.end)) for h in hooks]
         if not in_c:
             hooks[:] = [replace(h, wrenches=None) for h in hooks]

@@ -1,4 +1,4 @@
-"""Friction by direction, of a car on a rail that a wire is tied to."""
+"""Direction-dependent friction, on a cart on a rail that is tied to a tendon."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import lugre
 from reality_gap.simulation.episode import Task, compile_with_probes, simulate
-from reality_gap.simulation.hypothesis import Candidate, Plant, acts_beside, build
+from reality_gap.simulation.hypothesis import Candidate, Plant, build, has_effects
 from reality_gap.study.system import System
 from reality_gap.types import Floats
-from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_TENDON, car, ramp
+from tests.reality_gap.simulation.cart import BEND, DAMPING, ON_RAIL, ON_TENDON, cart_system, ramp
 
 
 def by_direction(system: System, location: Location) -> Plant:
-    """The car with friction of 6 N forward and 2 N backward, and none of its own."""
+    """The cart with friction of 6 N forward and 2 N backward, and none of its own."""
     cause = CATALOGUE["direction_dependent_friction"]
     candidate = Candidate(cause, location, cause.parameters(system, location))
-    values = candidate.nulls() | {"forward": 6.0, "backward": 2.0}
-    if lugre.possible(system):
+    values = candidate.null_values() | {"forward": 6.0, "backward": 2.0}
+    if lugre.is_available(system):
         values["presliding"] = BEND
     plant = build(system, [(candidate, values)])
     plant.spec.joint("rail").frictionloss -= 0.5
@@ -41,8 +41,8 @@ def driven(plant: Plant, load: Floats) -> Floats:
 def test_each_direction_has_its_friction(
     tmp_path: Path, location: Location, sensors: tuple[str, ...], load: float, left: float
 ) -> None:
-    plant = by_direction(car(tmp_path, *sensors), location)
-    assert bool(plant.effects.hooks) is bool(sensors)  # else MuJoCo alone runs it
+    plant = by_direction(cart_system(tmp_path, *sensors), location)
+    assert bool(plant.effects.hooks) is bool(sensors)  # without hooks, MuJoCo runs the episode in C
 
     found = driven(plant, np.full(1500, load))
 
@@ -50,11 +50,11 @@ def test_each_direction_has_its_friction(
 
 
 @pytest.mark.parametrize("location", [ON_TENDON, ON_RAIL])
-def test_at_rest_it_holds_as_in_the_direction_that_it_came(
+def test_at_rest_it_holds_with_the_friction_of_the_last_direction(
     tmp_path: Path, location: Location
 ) -> None:
-    """The car slides, and comes to rest under a load."""
-    system = car(tmp_path)
+    """The cart slides, and comes to rest under a load."""
+    system = cart_system(tmp_path)
 
     def position(*corners: float) -> Floats:
         return driven(by_direction(system, location), ramp(*corners))
@@ -71,21 +71,21 @@ def test_at_rest_it_holds_as_in_the_direction_that_it_came(
 def test_at_rest_half_the_difference_pushes_on_the_bristles(
     tmp_path: Path, location: Location, load: float
 ) -> None:
-    """6 N forward and 2 N backward are 4 N of bristles, and 2 N that push backward."""
-    found = driven(by_direction(car(tmp_path), location), ramp(2.0, load, load))
+    """6 N forward and 2 N backward are friction of 4 N and a constant force of 2 N backward."""
+    found = driven(by_direction(cart_system(tmp_path), location), ramp(2.0, load, load))
 
     bent = BEND * np.log(1.0 - (2.0 - load) / 4.0)
     assert found[-1] == pytest.approx(bent, rel=0.05, abs=0.02 * BEND)
 
 
-def test_on_a_wire_mujoco_alone_expresses_it(tmp_path: Path) -> None:
+def test_on_a_tendon_it_needs_no_hook(tmp_path: Path) -> None:
     cause = CATALOGUE["direction_dependent_friction"]
-    system = car(tmp_path)
+    system = cart_system(tmp_path)
 
-    def beside(location: Location) -> bool:
+    def needs_hook(location: Location) -> bool:
         candidate = Candidate(cause, location, cause.parameters(system, location))
         values = {p.name: p.null + p.scale for p in candidate.parameters}
-        return acts_beside(system, candidate, values | {"backward": 0.0, "backward_viscous": 0.0})
+        return has_effects(system, candidate, values | {"backward": 0.0, "backward_viscous": 0.0})
 
-    assert not beside(ON_TENDON)
-    assert beside(ON_RAIL)  # viscous friction by direction needs a hook
+    assert not needs_hook(ON_TENDON)
+    assert needs_hook(ON_RAIL)  # viscous friction by direction needs a hook

@@ -1,21 +1,16 @@
-"""Wires that are drawn straight and run over something: on a crane, the elbow and the arm."""
+"""Missing wrapping and its obstacles, on a crane, the elbow and the arm."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import mujoco
 import numpy as np
 import pytest
 
-from reality_gap.causes import cause
+from reality_gap.causes import find_cause
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import obstacles, tendon_paths
-from reality_gap.simulation.hypothesis import Candidate, Plant, build
-from reality_gap.study.data import Channel, Episode, Reading, Study
-from reality_gap.study.system import System, look_at
-
-ASSETS = Path(__file__).parents[3] / "assets" / "mjcf" / "kengoro_arm"
+from reality_gap.simulation.hypothesis import Candidate, build
+from reality_gap.study.system import System
+from tests.reality_gap.causes.plants import at, plant_with, system_of
 
 CRANE = """
 <mujoco>
@@ -44,20 +39,6 @@ CRANE = """
 """
 
 
-def system_of(path: Path) -> System:
-    """A machine all of whose sensors are measured."""
-    model = mujoco.MjModel.from_xml_path(str(path))
-    time = np.array([0.0, 1.0])
-    channels = tuple(
-        Channel(f"{model.sensor(s).name}_{i}", model.sensor(s).name, i)
-        for s in range(model.nsensor)
-        for i in range(int(model.sensor(s).dim[0]))
-    )
-    readings = tuple(Reading(time, np.zeros(2)) for _ in channels)
-    episode = Episode("still", time, np.zeros((2, model.nu)), readings)
-    return look_at(Study("test", path, channels, (episode,)))
-
-
 @pytest.fixture(scope="module")
 def crane(tmp_path_factory: pytest.TempPathFactory) -> System:
     path = tmp_path_factory.mktemp("crane") / "crane.xml"
@@ -65,71 +46,25 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> System:
     return system_of(path)
 
 
-def robot(folder: Path, name: str) -> System:
-    """A drawing of the arm with a length servo on every wire."""
-    spec = mujoco.MjSpec.from_file(str(ASSETS / f"{name}.xml"))
-    spec.compiler.texturedir = str(ASSETS / "textures")
-    for tendon in spec.tendons:
-        servo = spec.add_actuator(name=tendon.name, target=tendon.name)
-        servo.trntype = mujoco.mjtTrn.mjTRN_TENDON
-        servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        servo.gainprm[0], servo.biasprm[:2] = 2e4, [-20.0, -2e4]
-        sensor = spec.add_sensor(
-            name=f"length_{tendon.name}", type=mujoco.mjtSensor.mjSENS_TENDONPOS
-        )
-        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, tendon.name
-    spec.compile()
-    path = folder / f"{name}.xml"
-    path.write_text(spec.to_xml())
-    return system_of(path)
-
-
-@pytest.fixture(scope="module")
-def elbow(tmp_path_factory: pytest.TempPathFactory) -> System:
-    return robot(tmp_path_factory.mktemp("elbow"), "elbow")
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> System:
-    return robot(tmp_path_factory.mktemp("arm"), "arm")
-
-
-def plant_with(system: System, id: str, location: Location, **values: float) -> Plant:
-    """The machine with one cause, its other parameters null."""
-    candidate = Candidate(cause(id), location, cause(id).parameters(system, location))
-    unknown = set(values) - set(candidate.nulls())
-    assert not unknown, unknown
-    return build(system, [(candidate, candidate.nulls() | values)])
-
-
-def at(model: mujoco.MjModel, **joints: float) -> mujoco.MjData:
-    """Everything computed at a posture."""
-    data = mujoco.MjData(model)
-    for name, position in joints.items():
-        data.joint(name).qpos = position
-    mujoco.mj_forward(model, data)
-    return data
-
-
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_a_wrap_lifts_the_wire_and_never_snaps(elbow: System, share: float) -> None:
-    locations = cause("missing_wrapping").locations(elbow)
+def test_a_wrap_lengthens_the_tendon_continuously(elbow: System, share: float) -> None:
+    locations = find_cause("missing_wrapping").locations(elbow)
     assert {location.elements[0] for location in locations} == {"biceps", "brachialis", "triceps"}
     for location, it in zip(locations, obstacles.obstacles(elbow), strict=True):
         radius = it.touching + share * (it.largest - it.touching) + 1e-6
         model = plant_with(elbow, "missing_wrapping", location, radius=radius).spec.compile()
         angles = np.linspace(0.0, np.deg2rad(120), 150)
-        straight, laid = (
+        straight, wrapped = (
             np.array([at(m, elbow=q).tendon(location.elements[0]).length[0] for q in angles])
             for m in (elbow.model, model)
         )
-        assert np.all(laid > straight - 1e-12)
-        assert np.max(laid - straight) > 1e-4 * share
-        assert np.max(np.abs(np.diff(laid - straight))) < 5e-4
+        assert np.all(wrapped > straight - 1e-12)
+        assert np.max(wrapped - straight) > 1e-4 * share
+        assert np.max(np.abs(np.diff(wrapped - straight))) < 5e-4
 
 
-def test_wraps_of_the_whole_arm_compile_together_and_keep_its_names(arm: System) -> None:
-    wrapping = cause("missing_wrapping")
+def test_all_wraps_of_the_arm_compile_together_and_keep_the_names(arm: System) -> None:
+    wrapping = find_cause("missing_wrapping")
     parts = []
     for location in wrapping.locations(arm):
         candidate = Candidate(wrapping, location, wrapping.parameters(arm, location))
@@ -141,14 +76,16 @@ def test_wraps_of_the_whole_arm_compile_together_and_keep_its_names(arm: System)
         assert model.tendon(int(model.sensor_objid[i])).name == arm.model.actuator(i).name
 
 
-def test_a_wire_laid_anew_is_the_same_wire(crane: System) -> None:
+def test_a_tendon_with_a_new_path_keeps_its_attributes(crane: System) -> None:
     spec = crane.study.spec()
     before = [line for line in spec.to_xml().splitlines() if "geom=" not in line]
     spec.tendon("rope").armature = 0.0
-    tendon_paths.go_round(spec, "rope", ("hook_0", "hook_1"), "knuckle", "")
-    tendon_paths.go_round(spec, "rope", ("hook_0", "hook_1"), "knuckle", "")  # nothing: it is taken
+    tendon_paths.wrap_around(spec, "rope", ("hook_0", "hook_1"), "knuckle", "")
+    tendon_paths.wrap_around(
+        spec, "rope", ("hook_0", "hook_1"), "knuckle", ""
+    )  # nothing: it is taken
     spec.compile()
-    assert [stop.target.name for stop in spec.tendon("rope").path] == [
+    assert [element.target.name for element in spec.tendon("rope").path] == [
         "hook_0",
         "knuckle",
         "hook_1",
@@ -157,7 +94,7 @@ def test_a_wire_laid_anew_is_the_same_wire(crane: System) -> None:
     assert sorted(after) == sorted(line.replace(' armature="0.5"', "") for line in before)
 
 
-def test_bones_count_as_obstacles_where_a_wire_passes_them_often(crane: System) -> None:
+def test_bones_that_a_tendon_often_passes_are_obstacles(crane: System) -> None:
     found = {it.over.name: it for it in obstacles.obstacles(crane)}
     assert set(found) == {"luff", "knuckle"}, "the drum is the same as the axis of luff"
     assert found["knuckle"].over.shape == "sphere"
@@ -165,16 +102,16 @@ def test_bones_count_as_obstacles_where_a_wire_passes_them_often(crane: System) 
         assert 0.0 < it.touching < it.typical < it.largest
 
 
-def test_what_a_wire_passes_on_either_side_is_no_obstacle(arm: System) -> None:
+def test_a_body_that_a_tendon_passes_on_both_sides_is_no_obstacle(arm: System) -> None:
     found = {(it.tendon, it.over.name) for it in obstacles.obstacles(arm)}
     assert ("biceps", "elbow") in found
     assert ("rhomb", "sc_roll") not in found
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
-def test_a_wrapped_wire_is_two_tangents_and_an_arc(crane: System, share: float) -> None:
+def test_a_wrapped_tendon_is_two_tangents_and_an_arc(crane: System, share: float) -> None:
     location = Location("tendon", ("rope",), "from hook_0 to hook_1 over joint luff")
-    (parameter,) = cause("missing_wrapping").parameters(crane, location)
+    (parameter,) = find_cause("missing_wrapping").parameters(crane, location)
     radius = parameter.low + share * (parameter.high - parameter.low)
     model = plant_with(crane, "missing_wrapping", location, radius=radius).spec.compile()
     start, end = np.array([-0.1, 0.06]), np.array([0.2, 0.03])

@@ -1,4 +1,4 @@
-"""What is added to a model is the same whatever defaults the model has."""
+"""New elements do not depend on the default classes of the model."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ OTHER = """
 <site type="box" size="0.3" group="2" rgba="1 0 0 1"/>
 """
 INHERITED = ("actuator_acc0", "geom_bodyid", "site_bodyid")
-"""Of these, the first depends on the masses of bodies, and the others are no attributes."""
+"""The first depends on the masses of bodies, and the others are not attributes."""
 
 
-def model_with(defaults: str, child: bool) -> mujoco.MjSpec:
-    """A bar on a hinge under some defaults, of the model or of a class that its body names."""
-    name, body = ("<default class='own'>", "childclass='own'") if child else ("", "")
-    end = "</default>" if child else ""
+def model_with(defaults: str, own_class: bool) -> mujoco.MjSpec:
+    """A bar on a hinge with defaults of the model or of a class that its body names."""
+    name, body = ("<default class='own'>", "childclass='own'") if own_class else ("", "")
+    end = "</default>" if own_class else ""
     return mujoco.MjSpec.from_string(
         f"""<mujoco><default>{name}{defaults}{end}</default><worldbody>
         <body name="bar" {body}><joint name="hinge" axis="0 1 0"/>
@@ -37,7 +37,7 @@ def model_with(defaults: str, child: bool) -> mujoco.MjSpec:
 
 
 def extended(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """The same with one new element of each kind."""
+    """The model with new elements of each kind."""
     hinge = mujoco.mjtTrn.mjTRN_JOINT
     add_actuator(spec, name="motor", trntype=hinge, target="hinge")
     brake = add_actuator(spec, name="brake", trntype=hinge, target="hinge")
@@ -62,13 +62,13 @@ def as_written(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(spec.to_xml())
 
 
-@pytest.mark.parametrize("child", [False, True], ids=["model", "childclass"])
+@pytest.mark.parametrize("own_class", [False, True], ids=["model", "childclass"])
 @pytest.mark.parametrize("build", [as_compiled, as_written])
 def test_new_elements_inherit_nothing(
-    build: Callable[[mujoco.MjSpec], mujoco.MjModel], child: bool
+    build: Callable[[mujoco.MjSpec], mujoco.MjModel], own_class: bool
 ) -> None:
     plain = build(extended(model_with("", False)))
-    other = build(extended(model_with(OTHER, child)))
+    other = build(extended(model_with(OTHER, own_class)))
     for kind, new in (("actuator", 2), ("geom", 1), ("site", 1)):
         for name in (n for n in dir(plain) if n.startswith(f"{kind}_") and n not in INHERITED):
             value = getattr(plain, name)
@@ -76,7 +76,7 @@ def test_new_elements_inherit_nothing(
                 np.testing.assert_array_equal(getattr(other, name)[-new:], value[-new:], name)
 
 
-def test_a_brake_pulls_no_more_than_its_force_whatever_the_model_says() -> None:
+def test_friction_is_not_limited_by_the_defaults_of_the_model() -> None:
     model = extended(model_with(OTHER, False)).compile()
     data = mujoco.MjData(model)
     for _ in range(100):

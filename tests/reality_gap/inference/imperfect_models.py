@@ -1,4 +1,4 @@
-"""A machine that stands still, whose sensor errs as causes say, and its suspects."""
+"""Models of a machine at rest whose sensor has the errors that candidates describe."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.forward_selection import Search, Settings, revise, search
-from reality_gap.inference.gauss_newton import Fit, fit
-from reality_gap.inference.likelihood import noise_model
-from reality_gap.inference.refinement import try_next
+from reality_gap.inference.gauss_newton import Fit, fit, null_fit
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.ranking import Ranked, rank
+from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import screen
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
-from reality_gap.study.splits import CHOOSE, split
+from reality_gap.study.splits import SELECT, split
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -36,7 +38,7 @@ STILL = """
 """
 TIME = np.arange(0.0, 8.0, 0.01)
 SHAPES = np.random.default_rng(0).standard_normal((len(TIME), 6))
-"""Errors over time that have nothing to do with each other."""
+"""Uncorrelated errors over time."""
 
 
 def proportional(size: float) -> float:
@@ -52,16 +54,16 @@ def candidate(
     sticky: bool = False,
     afar: tuple[float, ...] = (),
 ) -> Candidate:
-    """A cause that adds ``answer(size)`` times a shape (n,) to what the sensor reads."""
+    """Return a candidate that adds ``answer(size)`` times a shape (n,) to the readings."""
 
     def attach(effects: Effects, system: System, location: Location, values: Values) -> None:
-        def sense(record: Record) -> None:
+        def add(record: Record) -> None:
             column = record.column("position")
             record.sensors[:, column] += answer(values["size"]) * np.interp(
                 record.time, TIME, shape
             )
 
-        effects.readings.append(sense)
+        effects.readings.append(add)
 
     cause = Cause(id, "", "", lambda s: (), lambda s, p: (), None, attach, sticky=sticky)
     size = Parameter("size", "1", 1.0, 0, low, 100.0, hints=SearchHints(far_starts=afar))
@@ -69,15 +71,15 @@ def candidate(
 
 
 def formed(usual: float) -> Candidate:
-    """A cause of the first of `SHAPES` and ``form``, as a rule ``usual``, times the second."""
+    """Return a candidate that adds the first of `SHAPES`, and the second times ``form``."""
 
     def attach(effects: Effects, system: System, location: Location, values: Values) -> None:
-        def sense(record: Record) -> None:
+        def add(record: Record) -> None:
             shape = SHAPES[:, 0] + values["form"] * SHAPES[:, 1]
             error = values["size"] * np.interp(record.time, TIME, shape)
             record.sensors[:, record.column("position")] += error
 
-        effects.readings.append(sense)
+        effects.readings.append(add)
 
     plain = candidate("formed", SHAPES[:, 0])
     form = Parameter("form", "1", 1.0, 0, -100.0, 100.0, null=usual, hints=SearchHints(shape=True))
@@ -86,12 +88,17 @@ def formed(usual: float) -> Candidate:
 
 
 class Case:
-    """A study, whom it suspects, and what a search is given.
+    """A study with candidates.
 
     Args:
-        folder: for the model.
-        error: (n,) what the sensor errs by, in units of its noise, beside the noise.
-        chosen: whom to suspect.
+        folder: where the model is written.
+        error: error of the sensor beside its noise, in units of the noise, shape (n,).
+        chosen: the candidates.
+
+    Attributes:
+        null: residual of the nominal model, shape (n,).
+        sensitivities: of all candidates.
+        problem: the problem, without tolerances and inflation.
     """
 
     def __init__(self, folder: Path, error: Floats, chosen: Sequence[Candidate]) -> None:
@@ -102,38 +109,43 @@ class Case:
         episode = Episode("only", np.zeros(1), np.zeros((1, 0)), (Reading(TIME, value),))
         self.replayer = Replayer(Study("still", path, (channel,), (episode,)))
         self.null = self.replayer.residual([])
-        self.tolerances = np.zeros((len(TIME), 0))
-        self.found = screen(self.replayer, chosen, [], self.null)
-        self.rule = noise_model(self.replayer.measured, self.null, self.tolerances)
+        self.sensitivities = screen(self.replayer, chosen, self.null)
+        self.problem = self.problem_with(np.zeros((len(TIME), 0)))
+
+    def problem_with(self, tolerances: Floats) -> Problem:
+        """Return the problem with tolerances (n, p)."""
+        noise_model = independent_noise(self.replayer.measured, tolerances)
+        return Problem(self.replayer, self.null, noise_model)
+
+    def rank(self, base: Fit | None = None) -> list[Ranked]:
+        return rank(self.problem, self.sensitivities, base or null_fit(self.problem))
 
     def next(self, base: Fit | None = None, refits: int = 8) -> tuple[Fit, ...]:
-        return try_next(self.replayer, self.found, self.rule, base, refits)
+        return fit_next(self.problem, self.sensitivities, base or null_fit(self.problem), refits)
 
     def search(self, settings: Settings | None = None) -> Search:
         chosen = Settings() if settings is None else settings
-        found = search(self.replayer, self.found, self.null, self.tolerances, chosen)
-        return revise(self.replayer, found, chosen)
+        return revise(search(self.problem, self.sensitivities, chosen), chosen)
 
     def fit(self, *chosen: Candidate) -> Fit:
-        """From the null, with differences."""
-        start = [(one, one.nulls()) for one in chosen]
-        return fit(self.replayer, start, self.rule.learn, self.null)
+        """Fit candidates from the null, with finite differences."""
+        return fit(self.problem, [(one, one.null_values()) for one in chosen])
 
     @property
     def learned(self) -> NDArray[np.bool_]:
-        """(n,) which readings are not kept for the report."""
-        return split(self.replayer.measured) <= CHOOSE
+        """Which readings are not in the report split, shape (n,)."""
+        return split(self.replayer.measured) <= SELECT
 
 
 def log_ratio(residual: Floats, columns: Floats) -> float:
-    """How much likelier a residual (n,) is with weights of the columns (n, p) than without."""
+    """Return the log evidence of weights of columns (n, p) for a residual (n,)."""
     wider = np.eye(len(residual)) + PRIOR**2 * columns @ columns.T
     power = residual @ residual - residual @ np.linalg.solve(wider, residual)
     return 0.5 * float(power - np.linalg.slogdet(wider)[1])
 
 
-def ids(fitted: Fit | None) -> list[str]:
-    return sorted(one.cause.id for one in fitted.candidates) if fitted else []
+def ids(fitted: Fit) -> list[str]:
+    return sorted(one.cause.id for one in fitted.candidates)
 
 
 def size_of(fitted: Fit, id: str) -> float:
@@ -141,5 +153,5 @@ def size_of(fitted: Fit, id: str) -> float:
 
 
 def crowd(count: int = 4) -> list[Candidate]:
-    """Suspects a, b, c, ... each with a shape of its own."""
+    """Return candidates a, b, c, ..., each with its own shape."""
     return [candidate("abcdef"[i], SHAPES[:, i]) for i in range(count)]

@@ -1,4 +1,4 @@
-"""Tests of what an interrupted diagnosis finds again."""
+"""Checkpoints: an interrupted diagnosis continues with the same bits."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.causes import cause
+from reality_gap.causes import find_cause
 from reality_gap.inference.checkpoint import KEY, Checkpoint, Columns, digest, forget
-from reality_gap.inference.screening import PART, Sensitivity, candidates, screen
+from reality_gap.inference.screening import CHUNK, Sensitivity, list_candidates, screen
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 
 IDS = ("coulomb_friction", "viscous_friction", "length_scale", "attachment_shift", "delay")
 
 
 class InterruptionError(Exception):
-    """In place of whoever presses Ctrl-C."""
+    """Stands for a KeyboardInterrupt."""
 
 
 def chosen(study: Study) -> tuple[Candidate, ...]:
-    """Some suspects, several times: more than are looked at before a note is made."""
-    found = candidates(look_at(study), [cause(id) for id in IDS])
-    return found * (2 * PART // len(found) + 1)
+    """Return some candidates, several times: more than are screened between two checkpoints."""
+    found = list_candidates(compile_system(study), [find_cause(id) for id in IDS])
+    return found * (2 * CHUNK // len(found) + 1)
 
 
-def look(
+def screen_all(
     study: Study, checkpoint: Checkpoint, most: int = 10**6
 ) -> tuple[tuple[Sensitivity, ...], int]:
-    """All sensitivities, and how many replays that took; interrupted after ``most``."""
+    """Return all sensitivities and the number of replays; interrupt after ``most`` replays."""
     count = 0
 
     def tick() -> None:
@@ -45,7 +45,7 @@ def look(
 
     replayer = Replayer(study, tick=tick)
     null = replayer.residual([])
-    found = screen(replayer, chosen(study), [], null, checkpoint)
+    found = screen(replayer, chosen(study), null, checkpoint)
     return found, count
 
 
@@ -60,12 +60,12 @@ def never() -> Columns:
 def test_after_an_interruption_it_goes_on_with_the_same_bits(
     lever_study: Study, tmp_path: Path
 ) -> None:
-    undisturbed, all_replays = look(lever_study, Checkpoint(None, ""))
+    undisturbed, all_replays = screen_all(lever_study, Checkpoint(None, ""))
     key = digest(lever_study, chosen(lever_study))
     with pytest.raises(InterruptionError):
-        look(lever_study, Checkpoint(tmp_path / "work", key), most=all_replays * 2 // 3)
+        screen_all(lever_study, Checkpoint(tmp_path / "work", key), most=all_replays * 2 // 3)
 
-    found, replays = look(lever_study, Checkpoint(tmp_path / "work", key))
+    found, replays = screen_all(lever_study, Checkpoint(tmp_path / "work", key))
 
     assert replays < all_replays * 2 // 3
     for one, other in zip(undisturbed, found, strict=True):
@@ -92,7 +92,7 @@ def test_of_another_study_nothing_is_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [b"", b"PK\x03\x04 not really", b"\x80\x04pickled"])
-def test_what_cannot_be_read_is_made_anew(tmp_path: Path, spoil: bytes) -> None:
+def test_a_file_that_cannot_be_read_is_made_again(tmp_path: Path, spoil: bytes) -> None:
     folder = tmp_path / "work"
     Checkpoint(folder, "k").get(0, made(1.0))
     next(folder.glob("*.npz")).write_bytes(spoil)
@@ -110,7 +110,7 @@ def test_half_written_files_are_not_taken(tmp_path: Path) -> None:
     assert Checkpoint(folder, "k").get(0, made(2.0))[0][0, 0] == 2.0
 
 
-def test_forgetting_leaves_what_is_somebody_else_s(tmp_path: Path) -> None:
+def test_forgetting_leaves_other_files(tmp_path: Path) -> None:
     for name in ("own", "shared"):
         Checkpoint(tmp_path / name, "k").get(0, made(1.0))
     (tmp_path / "shared" / "thesis.txt").write_text("mine")
@@ -129,7 +129,7 @@ def test_without_a_folder_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.Mo
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_key_is_that_of_log_model_and_suspects(lever_study: Study) -> None:
+def test_the_key_depends_on_log_model_and_candidates(lever_study: Study) -> None:
     some = chosen(lever_study)
     [first, *others] = lever_study.episodes
     louder = replace(first.readings[0], value=first.readings[0].value + 1e-9)
@@ -154,13 +154,13 @@ def _lighter(study: Study) -> Path:
     return path
 
 
-def test_the_key_file_says_whose_it_is(tmp_path: Path) -> None:
+def test_the_key_file_holds_the_key(tmp_path: Path) -> None:
     Checkpoint(tmp_path / "work", "k").get(0, made(1.0))
 
     assert (tmp_path / "work" / KEY).read_text() == "k"
 
 
-def test_whatever_is_broken_is_made_anew(tmp_path: Path) -> None:
+def test_a_broken_archive_is_made_again(tmp_path: Path) -> None:
     checkpoint, path = Checkpoint(tmp_path / "work", "k"), tmp_path / "work" / "00000.npz"
     checkpoint.get(0, made(1.0))
     with zipfile.ZipFile(path, "w") as archive:

@@ -1,4 +1,4 @@
-"""Tests of who waits in a machine of many wires, and who is called."""
+"""Deferral: which candidates are deferred in a machine with many tendons, and when they return."""
 
 from __future__ import annotations
 
@@ -7,11 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from reality_gap.causes import CATALOGUE
-from reality_gap.inference.deferral import CLOSER, MANY_TENDONS, Waiting, locations_of, parted
-from reality_gap.inference.screening import Sensitivity, candidates, screen
+from reality_gap.inference.deferral import (
+    CLOSER,
+    MANY_TENDONS,
+    Deferred,
+    split_deferred,
+    tendons_and_joints,
+)
+from reality_gap.inference.ranking import Ranked
+from reality_gap.inference.screening import Sensitivity, list_candidates, screen
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
@@ -26,7 +32,7 @@ PLAIN = ("viscous_friction", "tension_offset", "joint_stiffness")
 
 
 def carts(count: int) -> str:
-    """So many carts on rails of their own, each pulled by a wire."""
+    """Return a model of carts on separate rails, each pulled by a tendon."""
     body = '<body pos="0 {i} 0"><joint name="rail{i}" type="slide" axis="1 0 0" damping="20"/>'
     body += '<geom type="sphere" size="0.1"/><site name="cart{i}"/></body>'
     tendon = '<spatial name="tendon{i}"><site site="wall{i}"/><site site="cart{i}"/></spatial>'
@@ -52,8 +58,8 @@ def carts(count: int) -> str:
     )
 
 
-def workbench(folder: Path, count: int) -> Replayer:
-    """Of that machine, which swings for two seconds; readings are 0."""
+def cart_replayer(folder: Path, count: int) -> Replayer:
+    """Return the replayer of two seconds of that machine; its readings are 0."""
     (folder / "carts.xml").write_text(carts(count))
     time = np.arange(0.0, 2.0, 0.02)
     channels = [
@@ -67,52 +73,54 @@ def workbench(folder: Path, count: int) -> Replayer:
     return Replayer(Study("carts", folder / "carts.xml", tuple(channels), (episode,)))
 
 
-def everybody(replayer: Replayer) -> tuple[Candidate, ...]:
-    return candidates(replayer.system, list(CATALOGUE.values()))
+def all_candidates(replayer: Replayer) -> tuple[Candidate, ...]:
+    return list_candidates(replayer.system, list(CATALOGUE.values()))
 
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory: pytest.TempPathFactory) -> Replayer:
-    return workbench(tmp_path_factory.mktemp("many"), MANY_TENDONS)
+    return cart_replayer(tmp_path_factory.mktemp("many"), MANY_TENDONS)
 
 
 def ranked(
     replayer: Replayer, evidence: Sequence[float], cause: str = "viscous_friction"
-) -> list[tuple[float, Sensitivity, NDArray[np.float64]]]:
-    """Sensitivities of a plain cause at each wire, with made-up evidence."""
+) -> list[Ranked]:
+    """Rank a plain cause at each tendon by given evidence."""
     plain = [
-        s for s in everybody(replayer) if s.cause.id == cause and len(s.location.elements) == 1
+        s for s in all_candidates(replayer) if s.cause.id == cause and len(s.location.elements) == 1
     ]
     plain = [s for s in plain if s.location.kind == "tendon"][: len(evidence)]
     found = [Sensitivity(s, (), {}, np.zeros((0, 0))) for s in plain]
     together = zip(evidence, found, strict=True)
-    return sorted([(e, s, np.zeros(0)) for e, s in together], key=lambda item: -item[0])
+    return sorted([Ranked(e, s, np.zeros(0)) for e, s in together], key=lambda one: -one.evidence)
 
 
-def test_in_a_machine_of_few_wires_nobody_waits(tmp_path: Path) -> None:
-    replayer = workbench(tmp_path, MANY_TENDONS - 1)
-    first, later = parted(replayer.system, everybody(replayer))
+def test_with_few_tendons_no_candidate_is_deferred(tmp_path: Path) -> None:
+    replayer = cart_replayer(tmp_path, MANY_TENDONS - 1)
+    first, later = split_deferred(replayer.system, all_candidates(replayer))
 
-    assert first == everybody(replayer)
+    assert first == all_candidates(replayer)
     assert later == ()
 
 
-def test_in_a_machine_of_many_wires_fine_causes_at_one_spot_wait(many: Replayer) -> None:
-    first, later = parted(many.system, everybody(many))
+def test_in_a_machine_of_many_tendons_fine_causes_at_one_element_are_deferred(
+    many: Replayer,
+) -> None:
+    first, later = split_deferred(many.system, all_candidates(many))
 
     assert {s.cause.id for s in later} <= FINE
     assert {s.cause.id for s in later} >= FINE - {"missing_wrapping"}  # there is nothing to wrap
     assert all(len(s.location.elements) == 1 for s in later)
     assert {s.cause.id for s in first} >= set(PLAIN)
-    assert set(first) | set(later) == set(everybody(many))
+    assert set(first) | set(later) == set(all_candidates(many))
 
 
-def test_a_wire_s_motor_sites_and_sensors_are_at_its_spot(many: Replayer) -> None:
+def test_motor_sites_and_sensors_of_a_tendon_are_located_at_it(many: Replayer) -> None:
     found: dict[str, set[frozenset[str]]] = {}
-    for candidate in everybody(many):
+    for candidate in all_candidates(many):
         if len(candidate.location.elements) == 1 and candidate.location.elements[0].endswith("3"):
             found.setdefault(candidate.location.kind, set()).add(
-                locations_of(many.system, candidate)
+                tendons_and_joints(many.system, candidate)
             )
 
     assert found["tendon"] == {frozenset({"tendon3"})}
@@ -121,43 +129,43 @@ def test_a_wire_s_motor_sites_and_sensors_are_at_its_spot(many: Replayer) -> Non
     assert found["joint"] == {frozenset({"rail3"})}
 
 
-def test_who_promises_something_calls_whoever_waits_there(many: Replayer) -> None:
-    _, later = parted(many.system, everybody(many))
+def test_a_candidate_with_evidence_releases_the_deferred_ones_at_its_tendon(many: Replayer) -> None:
+    _, later = split_deferred(many.system, all_candidates(many))
     null = many.residual([])
-    waiting = Waiting(many, null, later, 0.0)
+    deferred = Deferred(many, null, later, 0.0)
     evidence = [-1.0] * MANY_TENDONS
     evidence[2] = 5.0
 
-    found = waiting.call(ranked(many, evidence))
-    again = waiting.call(ranked(many, evidence))
+    found = deferred.release(ranked(many, evidence))
+    again = deferred.release(ranked(many, evidence))
 
     at_tendon = [s for s in later if s.location.elements == ("tendon2",)]
     assert {s.candidate for s in found} == set(at_tendon)
     assert again == ()
-    expected = screen(many, at_tendon, [], null)
+    expected = screen(many, at_tendon, null)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.columns, other.columns)
 
 
-def test_only_the_best_spots_are_looked_at(many: Replayer) -> None:
-    _, later = parted(many.system, everybody(many))
-    waiting = Waiting(many, many.residual([]), later, 0.0)
+def test_only_candidates_at_the_best_tendons_are_released(many: Replayer) -> None:
+    _, later = split_deferred(many.system, all_candidates(many))
+    deferred = Deferred(many, many.residual([]), later, 0.0)
 
-    found = waiting.call(ranked(many, [float(i + 1) for i in range(MANY_TENDONS)]))
+    found = deferred.release(ranked(many, [float(i + 1) for i in range(MANY_TENDONS)]))
 
-    called = {name for s in found for name in s.candidate.location.elements}
-    assert called == {f"tendon{i}" for i in range(MANY_TENDONS - CLOSER, MANY_TENDONS)}
-
-
-def test_nobody_is_called_where_nothing_is_promised(many: Replayer) -> None:
-    _, later = parted(many.system, everybody(many))
-
-    assert Waiting(many, many.residual([]), later, 0.0).call(ranked(many, [-0.1, -2.0])) == ()
+    released = {name for s in found for name in s.candidate.location.elements}
+    assert released == {f"tendon{i}" for i in range(MANY_TENDONS - CLOSER, MANY_TENDONS)}
 
 
-def test_what_cannot_be_seen_is_left_out(many: Replayer) -> None:
-    _, later = parted(many.system, everybody(many))
+def test_without_evidence_no_candidate_is_released(many: Replayer) -> None:
+    _, later = split_deferred(many.system, all_candidates(many))
 
-    found = Waiting(many, many.residual([]), later, np.inf).call(ranked(many, [5.0]))
+    assert Deferred(many, many.residual([]), later, 0.0).release(ranked(many, [-0.1, -2.0])) == ()
+
+
+def test_invisible_candidates_are_left_out(many: Replayer) -> None:
+    _, later = split_deferred(many.system, all_candidates(many))
+
+    found = Deferred(many, many.residual([]), later, np.inf).release(ranked(many, [5.0]))
 
     assert found == ()

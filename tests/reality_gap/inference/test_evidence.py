@@ -1,4 +1,4 @@
-"""Tests of reality_gap.inference.evidence, against dense marginal likelihoods."""
+"""Evidence, compared with dense marginal likelihoods."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def one_cause(count: int) -> NDArray[np.int64]:
 
 
 def log_ratio(columns: Floats, residual: Floats, deviation: float) -> float:
-    """How much likelier a residual is with normal weights of the columns than without [nats]."""
+    """Return the log evidence of normal weights of the columns [nats]."""
     noise = np.eye(len(residual))
     with_columns = noise + deviation**2 * columns @ columns.T
     return float(
@@ -70,7 +70,7 @@ def test_without_bounds_theta_is_the_posterior_mean(problem: Problem) -> None:
 
 @given(problems())
 def test_bounds_are_respected_at_the_best_point_within(problem: Problem) -> None:
-    """Where theta is free the slope of the log posterior is zero, at a bound it leads outside."""
+    """The slope of the log posterior is zero between bounds, and points outwards at a bound."""
     columns, residual = problem
     gram, right = columns.T @ columns, columns.T @ residual
     low, high = np.full(len(right), -0.5), np.full(len(right), 1.0)
@@ -96,7 +96,7 @@ def test_a_bound_costs_evidence() -> None:
 
 
 def small_model() -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.bool_]]:
-    """Information, theta, and to which of three causes each of five parameters belongs."""
+    """Return information, theta, cause and flatness of five parameters of three causes."""
     root = np.random.default_rng(0).standard_normal((8, 5)) * [0.3, 1.0, 3.0, 10.0, 1.0]
     theta, cause = np.array([0.1, -1.0, 0.3, 2.0, 5.0]), np.array([0, 1, 1, 2, -1])
     return root.T @ root, theta, cause, np.array([False, False, False, True, False])
@@ -113,7 +113,7 @@ def test_the_order_of_causes_and_parameters_does_not_matter() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_price_grows_with_information(seed: int) -> None:
+def test_the_penalty_grows_with_information(seed: int) -> None:
     gram, theta, cause, flat = small_model()
     more = np.random.default_rng(seed).standard_normal((2, 5))
 
@@ -124,7 +124,7 @@ def test_the_price_grows_with_information(seed: int) -> None:
 
 @pytest.mark.parametrize("owner", [0, 3, -1])
 def test_a_parameter_that_the_data_do_not_show_costs_nothing(owner: int) -> None:
-    """As a further one of a cause, as a cause of its own, or as one with the usual prior."""
+    """It belongs to an existing cause, to a new one, or to none."""
     gram, theta, cause, flat = small_model()
     wider = np.zeros((6, 6))
     wider[:5, :5] = gram
@@ -136,51 +136,51 @@ def test_a_parameter_that_the_data_do_not_show_costs_nothing(owner: int) -> None
     assert found == pytest.approx(complexity(gram, theta, cause, flat), rel=1e-9)
 
 
-def price(theta: float, information: float, cause: int = 0, flat: bool = False) -> float:
-    """What one parameter pays [nats]."""
+def penalty(theta: float, information: float, cause: int = 0, flat: bool = False) -> float:
+    """Return the penalty for one parameter [nats]."""
     return complexity(
         np.array([[information]]), np.array([theta]), np.array([cause]), np.array([flat])
     )
 
 
-def price_of_size(theta: float, information: float, size: float) -> float:
-    """The same where the prior deviation is known, by Laplace [nats]."""
+def penalty_of_size(theta: float, information: float, size: float) -> float:
+    """Return the penalty for one parameter with a known prior deviation, by Laplace [nats]."""
     return 0.5 * (theta / size) ** 2 + 0.5 * np.log(1.0 + size**2 * information)
 
 
 @pytest.mark.parametrize("information", [1.0, 1e2, 1e4])
 @pytest.mark.parametrize("theta", [0.0, 0.1, 1.0, 6.0])
-def test_the_price_is_that_of_the_right_size_and_of_not_knowing_it(
+def test_the_penalty_is_that_of_the_right_size_and_of_not_knowing_it(
     theta: float, information: float
 ) -> None:
-    """The mean of several likelihoods: at most their best, and at least the best's share."""
-    best = min(price_of_size(theta, information, size) for size in SIZES)
+    """A mean of likelihoods is at most the best of them, and at least its share."""
+    best = min(penalty_of_size(theta, information, size) for size in SIZES)
 
-    assert best <= price(theta, information) <= best + np.log(len(SIZES))
+    assert best <= penalty(theta, information) <= best + np.log(len(SIZES))
 
 
 def test_a_small_fault_does_not_pay_for_a_large_scale() -> None:
-    """Said in a scale of a tenth, a fault of 0.1 is one of 1; both are priced about alike."""
-    large, small = price(0.1, 1e4), price(1.0, 1e2)
+    """In a tenth of the scale, a fault of 0.1 is one of 1; both penalties are similar."""
+    large, small = penalty(0.1, 1e4), penalty(1.0, 1e2)
 
     assert large - small < 0.5 * np.log(10.0)
-    assert price_of_size(0.1, 1e4, PRIOR) - price_of_size(1.0, 1e2, PRIOR) > 0.95 * np.log(10.0)
+    assert penalty_of_size(0.1, 1e4, PRIOR) - penalty_of_size(1.0, 1e2, PRIOR) > 0.95 * np.log(10.0)
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.1, 6.0])
 def test_without_a_cause_of_its_own_the_deviation_is_the_usual_one(theta: float) -> None:
-    assert price(theta, 50.0, cause=-1) == pytest.approx(price_of_size(theta, 50.0, PRIOR))
+    assert penalty(theta, 50.0, cause=-1) == pytest.approx(penalty_of_size(theta, 50.0, PRIOR))
 
 
-def test_where_a_flat_parameter_stands_costs_nothing() -> None:
-    prices = [price(theta, 50.0, flat=True) for theta in (0.0, 1.0, 100.0)]
+def test_the_value_of_a_flat_parameter_is_not_penalised() -> None:
+    penalties = [penalty(theta, 50.0, flat=True) for theta in (0.0, 1.0, 100.0)]
 
-    np.testing.assert_allclose(prices, price_of_size(0.0, 50.0, PRIOR))
+    np.testing.assert_allclose(penalties, penalty_of_size(0.0, 50.0, PRIOR))
 
 
 @given(problems())
-def test_occam_is_the_price_of_the_room_alone(problem: Problem) -> None:
+def test_occam_is_half_the_log_determinant(problem: Problem) -> None:
     columns, _ = problem
-    room = np.linalg.det(np.eye(len(columns)) + PRIOR**2 * columns @ columns.T)
+    ratio = np.linalg.det(np.eye(len(columns)) + PRIOR**2 * columns @ columns.T)
 
-    assert occam(columns.T @ columns) == pytest.approx(0.5 * np.log(room), rel=1e-6, abs=1e-9)
+    assert occam(columns.T @ columns) == pytest.approx(0.5 * np.log(ratio), rel=1e-6, abs=1e-9)

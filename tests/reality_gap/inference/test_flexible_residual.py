@@ -1,4 +1,4 @@
-"""The flexible residual: columns by hand, and a lever one of whose motors is uneven."""
+"""Flexible residual: given columns, and a lever with a motor whose force is uneven."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ import pytest
 
 from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
 from reality_gap.inference.flexible_residual import Bank, Learned, banks, learn
-from reality_gap.inference.likelihood import NoiseModel, noise_model
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
-from reality_gap.simulation.synthetic import simulate
+from reality_gap.simulation.synthetic import simulate_study
 from reality_gap.study.data import Episode, Reading, Study
 from reality_gap.study.splits import REPORT, split
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 COUNT = 60
-"""Columns of a bank."""
+"""Number of columns of a bank."""
 
 
 @pytest.fixture
 def replayer(lever_study: Study) -> Replayer:
-    """Of the good study; here only the times of its readings matter."""
+    """Return the replayer of the good study, of which only the times of readings matter."""
     return Replayer(lever_study)
 
 
 @pytest.fixture
 def bank(replayer: Replayer) -> Bank:
-    """Columns that have nothing to do with each other."""
+    """Return uncorrelated columns."""
     columns = np.random.default_rng(0).standard_normal((len(replayer.measured.value), COUNT))
     return Bank("by chance", columns / np.sqrt(np.mean(columns**2, axis=0)))
 
@@ -40,19 +41,18 @@ def noise(replayer: Replayer, seed: int) -> Floats:
     return np.random.default_rng(seed).standard_normal(len(replayer.measured.value))
 
 
-def plain(replayer: Replayer, residual: Floats) -> NoiseModel:
-    """Without tolerances: every reading counts in full."""
-    return noise_model(replayer.measured, residual, np.zeros((len(residual), 0)))
+def problem_of(replayer: Replayer, residual: Floats, tolerances: Floats | None = None) -> Problem:
+    """Return a problem in which all readings count in full, by default without tolerances."""
+    columns = np.zeros((len(residual), 0)) if tolerances is None else tolerances
+    return Problem(replayer, residual, independent_noise(replayer.measured, columns))
 
 
 def learned(replayer: Replayer, bank: Bank, residual: Floats) -> Learned:
-    return learn(replayer, plain(replayer, residual), residual, bank)
+    return learn(problem_of(replayer, residual), residual, bank)
 
 
 @pytest.mark.parametrize("weight", [0.3, -2.0])
-def test_the_one_column_that_is_there_is_found(
-    replayer: Replayer, bank: Bank, weight: float
-) -> None:
+def test_the_right_column_is_learned(replayer: Replayer, bank: Bank, weight: float) -> None:
     truth = weight * bank.columns[:, 17]
 
     found = learned(replayer, bank, truth + noise(replayer, 1))
@@ -64,7 +64,7 @@ def test_the_one_column_that_is_there_is_found(
     assert found.explained == pytest.approx(weight**2 / (weight**2 + 1), abs=0.05)
 
 
-def test_columns_come_in_until_all_is_learned(replayer: Replayer, bank: Bank) -> None:
+def test_columns_are_added_until_all_is_learned(replayer: Replayer, bank: Bank) -> None:
     weights = np.zeros(COUNT)
     weights[[3, 30, 45]] = 1.0, -0.6, 0.3
     truth = bank.columns @ weights
@@ -77,7 +77,7 @@ def test_columns_come_in_until_all_is_learned(replayer: Replayer, bank: Bank) ->
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_of_noise_nothing_is_learned(replayer: Replayer, bank: Bank, seed: int) -> None:
+def test_noise_is_not_learned(replayer: Replayer, bank: Bank, seed: int) -> None:
     found = learned(replayer, bank, noise(replayer, 10 + seed))
 
     assert found.evidence < 1.0
@@ -85,15 +85,15 @@ def test_of_noise_nothing_is_learned(replayer: Replayer, bank: Bank, seed: int) 
     assert found.explained == 0.0
 
 
-def test_a_bank_with_more_to_choose_from_pays_more(replayer: Replayer, bank: Bank) -> None:
-    """One of k columns is chosen at the price of log k; all that is beside it is the same."""
+def test_a_larger_bank_has_a_larger_penalty(replayer: Replayer, bank: Bank) -> None:
+    """The selection of one of k columns has the penalty log k."""
     residual = 0.3 * bank.columns[:, 0] + noise(replayer, 3)
     two, many = (learned(replayer, Bank("", bank.columns[:, :k]), residual) for k in (2, COUNT))
 
     assert two.evidence - many.evidence == pytest.approx(np.log(COUNT / 2), abs=1e-6)
 
 
-def test_what_is_reported_takes_no_part_in_the_learning(replayer: Replayer, bank: Bank) -> None:
+def test_the_report_split_is_not_learned_from(replayer: Replayer, bank: Bank) -> None:
     report = split(replayer.measured) == REPORT
     residual = bank.columns[:, 5] + noise(replayer, 4)
     spoilt = np.where(report, -residual, residual)
@@ -105,20 +105,19 @@ def test_what_is_reported_takes_no_part_in_the_learning(replayer: Replayer, bank
     assert bad.explained < -0.4
 
 
-def test_what_tolerances_explain_is_not_learned(replayer: Replayer, bank: Bank) -> None:
-    """A column that every honest drawing may be off by is no news."""
+def test_the_effects_of_tolerances_are_not_learned(replayer: Replayer, bank: Bank) -> None:
+    """A column within the tolerances of the nominal model is not learned."""
     column = bank.columns[:, 8]
     residual = 0.5 * column + noise(replayer, 5)
-    tolerant = noise_model(replayer.measured, residual, column[:, None])
 
-    found = learn(replayer, tolerant, residual, bank)
+    found = learn(problem_of(replayer, residual, column[:, None]), residual, bank)
 
     assert found.evidence < 1.0
     assert learned(replayer, bank, residual).evidence > 50.0
 
 
 def swinging(study: Study) -> Study:
-    """Three swings with wires so tight that none is ever slack; not measured yet."""
+    """Return three swings, with tendons that are never slack and without measurements."""
     episode = study.episodes[0]
     time = np.arange(0.0, 5.1, 0.02)
     angle = 0.4 * np.sin(2 * np.pi * time / 1.7)
@@ -131,7 +130,7 @@ def swinging(study: Study) -> Study:
 
 
 def uneven(force: float, pitch: float) -> tuple[Candidate, dict[str, float]]:
-    """A motor that pulls more and less, ``force`` [N], once per ``pitch`` [m] of its wire."""
+    """Return a motor whose force varies by ``force`` [N] once per ``pitch`` [m] of its tendon."""
 
     def attach(effects: Effects, system: System, location: Location, values: Values) -> None:
         gain = system.tendon("flexor").gain
@@ -145,7 +144,7 @@ def uneven(force: float, pitch: float) -> tuple[Candidate, dict[str, float]]:
 
             return hook
 
-        effects.act(make)
+        effects.add_hook(make)
 
     cause = Cause("uneven", "", "", lambda s: (), lambda s, p: (), None, attach)
     parameter = Parameter("force", "N", 1.0, 0.0, -100.0, 100.0)
@@ -153,21 +152,19 @@ def uneven(force: float, pitch: float) -> tuple[Candidate, dict[str, float]]:
 
 
 @pytest.mark.usefixtures("frictionless")
-def test_a_motor_that_is_uneven_is_found_at_its_wire(lever_study: Study) -> None:
+def test_a_motor_that_is_uneven_is_found_at_its_tendon(lever_study: Study) -> None:
     study = swinging(lever_study)
-    length = [r.sensors[:, r.column("length_flexor")] for r in Replayer(study).look([]).records]
+    length = [r.sensors[:, r.column("length_flexor")] for r in Replayer(study).replay([]).records]
     truth = [uneven(1.0, pitch=float(np.ptp(length[0])) / 4)]
-    replayer = Replayer(simulate(study, truth, np.random.default_rng(0)))
+    replayer = Replayer(simulate_study(study, truth, np.random.default_rng(0)))
     residual = replayer.residual([])
-    rule = plain(replayer, residual)
+    problem, records = problem_of(replayer, residual), replayer.replay([]).records
 
-    tried = [
-        learn(replayer, rule, residual, b) for b in banks(replayer, [], replayer.look([]).records)
-    ]
+    tried = [learn(problem, residual, bank) for bank in banks(replayer, [], records)]
 
     found = {one.name: one for one in tried}
     best = max(tried, key=lambda one: one.evidence)
-    assert best.name == "length of flexor, felt by its sensor"
+    assert best.name == "length of flexor, measured by its sensor"
     assert best.explained > 0.7
     for other in ("position of elbow", "length of flexor", "length of extensor"):
         assert found[other].explained < 0.5 * best.explained

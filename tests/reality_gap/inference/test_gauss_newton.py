@@ -1,4 +1,4 @@
-"""Tests of computations that run side by side."""
+"""Gauss-Newton fits: stepwise computations that run side by side."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from reality_gap.inference.gauss_newton import Asking, together
-from reality_gap.simulation.replayer import Hypothesis, Replayer
+from reality_gap.inference.gauss_newton import Stepwise, run_together
+from reality_gap.simulation.hypothesis import Hypothesis
+from reality_gap.simulation.replayer import Replayer
 
 
-class Bench:
-    """Answers every hypothesis with its length, and remembers what was asked at once."""
+class RecordingReplayer:
+    """Returns the length of each hypothesis as its residual, and records the batches."""
 
     def __init__(self) -> None:
         self.batches: list[list[Hypothesis]] = []
@@ -26,28 +27,32 @@ def of_size(size: int) -> Hypothesis:
     return cast(Hypothesis, [None] * size)
 
 
-def asking(name: str, *rounds: list[int]) -> Asking[str]:
-    """Asks for hypotheses of these sizes, round by round; checks that the answers are its own."""
+def computation(name: str, *rounds: list[int]) -> Stepwise[str]:
+    """Yield hypotheses of these sizes, round by round; check that their residuals come back."""
     for sizes in rounds:
-        answers = yield [of_size(size) for size in sizes]
-        assert [float(a[0]) for a in answers] == sizes
+        residuals = yield [of_size(size) for size in sizes]
+        assert [float(a[0]) for a in residuals] == sizes
     return name
 
 
-def test_each_gets_its_own_answers_and_what_is_asked_next_is_replayed_at_once() -> None:
-    replayer = Bench()
+def test_each_receives_its_own_residuals_and_all_next_hypotheses_are_replayed_at_once() -> None:
+    replayer = RecordingReplayer()
 
-    found = together(
+    found = run_together(
         cast(Replayer, replayer),
-        [asking("one", [1], [2, 3]), asking("none"), asking("two", [4, 5], [6], [7])],
+        [
+            computation("one", [1], [2, 3]),
+            computation("none"),
+            computation("two", [4, 5], [6], [7]),
+        ],
     )
 
     assert found == ["one", "none", "two"]
     assert [[len(h) for h in batch] for batch in replayer.batches] == [[1, 4, 5], [2, 3, 6], [7]]
 
 
-def test_nothing_is_replayed_for_nobody() -> None:
-    replayer = Bench()
+def test_without_computations_nothing_is_replayed() -> None:
+    replayer = RecordingReplayer()
 
-    assert together(cast(Replayer, replayer), []) == []
+    assert run_together(cast(Replayer, replayer), []) == []
     assert replayer.batches == []

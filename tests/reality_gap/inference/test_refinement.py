@@ -1,4 +1,4 @@
-"""Tests of who may stand beside a hypothesis: ranking, quick fits and full ones."""
+"""Refinement: candidates beside a hypothesis are ranked, fitted quickly, then fully."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import pytest
 
 from reality_gap.causes.attachment_shift import CAUSE as attachment_shift
 from reality_gap.inference.evidence import PRIOR
-from reality_gap.inference.gauss_newton import fit
-from reality_gap.inference.likelihood import noise_model
-from reality_gap.inference.ranking import rank
-from reality_gap.inference.refinement import try_next
+from reality_gap.inference.gauss_newton import fit, null_fit
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import screen
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
@@ -34,10 +34,10 @@ from tests.reality_gap.inference.imperfect_models import (
 
 
 @pytest.mark.usefixtures("one_size")
-def test_suspects_are_ranked_by_how_likely_they_make_the_data(tmp_path: Path) -> None:
+def test_candidates_are_ranked_by_the_likelihood_of_the_data(tmp_path: Path) -> None:
     case = Case(tmp_path, 0.3 * SHAPES[:, 1] + 0.6 * SHAPES[:, 2], crowd())
 
-    ranked = rank(case.found, case.rule, None)
+    ranked = case.rank()
 
     assert [s.candidate.cause.id for _, s, _ in ranked[:2]] == ["c", "b"]
     for found, sensitivity, _ in ranked:
@@ -47,14 +47,14 @@ def test_suspects_are_ranked_by_how_likely_they_make_the_data(tmp_path: Path) ->
 
 
 @pytest.mark.usefixtures("one_size")
-def test_beside_what_is_in_already_only_what_is_new_ranks(tmp_path: Path) -> None:
+def test_candidates_of_the_base_are_not_ranked(tmp_path: Path) -> None:
     """Evidence beside a is that of both over that of a alone; a itself is not asked again."""
     twin = candidate("twin", SHAPES[:, 0])
     case = Case(tmp_path, SHAPES[:, 0] + 0.5 * SHAPES[:, 1], [*crowd(2), twin])
     here = case.learned
     left, shapes = case.null[here], SHAPES[here]
 
-    beside = rank(case.found, case.rule, case.fit(crowd()[0]))
+    beside = case.rank(case.fit(crowd()[0]))
 
     assert [s.candidate.cause.id for _, s, _ in beside] == ["b", "twin"]
     for (found, _, _), columns in zip(beside, ([0, 1], [0, 0]), strict=True):
@@ -64,7 +64,7 @@ def test_beside_what_is_in_already_only_what_is_new_ranks(tmp_path: Path) -> Non
 
 
 @pytest.mark.usefixtures("one_size")
-def test_what_is_linear_is_fitted_exactly(tmp_path: Path) -> None:
+def test_a_linear_candidate_is_fitted_exactly(tmp_path: Path) -> None:
     case = Case(tmp_path, 0.5 * SHAPES[:, 0], crowd(2))
     here = case.learned
     column, left = SHAPES[here, 0], case.null[here]
@@ -78,7 +78,7 @@ def test_what_is_linear_is_fitted_exactly(tmp_path: Path) -> None:
     np.testing.assert_allclose(best.residual, case.null - best.theta[0] * SHAPES[:, 0], atol=1e-9)
 
 
-def test_the_best_come_first_and_only_so_many_are_tried(tmp_path: Path) -> None:
+def test_a_limited_number_of_candidates_is_tried_best_first(tmp_path: Path) -> None:
     case = Case(tmp_path, SHAPES @ np.array([0.2, 0.8, 0.4, 0.6, 0, 0]), crowd(6))
 
     tried = case.next(refits=3)
@@ -87,8 +87,8 @@ def test_the_best_come_first_and_only_so_many_are_tried(tmp_path: Path) -> None:
     assert tried[0].evidence > tried[1].evidence > tried[2].evidence
 
 
-def test_one_cause_does_not_take_all_the_room(tmp_path: Path) -> None:
-    """Places of one cause that all look alike, and a weaker cause."""
+def test_few_locations_of_one_cause_are_tried(tmp_path: Path) -> None:
+    """All locations of one cause have the same effect; another cause is weaker."""
     everywhere = [candidate("common", SHAPES[:, 0] + 0.01 * i, f"place {i}") for i in range(6)]
     rare = candidate("rare", SHAPES[:, 0] + SHAPES[:, 1])
     case = Case(tmp_path, SHAPES[:, 0], [*everywhere, rare])
@@ -99,7 +99,7 @@ def test_one_cause_does_not_take_all_the_room(tmp_path: Path) -> None:
     assert len(tried) < 5
 
 
-def test_beside_a_cause_only_what_promises_something_is_tried(tmp_path: Path) -> None:
+def test_beside_a_cause_only_candidates_with_evidence_are_tried(tmp_path: Path) -> None:
     case = Case(tmp_path, SHAPES[:, 0] + 0.5 * SHAPES[:, 3], crowd(6))
 
     tried = case.next(case.fit(crowd()[0]))
@@ -109,11 +109,11 @@ def test_beside_a_cause_only_what_promises_something_is_tried(tmp_path: Path) ->
     assert size_of(tried[0], "d") == pytest.approx(0.5, abs=0.15)
 
 
-def test_where_a_line_promises_too_much_the_start_is_smaller(tmp_path: Path) -> None:
-    """Seen at small sizes, a fault that grows as its square must be huge to be what is there."""
+def test_a_fit_starts_smaller_if_the_linear_size_is_too_large(tmp_path: Path) -> None:
+    """The slope of a square at small sizes leads to a far too large size."""
     square = candidate("square", SHAPES[:, 0], answer=lambda size: size**2, low=0.0)
     case = Case(tmp_path, 4.0 * SHAPES[:, 0], [square])
-    _, sensitivity, theta = rank(case.found, case.rule, None)[0]
+    _, sensitivity, theta = case.rank()[0]
     overshot = case.replayer.residual([(square, sensitivity.values(theta))])
 
     best = case.next()[0]
@@ -127,7 +127,7 @@ def test_where_a_line_promises_too_much_the_start_is_smaller(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("true", "found"), [(0.05, 0.05), (0.1, 0.1), (0.21, 0.2), (0.42, 0.4)])
-def test_a_form_that_the_null_does_not_show_is_tried_smaller_and_larger(
+def test_a_shape_without_slope_at_the_null_is_tried_smaller_and_larger(
     tmp_path: Path, true: float, found: float
 ) -> None:
     case = Case(tmp_path, 2.0 * (SHAPES[:, 0] + true * SHAPES[:, 1]), [formed(0.1)])
@@ -138,8 +138,8 @@ def test_a_form_that_the_null_does_not_show_is_tried_smaller_and_larger(
     assert size_of(best, "formed") == pytest.approx(2.0, rel=0.15)
 
 
-def test_what_sticks_at_small_sizes_is_tried_at_large_ones(tmp_path: Path) -> None:
-    """From where the line leads, the next step up is worse: the nearest minimum is a wrong one."""
+def test_other_sizes_are_tried_beside_a_local_minimum(tmp_path: Path) -> None:
+    """The minimum that is nearest to the linear size is a wrong one."""
 
     def sticking(size: float) -> float:
         return float(
@@ -148,7 +148,7 @@ def test_what_sticks_at_small_sizes_is_tried_at_large_ones(tmp_path: Path) -> No
 
     sticks = candidate("sticks", SHAPES[:, 0], answer=sticking, low=0.0)
     case = Case(tmp_path, 2.0 * SHAPES[:, 0], [sticks])
-    near = fit(case.replayer, [(sticks, {"size": 2.0})], case.rule.learn, case.null)
+    near = fit(case.problem, [(sticks, {"size": 2.0})])
 
     best = case.next()[0]
 
@@ -157,12 +157,12 @@ def test_what_sticks_at_small_sizes_is_tried_at_large_ones(tmp_path: Path) -> No
 
 
 def with_a_ridge(size: float) -> float:
-    """Leads the right way to a wrong valley; the right one is far on the other side."""
+    """Has a wrong minimum in the direction of the slope, and the right one on the other side."""
     return float(np.interp(size, [-9.0, 0.0, 0.2, 2.0, 6.0], [-6.0, 0.0, -0.1, -1.7, 2.0]))
 
 
 @pytest.mark.parametrize(("afar", "expected"), [((), 2.0), ((-8.0, 8.0), -3.0)])
-def test_where_lines_do_not_hold_a_fit_begins_from_afar(
+def test_far_starts_are_fitted_if_the_effect_is_not_linear(
     tmp_path: Path, afar: tuple[float, ...], expected: float
 ) -> None:
     bent = candidate("bent", SHAPES[:, 0], answer=with_a_ridge, afar=afar)
@@ -174,14 +174,14 @@ def test_where_lines_do_not_hold_a_fit_begins_from_afar(
 
 
 def slipping(size: float) -> float:
-    """What hardly shows until it is large."""
+    """Has hardly any effect until it is large."""
     return float(np.interp(size, [0.0, 1.0, 2.0, 8.0], [0.0, 0.2, 1.0, 7.0]))
 
 
 @pytest.mark.parametrize(
     ("answer", "expected"), [(slipping, [["far"], ["loud"]]), (proportional, [["loud"]])]
 )
-def test_where_lines_do_not_hold_others_are_begun_from_afar_whatever_their_slopes_promise(
+def test_more_candidates_with_far_starts_are_fitted_if_the_best_is_not_linear(
     tmp_path: Path, answer: Answer, expected: list[list[str]]
 ) -> None:
     loud = candidate("loud", SHAPES[:, 0] + 0.5 * SHAPES[:, 1], answer=answer)
@@ -193,14 +193,14 @@ def test_where_lines_do_not_hold_others_are_begun_from_afar_whatever_their_slope
     assert [ids(one) for one in tried] == expected
 
 
-def with_a_checkpoint(size: float) -> float:
-    """Gives a tenth of what it could on one side, and all on the other."""
+def one_sided(size: float) -> float:
+    """Has a tenth of the effect on one side, and all of it on the other."""
     return float(np.interp(size, [-9.0, 0.0, 0.2, 1.0], [9.0, 0.0, 0.015, 0.3]))
 
 
-def test_what_explains_little_at_first_is_begun_from_afar_too(tmp_path: Path) -> None:
+def test_far_starts_are_fitted_for_candidates_with_little_evidence_too(tmp_path: Path) -> None:
     loud = candidate("loud", SHAPES[:, 0] + 0.5 * SHAPES[:, 1])
-    far = candidate("far", SHAPES[:, 0], answer=with_a_checkpoint, afar=(-4.0, 4.0))
+    far = candidate("far", SHAPES[:, 0], answer=one_sided, afar=(-4.0, 4.0))
     case = Case(tmp_path, 3.0 * SHAPES[:, 0], [loud, far])
 
     best = case.next()[0]
@@ -209,8 +209,8 @@ def test_what_explains_little_at_first_is_begun_from_afar_too(tmp_path: Path) ->
     assert size_of(best, "far") == pytest.approx(-3.0, abs=0.2)
 
 
-def test_a_wire_point_far_off_is_told_from_the_wire_s_other_end(lever_study: Study) -> None:
-    """Begun at the drawing alone, a fit of the other end ends 12 mm off and explains more."""
+def test_a_large_shift_is_found_at_the_right_end_of_a_tendon(lever_study: Study) -> None:
+    """From the nominal path alone, a fit of the other end would explain more, 12 mm off."""
     replayer = Replayer(lever_study)
     locations = [one for one in attachment_shift.locations(replayer.system) if one.kind == "site"]
     ends = [
@@ -221,19 +221,20 @@ def test_a_wire_point_far_off_is_told_from_the_wire_s_other_end(lever_study: Stu
         if location.elements[0].startswith("flexor")
     ]
     moved = next(one for one in ends if one.location.elements == ("flexor_1",))
-    true = replayer.look([(moved, moved.nulls() | {"x": -0.012})]).prediction
+    true = replayer.replay([(moved, moved.null_values() | {"x": -0.012})]).prediction
     noise = np.random.default_rng(0).standard_normal(len(true)) * replayer.measured.noise
     replayer.measured = replace(replayer.measured, value=true + noise)
     null = replayer.residual([])
-    rule = noise_model(replayer.measured, null, np.zeros((len(null), 0)))
+    noise_model = independent_noise(replayer.measured, np.zeros((len(null), 0)))
+    problem = Problem(replayer, null, noise_model)
 
-    best = try_next(replayer, screen(replayer, ends, [], null), rule, None, 2)[0]
+    best = fit_next(problem, screen(replayer, ends, null), null_fit(problem), 2)[0]
 
     assert best.candidates == (moved,)
     assert best.hypothesis[0][1]["x"] == pytest.approx(-0.012, abs=0.0005)
 
 
-def test_what_sticks_is_fitted_beside_what_sticks_whatever_its_slope_promises(
+def test_more_sticky_candidates_are_fitted_if_one_explains_much(
     tmp_path: Path,
 ) -> None:
     loud = candidate("loud", SHAPES[:, 0] + 0.8 * SHAPES[:, 1], sticky=True)
@@ -246,7 +247,7 @@ def test_what_sticks_is_fitted_beside_what_sticks_whatever_its_slope_promises(
     assert [ids(one) for one in tried] == [["quiet"], ["loud"]]
 
 
-def test_where_what_sticks_explains_little_no_other_is_fitted_for_it(tmp_path: Path) -> None:
+def test_no_more_sticky_candidates_are_fitted_if_one_explains_little(tmp_path: Path) -> None:
     right = candidate("right", SHAPES[:, 0])
     sticking = [candidate(id, SHAPES[:, 0] + 2 * SHAPES[:, 1], sticky=True) for id in ("x", "y")]
     case = Case(tmp_path, SHAPES[:, 0], [right, *sticking])
@@ -257,17 +258,15 @@ def test_where_what_sticks_explains_little_no_other_is_fitted_for_it(tmp_path: P
 
 
 @pytest.mark.parametrize("tolerances", [0, 1])
-def test_where_a_large_start_diverges_a_smaller_one_is_tried(
-    tmp_path: Path, tolerances: int
-) -> None:
-    """A little larger than the truth, the replay breaks down; a line leads beyond that."""
+def test_a_smaller_start_is_tried_if_a_large_one_diverges(tmp_path: Path, tolerances: int) -> None:
+    """The replay diverges slightly above the truth; the linear size is larger than that."""
     brittle = candidate(
         "brittle", SHAPES[:, 0], answer=lambda s: np.nan if s > 0.6 else s**1.5, low=0.0
     )
     case = Case(tmp_path, 0.5**1.5 * SHAPES[:, 0], [brittle])
     allowed = SHAPES[:, 1 : 1 + tolerances]
-    case.rule = noise_model(case.replayer.measured, case.null, allowed)
-    _, sensitivity, theta = rank(case.found, case.rule, None)[0]
+    case.problem = case.problem_with(allowed)
+    _, sensitivity, theta = case.rank()[0]
     beyond = case.replayer.residual([(brittle, sensitivity.values(theta))])
 
     best = case.next()[0]

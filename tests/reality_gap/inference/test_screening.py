@@ -1,29 +1,35 @@
-"""Tests of the cheap look at every suspect, on a lever that two wires pull."""
+"""Screening and tolerances, on a lever that two tendons pull."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from reality_gap.causes import cause
-from reality_gap.inference.screening import Sensitivity, candidates, screen, tolerances
+from reality_gap.causes import find_cause
+from reality_gap.inference.screening import Sensitivity, list_candidates, screen
+from reality_gap.inference.tolerances import tolerance_columns
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.types import Floats
 
 
-class Look:
-    """Sensitivities of some causes, and how many replays they took."""
+class Screening:
+    """Sensitivities of some causes.
+
+    Attributes:
+        found: the sensitivities.
+        replays: number of replays that they took.
+    """
 
     def __init__(self, study: Study, *ids: str) -> None:
         self.replays = 0
         self.replayer = Replayer(study, tick=self._tick)
-        chosen = candidates(self.replayer.system, [cause(id) for id in ids])
+        chosen = list_candidates(self.replayer.system, [find_cause(id) for id in ids])
         self.null = self.replayer.residual([])
         before = self.replays
-        self.found = screen(self.replayer, chosen, [], self.null)
-        self.replays -= before + self.replayer.coarse  # the null once more, at the coarse step
+        self.found = screen(self.replayer, chosen, self.null)
+        self.replays -= before + self.replayer.coarse  # the nominal model again, at the coarse step
 
     def _tick(self) -> None:
         self.replays += 1
@@ -35,41 +41,41 @@ class Look:
         return next(s for s in self.found if len(s.candidate.location.elements) > 1)
 
     def columns(self) -> list[Floats]:
-        """The tolerances but those of the time step."""
-        return list(tolerances(self.replayer, self.found, self.null).T[2:])
+        """Return the columns of tolerances, without those of the time step."""
+        return list(tolerance_columns(self.replayer, self.found, self.null).T[2:])
 
 
 def test_a_shape_without_a_size_costs_no_replay_and_changes_nothing(lever_study: Study) -> None:
-    look = Look(lever_study, "coulomb_friction")
+    screening = Screening(lever_study, "coulomb_friction")
 
-    assert all(s.names == ("friction", "presliding") for s in look.found)
-    assert look.replays == len(look.found)
-    for sensitivity in look.found:
+    assert all(s.names == ("friction", "presliding") for s in screening.found)
+    assert screening.replays == len(screening.found)
+    for sensitivity in screening.found:
         assert np.linalg.norm(sensitivity.columns[:, 0]) > 0
         np.testing.assert_array_equal(sensitivity.columns[:, 1], 0.0)
 
 
-def test_what_no_wire_is_free_of_may_be_in_all_of_them(
+def test_usual_effects_may_deviate_in_all_tendons_at_once(
     lever_study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("reality_gap.inference.screening.MUCH", 1e9)
-    look = Look(lever_study, "coulomb_friction")
-    own = look.group().columns[:, 0]
-    p = look.group().candidate.parameters[0]
+    monkeypatch.setattr("reality_gap.inference.tolerances.LARGE", 1e9)
+    screening = Screening(lever_study, "coulomb_friction")
+    own = screening.group().columns[:, 0]
+    p = screening.group().candidate.parameters[0]
 
-    assert len(look.columns()) == len(look.alone()) + 1
-    assert any(np.allclose(c, own * p.tolerance / p.scale) for c in look.columns())
+    assert len(screening.columns()) == len(screening.alone()) + 1
+    assert any(np.allclose(c, own * p.tolerance / p.scale) for c in screening.columns())
 
 
 @pytest.mark.parametrize("id", ["length_scale", "tendon_elasticity"])
 def test_other_tolerances_are_those_of_each_element(lever_study: Study, id: str) -> None:
-    look = Look(lever_study, id)
-    columns = look.columns()
+    screening = Screening(lever_study, id)
+    columns = screening.columns()
     first: dict[Candidate, Sensitivity] = {}
-    for sensitivity in look.alone():
+    for sensitivity in screening.alone():
         first.setdefault(sensitivity.candidate, sensitivity)
 
-    assert look.group() is not None
+    assert screening.group() is not None
     assert len(columns) == len(first) == 2
     for column, sensitivity in zip(columns, first.values(), strict=True):
         p = sensitivity.candidate.parameters[0]
@@ -80,44 +86,46 @@ def test_other_tolerances_are_those_of_each_element(lever_study: Study, id: str)
 def test_what_the_columns_of_large_tolerances_are_wrong_by_is_tolerated_too(
     lever_study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("reality_gap.inference.screening.MUCH", 1e9)
-    look = Look(lever_study, "length_scale")
-    screened = look.columns()
-    monkeypatch.setattr("reality_gap.inference.screening.MUCH", 1.0)
-    kept, wrong = look.columns()[:2], look.columns()[2:]
-    tendons = dict.fromkeys(sensitivity.candidate for sensitivity in look.alone())
+    monkeypatch.setattr("reality_gap.inference.tolerances.LARGE", 1e9)
+    screening = Screening(lever_study, "length_scale")
+    screened = screening.columns()
+    monkeypatch.setattr("reality_gap.inference.tolerances.LARGE", 1.0)
+    kept, wrong = screening.columns()[:2], screening.columns()[2:]
+    tendons = dict.fromkeys(sensitivity.candidate for sensitivity in screening.alone())
 
-    # Suspects are ranked by the very columns that are tolerated, or they would seem to do more.
+    # Candidates are ranked by these columns, so that they must be tolerated unchanged.
     np.testing.assert_array_equal(kept, screened)
     assert len(wrong) == 2
     for column, more, candidate in zip(screened, wrong, tendons, strict=True):
         p = candidate.parameters[0]
-        replayed = look.null - look.replayer.residual([(candidate, {p.name: p.tolerance})])
+        replayed = screening.null - screening.replayer.residual(
+            [(candidate, {p.name: p.tolerance})]
+        )
         np.testing.assert_allclose(column + more, replayed, atol=1e-9)
         assert np.linalg.norm(more) < 0.1 * np.linalg.norm(column)
 
 
 def test_the_change_that_typical_faults_make(lever_study: Study) -> None:
-    look = Look(lever_study, "tension_offset")
-    [sensitivity] = [s for s in look.alone() if s.candidate.location.elements == ("flexor",)]
+    screening = Screening(lever_study, "tension_offset")
+    [sensitivity] = [s for s in screening.alone() if s.candidate.location.elements == ("flexor",)]
     p = sensitivity.candidate.parameters[0]
-    studied = look.replayer.system.study
+    studied = screening.replayer.system.study
     channel = [c.name for c in studied.channels].index("tension_flexor")
-    count = int(np.sum(look.replayer.measured.channel == channel))
-    noise = look.replayer.measured.noise[look.replayer.measured.channel == channel][0]
+    count = int(np.sum(screening.replayer.measured.channel == channel))
+    noise = screening.replayer.measured.noise[screening.replayer.measured.channel == channel][0]
 
     # Three typical faults of an offset move every reading of the one sensor by as much.
     assert sensitivity.change == pytest.approx(3 * p.scale / noise * np.sqrt(count), rel=1e-6)
 
 
-def test_what_looks_different_from_afar_is_looked_at_from_there_too(lever_study: Study) -> None:
-    """An encoder that counts too little makes the servo hold its wire short: slopes differ."""
-    look = Look(lever_study, "length_scale")
-    secants = look.found[0].candidate.parameters[0].hints.secants
-    one = [s.columns[:, 0] for s in look.found if s.candidate == look.found[0].candidate]
+def test_secants_are_screened_in_addition_to_the_slope_at_the_null(lever_study: Study) -> None:
+    """With an encoder that counts too little, the servo shortens its tendon: slopes differ."""
+    screening = Screening(lever_study, "length_scale")
+    secants = screening.found[0].candidate.parameters[0].hints.secants
+    one = [s.columns[:, 0] for s in screening.found if s.candidate == screening.found[0].candidate]
 
     assert len(one) == 1 + len(secants) == 3
-    assert look.replays == len(look.found)
+    assert screening.replays == len(screening.found)
     # All are slopes, per scale and of the same sign, whatever the size of the step.
     for other in one[1:]:
         assert np.dot(one[0], other) > 0.5 * np.linalg.norm(one[0]) * np.linalg.norm(other)

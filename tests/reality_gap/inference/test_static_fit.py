@@ -1,4 +1,4 @@
-"""The fit at rest and the diagnosis by groups, on an arm that is wrong everywhere."""
+"""Static fit and diagnosis by groups, on an arm whose model is wrong everywhere."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ import mujoco
 import numpy as np
 import pytest
 
-from reality_gap.causes import CATALOGUE, cause
-from reality_gap.inference.group_fit import explain, of_groups, power
+from reality_gap.causes import CATALOGUE, find_cause
+from reality_gap.inference.group_fit import fit_groups, power
 from reality_gap.inference.groups import find_groups, noise_at_rest, positions_at
-from reality_gap.inference.static_fit import ROUNDS, Settled, fit_at_rest
+from reality_gap.inference.static_fit import ROUNDS, StaticFit, fit_at_rest
+from reality_gap.inference.verdict import Options
+from reality_gap.pipeline import diagnose
 from reality_gap.report.extended_model import load_extended
 from reality_gap.report.files import write_diagnosis
-from reality_gap.simulation.hypothesis import Candidate, build
+from reality_gap.simulation.hypothesis import Candidate, Part, build
 from reality_gap.simulation.replay import replay
-from reality_gap.simulation.replayer import Part, Replayer
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.simulation.statics import Statics
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import channel_noise, measured
 from reality_gap.study.static_poses import Moments, find_moments
-from reality_gap.study.system import System, look_at
+from reality_gap.study.system import System, compile_system
 
 TENDONS = ("front", "back", "upper", "lower")
 ARM = """
@@ -67,7 +69,7 @@ def _model(tendons: tuple[str, ...]) -> str:
 
 
 def _commands(model: mujoco.MjModel, hold: float) -> np.ndarray:
-    """Lengths in postures, with moves of half a second and holds of ``hold`` s between (n, nu)."""
+    """Return tendon lengths (n, nu) for moves of 0.5 s between postures and ``hold`` s of rest."""
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(3), []
     for posture in rng.uniform(-0.4, 0.4, (12, 2)):
         data.qpos[:] = posture
@@ -81,7 +83,7 @@ def _commands(model: mujoco.MjModel, hold: float) -> np.ndarray:
 
 
 def _study(folder: Path, hold: float = 1.2) -> Study:
-    """Not measured yet: all readings are zero."""
+    """Return a study without measurements: all readings are zero."""
     path = folder / "arm.xml"
     path.write_text(_model(TENDONS))
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -97,8 +99,8 @@ def _study(folder: Path, hold: float = 1.2) -> Study:
 
 
 def _group(system: System, name: str) -> Candidate:
-    location = next(p for p in cause(name).locations(system) if p.note.startswith("every"))
-    return Candidate(cause(name), location, cause(name).parameters(system, location))
+    location = next(p for p in find_cause(name).locations(system) if p.note.startswith("every"))
+    return Candidate(find_cause(name), location, find_cause(name).parameters(system, location))
 
 
 def _planted(system: System) -> list[Part]:
@@ -111,8 +113,8 @@ def _planted(system: System) -> list[Part]:
 
 
 def _measure(study: Study, planted: bool = True) -> Study:
-    """What the machine reads, with noise."""
-    system = look_at(study)
+    """Return the study with the readings of the actual machine, with noise."""
+    system = compile_system(study)
     plant = build(system, _planted(system) if planted else [])
     found = replay(plant, study, measured(study)).prediction
     rng, episode = np.random.default_rng(1), study.episodes[0]
@@ -126,40 +128,40 @@ def _measure(study: Study, planted: bool = True) -> Study:
 
 @pytest.fixture(scope="module")
 def replayer(tmp_path_factory: pytest.TempPathFactory) -> Replayer:
-    """Of an arm that differs from its model by two groups of causes."""
+    """Return the replayer of an arm that differs from its model by two groups of causes."""
     return Replayer(_measure(_study(tmp_path_factory.mktemp("arm"))))
 
 
 def _candidates(system: System) -> list[Part]:
     groups = (_group(system, "joint_offset"), _group(system, "attachment_shift"))
-    return [(group, group.nulls()) for group in groups]
+    return [(group, group.null_values()) for group in groups]
 
 
-def _fit(replayer: Replayer, moments: Moments, start: list[Part] | None = None) -> Settled:
+def _fit(replayer: Replayer, moments: Moments, start: list[Part] | None = None) -> StaticFit:
     system, statics = replayer.system, Statics(replayer.system, moments)
-    qpos = positions_at(moments, replayer.look([]))
+    qpos = positions_at(moments, replayer.replay([]))
     noise = noise_at_rest(system, statics, channel_noise(system.study), qpos)
     return fit_at_rest(system, statics, start or _candidates(system), qpos, noise)
 
 
 @pytest.fixture(scope="module")
-def found(replayer: Replayer) -> Settled:
-    """Both groups, fitted."""
+def found(replayer: Replayer) -> StaticFit:
+    """Return the fit of both groups."""
     return _fit(replayer, find_moments(replayer.system.study))
 
 
 def test_bristles_hold_nothing_at_rest(replayer: Replayer) -> None:
-    """Friction has actuators without input, which an extended model has, too."""
+    """Friction adds actuators without input, which an extended model has, too."""
     moments = find_moments(replayer.system.study)
-    statics, qpos = Statics(replayer.system, moments), positions_at(moments, replayer.look([]))
-    smooth, rubbing = build(replayer.system, []), replayer.machine([])
+    statics, qpos = Statics(replayer.system, moments), positions_at(moments, replayer.replay([]))
+    smooth, rubbing = build(replayer.system, []), replayer.plant([])
     assert rubbing.spec.compile().nactuator > smooth.spec.compile().nactuator
-    with_friction = statics.look(rubbing, qpos)
-    for name, expected in vars(statics.look(smooth, qpos)).items():
+    with_friction = statics.balance(rubbing, qpos)
+    for name, expected in vars(statics.balance(smooth, qpos)).items():
         np.testing.assert_allclose(getattr(with_friction, name), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_finds_the_zero_of_each_joint(found: Settled) -> None:
+def test_finds_the_zero_of_each_joint(found: StaticFit) -> None:
     (_, values), sizes = found.hypothesis[0], found.deviation[0]
     assert values == pytest.approx(ZERO, abs=0.02)
     for joint, zero in ZERO.items():
@@ -167,8 +169,8 @@ def test_finds_the_zero_of_each_joint(found: Settled) -> None:
         assert sizes[joint] < 0.05
 
 
-def test_finds_the_paths_of_the_wires(replayer: Replayer, found: Settled) -> None:
-    """Not three numbers a site: what counts is how lengths change from posture to posture."""
+def test_finds_the_paths_of_the_tendons(replayer: Replayer, found: StaticFit) -> None:
+    """Lengths change as they should between postures; sites are not determined one by one."""
 
     def lengths(parts: list[Part]) -> np.ndarray:
         model = build(replayer.system, parts).spec.compile()
@@ -183,15 +185,15 @@ def test_finds_the_paths_of_the_wires(replayer: Replayer, found: Settled) -> Non
     assert np.std(lengths(found.hypothesis) - truth) < 0.5 * np.std(lengths([]) - truth)
 
 
-def test_finds_where_joints_stood(replayer: Replayer, found: Settled) -> None:
+def test_finds_where_joints_stood(replayer: Replayer, found: StaticFit) -> None:
     moments = find_moments(replayer.system.study)
-    truth = positions_at(moments, replayer.look(_planted(replayer.system)))
-    before = positions_at(moments, replayer.look([]))
+    truth = positions_at(moments, replayer.replay(_planted(replayer.system)))
+    before = positions_at(moments, replayer.replay([]))
     assert np.std(found.qpos - truth) < 0.2 * np.std(before - truth)
 
 
 def test_a_parameter_at_its_bound_does_not_stop_the_others(replayer: Replayer) -> None:
-    """Sites are allowed a sixth of what they are off: the best fit within that is one."""
+    """With bounds at a sixth of the actual shifts, fits from two starts agree."""
     moments, (zero, (shift, _)) = find_moments(replayer.system.study), _candidates(replayer.system)
     narrow = tuple(replace(p, low=-0.001, high=0.001) for p in shift.parameters)
     shift = replace(shift, parameters=narrow)
@@ -205,56 +207,60 @@ def test_a_parameter_at_its_bound_does_not_stop_the_others(replayer: Replayer) -
     assert ends[0] == pytest.approx(ends[1], rel=1e-5)
 
 
-def test_the_cost_falls(found: Settled) -> None:
+def test_the_cost_falls(found: StaticFit) -> None:
     assert np.all(np.diff(found.cost) <= 0)
     assert found.cost[-1] < 0.05 * found.cost[0]
 
 
 def test_the_whole_log_is_explained(replayer: Replayer) -> None:
-    told: list[str] = []
+    messages: list[str] = []
     null = replayer.residual([])
-    whole = explain(replayer, list(CATALOGUE.values()), null, 5.0, told.append)
-    assert whole is not None
-    assert whole.power < 0.1 * power(replayer.measured, null)
-    named = {c.candidate.cause.id: c for c in whole.named}
+    groups = fit_groups(replayer, list(CATALOGUE.values()), null, 5.0, messages.append)
+    assert groups is not None
+    assert groups.power < 0.1 * power(replayer.measured, null)
+    named = {c.candidate.cause.id: c for c in groups.causes}
     assert named["joint_offset"].confidence > 0.9
     assert named["joint_offset"].candidate.location.elements == ("shoulder", "elbow")
     low, high = (getattr(named["joint_offset"].parameters["shoulder"], e) for e in ("low", "high"))
     assert low < ZERO["shoulder"] < high
     assert len(named["length_offset"].parameters) == len(TENDONS)
-    assert told
+    assert messages
 
 
 def test_groups_survive_their_files(
     replayer: Replayer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a diagnosis of groups wrote replays as what was diagnosed."""
+    """The files of a diagnosis by groups replay as the diagnosed hypothesis does."""
     monkeypatch.setattr("reality_gap.report.files.write_report", lambda *_: None)
-    null, study = replayer.residual([]), replayer.system.study
-    whole = explain(replayer, list(CATALOGUE.values()), null, 5.0)
-    assert whole is not None
-    write_diagnosis(of_groups(replayer, whole, null, 0.0), study, tmp_path / "out")
+    study, null = replayer.system.study, replayer.residual([])
+    groups = fit_groups(replayer, list(CATALOGUE.values()), null, 5.0)
+    assert groups is not None
+    options = Options(many=5.0, search_after_groups=False)
+    write_diagnosis(diagnose(study, options=options), study, tmp_path / "out")
 
     replayed = load_extended(tmp_path / "out").replay(study).prediction
 
-    expected = replayer.look(whole.hypothesis).prediction
+    expected = replayer.replay(groups.hypothesis).prediction
     assert np.max(np.abs(replayed - expected) / replayer.measured.noise) < 0.2
-    without = replayer.look([]).prediction
+    without = replayer.replay([]).prediction
     assert np.max(np.abs(without - expected) / replayer.measured.noise) > 20.0
 
 
 def test_a_small_gap_is_left_to_the_search(replayer: Replayer) -> None:
     small = np.full(len(replayer.measured.value), 4.0)
-    assert explain(replayer, list(CATALOGUE.values()), small, 5.0) is None
+    assert fit_groups(replayer, list(CATALOGUE.values()), small, 5.0) is None
 
 
 def test_no_fit_without_rests(tmp_path: Path) -> None:
     replayer = Replayer(_measure(_study(tmp_path, hold=0.3)))
     null = replayer.residual([])
     assert power(replayer.measured, null) > 25
-    assert explain(replayer, list(CATALOGUE.values()), null, 5.0) is None
+    assert fit_groups(replayer, list(CATALOGUE.values()), null, 5.0) is None
 
 
 def test_a_machine_with_few_parts_has_no_groups(replayer: Replayer) -> None:
     assert len(find_groups(replayer.system, list(CATALOGUE.values()))) == 4
-    assert find_groups(replayer.system, [cause("joint_offset"), cause("length_offset")]) == ()
+    assert (
+        find_groups(replayer.system, [find_cause("joint_offset"), find_cause("length_offset")])
+        == ()
+    )

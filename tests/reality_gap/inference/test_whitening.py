@@ -1,4 +1,4 @@
-"""Tests of reality_gap.inference.whitening, against dense covariances."""
+"""Whitening, compared with dense covariances."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reality_gap.inference.whitening import inflation, tolerated, whitening
+from reality_gap.inference.whitening import explained_by_tolerances, variance_inflation, whitening
 from reality_gap.types import Bools, Floats
 
-NominalModel = tuple[Floats, Floats, Bools]
+Case = tuple[Floats, Floats, Bools]
 
 
 @st.composite
-def drawings(draw: st.DrawFn) -> NominalModel:
-    """Tolerances (n, p), readings that count as one (n,), and which are in use (n,)."""
+def cases(draw: st.DrawFn) -> Case:
+    """Tolerances (n, p), inflation (n,), and which readings are in use (n,)."""
     rng = np.random.default_rng(draw(st.integers(0, 2**31)))
     n, p = draw(st.integers(4, 20)), draw(st.integers(1, 6))
     tolerances = draw(st.sampled_from([0.1, 1.0, 30.0])) * rng.standard_normal((n, p))
@@ -24,39 +24,37 @@ def drawings(draw: st.DrawFn) -> NominalModel:
     return tolerances, rng.uniform(1.0, 20.0, n), use
 
 
-def covariance(tolerances: Floats, spread: Floats) -> Floats:
-    """D + N N' (n, n)."""
-    return np.diag(spread) + tolerances @ tolerances.T
+def covariance(tolerances: Floats, inflation: Floats) -> Floats:
+    """Return D + N N' (n, n)."""
+    return np.diag(inflation) + tolerances @ tolerances.T
 
 
-@given(drawings())
-def test_what_is_whitened_has_unit_covariance(drawing: NominalModel) -> None:
-    tolerances, spread, use = drawing
-    white = whitening(tolerances, spread, use)
+@given(cases())
+def test_whitened_residuals_have_unit_covariance(case: Case) -> None:
+    tolerances, inflation, use = case
+    white = whitening(tolerances, inflation, use)
 
     matrix = white(np.eye(len(use)))
 
     np.testing.assert_allclose(
-        matrix @ covariance(tolerances, spread) @ matrix.T, np.eye(use.sum()), atol=1e-5
+        matrix @ covariance(tolerances, inflation) @ matrix.T, np.eye(use.sum()), atol=1e-5
     )
     np.testing.assert_array_equal(matrix[:, ~use], 0.0)
 
 
-@given(drawings(), st.integers(0, 2**31))
-def test_the_square_of_a_residual_is_that_under_the_covariance(
-    drawing: NominalModel, seed: int
-) -> None:
-    tolerances, spread, use = drawing
+@given(cases(), st.integers(0, 2**31))
+def test_the_square_of_a_residual_is_that_under_the_covariance(case: Case, seed: int) -> None:
+    tolerances, inflation, use = case
     residual = np.random.default_rng(seed).standard_normal(len(use))
 
-    whitened = whitening(tolerances, spread, use)(residual)
+    whitened = whitening(tolerances, inflation, use)(residual)
 
-    inside = covariance(tolerances, spread)[np.ix_(use, use)]
+    inside = covariance(tolerances, inflation)[np.ix_(use, use)]
     expected = residual[use] @ np.linalg.solve(inside, residual[use])
     assert np.sum(whitened**2) == pytest.approx(expected, rel=1e-5)
 
 
-def test_columns_are_whitened_each_by_itself() -> None:
+def test_columns_are_whitened_one_by_one() -> None:
     rng = np.random.default_rng(0)
     tolerances, columns = rng.standard_normal((10, 2)), rng.standard_normal((10, 3))
     white = whitening(tolerances, np.full(10, 2.0), np.arange(10) % 3 > 0)
@@ -67,7 +65,7 @@ def test_columns_are_whitened_each_by_itself() -> None:
 
 
 @pytest.mark.parametrize("power", [0.01, 1.0, 400.0])
-def test_what_a_tolerance_makes_shrinks_by_its_power(power: float) -> None:
+def test_the_effect_of_a_tolerance_shrinks_by_its_power(power: float) -> None:
     direction = np.random.default_rng(1).standard_normal(12)
     tolerance = np.sqrt(power) * direction / np.linalg.norm(direction)
     white = whitening(tolerance[:, None], np.ones(12), np.ones(12, dtype=bool))
@@ -83,7 +81,7 @@ def test_without_tolerances_readings_count_by_their_inflation() -> None:
 
 
 def autoregressive(rho: float, count: int, seed: int) -> Floats:
-    """x[k] = rho x[k-1] + noise, (count,)."""
+    """Return x (count,) with x[k] = rho x[k-1] + noise."""
     noise = np.random.default_rng(seed).standard_normal(count)
     values = np.empty(count)
     last = noise[0] / np.sqrt(1.0 - rho**2)
@@ -93,40 +91,40 @@ def autoregressive(rho: float, count: int, seed: int) -> Floats:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.8, 0.9])
-def test_a_remainder_that_wanders_counts_less(rho: float) -> None:
+def test_an_autocorrelated_remainder_counts_less(rho: float) -> None:
     """The integrated autocorrelation of an AR(1) process is (1 + rho) / (1 - rho)."""
-    found = inflation(autoregressive(rho, 20000, seed=2), np.zeros(20000, dtype=int))
+    found = variance_inflation(autoregressive(rho, 20000, seed=2), np.zeros(20000, dtype=int))
 
     assert np.ptp(found) == 0.0
     assert found[0] == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.15)
 
 
 def test_each_channel_has_its_own_inflation() -> None:
-    still, wanders = autoregressive(0.0, 20000, seed=3), 50.0 + autoregressive(0.8, 20000, seed=4)
-    turns = np.column_stack([still, wanders]).ravel()
+    white, red = autoregressive(0.0, 20000, seed=3), 50.0 + autoregressive(0.8, 20000, seed=4)
+    turns = np.column_stack([white, red]).ravel()
 
-    found = inflation(turns, np.tile([0, 1], 20000))
+    found = variance_inflation(turns, np.tile([0, 1], 20000))
 
     np.testing.assert_allclose(found[:2], [1.0, 9.0], rtol=0.15)
 
 
-def test_what_alternates_or_is_short_or_constant_counts_in_full() -> None:
+def test_alternating_short_and_constant_signals_count_in_full() -> None:
     alternates, short, constant = np.tile([1.0, -1.0], 50), np.linspace(0, 1, 7), np.full(40, 3.0)
     groups = np.repeat([0, 1, 2], [100, 7, 40])
 
-    found = inflation(np.concatenate([alternates, short, constant]), groups)
+    found = variance_inflation(np.concatenate([alternates, short, constant]), groups)
 
     np.testing.assert_array_equal(found, 1.0)
 
 
-@given(drawings(), st.integers(0, 2**31))
-def test_what_tolerances_made_is_the_posterior_mean(drawing: NominalModel, seed: int) -> None:
+@given(cases(), st.integers(0, 2**31))
+def test_the_part_that_tolerances_explain_is_the_posterior_mean(case: Case, seed: int) -> None:
     """E[N s | r in use], s and noise normal: N N'[:, use] C[use, use]^-1 r[use]."""
-    tolerances, spread, use = drawing
+    tolerances, inflation, use = case
     residual = np.random.default_rng(seed).standard_normal(len(use))
 
-    found = tolerated(tolerances, spread, use, residual)
+    found = explained_by_tolerances(tolerances, inflation, use, residual)
 
-    inside = covariance(tolerances, spread)[np.ix_(use, use)]
+    inside = covariance(tolerances, inflation)[np.ix_(use, use)]
     expected = (tolerances @ tolerances.T)[:, use] @ np.linalg.solve(inside, residual[use])
     np.testing.assert_allclose(found, expected, atol=1e-6)

@@ -1,4 +1,4 @@
-"""Studies on disk become studies in SI units, or one sentence of what is wrong."""
+"""Loader: studies on disk are read in SI units."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_an_empty_cell_was_not_measured(study_folder: Any) -> None:
     assert np.isfinite(reading.value).all()
 
 
-def test_every_file_is_on_the_clock_of_the_commands(study_folder: Any) -> None:
+def test_all_times_count_from_the_first_command(study_folder: Any) -> None:
     for name in ("robot_0.csv", "camera_0.csv"):
         columns = study_folder.logs[name]
         columns["time"] = [1.7e9 + t for t in columns["time"]]
@@ -178,8 +178,8 @@ def test_quaternions_do_not_jump(study_folder: Any) -> None:
         load_study(study_folder.write())
 
 
-def test_a_long_log_is_read_at_once(study_folder: Any) -> None:
-    # 60 s at 100 Hz with 100 columns; parsing it in Python takes longer than that.
+def test_a_long_log_is_read_within_a_second(study_folder: Any) -> None:
+    # 60 s at 100 Hz with 100 columns; parsing it in Python takes longer than a second.
     rows, columns = 6000, 100
     random = np.random.default_rng(0)
     cells = random.normal(0.2, 0.01, (rows, columns))

@@ -1,4 +1,4 @@
-"""Every fault of a study is refused in one sentence that says where it is and what is valid."""
+"""Loader: each fault of a study is refused in one sentence that says where and what is valid."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Spoil = Callable[[Any], None]
 
 
 def fault_of(folder: Any) -> str:
-    """The sentence with which the study, written anew, is refused."""
+    """Write the study, load it, and return the message of the error."""
     with pytest.raises(StudyError) as caught:
         load_study(folder.write())
     sentence = str(caught.value)
@@ -90,8 +90,11 @@ def _shorten(rows: int) -> Spoil:
 LINE = {"column": "length_flexor", "unit": "m"}
 
 FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
-    "repeated time": (_cell("time", 9, 0.16), ("line 11 of robot_0.csv", "repeats", "must rise")),
-    "falling time": (_cell("time", 9, 0.01), ("line 11 of robot_0.csv", "falls", "must rise")),
+    "repeated time": (
+        _cell("time", 9, 0.16),
+        ("line 11 of robot_0.csv", "repeats", "must increase"),
+    ),
+    "falling time": (_cell("time", 9, 0.01), ("line 11 of robot_0.csv", "falls", "must increase")),
     "no time": (_cell("time", 9, ""), ("line 11 of robot_0.csv", "no time")),
     "NaN in a command": (_cell("target_flexor", 4, "nan"), ("line 6", "'nan'", "target_flexor")),
     "empty command": (_cell("target_flexor", 4, ""), ("line 6 of robot_0.csv", "no command")),
@@ -129,7 +132,7 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "tension in metres": (_set("sensors", "tension_flexor", "unit", value="m"), ("kN",)),
     "position in 1": (_set("sensors", "marker_position", "unit", value=1), ("cannot be in 1",)),
     "servo in newtons": (_set("actuators", "flexor", "unit", value="N"), ("actuator flexor", "mm")),
-    "time in metres": (_set("time", "unit", value="m"), ("no unit of time", "ms")),
+    "time in metres": (_set("time", "unit", value="m"), ("not a unit of time", "ms")),
     "two columns for one": (
         _set("sensors", "marker_position", "columns", value=["marker_x", "marker_y"]),
         ("3 components", "2 columns"),
@@ -154,11 +157,11 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
         ("15 readings", "20"),
     ),
     "time in ms": (_rescale("time", 1000.0), ("lasts", "is the time in s?")),
-    "dead": (_fill("length_flexor", 0.1), ("length_flexor", "same in every row", "remove")),
-    "zero": (_fill("tension_flexor", 0.0), ("tension_flexor", "same in every row", "remove")),
-    "nothing measured": (_set("sensors", value={}), ("measures nothing",)),
+    "dead": (_fill("length_flexor", 0.1), ("length_flexor", "same value in every row", "remove")),
+    "zero": (_fill("tension_flexor", 0.0), ("tension_flexor", "same value in every row", "remove")),
+    "nothing measured": (_set("sensors", value={}), ("has no measurements", "under sensors")),
     "never measured": (_fill("marker_y", ""), ("marker_position.y", "no reading at all")),
-    "actuator left out": (_remove("actuators", "flexor"), ("every actuator", "lacks: flexor")),
+    "actuator left out": (_remove("actuators", "flexor"), ("each actuator", "missing: flexor")),
     "absolute path": (_set("model", value="/etc/hostname"), ("outside the study's folder",)),
     "path above": (_set("model", value="../lever.xml"), ("outside the study's folder",)),
     "path of some length": (
@@ -166,7 +169,7 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
         ("'../../measured/2018-autumn/robot_0/lever.xml' lies outside",),
     ),
     "path above, endless": (_set("model", value=999 * "../"), ("...' lies outside",)),
-    "name too long": (_set("model", value=3000 * "x"), ("xxx...' is no path of a file",)),
+    "name too long": (_set("model", value=3000 * "x"), ("xxx...' is not a path of a file",)),
     "other file": (
         _set("episodes", value=[{"commands": "lever.xml"}]),
         ("neither a .csv nor a .parquet",),
@@ -189,37 +192,37 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     ),
     "negative noise": (_set("sensors", "length_flexor", "noise", value=-1), ("above 0",)),
     "noise in words": (_set("sensors", "length_flexor", "noise", value="low"), ("a number", "low")),
-    "zero scale": (_set("sensors", "length_flexor", "scale", value=0), ("scale: 0",)),
+    "zero scale": (_set("sensors", "length_flexor", "scale", value=0), ("scale must not be 0",)),
     "huge scale": (_set("sensors", "length_flexor", "scale", value=1e31), ("scale", "1e+30")),
     "yes for a column": (_set("time", "column", value=True), ("quotes",)),
     "negative settle": (_set("initial", "settle", value=-1), ("settle", "0 or more")),
     "settles for ever": (
         _set("initial", "settle", value=1e9),
-        ("more than 1e+08 steps of 0.002 s", "shorten settle"),
+        ("more than 1e+08 steps of the model's timestep, 0.002 s", "shorten settle"),
     ),
     "list for keys": (_set("sensors", value=["length_flexor"]), ("keys and values",)),
     "millimetres as metres": (
         _rescale("length_flexor", 1000.0),
-        ("length_flexor", "looks like millimetres given as metres"),
+        ("length_flexor", "seems to be in millimetres, not in metres"),
     ),
     "metres as millimetres": (
         _all(
             _set("sensors", "length_flexor", "unit", value="mm"),
             _set("sensors", "marker_position", "unit", value="mm"),
         ),
-        ("length_flexor", "looks like metres given as millimetres"),
+        ("length_flexor", "seems to be in metres, not in millimetres"),
     ),
     "position in mm": (
         _all(*(_rescale(f"marker_{axis}", 1000.0) for axis in "xyz")),
-        ("marker_position", "looks like millimetres given as metres"),
+        ("marker_position", "seems to be in millimetres, not in metres"),
     ),
     "degrees as radians": (
         _rescale("angle_elbow", 180.0 / math.pi),
-        ("angle_elbow", "looks like degrees given as radians"),
+        ("angle_elbow", "seems to be in degrees, not in radians"),
     ),
     "commands in mm": (
         _rescale("target_flexor", 1000.0),
-        ("the command of flexor", "looks like millimetres given as metres"),
+        ("the command of flexor", "seems to be in millimetres, not in metres"),
     ),
 }
 
@@ -234,13 +237,13 @@ def test_a_fault_is_one_sentence(study_folder: Any, fault: str) -> None:
         assert word in sentence
 
 
-def test_first_reading_needs_a_joint_that_is_read(study_folder: Any) -> None:
+def test_first_reading_needs_a_measured_joint(study_folder: Any) -> None:
     study_folder.content["initial"] = {"joints": "first_reading"}
     del study_folder.content["sensors"]["angle_elbow"]
     assert "first_reading needs a jointpos sensor" in fault_of(study_folder)
 
 
-def test_efforts_need_every_joint(study_folder: Any) -> None:
+def test_efforts_need_all_joints_measured(study_folder: Any) -> None:
     content = study_folder.content
     del content["actuators"], content["sensors"]["angle_elbow"]
     content["efforts"] = {"elbow": {"column": "tension_flexor", "unit": "N m"}}
@@ -255,7 +258,7 @@ def test_a_model_without_actuators(study_folder: Any) -> None:
     model.write_text(spec.to_xml(), encoding="utf-8")
     del study_folder.content["sensors"]["tension_flexor"]
     assert "has no actuators" in fault_of(study_folder)
-    # Without commands it may still swing on its own.
+    # A study without commands is valid: the machine may swing freely.
     del study_folder.content["actuators"]
     assert load_study(study_folder.write()).episodes[0].command.shape == (200, 0)
 
@@ -288,13 +291,13 @@ def test_a_link_that_leads_outside(study_folder: Any, tmp_path_factory: Any) -> 
         ("name: !!float two", "not valid YAML: could not convert"),
     ],
 )
-def test_yaml_that_is_none(study_folder: Any, text: str, word: str) -> None:
+def test_a_file_that_is_not_valid_yaml(study_folder: Any, text: str, word: str) -> None:
     study_folder.path.write_text(text, encoding="utf-8")
     with pytest.raises(StudyError, match=word) as caught:
         load_study(study_folder.path)
     assert len(str(caught.value)) < 600
 
 
-def test_no_study(tmp_path: Path) -> None:
+def test_a_missing_study_file(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="no study file"):
         load_study(tmp_path / "STUDY.yaml")

@@ -1,4 +1,4 @@
-"""Logs of ROS 1 and ROS 2 robots become tables that a study can name."""
+"""Bags: recordings of ROS 1 and ROS 2 become tables that a study can use."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from reality_gap.io.tables import read_header, read_table
 START = 1_700_000_000
 """When the recording began [s since 1970]."""
 ROS1, ROS2 = Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE
-Said = tuple[str, float, Any]
+Recorded = tuple[str, float, Any]
 """Topic, arrival after the start [s], message."""
 
 
-class Talk:
+class Messages:
     """Makes messages of one version of ROS."""
 
     def __init__(self, version: Stores) -> None:
@@ -83,55 +83,59 @@ class Talk:
         )
 
 
-def record(path: Path, talk: Talk, said: Sequence[Said], mcap: bool = False) -> Path:
+def record(
+    path: Path, messages: Messages, recorded: Sequence[Recorded], mcap: bool = False
+) -> Path:
     """Write a bag: a file for ROS 1, a folder for ROS 2."""
     writer: Any
-    if talk.first:
+    if messages.first:
         writer = Writer1(path)
     else:
         plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
         writer = Writer2(path, version=9, storage_plugin=plugin)
-    serialize = talk.store.serialize_ros1 if talk.first else talk.store.serialize_cdr
+    store = messages.store
+    serialize = store.serialize_ros1 if messages.first else store.serialize_cdr
     with writer:
         open_: dict[str, Any] = {}
-        for topic, arrival, message in said:
+        for topic, arrival, message in recorded:
             kind = message.__msgtype__
             if topic not in open_:
-                open_[topic] = writer.add_connection(topic, kind, typestore=talk.store)
+                open_[topic] = writer.add_connection(topic, kind, typestore=store)
             when = START * 10**9 + round(1e9 * arrival)
             writer.write(open_[topic], when, serialize(message, kind))
     return path
 
 
-def robot(talk: Talk) -> list[Said]:
-    """Two seconds of an arm: joints at 10 Hz, commands, a pose, and what is no number."""
-    said: list[Said] = [("/log", 0.0, talk.text("hello"))]
+def robot(messages: Messages) -> list[Recorded]:
+    """Two seconds of an arm: joints at 10 Hz, commands, a pose, text and an image."""
+    recorded: list[Recorded] = [("/log", 0.0, messages.text("hello"))]
     for i in range(20):
         t = 0.1 * i
-        said.append(("/joint_states", t + 0.03, talk.joints(t, ["elbow", "wrist"], [t, 2 * t])))
-        said.append(("/motor/target", t + 0.01, talk.number(5.0 * t)))
-        said.append(("/camera/pose", t + 0.04, talk.pose(t, 1.0, t, 3.0)))
-    said.append(("/camera/image", 2.0, talk.image(2.0)))
-    return said
+        joints = messages.joints(t, ["elbow", "wrist"], [t, 2 * t])
+        recorded.append(("/joint_states", t + 0.03, joints))
+        recorded.append(("/motor/target", t + 0.01, messages.number(5.0 * t)))
+        recorded.append(("/camera/pose", t + 0.04, messages.pose(t, 1.0, t, 3.0)))
+    recorded.append(("/camera/image", 2.0, messages.image(2.0)))
+    return recorded
 
 
 @pytest.fixture(params=["ros1", "ros2", "mcap folder", "mcap file"])
 def bag(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    """The same two seconds, as each kind of recording."""
+    """The recording of `robot` in each format."""
     if request.param == "ros1":
-        talk = Talk(ROS1)
-        return record(tmp_path / "run.bag", talk, robot(talk))
-    talk = Talk(ROS2)
-    folder = record(tmp_path / "run", talk, robot(talk), mcap="mcap" in request.param)
+        messages = Messages(ROS1)
+        return record(tmp_path / "run.bag", messages, robot(messages))
+    messages = Messages(ROS2)
+    folder = record(tmp_path / "run", messages, robot(messages), mcap="mcap" in request.param)
     return next(folder.glob("*.mcap")) if request.param == "mcap file" else folder
 
 
 def columns_of(path: Path) -> dict[str, np.ndarray]:
-    """A log as a study reads it."""
+    """Read a log in the same way as a study."""
     return read_table(path, path.name, read_header(path, path.name)).columns
 
 
-def test_every_kind_of_recording_becomes_the_same_tables(bag: Path, tmp_path: Path) -> None:
+def test_all_formats_become_the_same_tables(bag: Path, tmp_path: Path) -> None:
     written = unpack(bag, tmp_path / "logs", ["/joint_states", "/motor/target", "/camera/pose"])
     t = 0.1 * np.arange(20)
 
@@ -140,13 +144,16 @@ def test_every_kind_of_recording_becomes_the_same_tables(bag: Path, tmp_path: Pa
     assert list(joints) == ["time", "joint_states_position_elbow", "joint_states_position_wrist"]
     np.testing.assert_allclose(joints["time"], t, atol=1e-6)
     np.testing.assert_allclose(joints["joint_states_position_wrist"], 2 * t)
-    np.testing.assert_allclose(target["time"], t + 0.01, atol=1e-6)  # no stamp: its arrival
+    # Messages without a stamp have the time of their arrival.
+    np.testing.assert_allclose(target["time"], t + 0.01, atol=1e-6)
     np.testing.assert_allclose(target["motor_target_data"], 5 * t)
     np.testing.assert_allclose(pose["camera_pose_pose_position_y"], t)
     assert "camera_pose_pose_orientation_w" in pose
 
 
-def test_all_numbers_by_default_and_no_pictures_or_text(bag: Path, tmp_path: Path) -> None:
+def test_by_default_all_numbers_are_written_without_images_and_text(
+    bag: Path, tmp_path: Path
+) -> None:
     names = {path.name for path in unpack(bag, tmp_path / "logs")}
 
     assert {"joint_states.csv", "motor_target.csv", "camera_pose.csv"} <= names
@@ -154,11 +161,13 @@ def test_all_numbers_by_default_and_no_pictures_or_text(bag: Path, tmp_path: Pat
     assert all("data" not in c for c in columns_of(tmp_path / "logs" / "camera_image.csv"))
 
 
-def test_arrival_is_taken_where_it_is_asked_for_or_stamps_are_empty(tmp_path: Path) -> None:
-    talk = Talk(ROS2)
-    said = [("/a", 0.5 * i, talk.joints(None, ["j"], [float(i)])) for i in range(3)]
-    said += [("/b", 0.5 * i + 0.2, talk.joints(0.5 * i, ["j"], [float(i)])) for i in range(3)]
-    bag = record(tmp_path / "run", talk, said)
+def test_time_of_arrival_is_used_on_request_or_without_stamps(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    recorded = [("/a", 0.5 * i, messages.joints(None, ["j"], [float(i)])) for i in range(3)]
+    recorded += [
+        ("/b", 0.5 * i + 0.2, messages.joints(0.5 * i, ["j"], [float(i)])) for i in range(3)
+    ]
+    bag = record(tmp_path / "run", messages, recorded)
 
     empty, stamped = map(columns_of, unpack(bag, tmp_path / "stamps"))
     _, arrived = map(columns_of, unpack(bag, tmp_path / "arrivals", by_arrival=True))
@@ -168,16 +177,16 @@ def test_arrival_is_taken_where_it_is_asked_for_or_stamps_are_empty(tmp_path: Pa
     np.testing.assert_allclose(arrived["time"], [0.2, 0.7, 1.2], atol=1e-6)
 
 
-def test_times_increase_and_what_was_not_said_is_empty(tmp_path: Path) -> None:
-    """Two nodes share a topic; one message comes late, one twice, one holds no number."""
-    talk = Talk(ROS2)
-    said = [
-        ("/j", 0.0, talk.joints(0.2, ["a"], [1.0])),
-        ("/j", 0.1, talk.joints(0.1, ["b"], [2.0])),
-        ("/j", 0.2, talk.joints(0.2, ["a"], [3.0])),
-        ("/j", 0.3, talk.joints(0.3, ["b"], [np.nan])),
+def test_times_increase_and_missing_numbers_are_empty(tmp_path: Path) -> None:
+    """Two nodes share a topic; one message is late, one has a repeated time, one is NaN."""
+    messages = Messages(ROS2)
+    recorded = [
+        ("/j", 0.0, messages.joints(0.2, ["a"], [1.0])),
+        ("/j", 0.1, messages.joints(0.1, ["b"], [2.0])),
+        ("/j", 0.2, messages.joints(0.2, ["a"], [3.0])),
+        ("/j", 0.3, messages.joints(0.3, ["b"], [np.nan])),
     ]
-    [path] = unpack(record(tmp_path / "run", talk, said), tmp_path / "logs")
+    [path] = unpack(record(tmp_path / "run", messages, recorded), tmp_path / "logs")
     table = columns_of(path)
 
     np.testing.assert_allclose(table["time"], [0.0, 0.1, 0.2], atol=1e-6)
@@ -185,24 +194,24 @@ def test_times_increase_and_what_was_not_said_is_empty(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table["j_position_b"], [2.0, np.nan, np.nan])
 
 
-def test_joints_of_one_name_are_numbered(tmp_path: Path) -> None:
-    talk = Talk(ROS2)
-    said = [("/j", 0.1 * i, talk.joints(0.1 * i, ["a", "a"], [1.0, 2.0])) for i in range(3)]
-    [path] = unpack(record(tmp_path / "run", talk, said), tmp_path / "logs")
+def test_joints_with_the_same_name_are_numbered(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    recorded = [("/j", 0.1 * i, messages.joints(0.1 * i, ["a", "a"], [1.0, 2.0])) for i in range(3)]
+    [path] = unpack(record(tmp_path / "run", messages, recorded), tmp_path / "logs")
 
     assert list(columns_of(path)) == ["time", "j_position_0", "j_position_1"]
 
 
 def broken(tmp_path: Path, name: str) -> Path:
-    """Something that is no bag, or no more one."""
+    """A path that is not a readable bag."""
     path = tmp_path / name
     if name == "cut.bag":
-        talk = Talk(ROS1)
-        record(path, talk, robot(talk))
+        messages = Messages(ROS1)
+        record(path, messages, robot(messages))
         path.write_bytes(path.read_bytes()[:2000])
     elif name == "cut.mcap":
-        talk = Talk(ROS2)
-        whole = next(record(tmp_path / "r", talk, robot(talk), mcap=True).glob("*.mcap"))
+        messages = Messages(ROS2)
+        whole = next(record(tmp_path / "r", messages, robot(messages), mcap=True).glob("*.mcap"))
         path.write_bytes(whole.read_bytes()[:500])
     elif name == "text.bag":
         path.write_text("time,x\n0,1\n")
@@ -218,7 +227,7 @@ def broken(tmp_path: Path, name: str) -> Path:
 @pytest.mark.parametrize(
     "name", ["cut.bag", "cut.mcap", "text.bag", "empty.mcap", "log.csv", "folder", "absent.bag"]
 )
-def test_what_is_no_bag_is_refused_in_one_sentence(tmp_path: Path, name: str) -> None:
+def test_a_file_that_is_not_a_bag_is_refused_in_one_sentence(tmp_path: Path, name: str) -> None:
     bag = broken(tmp_path, name)
 
     with pytest.raises(StudyError, match=name) as error:
@@ -228,27 +237,27 @@ def test_what_is_no_bag_is_refused_in_one_sentence(tmp_path: Path, name: str) ->
     assert not (tmp_path / "logs").exists()
 
 
-def test_an_unknown_topic_is_told_the_known_ones(tmp_path: Path) -> None:
-    talk = Talk(ROS2)
-    bag = record(tmp_path / "run", talk, robot(talk))
+def test_the_error_for_an_unknown_topic_lists_the_known_ones(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    bag = record(tmp_path / "run", messages, robot(messages))
 
     with pytest.raises(StudyError, match=r"'/joints'; known: .*/joint_states"):
         unpack(bag, tmp_path / "logs", ["/joints"])
-    with pytest.raises(StudyError, match="no message with a number"):
+    with pytest.raises(StudyError, match="no message that contains a number"):
         unpack(bag, tmp_path / "logs", ["/log"])
 
 
-def test_topics_that_would_be_one_file_are_not_mixed(tmp_path: Path) -> None:
-    talk = Talk(ROS2)
-    said = [("/a/b", 0.0, talk.number(1.0)), ("/a_b", 0.1, talk.number(2.0))]
+def test_topics_with_the_same_file_name_are_refused(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    recorded = [("/a/b", 0.0, messages.number(1.0)), ("/a_b", 0.1, messages.number(2.0))]
 
     with pytest.raises(StudyError, match=r"would both be a_b\.csv"):
-        unpack(record(tmp_path / "run", talk, said), tmp_path / "logs")
+        unpack(record(tmp_path / "run", messages, recorded), tmp_path / "logs")
 
 
 def test_from_the_command_line_to_a_draft(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    talk = Talk(ROS2)
-    bag = record(tmp_path / "run", talk, robot(talk))
+    messages = Messages(ROS2)
+    bag = record(tmp_path / "run", messages, robot(messages))
     model = """<mujoco><worldbody><body><joint name="elbow" axis="0 1 0"/>
       <geom size=".1" pos=".2 0 0"/></body></worldbody>
       <actuator><motor name="motor" joint="elbow"/></actuator>
@@ -257,7 +266,7 @@ def test_from_the_command_line_to_a_draft(tmp_path: Path, capsys: pytest.Capture
     wanted = ["--topics", "/joint_states", "/motor/target"]
 
     assert main(["unpack", str(bag), "--out", str(tmp_path / "logs"), *wanted]) == 0
-    assert "now: python -m reality_gap init MODEL" in capsys.readouterr().out
+    assert "next: python -m reality_gap init MODEL" in capsys.readouterr().out
     logs = [str(p) for p in sorted((tmp_path / "logs").glob("*.csv"))]
     out = ["--out", str(tmp_path / "STUDY.yaml")]
     assert main(["init", str(tmp_path / "m.xml"), *logs, *out]) == 0
@@ -267,4 +276,4 @@ def test_from_the_command_line_to_a_draft(tmp_path: Path, capsys: pytest.Capture
     assert "readings: [logs/joint_states.csv]" in text
     assert "angle: {column: joint_states_position_elbow, unit: rad}" in text
     assert main(["unpack", str(bag), "--out", str(tmp_path / "logs")]) == 2
-    assert "is left alone" in capsys.readouterr().err
+    assert "is not overwritten" in capsys.readouterr().err

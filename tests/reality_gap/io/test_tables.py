@@ -1,4 +1,4 @@
-"""Logs are read as numbers, and what is no number is found where a person would look for it."""
+"""Tables: logs are read as numbers, and errors name the line and column of a wrong cell."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def read(path: Path, content: str | bytes) -> tables.Table:
         'a,"a note, long",b\n1,"x,\ny",2\n3,z,4\n',
     ],
 )
-def test_csv_as_people_write_it(tmp_path: Path, content: str) -> None:
+def test_usual_forms_of_csv_are_read(tmp_path: Path, content: str) -> None:
     columns = read(tmp_path, content).columns
     np.testing.assert_array_equal(columns["a"], [1.0, 3.0])
     np.testing.assert_array_equal(columns["b"], [2.0, 4.0])
@@ -52,8 +52,8 @@ def test_an_empty_cell(tmp_path: Path, empty: str) -> None:
     [
         ("", "log.csv is empty"),
         ("a,b\n", "no rows"),
-        ("a;b\n1;2\n", "commas are expected"),
-        ("a\tb\n1\t2\n", "commas are expected"),
+        ("a;b\n1;2\n", "separated by ';'; use commas"),
+        ("a\tb\n1\t2\n", "use commas"),
         ("a,b\n1,2\n3\n", "line 3 of log.csv has 1 cells, the header 2; the file looks truncated"),
         ("a,b\n1\n3,4\n", "line 2 of log.csv has 1 cells, the header 2$"),
         ("a,b\n1,2\n3,4,5\n", "line 3 of log.csv has 3 cells, the header 2$"),
@@ -97,7 +97,7 @@ def test_a_fault_of_a_parquet_file(tmp_path: Path, cells: list, words: str) -> N
         read_table(path, "log.parquet", ("a",))
 
 
-def test_names_that_are_not_text_in_a_parquet_file(tmp_path: Path) -> None:
+def test_column_names_of_a_parquet_file_that_are_not_text(tmp_path: Path) -> None:
     path = tmp_path / "log.parquet"
     pyarrow.parquet.write_table(pa.table({"length": [1.0, 2.0]}), path, store_schema=False)
     path.write_bytes(path.read_bytes().replace(b"length", b"le\xe7gth"))
@@ -124,7 +124,7 @@ def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         read(tmp_path, "a,b\n1,2\n3,4\n")
 
 
-def test_a_sentence_is_one_line_whatever_names_hold(tmp_path: Path) -> None:
+def test_a_message_is_one_line_without_control_characters(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"line 2 of log.csv, column 'a': .*is not a number") as e:
         read(tmp_path, 'a,b\n"1\n\x1b[2J",2\n')
     assert str(e.value).isprintable()
@@ -140,14 +140,14 @@ def test_a_short_row_need_not_be_text(tmp_path: Path, capfd: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize("header", [b"a" * 200_000, b"a\rb,c"])
-def test_a_header_that_is_none(tmp_path: Path, header: bytes) -> None:
+def test_a_header_that_cannot_be_read(tmp_path: Path, header: bytes) -> None:
     (tmp_path / "log.csv").write_bytes(header + b"\n1\n")
     with pytest.raises(StudyError, match=r"^log.csv has no line of column names: "):
         read_header(tmp_path / "log.csv", "log.csv")
 
 
 @pytest.mark.parametrize("cell", ["1e31", "-1e300"])
-def test_no_measurement_is_so_large(tmp_path: Path, cell: str) -> None:
+def test_a_number_that_is_too_large_is_refused(tmp_path: Path, cell: str) -> None:
     with pytest.raises(StudyError, match="is not a number"):
         read(tmp_path, f"a,b\n1,2\n{cell},4\n")
 

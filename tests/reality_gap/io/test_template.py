@@ -1,4 +1,4 @@
-"""A draft for a well-named log can be used as it is; what is not guessed is left to a person."""
+"""Template: the draft for a well-named log is complete; other lines are left as comments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOGS = ("robot_0.csv", "robot_1.csv", "camera_0.csv", "camera_1.csv")
 
 
 def draft(folder: Any, *logs: str) -> str:
-    """The draft for logs in the study's folder, written anew."""
+    """Write the study's folder, and draft a study for logs in it."""
     root = folder.write().parent
     return draft_study(root / "lever.xml", [root / log for log in logs or LOGS])
 
@@ -38,7 +38,7 @@ def test_a_well_named_log_needs_no_editing(study_folder: Any) -> None:
     for channel, reading in zip(plain.channels, plain.episodes[0].readings, strict=True):
         np.testing.assert_array_equal(drafted[channel.name].value, reading.value)
         np.testing.assert_array_equal(drafted[channel.name].time, reading.time)
-    # Nothing in the log looks like the orientation of the marker.
+    # The log has no columns for the orientation of the marker.
     assert "  # marker_turn: {columns: [?, ?, ?, ?], unit: 1}" in text
 
 
@@ -74,11 +74,11 @@ def test_units_by_size(study_folder: Any) -> None:
     assert content["sensors"]["length_extensor"]["unit"] == "m"
 
 
-def test_what_is_not_guessed_is_a_comment(study_folder: Any) -> None:
+def test_an_element_without_a_guess_is_a_comment(study_folder: Any) -> None:
     rename(study_folder, {"target_flexor": "a17", "target_extensor": "b17", "length_flexor": "c"})
     text = draft(study_folder)
     assert "  # flexor: {column: ?, unit: m}" in text
-    assert "  # columns that nobody uses: a17, c, b17" in text
+    assert "  # unused columns: a17, c, b17" in text
     assert not yaml.safe_load(text)["actuators"]
     assert "length_flexor" not in yaml.safe_load(text)["sensors"]
 
@@ -109,7 +109,9 @@ def test_a_machine_without_actuators_has_efforts(tmp_path: Path) -> None:
     assert content["initial"] == {"joints": "first_reading", "settle": 0}
 
 
-def test_files_must_lie_beside_the_study(study_folder: Any, tmp_path_factory: Any) -> None:
+def test_files_must_lie_in_the_folder_of_the_study(
+    study_folder: Any, tmp_path_factory: Any
+) -> None:
     root = study_folder.path.parent
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     with pytest.raises(StudyError, match="outside"):
@@ -126,7 +128,9 @@ def test_a_draft_needs_a_model_and_a_log(study_folder: Any) -> None:
         draft_study(root / "lever.xml", [])
 
 
-def test_the_last_column_of_a_kind_is_for_the_last_element_of_that_kind(study_folder: Any) -> None:
+def test_the_last_column_of_a_kind_goes_to_the_last_element_of_that_kind(
+    study_folder: Any,
+) -> None:
     rename(study_folder, {"target_flexor": "u"})
     actuators = yaml.safe_load(draft(study_folder))["actuators"]
     assert actuators["flexor"]["column"] == "u"

@@ -1,4 +1,4 @@
-"""Units as people write them."""
+"""Units: usual spellings and their factors to SI units."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_unit(text: str, si: str, factor: float) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "inch", "MM", "m m"])
-def test_no_unit(text: str) -> None:
+def test_an_unknown_unit(text: str) -> None:
     with pytest.raises(UnknownNameError, match="known: m, cm, mm"):
         parse_unit(text)
 

@@ -1,4 +1,4 @@
-"""The extended model, read back, is the machine that was diagnosed."""
+"""Extended model: loaded again, it is the plant that was diagnosed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from reality_gap.report.extended_model import load_extended
 from reality_gap.report.files import write_diagnosis
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.study.data import Study
-from reality_gap.study.system import look_at
+from reality_gap.study.system import compile_system
 
 Make = Callable[[Verdict], Diagnosis]
 
@@ -26,13 +26,13 @@ Make = Callable[[Verdict], Diagnosis]
 def folder(
     diagnosed: Make, lever_study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Path:
-    """Of a diagnosis that names friction of a wire and an encoder's offset; without its page."""
+    """Folder of a diagnosis that names friction of a tendon and an encoder offset; no report."""
     monkeypatch.setattr("reality_gap.report.files.write_report", lambda *_: None)
     write_diagnosis(diagnosed(Verdict.NAMED), lever_study, tmp_path / "out")
     return tmp_path / "out"
 
 
-def test_it_replays_what_the_diagnosis_replayed(
+def test_its_replay_is_that_of_the_diagnosis(
     folder: Path, diagnosed: Make, lever_study: Study
 ) -> None:
     replayed = load_extended(folder).replay(lever_study).prediction
@@ -49,9 +49,9 @@ def test_the_friction_is_in_the_xml_and_the_encoder_in_the_json(folder: Path) ->
     model = mujoco.MjModel.from_xml_path(str(folder / "extended.xml"))
     content = json.loads((folder / "extended.json").read_text())
 
-    brake = model.actuator("coulomb_friction/flexor")
-    assert brake.biasprm[3] == pytest.approx(3.0)  # LuGre's sliding friction
-    assert model.tendon(int(brake.trnid[0])).name == "flexor"
+    friction = model.actuator("coulomb_friction/flexor")
+    assert friction.biasprm[3] == pytest.approx(3.0)  # LuGre's sliding friction
+    assert model.tendon(int(friction.trnid[0])).name == "flexor"
     assert content == {
         "model": "extended.xml",
         "effects": [
@@ -66,7 +66,7 @@ def test_the_friction_is_in_the_xml_and_the_encoder_in_the_json(folder: Path) ->
     }
 
 
-def test_a_replay_leaves_the_extended_model_as_it_was(folder: Path, lever_study: Study) -> None:
+def test_a_replay_does_not_change_the_extended_model(folder: Path, lever_study: Study) -> None:
     extended = load_extended(folder)
     before = extended.spec.to_xml()
 
@@ -93,18 +93,18 @@ def test_a_cause_that_is_not_in_the_catalogue_is_named(folder: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["{}", "[]", "not json", '{"model": "extended.xml"}', '{"effects": [1]}', "[" * 9999]
 )
-def test_a_spoilt_file_is_refused(folder: Path, text: str) -> None:
+def test_a_damaged_file_is_refused(folder: Path, text: str) -> None:
     (folder / "extended.json").write_text(text)
 
-    with pytest.raises(StudyError, match="not what a diagnosis writes"):
+    with pytest.raises(StudyError, match="was not written by a diagnosis"):
         load_extended(folder)
 
 
-def test_a_model_elsewhere_is_refused(folder: Path) -> None:
+def test_a_model_outside_the_folder_is_refused(folder: Path) -> None:
     text = (folder / "extended.json").read_text()
     (folder / "extended.json").write_text(text.replace("extended.xml", "../lever.xml"))
 
-    with pytest.raises(StudyError, match=r"names the model '../lever.xml'; a diagnosis writes"):
+    with pytest.raises(StudyError, match=r"names the model '../lever.xml' instead of extended"):
         load_extended(folder)
 
 
@@ -117,8 +117,8 @@ def test_a_study_of_another_machine_is_refused(folder: Path, lever_study: Study)
 
 
 @pytest.mark.parametrize("id", CATALOGUE)
-def test_what_a_cause_writes_into_a_model_survives_its_file(id: str, lever_study: Study) -> None:
-    system, cause = look_at(lever_study), CATALOGUE[id]
+def test_the_edits_of_a_cause_survive_in_the_xml(id: str, lever_study: Study) -> None:
+    system, cause = compile_system(lever_study), CATALOGUE[id]
     for location in cause.locations(system):
         candidate = Candidate(cause, location, cause.parameters(system, location))
         values = {p.name: p.null + p.scale for p in candidate.parameters}
@@ -130,7 +130,7 @@ def test_what_a_cause_writes_into_a_model_survives_its_file(id: str, lever_study
 
 
 def _assert_alike(one: mujoco.MjModel, two: mujoco.MjModel) -> None:
-    """All numbers of two models agree but for what six digits leave out."""
+    """Assert that all numbers of two models agree up to the six digits of XML."""
     for name in dir(one):
         value = getattr(one, name)
         if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":

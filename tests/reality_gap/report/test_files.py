@@ -1,9 +1,10 @@
-"""What a diagnosis leaves on disk: all files, whole or not at all, and nobody else's touched."""
+"""Files of a diagnosis: all or none are written, and other files are not overwritten."""
 
 from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from reality_gap.causes.base import Location
 from reality_gap.diagnosis import Diagnosis, Verdict
 from reality_gap.errors import StudyError
+from reality_gap.report import verdict_json as verdict_module
 from reality_gap.report.files import check_out, write_diagnosis
 from reality_gap.report.verdict_json import verdict_json
 from reality_gap.study.data import Study
@@ -24,7 +27,7 @@ FILES = {"verdict.json", "extended.xml", "extended.json", "report.html", "next_e
 
 @pytest.fixture
 def plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A report without pictures, which take a second and have their own tests."""
+    """Replaces the report, whose pictures take a second, by a short text."""
 
     def write(diagnosis: Diagnosis, study: Study, path: Path) -> None:
         path.write_text(diagnosis.sentence)
@@ -40,7 +43,7 @@ def test_the_report_is_a_page(diagnosed: Make, lever_study: Study, tmp_path: Pat
 
 @pytest.mark.usefixtures("plain_page")
 @pytest.mark.parametrize("verdict", Verdict)
-def test_every_verdict_is_written_whole(
+def test_all_files_are_written_for_each_verdict(
     verdict: Verdict, diagnosed: Make, lever_study: Study, tmp_path: Path
 ) -> None:
     out = tmp_path / "new" / "out"
@@ -53,8 +56,28 @@ def test_every_verdict_is_written_whole(
     assert mujoco.MjModel.from_xml_path(str(out / "extended.xml")).nu == 2
 
 
+def keys(content: object) -> set[str]:
+    """All keys in a verdict, except names of parameters."""
+    if isinstance(content, list):
+        return set().union(*map(keys, content))
+    if not isinstance(content, dict):
+        return set()
+    inner = [keys(value) for name, value in content.items() if name not in ("parameters", "values")]
+    return set(content).union(*inner)
+
+
+def test_the_docstring_documents_each_key(diagnosed: Make) -> None:
+    found = verdict_json(replace(diagnosed(Verdict.NAMED), likelihood_gain=None))
+
+    documented = set(re.findall(r"\w+", verdict_module.__doc__ or ""))
+    assert keys(found) - documented == set()
+
+
 def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
-    found = verdict_json(diagnosed(Verdict.NAMED))
+    diagnosis = diagnosed(Verdict.NAMED)
+    elsewhere = (Location("tendon", ("flexor",)),)
+    causes = (diagnosis.causes[0], replace(diagnosis.causes[1], elsewhere=elsewhere))
+    found = verdict_json(replace(diagnosis, causes=causes))
 
     assert {
         "verdict",
@@ -69,7 +92,7 @@ def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
     } <= set(found)
     first, second = found["causes"]
     assert first["cause"] == "coulomb_friction"
-    assert first["elements"] == ["flexor"]
+    assert (first["kind"], first["elements"], first["note"]) == ("tendon", ["flexor"], "")
     assert first["parameters"]["friction"] == {
         "value": 3.0,
         "low": 2.5,
@@ -77,6 +100,7 @@ def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
         "unit": "N",
     }
     assert second["equivalent"] == ["length_scale"]
+    assert second["elsewhere"] == [{"kind": "tendon", "elements": ["flexor"], "note": ""}]
     assert found["gain"] == {"value": 0.955, "low": 0.93, "high": 0.97}
 
 
@@ -88,12 +112,10 @@ def test_without_gain_and_experiment_both_are_null(diagnosed: Make) -> None:
     assert found["causes"] == []
 
 
-def test_only_a_rival_may_have_no_finite_score(diagnosed: Make) -> None:
+def test_only_scores_of_candidates_may_be_infinite(diagnosed: Make) -> None:
     diagnosis = diagnosed(Verdict.NAMED)
 
-    assert [
-        fitted_candidate["score"] for fitted_candidate in verdict_json(diagnosis)["candidates"]
-    ][-1] is None
+    assert verdict_json(diagnosis)["candidates"][-1]["score"] is None
     with pytest.raises(ValueError, match="rms_after is nan"):
         verdict_json(replace(diagnosis, rms_after=float("nan")))
 
@@ -131,59 +153,59 @@ def test_an_earlier_diagnosis_is_replaced(
 
 
 @pytest.mark.usefixtures("plain_page")
-def test_a_failure_leaves_what_was_there(
+def test_a_failure_does_not_change_the_folder(
     diagnosed: Make, lever_study: Study, tmp_path: Path
 ) -> None:
     out, work = tmp_path / "results" / "out", tmp_path / "results"
     broken = replace(diagnosed(Verdict.NAMED), extended_xml="<mujoco><nonsense/></mujoco>")
 
-    with pytest.raises(StudyError, match="does not load"):
+    with pytest.raises(StudyError, match="cannot be loaded"):
         write_diagnosis(broken, lever_study, out)
     assert list(work.iterdir()) == []
 
     write_diagnosis(diagnosed(Verdict.NAMED), lever_study, out)
     before = (out / "verdict.json").read_bytes()
-    with pytest.raises(StudyError, match="does not load"):
+    with pytest.raises(StudyError, match="cannot be loaded"):
         write_diagnosis(broken, lever_study, out)
     assert (out / "verdict.json").read_bytes() == before
     assert [path.name for path in work.iterdir()] == ["out"]
 
 
 @pytest.mark.usefixtures("plain_page")
-def test_a_folder_with_anything_else_is_left_alone(
+def test_a_folder_with_other_files_is_not_overwritten(
     diagnosed: Make, lever_study: Study, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     write_diagnosis(diagnosed(Verdict.NAMED), lever_study, out)
     (out / "thesis.tex").write_text("ten years of work")
 
-    with pytest.raises(StudyError, match=r"holds thesis\.tex.*give a new folder"):
+    with pytest.raises(StudyError, match=r"contains thesis\.tex.*choose a new or empty folder"):
         write_diagnosis(diagnosed(Verdict.NAMED), lever_study, out)
 
     assert (out / "thesis.tex").read_text() == "ten years of work"
 
 
-def test_files_with_the_right_names_alone_make_no_diagnosis(tmp_path: Path) -> None:
+def test_a_folder_without_a_verdict_is_no_earlier_diagnosis(tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("mine")
 
     with pytest.raises(StudyError, match="not an earlier diagnosis"):
         check_out(tmp_path)
 
 
-def test_a_file_is_no_folder(tmp_path: Path) -> None:
+def test_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
 
     with pytest.raises(StudyError, match="is a file"):
         check_out(tmp_path / "out")
 
 
-def test_an_empty_folder_and_none_are_free(tmp_path: Path) -> None:
+def test_an_empty_or_missing_folder_can_be_used(tmp_path: Path) -> None:
     check_out(tmp_path)
     check_out(tmp_path / "none")
 
 
 @pytest.mark.usefixtures("plain_page")
-def test_the_earlier_diagnosis_comes_back_if_the_new_one_cannot_move_in(
+def test_the_earlier_diagnosis_is_restored_if_the_new_one_cannot_be_moved(
     diagnosed: Make, lever_study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"

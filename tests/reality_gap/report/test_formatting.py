@@ -1,14 +1,14 @@
-"""Numbers as people read them."""
+"""Formatting: numbers, units and probabilities for people."""
 
 from __future__ import annotations
 
 import pytest
 
-from reality_gap.report.formatting import joined, number, percent, shown
+from reality_gap.report.formatting import joined, number, percent, probability, shown
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "text"),
     [
         (0.0, "0"),
         (12.345, "12.3"),
@@ -20,12 +20,12 @@ from reality_gap.report.formatting import joined, number, percent, shown
         (float("-inf"), "-inf"),
     ],
 )
-def test_numbers_have_the_digits_that_matter(value: float, told: str) -> None:
-    assert number(value) == told
+def test_numbers_have_the_digits_that_matter(value: float, text: str) -> None:
+    assert number(value) == text
 
 
 @pytest.mark.parametrize(
-    ("value", "unit", "told"),
+    ("value", "unit", "text"),
     [
         (0.0025, "m", "2.50 mm"),
         (0.5, "rad", "28.6 deg"),
@@ -37,18 +37,25 @@ def test_numbers_have_the_digits_that_matter(value: float, told: str) -> None:
         (3.0, "N m", "3.00 N m"),
     ],
 )
-def test_units_are_those_of_a_workshop(value: float, unit: str, told: str) -> None:
+def test_quantities_have_readable_units(value: float, unit: str, text: str) -> None:
     factor, name = shown(unit, value)
 
-    assert f"{number(factor * value)} {name}" == told
+    assert f"{number(factor * value)} {name}" == text
 
 
-def test_nobody_is_told_a_certainty() -> None:
+def test_a_share_is_rounded_to_none_or_all_only_if_it_is() -> None:
     assert percent(0.9991) == "> 99 %"
     assert percent(0.0004) == "< 1 %"
     assert percent(0.93) == "93 %"
+    assert percent(1.0) == "100 %"
 
 
-def test_lists_read_as_sentences() -> None:
+def test_a_probability_is_never_shown_as_certain() -> None:
+    assert probability(1.0) == probability(0.999) == "> 99 %"
+    assert probability(0.0) == probability(0.001) == "< 1 %"
+    assert probability(0.93) == "93 %"
+
+
+def test_lists_are_joined_as_in_sentences() -> None:
     assert joined(["a"]) == "a"
     assert joined(["a", "b", "c"], "or") == "a, b or c"

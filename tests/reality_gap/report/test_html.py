@@ -1,4 +1,4 @@
-"""The page: honest for each verdict, in units for people, and readable without a network."""
+"""The page: right for each verdict, in readable units, and complete without a network."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ VOID = {"meta", "img", "br", "link"}
 
 
 class Reader(HTMLParser):
-    """What a browser would find: text, links to elsewhere, and elements left open."""
+    """Parser of a page: its text, its tags, its sources, and elements that are not closed."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,12 +50,12 @@ class Reader(HTMLParser):
 
 @pytest.fixture
 def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures that are made but not drawn, which is what takes the time."""
+    """Skips the rendering of pictures, which takes most of the time."""
     monkeypatch.setattr("reality_gap.report.html.png", lambda figure: "")
 
 
 def read(html: str) -> Reader:
-    """The page as a browser has it, white space as one blank."""
+    """Parse a page; white space in its text becomes one blank."""
     reader = Reader()
     reader.feed(html)
     reader.text = " ".join(reader.text.split())
@@ -63,7 +63,7 @@ def read(html: str) -> Reader:
 
 
 @pytest.mark.parametrize("verdict", Verdict)
-def test_a_page_is_whole_and_needs_no_network(
+def test_a_page_is_complete_and_needs_no_network(
     verdict: Verdict, diagnosed: Make, lever_study: Study
 ) -> None:
     diagnosis = diagnosed(verdict)
@@ -80,26 +80,26 @@ def test_a_page_is_whole_and_needs_no_network(
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_a_named_cause_stands_in_units_for_people(diagnosed: Make, lever_study: Study) -> None:
+def test_a_named_cause_has_readable_units(diagnosed: Make, lever_study: Study) -> None:
     found = read(page(diagnosed(Verdict.NAMED), lever_study)).text
 
     assert "Length offset extensor offset 2.50 mm 2.00 to 3.00 mm 88 % length scale" in found
     assert "Coulomb friction flexor friction 3.00 N 2.50 to 3.50 N 93 % none" in found
     assert re.search(r'\+ *<general name="coulomb_friction/flexor"[^>]*biasprm="0 0 0 3 3', found)
-    assert "takes away 96 % of the error above the floor (95 % interval 93 to 97 %)" in found
+    assert "removes 96 % of the error above the floor (95 % interval 93 to 97 %)" in found
     assert "camera focal nothing to act on" in found
 
 
-@pytest.mark.parametrize(("chance", "said"), [(0.31, True), (0.01, False), (None, False)])
+@pytest.mark.parametrize(("chance", "mentioned"), [(0.31, True), (0.01, False), (None, False)])
 @pytest.mark.usefixtures("blank_pictures")
-def test_it_is_said_where_the_cause_may_have_no_name(
-    chance: float | None, said: bool, diagnosed: Make, lever_study: Study
+def test_the_probability_of_an_unknown_cause_is_mentioned(
+    chance: float | None, mentioned: bool, diagnosed: Make, lever_study: Study
 ) -> None:
     diagnosis = replace(diagnosed(Verdict.NAMED), unmodelled=chance)
 
     found = read(page(diagnosis, lever_study)).text
 
-    assert ("with 31 % probability it is none of those known" in found) is said
+    assert ("with a probability of 31 % none of the known causes is right" in found) is mentioned
 
 
 @pytest.mark.usefixtures("blank_pictures")
@@ -110,35 +110,35 @@ def test_nothing_wrong_promises_neither_gain_nor_truth(diagnosed: Make, lever_st
 
     found = read(page(diagnosis, lever_study)).text
 
-    assert "What it gains" not in found
-    assert "That is no proof that the model is right elsewhere" in found
+    assert "removes" not in found
+    assert "does not prove that the model is right in other motions" in found
     assert "extended.xml is your model" in found
     assert "learned residual" not in found
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_unexplained_names_nobody_but_says_where_to_look(
+def test_an_unexplained_error_has_no_name_but_a_dependence(
     diagnosed: Make, lever_study: Study
 ) -> None:
     found = read(page(diagnosed(Verdict.UNEXPLAINED), lever_study)).text
 
-    assert "What it gains" not in found
-    assert "what has no name is not built into a model" in found
-    assert "follows most from velocity sign of elbow (40 % of it, in length_flexor)" in found
-    assert "It is no cause, has no name" in found
+    assert "removes" not in found
+    assert "an unknown cause cannot be added to a model" in found
+    assert "depends most on velocity sign of elbow (40 % of it, in length_flexor)" in found
+    assert "It is not a cause" in found
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_where_nothing_is_named_there_is_one_model_and_no_rivals(
+def test_without_a_named_cause_there_are_no_candidates_to_distinguish(
     diagnosed: Make, lever_study: Study
 ) -> None:
     diagnosis = replace(diagnosed(Verdict.UNEXPLAINED), next_experiment=None)
 
     found = read(page(diagnosis, lever_study)).text
 
-    assert "RMS with your model, in units" in found
-    assert "there are no rivals to tell apart, and a longer log says no clearer" in found
-    assert "halve the doubt" not in found
+    assert "RMS of your model, in units" in found
+    assert "there are no candidates to distinguish, and a longer log does not reveal" in found
+    assert "halve the uncertainty" not in found
 
 
 @pytest.mark.usefixtures("blank_pictures")
@@ -152,7 +152,7 @@ def test_names_are_text_and_never_markup(diagnosed: Make, lever_study: Study) ->
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_a_model_that_diverges_still_gets_its_page(diagnosed: Make, lever_study: Study) -> None:
+def test_a_model_that_diverges_has_a_page(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = diagnosed(Verdict.UNEXPLAINED)
     nothing = tuple(replace(t, before=np.full_like(t.before, np.nan)) for t in diagnosis.traces)
 
@@ -162,25 +162,25 @@ def test_a_model_that_diverges_still_gets_its_page(diagnosed: Make, lever_study:
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_the_same_diagnosis_gives_the_same_page(diagnosed: Make, lever_study: Study) -> None:
+def test_equal_diagnoses_have_equal_pages(diagnosed: Make, lever_study: Study) -> None:
     diagnosis = diagnosed(Verdict.NAMED)
 
     assert page(diagnosis, lever_study) == page(diagnosis, lever_study)
 
 
-def test_the_same_picture_has_the_same_bits(diagnosed: Make) -> None:
+def test_equal_pictures_have_equal_bits(diagnosed: Make) -> None:
     found = signals(diagnosed(Verdict.NAMED).traces)
 
     assert png(residual_map(found)) == png(residual_map(found))
 
 
 BAD_NAME = "<script>alert('{{7*7}}')</script>$\\frac{$&quot;"
-"""What a stranger may call a sensor: it is neither HTML, nor a template, nor mathematics."""
+"""Name of an element that must not be interpreted as HTML, as a template or as mathematics."""
 
 
 @pytest.fixture
 def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagnosis, Study]:
-    """A diagnosis in which everything is called so."""
+    """A diagnosis in which all names are `BAD_NAME`."""
     model = tmp_path / "<script>alert(1)<.xml"
     text = lever_study.model.read_text(encoding="utf-8")
     model.write_text(text.replace('"flexor"', f'"{escape(BAD_NAME)}"'), encoding="utf-8")
@@ -195,8 +195,7 @@ def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagno
         sentence=BAD_NAME,
         causes=(cause, *good.causes[1:]),
         fitted_candidates=tuple(
-            replace(fitted_candidate, candidate=cause.candidate)
-            for fitted_candidate in good.fitted_candidates
+            replace(fitted, candidate=cause.candidate) for fitted in good.fitted_candidates
         ),
         depends_on=tuple(replace(d, channel=BAD_NAME, quantity=BAD_NAME) for d in good.depends_on),
         next_experiment=replace(good.next_experiment, title=BAD_NAME, sentence=BAD_NAME),
@@ -212,7 +211,7 @@ def hostile(diagnosed: Make, lever_study: Study, tmp_path: Path) -> tuple[Diagno
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_names_from_strangers_are_text_and_nothing_else(hostile: tuple[Diagnosis, Study]) -> None:
+def test_names_from_untrusted_files_are_text_only(hostile: tuple[Diagnosis, Study]) -> None:
     found = read(page(*hostile))
 
     assert "script" not in found.tags
@@ -220,5 +219,5 @@ def test_names_from_strangers_are_text_and_nothing_else(hostile: tuple[Diagnosis
 
 
 @pytest.mark.slow
-def test_names_from_strangers_can_be_drawn(hostile: tuple[Diagnosis, Study]) -> None:
+def test_names_from_untrusted_files_can_be_plotted(hostile: tuple[Diagnosis, Study]) -> None:
     page(*hostile)

@@ -1,4 +1,4 @@
-"""An extended model takes its meshes and textures with it."""
+"""Model assets: meshes and textures are copied with an extended model."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def original(tmp_path: Path) -> Path:
     return folder / "model.xml"
 
 
-def test_the_written_model_loads_when_the_original_is_gone(original: Path, tmp_path: Path) -> None:
+def test_the_written_model_can_be_loaded_without_the_original(
+    original: Path, tmp_path: Path
+) -> None:
     spec = mujoco.MjSpec.from_file(str(original))
     expected = spec.compile()
     out = tmp_path / "out"
@@ -73,9 +75,7 @@ def test_the_written_model_loads_when_the_original_is_gone(original: Path, tmp_p
     assert model.ntex == expected.ntex
 
 
-def test_files_of_an_attached_model_are_found_by_their_names(
-    original: Path, tmp_path: Path
-) -> None:
+def test_files_of_an_attached_model_are_found_by_name(original: Path, tmp_path: Path) -> None:
     part = original.parent / "part"
     (part / "forms").mkdir(parents=True)
     (part / "forms" / "knob[1].obj").write_text(TETRAHEDRON.format(0.2))
@@ -99,5 +99,5 @@ def test_a_missing_file_is_named(original: Path, tmp_path: Path) -> None:
     xml = mujoco.MjSpec.from_file(str(original)).to_xml()
     (original.parent / "pictures" / "skin.png").unlink()
 
-    with pytest.raises(StudyError, match=r"skin\.png.*nowhere"):
+    with pytest.raises(StudyError, match=r"skin\.png.*but there is no file"):
         write_model(xml, original, tmp_path / "extended.xml")

@@ -1,4 +1,4 @@
-"""A car on a rail that a wire is tied to, for whoever tests friction."""
+"""A cart on a rail that a tendon is tied to, for tests of friction."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 
 from reality_gap.causes.base import Location
 from reality_gap.study.data import Channel, Episode, Reading, Study
-from reality_gap.study.system import System, look_at
+from reality_gap.study.system import System, compile_system
 from reality_gap.types import Floats
 
-CAR = """
+CART = """
 <mujoco>
   <option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/>
   <worldbody>
     <site name="post" pos="-1 0 0"/>
-    <body name="car">
+    <body name="cart">
       <joint name="rail" type="slide" axis="1 0 0" frictionloss="0.5" damping="{damping}"/>
       <geom type="sphere" size="0.05" mass="{mass}"/>
       <site name="hook"/>
@@ -42,25 +42,25 @@ ON_TENDON, ON_RAIL = Location("tendon", ("tendon",)), Location("joint", ("rail",
 Kind = Literal["sensor", "effort"]
 
 
-def car(
+def cart_system(
     folder: Path,
     *sensors: str,
     kind: Kind = "sensor",
     mass: float = MASS,
     damping: float = DAMPING,
 ) -> System:
-    """A car of which ``sensors`` are measured, or efforts of joints."""
-    path = folder / "car.xml"
-    path.write_text(CAR.format(mass=mass, damping=damping))
+    """Return a cart with measured ``sensors``, or with efforts of joints."""
+    path = folder / "cart.xml"
+    path.write_text(CART.format(mass=mass, damping=damping))
     time = np.array([0.0, 1.0])
     channels = [Channel("position", "position")]
     channels += [Channel(sensor, sensor, kind=kind) for sensor in sensors]
     readings = tuple(Reading(time, np.zeros(2)) for _ in channels)
     episode = Episode("still", time, np.zeros((2, 1)), readings)
-    return look_at(Study("car", path, tuple(channels), (episode,)))
+    return compile_system(Study("cart", path, tuple(channels), (episode,)))
 
 
 def ramp(*corners: float, steps: int = 8000) -> Floats:
-    """From load to load, so slowly that the car is at rest on its bristles."""
+    """Return loads that change so slowly that the bristles are always at rest."""
     ends = np.arange(len(corners)) * steps
     return np.interp(np.arange(ends[-1]), ends, corners)

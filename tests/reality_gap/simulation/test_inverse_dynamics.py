@@ -1,4 +1,4 @@
-"""Inverse dynamics explain the efforts of a machine that was moved in closed loop."""
+"""Inverse dynamics: the efforts of a machine that was moved in closed loop."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ CHANNELS = (
 
 
 def rub(spec: mujoco.MjSpec) -> None:
-    """Dry and viscous friction in both joints."""
+    """Add dry and viscous friction to both joints."""
     spec.joint("shoulder").frictionloss = 0.8
     spec.joint("elbow").frictionloss = 0.3
     spec.joint("elbow").damping[0] = 0.4
 
 
 def move(seconds: float = 10.0) -> tuple[Floats, Floats, Floats]:
-    """The arm with friction in closed loop, in fine steps: times, angles and torques at 1 kHz."""
+    """Simulate the arm with friction in closed loop; return times, angles and torques at 1 kHz."""
     spec = mujoco.MjSpec.from_string(ARM)
     rub(spec)
     spec.option.timestep = 0.00025
@@ -75,13 +75,13 @@ def move(seconds: float = 10.0) -> tuple[Floats, Floats, Floats]:
 
 @pytest.fixture(scope="module")
 def log() -> tuple[Floats, Floats, Floats]:
-    """One log for all tests."""
+    """Return one log for all tests."""
     return move()
 
 
 @pytest.fixture
 def study(log: tuple[Floats, Floats, Floats], tmp_path: Path) -> Study:
-    """The drawing of the arm, without friction, and the log of the arm with friction."""
+    """Return the nominal model, without friction, and the log of the arm with friction."""
     path = tmp_path / "arm.xml"
     path.write_text(ARM, encoding="utf-8")
     time_, angle, torque = log
@@ -93,7 +93,7 @@ def study(log: tuple[Floats, Floats, Floats], tmp_path: Path) -> Study:
 
 
 def errors(study: Study, plant: Plant) -> Floats:
-    """RMS error of the predicted torque over the RMS of the measured, by joint."""
+    """Return the RMS error of the predicted torque relative to the RMS torque, by joint."""
     prepared = prepare(study)
     values = measured(prepared)
     prediction = inverse_replay(plant, prepared, values).prediction
@@ -106,7 +106,9 @@ def errors(study: Study, plant: Plant) -> Floats:
     )
 
 
-def test_the_true_machine_explains_its_torques_and_the_drawing_does_not(study: Study) -> None:
+def test_the_actual_machine_explains_its_torques_but_its_model_does_not(
+    study: Study,
+) -> None:
     spec = study.spec()
     rub(spec)
     assert np.all(errors(study, Plant(spec, Effects())) < 0.02)
@@ -122,8 +124,8 @@ def test_what_hooks_apply_needs_no_effort(study: Study) -> None:
     values = measured(prepared)
     free = inverse_replay(Plant(study.spec(), Effects()), prepared, values)
     effects = Effects()
-    effects.act(lambda model: push)
-    effects.act(lambda model: push, start=1e3)
+    effects.add_hook(lambda model: push)
+    effects.add_hook(lambda model: push, start=1e3)
     pushed = inverse_replay(Plant(study.spec(), effects), prepared, values)
     change = (pushed.prediction - free.prediction)[values.channel == 0]
     at = values.time[values.channel == 0]
@@ -197,7 +199,7 @@ def test_a_long_log_is_replayed_in_less_than_a_second(study: Study) -> None:
 def test_hooks_know_the_time_of_the_study(study: Study) -> None:
     seen = []
     effects = Effects()
-    effects.act(lambda model: lambda model, data: seen.append(data.time), start=15.0, end=16.0)
+    effects.add_hook(lambda model: lambda model, data: seen.append(data.time), start=15.0, end=16.0)
     twice = prepare(replace(study, episodes=study.episodes * 2))
     replay = inverse_replay(Plant(study.spec(), effects), twice, measured(twice))
     assert len(replay.records) == 2
@@ -223,7 +225,7 @@ def test_a_joint_that_is_not_measured_is_named(study: Study) -> None:
         prepare(blind)
 
 
-def test_logs_that_say_nothing_are_refused(study: Study) -> None:
+def test_logs_without_information_are_refused(study: Study) -> None:
     episode = study.episodes[0]
     short = tuple(Reading(r.time[:300], r.value[:300]) for r in episode.readings)
     with pytest.raises(StudyError, match="too short"):

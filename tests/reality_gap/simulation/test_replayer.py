@@ -1,4 +1,4 @@
-"""The replayer on a carriage that a spring drives, exact but for its step."""
+"""Replayer: a carriage on a spring, whose replay is exact but for the time step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from reality_gap.simulation.replay import replay
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import System, look_at
+from reality_gap.study.system import System, compile_system
 from reality_gap.types import Floats
 
 CARRIAGE = """
@@ -37,7 +37,7 @@ NOISE = 1e-6
 
 
 def carriage(folder: Path, stiffness: float = 40.0, seconds: float = 2.0) -> Study:
-    """Pushed to and fro; not measured yet."""
+    """Return a study of a carriage under a periodic force, without measurements."""
     path = folder / "carriage.xml"
     path.write_text(CARRIAGE.format(stiffness=stiffness))
     time = np.arange(0.0, seconds, 0.04)
@@ -47,17 +47,17 @@ def carriage(folder: Path, stiffness: float = 40.0, seconds: float = 2.0) -> Stu
 
 
 def exact(study: Study, *parts: tuple[Candidate, dict[str, float]]) -> Floats:
-    """What the machine reads without a time step (n,): the limit of ever finer ones."""
+    """Return the readings (n,) in the limit of an infinitely small time step."""
     fine = []
     for share in (1 / 64, 1 / 32):
-        plant = build(look_at(study), parts)
+        plant = build(compile_system(study), parts)
         plant.spec.option.timestep *= share
         fine.append(replay(plant, study, measured(study)).prediction)
     return 2 * fine[0] - fine[1]
 
 
 def measure(study: Study, value: Floats) -> Study:
-    """The study with these readings (n,)."""
+    """Return the study with these readings (n,)."""
     episode = study.episodes[0]
     reading = Reading(episode.readings[0].time, value)
     return replace(study, episodes=(replace(episode, readings=(reading,)),))
@@ -65,13 +65,13 @@ def measure(study: Study, value: Floats) -> Study:
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """MuJoCo writes into the current folder what diverged."""
+    """Change the current folder, to which MuJoCo writes a log if a simulation diverges."""
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """What the machine reads without a time step and without noise."""
+    """Return a study with exact readings without noise."""
     study = carriage(tmp_path_factory.mktemp("carriage"))
     return measure(study, exact(study))
 
@@ -85,15 +85,15 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def test_the_step_error_is_taken_out_of_the_residual(replayer: Replayer) -> None:
-    without = (replayer.measured.value - replayer.look([]).prediction) / replayer.measured.noise
+def test_the_step_error_is_subtracted_from_the_residual(replayer: Replayer) -> None:
+    without = (replayer.measured.value - replayer.replay([]).prediction) / replayer.measured.noise
 
     assert rms(without) > 100.0  # many times the noise
     assert rms(replayer.residual([])) < 0.05 * rms(without)
 
 
 def test_drift_is_what_a_finer_step_would_change(replayer: Replayer, study: Study) -> None:
-    expected = study.episodes[0].readings[0].value - replayer.look([]).prediction
+    expected = study.episodes[0].readings[0].value - replayer.replay([]).prediction
 
     np.testing.assert_allclose(replayer.drift, expected, atol=0.05 * rms(expected))
 
@@ -103,7 +103,7 @@ def test_the_last_halving_hardly_changes_the_drift(replayer: Replayer) -> None:
 
 
 def test_the_error_of_the_drift_covers_what_is_left(replayer: Replayer) -> None:
-    """Of an extrapolation of second order, a halving leaves a quarter: a third of the change."""
+    """A halving leaves a quarter of an error of second order, which is a third of its change."""
     left = rms(replayer.residual([]) * replayer.measured.noise)
 
     assert left == pytest.approx(rms(replayer.drift_error) / 3, rel=0.3)
@@ -117,7 +117,7 @@ def test_at_rest_there_is_no_drift(study: Study) -> None:
 
 
 def push(force: float, name: str = "spring") -> tuple[Candidate, dict[str, float]]:
-    """A stiffness of the rail that its drawing does not show, times ``force``."""
+    """Return a candidate that multiplies the nominal stiffness of the rail by ``force``."""
 
     def edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
         spec.joint("rail").stiffness[0] = 40.0 * values["force"]
@@ -127,15 +127,15 @@ def push(force: float, name: str = "spring") -> tuple[Candidate, dict[str, float
     return Candidate(cause, Location("joint", ("rail",)), (parameter,)), {"force": force}
 
 
-def test_the_step_error_is_taken_out_beside_a_suspect_too(study: Study) -> None:
-    """A machine whose spring is a tenth stiffer: only the difference of two step errors is left."""
+def test_the_step_error_is_subtracted_beside_a_candidate_too(study: Study) -> None:
+    """With a spring that is a tenth stiffer, only the difference of two step errors is left."""
     replayer = Replayer(measure(study, exact(study, push(1.1))))
 
     assert rms(replayer.residual([push(1.1)])) < 0.3 * rms(replayer.drift) / NOISE
     assert rms(replayer.residual([push(1.1)])) < 0.03 * rms(replayer.residual([]))
 
 
-def test_several_hypotheses_are_answered_in_their_order(study: Study) -> None:
+def test_residuals_have_the_order_of_their_hypotheses(study: Study) -> None:
     ticks: list[int] = []
     replayer = Replayer(study, tick=lambda: ticks.append(1))
     hypotheses = [[push(1.2)], [], [push(0.9)]]
@@ -156,19 +156,19 @@ def without_parameters(system: System, location: Location) -> tuple[Parameter, .
 
 
 def loosen(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
-    """Half of the stiffness that the rail has by then."""
+    """Halve the stiffness that the rail has so far."""
     spec.joint("rail").stiffness[0] *= 0.5
 
 
 def test_processes_know_the_user_s_own_causes(
     study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They come after the catalogue: a spring is added first, then half of all springs is gone."""
+    """They act after the catalogue: a spring is added first, then all stiffness is halved."""
     parameter = Parameter("loose", "1", 1.0, 0.0, 0.0, 1.0)
     rail = Location("joint", ("rail",))
     own = Cause("loose_springs", "", "", nowhere, without_parameters, loosen)
-    spring = causes.cause("joint_stiffness")
-    added = Candidate(spring, rail, spring.parameters(look_at(study), rail))
+    spring = causes.find_cause("joint_stiffness")
+    added = Candidate(spring, rail, spring.parameters(compile_system(study), rail))
     hypothesis = [
         (Candidate(own, rail, (parameter,)), {"loose": 1.0}),
         (added, {"stiffness": 30.0, "rest": 0.0}),
@@ -187,14 +187,14 @@ def test_another_study_of_the_machine_is_predicted_alike_by_processes(
     study: Study, tmp_path: Path
 ) -> None:
     other = carriage(tmp_path, seconds=1.0)
-    spring, rail = causes.cause("joint_stiffness"), Location("joint", ("rail",))
-    added = Candidate(spring, rail, spring.parameters(look_at(study), rail))
+    spring, rail = causes.find_cause("joint_stiffness"), Location("joint", ("rail",))
+    added = Candidate(spring, rail, spring.parameters(compile_system(study), rail))
     hypotheses = [[], [(added, {"stiffness": 30.0, "rest": 0.0})]]
     with Replayer(study, jobs=2) as replayer:
         found = replayer.predictions(other, hypotheses)
 
     np.testing.assert_array_equal(found, Replayer(study).predictions(other, hypotheses))
-    np.testing.assert_array_equal(found[0], Replayer(other).look([]).prediction / NOISE)
+    np.testing.assert_array_equal(found[0], Replayer(other).replay([]).prediction / NOISE)
     assert rms(found[1] - found[0]) > 1.0
 
 
@@ -210,19 +210,19 @@ def test_what_does_not_compile_is_named(replayer: Replayer) -> None:
     broken = replace(candidate, cause=replace(candidate.cause, edit=edit))
 
     with pytest.raises(StudyError, match="the model with second motor at rail does not compile"):
-        replayer.look([(broken, values)])
+        replayer.replay([(broken, values)])
 
 
-def test_a_slow_machine_may_be_looked_at_coarsely(replayer: Replayer) -> None:
-    """Twice the step has twice the error, which is of the size of the drift."""
-    change = replayer.look([], coarse=True).prediction - replayer.look([]).prediction
+def test_a_slow_machine_may_be_replayed_coarsely(replayer: Replayer) -> None:
+    """Twice the step has twice the error, so that the change is as large as the drift."""
+    change = replayer.replay([], coarse=True).prediction - replayer.replay([]).prediction
 
     assert replayer.coarse
     assert rms(change) == pytest.approx(rms(replayer.drift), rel=0.15)
 
 
 def test_a_machine_that_diverges_at_twice_the_step_may_not(tmp_path: Path) -> None:
-    """A spring is followed by steps h while its angular frequency is below 2 / h."""
+    """The integration of a spring is stable while its angular frequency is below 2 / h."""
     stiff = carriage(tmp_path, stiffness=(1.5 / 0.004) ** 2)
 
     replayer = Replayer(stiff)
@@ -232,7 +232,7 @@ def test_a_machine_that_diverges_at_twice_the_step_may_not(tmp_path: Path) -> No
 
 
 def test_efforts_have_no_time_step(tmp_path: Path) -> None:
-    """Inverse dynamics along the measured motion: nothing is integrated."""
+    """Inverse dynamics follow the measured motion, so that there is no integration."""
     study = carriage(tmp_path, seconds=20.0)
     episode = study.episodes[0]
     effort = Channel("effort", "rail", unit="N", noise=1.0, kind="effort")

@@ -1,4 +1,4 @@
-"""Models with actuators that take no command, and with some that take more than one."""
+"""Commands: models with actuators that take no command, or more than one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from reality_gap.report.plots.commands import commands
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.measurements import measured
-from reality_gap.study.system import System, look_at
+from reality_gap.study.system import System, compile_system
 from tests.reality_gap.conftest import MODEL, StudyFolder
 
 BRAKE = (
@@ -31,7 +31,7 @@ BEGIN, END = "<actuator>", "</actuator>"
 
 def study(folder: StudyFolder, model: str) -> System:
     (folder.path.parent / "lever.xml").write_text(model, encoding="utf-8")
-    return look_at(load_study(folder.path))
+    return compile_system(load_study(folder.path))
 
 
 def first(study_folder: StudyFolder) -> System:
@@ -40,7 +40,7 @@ def first(study_folder: StudyFolder) -> System:
 
 
 def last(study_folder: StudyFolder) -> System:
-    """The same, and it comes after them."""
+    """The lever with a passive brake, which comes after its motors."""
     return study(study_folder, MODEL.replace(END, BRAKE + END))
 
 
@@ -58,7 +58,7 @@ def predict(
 
 
 @pytest.mark.parametrize("id", sorted(CATALOGUE))
-def test_where_an_actuator_without_input_stands_does_not_matter(
+def test_the_position_of_an_actuator_without_input_does_not_matter(
     study_folder: StudyFolder, id: str
 ) -> None:
     before, after = first(study_folder), last(study_folder)
@@ -68,13 +68,13 @@ def test_where_an_actuator_without_input_stands_does_not_matter(
         Candidate(CATALOGUE[id], location, CATALOGUE[id].parameters(before, location))
         for location in locations
     ]
-    # A small delay is one of the command, a larger one of the actuator.
+    # A small delay acts on the command, a larger one in the actuator.
     for candidate, share in product((None, *candidates), (1.0, 0.1)):
         one, other = (predict(system, candidate, share) for system in (before, after))
         np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9, err_msg=str(candidate))
 
 
-def test_such_a_study_is_checked(study_folder: StudyFolder) -> None:
+def test_check_study_accepts_an_actuator_without_input(study_folder: StudyFolder) -> None:
     systems = first(study_folder), last(study_folder)
     one, other = (check_study(system.study) for system in systems)
     assert one == other
@@ -83,7 +83,7 @@ def test_such_a_study_is_checked(study_folder: StudyFolder) -> None:
     assert [tendon.actuator for tendon in systems[0].tendons] == ["flexor", "extensor"]
 
 
-def test_what_is_left_and_what_is_proposed_speak_of_commanded_actuators(
+def test_remainder_and_next_experiment_name_commanded_actuators(
     study_folder: StudyFolder,
 ) -> None:
     system = first(study_folder)
@@ -100,7 +100,7 @@ def test_what_is_left_and_what_is_proposed_speak_of_commanded_actuators(
 
 @pytest.mark.parametrize("begin", [True, False])
 @pytest.mark.parametrize("inputs", ["pos vel", "pos vel ff"])
-def test_an_actuator_of_many_inputs_is_refused(
+def test_an_actuator_with_several_inputs_is_refused(
     study_folder: StudyFolder, begin: bool, inputs: str
 ) -> None:
     pid = PID.format(inputs)

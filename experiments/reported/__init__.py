@@ -1,0 +1,1 @@
+"""List of the runs on reporting seeds."""

@@ -1,0 +1,74 @@
+"""`kengoro demo`: one robot misses a can, learns from what it sees of its hand, and grasps it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich import get_console
+
+from jmm_agent.grasping import GraspPlanner
+from kengoro.agents import make_agent
+from kengoro.grasp_trial import GraspTrial, Trial, outcome_sentences
+from kengoro.hand_search import READY
+from kengoro.robots import make_env, shuffled_postures
+from kengoro.session import EpisodeEndedError, Session
+from kengoro.trained_maps import trained_map
+from kengoro.viewer.progress import film_and_progress, stage_bar
+from kengoro.viewer.video import open_video
+from kengoro_env.names import GROUP_JOINTS
+
+
+@dataclass(frozen=True)
+class Args:
+    """One robot misses a can, learns from what it sees of its hand, and grasps the can.
+
+    Attributes:
+        robot: seed of the actual robot.
+        out: folder of the film.
+    """
+
+    robot: int = 100
+    out: Path = Path("out/demo")
+
+
+def main(args: Args) -> None:
+    """Run the trial, film it, and print what happened."""
+    console = get_console()
+    with console.status("Training the map of the nominal model (half a minute, once) ..."):
+        trained_map()
+    film = args.out / "episode.mp4"
+    env = make_env("CanGrasp", args.robot, render_mode="rgb_array")
+    with stage_bar("Kengoro") as progress, open_video(film) as video:
+        watch = film_and_progress(video, progress)
+        session = Session(
+            env, make_agent(args.robot), args.robot, watch, {"posture": np.array(READY)}
+        )
+        trial = run_trial(session, args.robot)
+    env.close()
+    console.print(" ".join([*trial_sentences(trial, session.agent.vision.fired), *trial.notes]))
+    console.print(f"Film: {film}")
+
+
+def run_trial(session: Session, seed: int) -> Trial:
+    """Run a can-grasping trial in a session; notes of the trial say why an episode ended."""
+    planner = GraspPlanner(session.agent.kinematics, "eye", GROUP_JOINTS["neck"])
+    rng = np.random.default_rng([seed, 3])
+    trial = GraspTrial(session, planner, shuffled_postures(seed), rng)
+    try:
+        return trial.run()
+    except EpisodeEndedError as end:
+        trial.trial.notes.append(f"{session.stage}: {end}")
+        return trial.trial
+
+
+def trial_sentences(trial: Trial, observations: int) -> list[str]:
+    """Result of a trial in three sentences; see `outcome_sentences`."""
+    approaches = trial.approaches
+    return outcome_sentences(
+        [approach.distance for approach in approaches],
+        [approach.grasped for approach in approaches],
+        observations,
+        approaches[-1].start - approaches[0].start if approaches else 0.0,
+    )

@@ -1,0 +1,71 @@
+"""Kengoro's arm: its environments, scene, camera and markers; and postures of any robot."""
+
+from __future__ import annotations
+
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from jmm_agent.types import Floats
+from jmm_agent.vision.camera import Camera
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import actual, drawing
+from kengoro_env.postures import posture_set
+from kengoro_env.robot.nominal_model import NominalArm
+
+CAMERA = Camera.from_fovy(640, 480, radians(45.0))
+"""The camera of the nominal model; that of an actual robot differs a little."""
+
+HAND, CAN = 0, 1
+SIDES = {HAND: 0.050, CAN: 0.036}
+"""Side of each marker [m] by its id."""
+
+NO_END = 10_000_000
+"""Steps of an episode that never ends."""
+
+
+def arm_scene() -> Path:
+    """MJCF file of the arm's nominal model."""
+    return asset_path("mjcf/kengoro_arm/arm.xml")
+
+
+def make_env(task: str, robot_seed: int | None = None, **options: Any) -> gym.Env[Any, Any]:
+    """An environment of Kengoro's arm.
+
+    Args:
+        task: "CanGrasp", "Posture" or "Elbow".
+        robot_seed: which actual robot; None for the nominal model, without departures.
+        **options: of `gymnasium.make`, such as ``camera`` or ``max_episode_steps``.
+    """
+    departures = drawing() if robot_seed is None else actual(robot_seed)
+    return gym.make(f"Kengoro/{task}-v0", departures=departures, **options)
+
+
+def sample_postures(scene: Path | str, count: int, seed: int = 0, share: float = 0.6) -> Floats:
+    """Postures of the robot in an MJCF file, uniform within the middle of the joint ranges.
+
+    Args:
+        scene: MJCF file.
+        count: number of postures N.
+        seed: of the samples.
+        share: which share of each joint's range, about its middle.
+
+    Returns:
+        Joint angles, shape (N, n) [rad].
+    """
+    arm = NominalArm(Path(scene))
+    middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * share * (arm.upper - arm.lower)
+    rng = np.random.default_rng(seed)
+    return rng.uniform(middle - half, middle + half, (count, len(arm.joints)))
+
+
+def shuffled_postures(seed: int) -> Floats:
+    """The posture set, shape (N, n) [rad], in the random order of a robot.
+
+    Learn from its beginning and test on its end, so that no posture serves both.
+    """
+    postures = posture_set()
+    return postures[np.random.default_rng([seed, 1]).permutation(len(postures))]

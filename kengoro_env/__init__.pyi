@@ -1,0 +1,27 @@
+from .departures import actual, drawing
+from .env import KengoroEnv
+from .errors import KengoroError
+from .postures import posture_set
+from .robot.draft import Departure, Draft
+from .robot.muscle_law import Gains
+from .robot.nominal_model import NominalArm
+from .robot.robot import Robot
+from .vector import KengoroVectorEnv
+from .vision.head_camera import HeadCamera
+from .vision.rendering import Painter
+
+__all__ = [
+    "Departure",
+    "Draft",
+    "Gains",
+    "HeadCamera",
+    "KengoroEnv",
+    "KengoroError",
+    "KengoroVectorEnv",
+    "NominalArm",
+    "Painter",
+    "Robot",
+    "actual",
+    "drawing",
+    "posture_set",
+]

@@ -1,0 +1,58 @@
+"""Choice of the implementation of control steps: compiled code where possible, else NumPy."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from kengoro_env.robot.robot import Robot
+from kengoro_env.robot.robot_batch import RobotBatch
+from kengoro_env.spaces import LengthBounds
+from kengoro_env.stepping.c_compiler import library
+from kengoro_env.stepping.compiled_steps import CompiledSteps, copies
+from kengoro_env.stepping.numpy_steps import NumpySteps
+from kengoro_env.stepping.tracked_object import TrackedObject
+
+Steps = CompiledSteps | NumpySteps
+
+ROBOTS_PER_THREAD = 4
+"""A further thread pays only for this many robots or more."""
+
+
+def steps_of_one(
+    robot: Robot, bounds: LengthBounds, entries: Sequence[str], tracked: TrackedObject | None
+) -> Steps:
+    """Control steps of ``robot`` itself.
+
+    Args:
+        robot: the robot.
+        bounds: bounds of the lengths, for actions and observations.
+        entries: names of the entries of an action.
+        tracked: the object that the hand is to lift; None: no object.
+    """
+    compiled = library()
+    if compiled is None:
+        return NumpySteps(robot, bounds, entries, tracked)
+    return CompiledSteps(compiled, [robot], bounds, entries, tracked)
+
+
+def steps_of_many(robot: Robot, bounds: LengthBounds, count: int, threads: int) -> Steps:
+    """Control steps of ``count`` copies of ``robot``, which stays their template.
+
+    Args:
+        robot: the template; `take` sets a copy to its state.
+        bounds: bounds of the lengths, for actions and observations.
+        count: number of copies.
+        threads: number of threads, at most 256; 0: as many as pay, at most one per core.
+    """
+    compiled = library()
+    if compiled is None:
+        return NumpySteps(RobotBatch(robot, count, threads), bounds, robot.muscles)
+    threads = threads or min(cores(), max(1, count // ROBOTS_PER_THREAD))
+    robots = copies(robot, count)
+    return CompiledSteps(compiled, robots, bounds, robot.muscles, template=robot, threads=threads)
+
+
+def cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,79 @@
+"""Outcome: what a diagnosis concludes, from a search for single causes or from a fit of groups."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from reality_gap.causes import CATALOGUE
+from reality_gap.diagnosis import (
+    Dependence,
+    Experiment,
+    FittedCandidate,
+    Gain,
+    NamedCause,
+    Verdict,
+)
+from reality_gap.inference.group_fit import GroupFit
+from reality_gap.inference.held_out import Score, score
+from reality_gap.inference.remainder import dependences
+from reality_gap.simulation.hypothesis import Hypothesis
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.types import Floats
+
+HIDDEN = "small errors of all elements hide single causes"
+"""Why other causes are not judged in a machine that groups explain."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a diagnosis concludes; see `reality_gap.diagnosis.Diagnosis` for fields of that name.
+
+    Attributes:
+        hypothesis: the named causes with their values; empty unless the verdict is "named".
+        residual: residual of the model with these causes in units of noise, shape (n,).
+        score: comparison of the model with and without these causes.
+    """
+
+    verdict: Verdict
+    hypothesis: Hypothesis
+    residual: Floats
+    score: Score
+    causes: tuple[NamedCause, ...]
+    fitted_candidates: tuple[FittedCandidate, ...]
+    gain: Gain | None
+    unexplained_fraction: float
+    explainable_fraction: float
+    depends_on: tuple[Dependence, ...]
+    not_judged: tuple[tuple[str, str], ...]
+    measures: Mapping[str, float]
+    unmodelled: float | None = None
+    likelihood_gain: Gain | None = None
+    next_experiment: Experiment | None = None
+
+
+def groups_outcome(replayer: Replayer, null_residual: Floats, groups: GroupFit) -> Outcome:
+    """Return the outcome for a machine that groups of causes explain.
+
+    Args:
+        replayer: replays of the study.
+        null_residual: residual of the nominal model in units of sensor noise, shape (n,).
+        groups: the groups.
+    """
+    scored = score(replayer.system.study, replayer.measured, null_residual, groups.residual)
+    records = replayer.replay(groups.hypothesis).records
+    named = {cause.candidate.cause.id for cause in groups.causes}
+    return Outcome(
+        verdict=Verdict.NAMED,
+        hypothesis=groups.hypothesis,
+        residual=groups.residual,
+        score=scored,
+        causes=groups.causes,
+        fitted_candidates=groups.fitted_candidates,
+        gain=scored.gain,
+        unexplained_fraction=scored.unexplained,
+        explainable_fraction=1.0 - scored.unexplained,
+        depends_on=dependences(replayer, groups.residual, records),
+        not_judged=tuple((name, HIDDEN) for name in CATALOGUE if name not in named),
+        measures={"causes": float(len(groups.causes)), "moments": float(groups.moments)},
+    )

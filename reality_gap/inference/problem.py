@@ -1,0 +1,40 @@
+"""Problem: what a search for causes starts from, and what its evidence is measured by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from reality_gap.inference.likelihood import NoiseModel
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.measurements import Measured
+from reality_gap.study.system import System
+from reality_gap.types import Floats
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A study whose gap is to be explained.
+
+    Attributes:
+        replayer: replays hypotheses of the study.
+        null_residual: residual of the nominal model in units of sensor noise, shape (n,).
+        noise_model: whitens residuals; evidence depends on it.
+    """
+
+    replayer: Replayer
+    null_residual: Floats
+    noise_model: NoiseModel
+
+    @property
+    def system(self) -> System:
+        """The study's model and its elements."""
+        return self.replayer.system
+
+    @property
+    def measured(self) -> Measured:
+        """All readings of the study."""
+        return self.replayer.measured
+
+    def inflated(self, remainder: Floats) -> Problem:
+        """Return the problem with the noise model inflated; see `NoiseModel.inflated`."""
+        return replace(self, noise_model=self.noise_model.inflated(remainder))

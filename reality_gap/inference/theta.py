@@ -1,0 +1,49 @@
+"""Theta: the parameters of a hypothesis as a vector, in scales from their null values.
+
+For a parameter with value v, theta = (v - null) / scale, so that 0 has no effect and 1 is a typical
+fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from reality_gap.causes.base import Parameter
+from reality_gap.inference.evidence import PRIOR
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis
+from reality_gap.types import Floats
+
+
+def free_parameters(hypothesis: Hypothesis) -> list[tuple[int, Parameter]]:
+    """Return all p parameters of a hypothesis, each with the index of its candidate."""
+    return [(i, p) for i, (candidate, _) in enumerate(hypothesis) for p in candidate.parameters]
+
+
+def to_theta(hypothesis: Hypothesis) -> Floats:
+    """Return theta of a hypothesis, shape (p,)."""
+    found = free_parameters(hypothesis)
+    return np.array([(hypothesis[i][1][p.name] - p.null) / p.scale for i, p in found])
+
+
+def with_theta(hypothesis: Hypothesis, theta: Floats) -> list[tuple[Candidate, dict[str, float]]]:
+    """Return a hypothesis with the values of ``theta`` (p,), clipped to their bounds."""
+    values: list[dict[str, float]] = [{} for _ in hypothesis]
+    for (i, p), x in zip(free_parameters(hypothesis), theta, strict=True):
+        values[i][p.name] = float(np.clip(p.null + x * p.scale, p.low, p.high))
+    return [(candidate, v) for (candidate, _), v in zip(hypothesis, values, strict=True)]
+
+
+def theta_bounds(parameters: Sequence[Parameter]) -> tuple[Floats, Floats]:
+    """Return lower and upper bounds of theta, shape (p,) each."""
+    ends = [sorted(((p.low - p.null) / p.scale, (p.high - p.null) / p.scale)) for p in parameters]
+    low, high = np.array(ends).T
+    return low, high
+
+
+def prior_weights(hypothesis: Hypothesis) -> Floats:
+    """Return 1 / prior deviation of theta, shape (p,); 0 for a flat prior (one with starts)."""
+    return np.array(
+        [0.0 if p.hints.starts else 1.0 / PRIOR for _, p in free_parameters(hypothesis)]
+    )

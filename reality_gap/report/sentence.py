@@ -1,0 +1,69 @@
+"""Sentence: the outcome of a diagnosis in words, with advice."""
+
+from __future__ import annotations
+
+from reality_gap.diagnosis import NamedCause, Verdict
+from reality_gap.inference.outcome import Outcome
+from reality_gap.report.formatting import capital, human, percent, probability
+
+MANY = 8
+"""Number of elements above which a location is described by its note."""
+
+
+def sentence(outcome: Outcome) -> str:
+    """Return what the verdict means and what to do about it."""
+    if outcome.verdict is Verdict.NOTHING_WRONG:
+        return (
+            "Nothing is wrong with the model as far as these data can show: the differences are "
+            "within the noise and the tolerances of a nominal model."
+        )
+    if outcome.verdict is Verdict.UNEXPLAINED:
+        return (
+            "Something is wrong that none of the known causes explains: "
+            f"{percent(outcome.unexplained_fraction)} of the difference remains after the best of "
+            f"them. {_dependence(outcome)}"
+        )
+    return " ".join(_cause(cause) for cause in outcome.causes) + _gain(outcome)
+
+
+def _cause(cause: NamedCause) -> str:
+    foremost = cause.foremost()
+    numbers = ", ".join(
+        f"{human(name)} {e.value:.4g} {e.unit} [{e.low:.4g}, {e.high:.4g}]"
+        for name, e in ((name, cause.parameters[name]) for name in foremost)
+    )
+    more = len(cause.parameters) - len(foremost)
+    if more:
+        numbers += f" and {more} that are smaller"
+    other = (
+        f"; these data cannot distinguish it from {', '.join(cause.equivalent)}"
+        if cause.equivalent
+        else ""
+    )
+    title, location = cause.candidate.cause.title, cause.candidate.location
+    where = location.note if len(location.elements) > MANY and location.note else str(location)
+    confidence = f"confidence {probability(cause.confidence)}"
+    return f"{capital(title)} at {where}: {numbers} ({confidence}{other})."
+
+
+def _gain(outcome: Outcome) -> str:
+    if outcome.gain is None:
+        likelihood = outcome.likelihood_gain
+        if likelihood is None or likelihood.low <= 0.0:
+            return ""
+        return (
+            " With it in the model, the log likelihood of readings that were not used to find it "
+            f"is higher by {likelihood.value:.0f} nats "
+            f"[{likelihood.low:.0f}, {likelihood.high:.0f}]."
+        )
+    return (
+        f" With it in the model, {percent(outcome.gain.value)} of the avoidable error is gone on "
+        "readings that were not used to find it."
+    )
+
+
+def _dependence(outcome: Outcome) -> str:
+    if not outcome.depends_on:
+        return "It depends on none of the simulated quantities."
+    first = outcome.depends_on[0]
+    return f"It shows most in {first.channel} and depends on the {first.quantity}."

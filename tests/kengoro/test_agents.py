@@ -1,0 +1,44 @@
+"""Agents of Kengoro's arm, and of another robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jmm_agent import Guard, NullGuard, SensorReadings
+from kengoro.agents import make_agent
+from kengoro_env.departures import EncoderError, TensionSensorError
+from kengoro_env.robot.robot import Robot
+
+ARM3 = Path(__file__).parents[2] / "examples" / "arm3.xml"
+
+
+@pytest.fixture(scope="module")
+def maps(request: pytest.FixtureRequest) -> Path:
+    return Path(request.config.cache.mkdir("maps"))
+
+
+def test_an_agent_is_guarded_if_asked_for(maps: Path) -> None:
+    assert isinstance(make_agent(cache=maps).guard, NullGuard)
+    assert isinstance(make_agent(cache=maps, guard=True).guard, Guard)
+
+
+def test_agents_of_one_seed_command_the_same(maps: Path) -> None:
+    first, second = (make_agent(7, cache=maps) for _ in range(2))
+    np.testing.assert_array_equal(
+        first.map.lengths(first.target), second.map.lengths(second.target)
+    )
+
+
+@pytest.mark.parametrize("guard", [False, True])
+def test_an_agent_of_another_robot_needs_no_site_but_the_marker(maps: Path, guard: bool) -> None:
+    agent = make_agent(scene=ARM3, marker_sides={0: 0.05}, guard=guard, cache=maps)
+    robot = Robot(ARM3, [EncoderError(noise=1e-4), TensionSensorError(noise=1.0)])
+    robot.reset(agent.target, np.random.default_rng(0))
+    for _ in range(200):
+        lengths, tensions = robot.measured_lengths(), robot.measured_tensions()
+        robot.step(agent.step(SensorReadings(robot.time, lengths, tensions)))
+    assert not agent.faults
+    assert np.abs(robot.joint_angles - agent.target).max() < np.radians(5.0)  # it sags

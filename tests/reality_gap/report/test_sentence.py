@@ -1,0 +1,61 @@
+"""Sentence of a verdict: no certainty, the equivalent causes, and advice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from reality_gap.diagnosis import Diagnosis, Gain, Verdict
+from reality_gap.inference.held_out import Score
+from reality_gap.inference.outcome import Outcome
+from reality_gap.report.sentence import sentence
+
+Make = Callable[[Verdict], Diagnosis]
+
+
+def outcome_of(diagnosis: Diagnosis) -> Outcome:
+    """An outcome with the fields of a diagnosis."""
+    shared = {f.name for f in fields(Outcome)} & {f.name for f in fields(Diagnosis)}
+    score = Score.__new__(Score)  # the sentence does not use it
+    values = {name: getattr(diagnosis, name) for name in shared}
+    return Outcome(hypothesis=[], residual=np.zeros(0), score=score, **values)
+
+
+def test_a_named_cause_has_its_parameters_and_its_confidence(diagnosed: Make) -> None:
+    assert sentence(outcome_of(diagnosed(Verdict.NAMED))) == (
+        "Coulomb friction at flexor: friction 3 N [2.5, 3.5] (confidence 93 %). "
+        "Length offset at extensor: offset 0.0025 m [0.002, 0.003] (confidence 88 %; these data "
+        "cannot distinguish it from length_scale). With it in the model, 96 % of the avoidable "
+        "error is gone on readings that were not used to find it."
+    )
+
+
+@pytest.mark.parametrize(("confidence", "text"), [(1.0, "> 99 %"), (0.9996, "> 99 %")])
+def test_no_cause_is_certain(confidence: float, text: str, diagnosed: Make) -> None:
+    diagnosis = diagnosed(Verdict.NAMED)
+    cause = replace(diagnosis.causes[0], confidence=confidence)
+
+    found = sentence(outcome_of(replace(diagnosis, causes=(cause,))))
+
+    assert f"(confidence {text})" in found
+    assert "100" not in found
+
+
+def test_a_gain_in_likelihood_replaces_an_uncertain_gain(diagnosed: Make) -> None:
+    uncertain = replace(diagnosed(Verdict.NAMED), gain=None, likelihood_gain=Gain(31.0, 20.0, 42.0))
+
+    assert "is higher by 31 nats [20, 42]" in sentence(outcome_of(uncertain))
+
+
+def test_an_unexplained_error_has_a_dependence(diagnosed: Make) -> None:
+    found = sentence(outcome_of(diagnosed(Verdict.UNEXPLAINED)))
+
+    assert found.startswith("Something is wrong that none of the known causes explains: 5 % of")
+    assert "depends on the velocity sign of elbow" in found
+
+
+def test_nothing_wrong_does_not_claim_that_the_model_is_right(diagnosed: Make) -> None:
+    assert "as far as these data can show" in sentence(outcome_of(diagnosed(Verdict.NOTHING_WRONG)))
