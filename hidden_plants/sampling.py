@@ -98,7 +98,10 @@ def _effect(
         effect = _sized(rng, choices[int(rng.integers(len(choices)))], motion)
         if effect is not None:
             return effect, rejected
-    raise ValueError(f"the {machine} cannot show {', '.join(ids)} in motion {motion}")
+    raise ValueError(
+        f"the {machine} cannot show {', '.join(ids)} in motion {motion}; "
+        "a new effect needs `python -m hidden_plants detection-limits`"
+    )
 
 
 def _sized(rng: np.random.Generator, row: Row, motion: int) -> Effect | None:

@@ -14,6 +14,7 @@ import hidden_plants
 from experiments.gap_bench.baselines import Named, free_parameter_baseline, largest_correlation
 from experiments.gap_bench.length_errors import bend, length_error
 from experiments.gap_bench.scores import AMBIGUOUS, ASSETS, entropy
+from experiments.harness.errors import ExperimentError
 from hidden_plants import Effect, Nuisance, Secret, Truth
 from jmm_agent.types import Floats
 from reality_gap import Diagnosis, Options, diagnose, load_study
@@ -48,9 +49,16 @@ class Case:
     family: str | None = None
 
     def secret(self) -> Secret:
-        """Effects of this case, which are determined by it."""
+        """Effects of this case, which are determined by it.
+
+        Raises:
+            ExperimentError: the family is unknown, or the machine shows no effect of it.
+        """
         rng = np.random.default_rng([self.seed, KINDS.index(self.kind), 7])
-        return hidden_plants.sample_secret(rng, self.kind, self.machine, self.family)
+        try:
+            return hidden_plants.sample_secret(rng, self.kind, self.machine, self.family)
+        except ValueError as error:
+            raise ExperimentError(f"gap-bench: {error}.") from error
 
 
 def write_case(folder: Path, case: Case, nuisance: Nuisance | None = None) -> Truth:
