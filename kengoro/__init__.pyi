@@ -1,7 +1,7 @@
 from .agents import make_agent
 from .commands.record import record
 from .errors import UsageError
-from .recording import Recording, Tour, record_episode
+from .recording import Recording
 from .remote_robot import RemoteRobot, robot_process
 from .robots import make_env, sample_postures, shuffled_postures
 from .session import EpisodeEndedError, Session
@@ -13,13 +13,11 @@ __all__ = [
     "Recording",
     "RemoteRobot",
     "Session",
-    "Tour",
     "UsageError",
     "make_agent",
     "make_env",
     "nominal_model",
     "record",
-    "record_episode",
     "robot_process",
     "sample_postures",
     "shuffled_postures",

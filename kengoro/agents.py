@@ -20,7 +20,7 @@ from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.marker_detector import Detector, MarkerDetector
 from kengoro.hand_search import READY
-from kengoro.robots import CAMERA, SIDES, arm_scene, sample_postures
+from kengoro.robots import CAMERA, SIDES, arm_scene, check_seed, sample_postures
 from kengoro.trained_maps import trained_map
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS
@@ -68,8 +68,10 @@ def make_agent(
         cache: folder of trained maps; the user's cache folder if left out.
 
     Raises:
+        UsageError: the seed is negative.
         AgentError: the options do not fit the robot.
     """
+    check_seed(seed)
     path = arm_scene() if scene is None else Path(scene)
     if jmm is None:
         jmm = trained_map(cache, scene=None if scene is None else path)

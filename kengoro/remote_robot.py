@@ -124,7 +124,7 @@ def robot_process(task: str, seed: int | None) -> Iterator[RemoteRobot]:
             yield robot
         except ConnectionError as error:
             raise UsageError(
-                f"The process of the robot has ended the connection: {error}."
+                "The process of the robot has ended the connection; its own message is above."
             ) from error
         finally:
             robot.stop()

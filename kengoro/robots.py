@@ -11,6 +11,7 @@ import numpy as np
 
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
+from kengoro.errors import UsageError
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual, drawing
 from kengoro_env.postures import posture_set
@@ -32,6 +33,15 @@ def arm_scene() -> Path:
     return asset_path("mjcf/kengoro_arm/arm.xml")
 
 
+TASKS = ("CanGrasp", "Posture", "Elbow")
+
+
+def check_seed(seed: int) -> None:
+    """Raise a `UsageError` if the seed of a robot, or of samples, is negative."""
+    if seed < 0:
+        raise UsageError(f"The seed is {seed}, but seeds are not negative.")
+
+
 def make_env(task: str, robot_seed: int | None = None, **options: Any) -> gym.Env[Any, Any]:
     """An environment of Kengoro's arm.
 
@@ -39,7 +49,13 @@ def make_env(task: str, robot_seed: int | None = None, **options: Any) -> gym.En
         task: "CanGrasp", "Posture" or "Elbow".
         robot_seed: which actual robot; None for the nominal model, without departures.
         **options: of `gymnasium.make`, such as ``camera`` or ``max_episode_steps``.
+
+    Raises:
+        UsageError: the task is unknown, or the seed is negative.
     """
+    if task not in TASKS:
+        raise UsageError(f"There is no task {task!r}; there are: {', '.join(TASKS)}.")
+    check_seed(robot_seed or 0)
     departures = drawing() if robot_seed is None else actual(robot_seed)
     return gym.make(f"Kengoro/{task}-v0", departures=departures, **options)
 
@@ -56,7 +72,8 @@ def sample_postures(scene: Path | str, count: int, seed: int = 0, share: float =
     Returns:
         Joint angles, shape (N, n) [rad].
     """
-    arm = NominalArm(Path(scene))
+    check_seed(seed)
+    arm = NominalArm(scene)
     middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * share * (arm.upper - arm.lower)
     rng = np.random.default_rng(seed)
     return rng.uniform(middle - half, middle + half, (count, len(arm.joints)))
@@ -67,5 +84,6 @@ def shuffled_postures(seed: int) -> Floats:
 
     Learn from its beginning and test on its end, so that no posture serves both.
     """
+    check_seed(seed)
     postures = posture_set()
     return postures[np.random.default_rng([seed, 1]).permutation(len(postures))]

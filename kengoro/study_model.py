@@ -103,6 +103,7 @@ def _remove_pictures(spec: mujoco.MjSpec) -> None:
         geom.material = ""
     for element in [*spec.materials, *spec.textures]:
         spec.delete(element)
+    spec.compiler.texturedir = ""
 
 
 def zero_lengths(spec: mujoco.MjSpec, muscles: Sequence[str]) -> NDArray[np.float64]:

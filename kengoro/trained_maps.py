@@ -17,7 +17,7 @@ ARM = "mjcf/kengoro_arm/arm.xml"
 MAP_SEED = 0
 
 
-def nominal_model(scene: Path | None = None) -> NominalModel:
+def nominal_model(scene: Path | str | None = None) -> NominalModel:
     """Nominal model of a robot for the agent: names, limits, topology and lengths.
 
     The muscles of Kengoro's arm are mapped in its four groups, those of another robot in one.
@@ -43,7 +43,7 @@ def default_cache() -> Path:
 def trained_map(
     cache_dir: Path | None = None,
     progress: Callable[[str, float], None] | None = None,
-    scene: Path | None = None,
+    scene: Path | str | None = None,
 ) -> JointMuscleMap:
     """Joint-muscle map of a nominal model, read from a file or trained and kept there.
 

@@ -8,11 +8,13 @@ from .io.loader import load_study
 from .pipeline import diagnose
 from .report.extended_model import load_extended
 from .report.files import write_diagnosis
+from .simulation.hypothesis import Candidate
 from .simulation.synthetic import simulate_study
 from .study.data import Channel, Episode, Reading, Study
 
 __all__ = [
     "CATALOGUE",
+    "Candidate",
     "Cause",
     "Channel",
     "Diagnosis",

@@ -60,10 +60,10 @@ def test_drive_a_remote_robot(tmp_path: Path) -> None:
     assert errors[-1] < 0.3 * errors[0]
 
 
-@pytest.mark.slow
 def test_diagnose_a_log(tmp_path: Path) -> None:
     output = run("diagnose_a_log", tmp_path)
-    assert output.startswith("named - ")
+    [stiffness] = numbers(r"^named - Spring in a joint at hinge: stiffness ([\d.]+) ", output)
+    assert stiffness == pytest.approx(0.8, abs=0.02)
     assert (tmp_path / "out/diagnose_a_log/diagnosis/report.html").exists()
 
 

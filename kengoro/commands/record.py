@@ -19,7 +19,7 @@ from rich.console import Console
 from jmm_agent.types import Floats
 from kengoro.errors import UsageError
 from kengoro.recording import Arm, Recording, Tour, elbow, record_episode, whole_arm
-from kengoro.robots import shuffled_postures
+from kengoro.robots import check_seed, shuffled_postures
 from kengoro.study_writer import write_study
 from kengoro_env.robot.nominal_model import NominalArm
 
@@ -69,7 +69,7 @@ def record(
     *,
     robot: int | None = None,
     arm: Literal["whole", "elbow"] = "whole",
-    targets: Path | None = None,
+    targets: Path | str | None = None,
     motion: int = 0,
     episodes: int = 1,
     duration: float = 60.0,
@@ -96,7 +96,8 @@ def record(
     Raises:
         UsageError: an argument is out of its range, or the targets cannot be read.
     """
-    args = Args(Path(out), robot, arm, targets, motion, episodes, duration, move, hold)
+    path = None if targets is None else Path(targets)
+    args = Args(Path(out), robot, arm, path, motion, episodes, duration, move, hold)
     return _record(args)[0]
 
 
@@ -118,8 +119,9 @@ def _check(args: Args) -> None:
             raise UsageError(f"{name} is {value:g} s, but it must be above 0 and finite.")
     if args.episodes < 1:
         raise UsageError(f"Episodes are {args.episodes}, but at least 1 is needed.")
-    if args.robot is not None and args.robot < 0:
-        raise UsageError(f"The robot is {args.robot}; seeds of robots are not negative.")
+    if args.robot is not None:
+        check_seed(args.robot)
+    check_seed(args.motion)
 
 
 def _tours(args: Args, arm: Arm) -> list[Tour]:

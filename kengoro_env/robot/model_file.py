@@ -13,7 +13,7 @@ from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model
 
 
-def load_spec(path: Path) -> mujoco.MjSpec:
+def load_spec(path: Path | str) -> mujoco.MjSpec:
     """Read a model file. A model from elsewhere may name files in its folder and in our assets.
 
     Args:
@@ -22,6 +22,7 @@ def load_spec(path: Path) -> mujoco.MjSpec:
     Raises:
         ModelError: the file is missing, broken, or names files elsewhere.
     """
+    path = Path(path)
     if not os.path.isfile(path):  # also for a name that is too long
         raise ModelError(f"no model file at {path}")
     try:

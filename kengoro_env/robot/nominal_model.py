@@ -27,7 +27,7 @@ class NominalArm:
         crosses: which muscle crosses which joint (m, n).
     """
 
-    def __init__(self, scene: Path) -> None:
+    def __init__(self, scene: Path | str) -> None:
         self._model = model = load_spec(scene).compile()
         self._data = mujoco.MjData(model)
         self.joints = actuated_joints(model)

@@ -57,7 +57,7 @@ class Robot(Body):
 
     def __init__(
         self,
-        scene: Path,
+        scene: Path | str,
         departures: Sequence[Departure] = (),
         gains: Gains = DEFAULT_GAINS,
         control_period: float = 0.02,

@@ -33,6 +33,7 @@ class Outcome:
         hypothesis: the named causes with their values; empty unless the verdict is "named".
         residual: residual of the model with these causes in units of noise, shape (n,).
         score: comparison of the model with and without these causes.
+        objection: why the best causes are not named, as the end of a sentence.
     """
 
     verdict: Verdict
@@ -48,6 +49,7 @@ class Outcome:
     not_judged: tuple[tuple[str, str], ...]
     measures: Mapping[str, float]
     unmodelled: float | None = None
+    objection: str | None = None
     likelihood_gain: Gain | None = None
     next_experiment: Experiment | None = None
 

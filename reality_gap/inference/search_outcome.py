@@ -17,7 +17,7 @@ from reality_gap.inference.next_experiment import next_experiment
 from reality_gap.inference.outcome import Outcome
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder
-from reality_gap.inference.verdict import Options, decide
+from reality_gap.inference.verdict import Options, decide, objection
 from reality_gap.study.splits import REPORT, split
 from reality_gap.types import Floats
 
@@ -42,7 +42,8 @@ def search_outcome(
     study, measured, null = problem.system.study, problem.measured, problem.null_residual
     tried = score(study, measured, null, best.residual)
     likelihood = likelihood_gain(problem, best.residual)
-    verdict = decide(result, remainder, pays(tried.improvement, likelihood), options)
+    paying = pays(tried.improvement, likelihood)
+    verdict = decide(result, remainder, paying, options)
     named = verdict is Verdict.NAMED
     doubt = None if best.is_null else unmodelled(best.evidence, remainder.instead.evidence)
     fitted = tuple(
@@ -64,6 +65,7 @@ def search_outcome(
         not_judged=not_judged,
         measures=_measures(result, remainder),
         unmodelled=doubt,
+        objection=objection(result, remainder, paying, options),
         likelihood_gain=likelihood if named else None,
         next_experiment=_advice(result, fitted, doubt or 0.0)
         if named and options.suggest

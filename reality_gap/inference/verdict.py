@@ -104,16 +104,36 @@ def decide(result: Search, remainder: Remainder, pays: bool, options: Options) -
         # Without causes, ``learned`` and ``instead`` are both of the whole gap.
         unexplained = remainder.instead.evidence > options.certain
         return Verdict.UNEXPLAINED if unexplained else Verdict.NOTHING_WRONG
-    if at_bound(result.best.hypothesis):
-        return Verdict.UNEXPLAINED
-    named = result.best.evidence
-    much = remainder.learned.evidence > _allowed(named, options)
-    better = remainder.instead.evidence > named + options.better
-    worse = remainder.after > max(remainder.before, options.worse)
+    return (
+        Verdict.NAMED
+        if objection(result, remainder, pays, options) is None
+        else Verdict.UNEXPLAINED
+    )
+
+
+def objection(result: Search, remainder: Remainder, pays: bool, options: Options) -> str | None:
+    """Return why the best causes are not named, as the end of a sentence; None if they are.
+
+    The arguments are those of `decide`.
+    """
+    best = result.best
+    if best.is_null:
+        return None
+    if not pays:
+        return "does not surely predict better the readings that were not used to find it"
+    if at_bound(best.hypothesis):
+        return "has a parameter at its bound"
+    if remainder.learned.evidence > _allowed(best.evidence, options):
+        return "leaves errors that follow the motion"
+    if remainder.instead.evidence > best.evidence + options.better:
+        return "explains less than errors learned from the motion do"
+    if remainder.after > max(remainder.before, options.worse):
+        return "predicts the readings that were not used to find it worse than the model alone"
     # A hard stop that the machine touches in each episode looks like an event.
-    events = all(candidate.cause.event for candidate in result.best.candidates)
-    no_event = events and remainder.instead.evidence > options.by_chance * named
-    return Verdict.UNEXPLAINED if much or better or worse or no_event else Verdict.NAMED
+    events = all(candidate.cause.event for candidate in best.candidates)
+    if events and remainder.instead.evidence > options.by_chance * best.evidence:
+        return "is an event, although the error comes back with the motion"
+    return None
 
 
 def at_bound(hypothesis: Hypothesis) -> bool:

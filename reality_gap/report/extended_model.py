@@ -76,7 +76,7 @@ class Extended:
         return run(self.plant(study), study, measured(study))
 
 
-def load_extended(folder: Path) -> Extended:
+def load_extended(folder: Path | str) -> Extended:
     """Load an extended model.
 
     Args:
@@ -86,6 +86,7 @@ def load_extended(folder: Path) -> Extended:
         StudyError: the folder does not contain an extended model.
         UnknownNameError: the model needs a cause that is not in the catalogue.
     """
+    folder = Path(folder)
     path = folder / JSON
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

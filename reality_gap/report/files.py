@@ -52,7 +52,7 @@ def check_out(out: Path) -> None:
         )
 
 
-def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path) -> None:
+def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path | str) -> None:
     """Write verdict.json, extended.xml, extended.json, report.html and next_experiment.csv.
 
     An earlier diagnosis in ``out`` is replaced when the new one is complete. Without a next
@@ -66,6 +66,7 @@ def write_diagnosis(diagnosis: Diagnosis, study: Study, out: Path) -> None:
     Raises:
         StudyError: ``out`` cannot be used, or the extended model cannot be loaded.
     """
+    out = Path(out)
     check_out(out)
     out = out.resolve()
     out.parent.mkdir(parents=True, exist_ok=True)

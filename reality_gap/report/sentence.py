@@ -18,10 +18,15 @@ def sentence(outcome: Outcome) -> str:
             "within the noise and the tolerances of a nominal model."
         )
     if outcome.verdict is Verdict.UNEXPLAINED:
+        left = percent(outcome.unexplained_fraction)
+        attempt = f"{left} of the difference remains after the best of them"
+        if outcome.objection is not None:
+            attempt = (
+                f"the best attempt, which leaves {left} of the difference, {outcome.objection}"
+            )
         return (
-            "Something is wrong that none of the known causes explains: "
-            f"{percent(outcome.unexplained_fraction)} of the difference remains after the best of "
-            f"them. {_dependence(outcome)}"
+            f"Something is wrong that none of the known causes explains: {attempt}. "
+            f"{_dependence(outcome)}"
         )
     return " ".join(_cause(cause) for cause in outcome.causes) + _gain(outcome)
 

@@ -57,5 +57,13 @@ def test_an_unexplained_error_has_a_dependence(diagnosed: Make) -> None:
     assert "depends on the velocity sign of elbow" in found
 
 
+def test_the_best_attempt_is_not_named_for_a_reason(diagnosed: Make) -> None:
+    outcome = outcome_of(diagnosed(Verdict.UNEXPLAINED))
+
+    found = sentence(replace(outcome, objection="has a parameter at its bound"))
+
+    assert "the best attempt, which leaves 5 % of the difference, has a parameter at its" in found
+
+
 def test_nothing_wrong_does_not_claim_that_the_model_is_right(diagnosed: Make) -> None:
     assert "as far as these data can show" in sentence(outcome_of(diagnosed(Verdict.NOTHING_WRONG)))

@@ -1,0 +1,40 @@
+"""Robots and studies as a stranger asks for them: paths as text, wrong names and seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kengoro
+from kengoro_env import NominalArm
+from reality_gap import load_study
+
+ARM3 = str(Path(__file__).parents[2] / "examples" / "arm3.xml")
+
+
+def test_a_study_of_a_model_with_textures_elsewhere_can_be_loaded(tmp_path: Path) -> None:
+    arm, steps = NominalArm(ARM3), 50
+    lengths = np.tile(arm.lengths(np.zeros(3))[0], (steps, 1))
+    tensions = np.full((steps, len(arm.muscles)), 30.0)
+    recording = kengoro.Recording(np.arange(steps) / 50, lengths, lengths, tensions, np.zeros(3))
+    study = load_study(kengoro.write_study(str(tmp_path), "arm3", ARM3, [recording]))
+    assert len(study.channels) == 2 * len(arm.muscles)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: kengoro.make_env("elbow"), "There is no task 'elbow'; there are: CanGrasp, Pos"),
+        (lambda: kengoro.make_env("Elbow", -1), "The seed is -1, but seeds are not negative."),
+        (lambda: kengoro.make_agent(-1), "The seed is -1"),
+        (lambda: kengoro.sample_postures(ARM3, 5, seed=-1), "The seed is -1"),
+        (lambda: kengoro.shuffled_postures(-1), "The seed is -1"),
+        (lambda: kengoro.record("log", motion=-1), "The seed is -1"),
+    ],
+)
+def test_a_wrong_name_or_seed_is_one_sentence(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(kengoro.UsageError, match=message.replace("?", r"\?")):
+        call()
