@@ -17,7 +17,8 @@ ARM3 = str(Path(__file__).parents[2] / "examples" / "arm3.xml")
 
 def test_a_study_of_a_model_with_textures_elsewhere_can_be_loaded(tmp_path: Path) -> None:
     arm, steps = NominalArm(ARM3), 50
-    lengths = arm.lengths(np.linspace(0.0, 0.2, 3 * steps).reshape(steps, 3))
+    angles = np.minimum(np.arange(steps), 20)[:, None] * np.full(3, 0.01)  # moves, then rests
+    lengths = arm.lengths(angles)
     tensions = 30.0 + np.random.default_rng(0).random(lengths.shape)
     recording = kengoro.Recording(np.arange(steps) / 50, lengths, lengths, tensions, np.zeros(3))
     study = load_study(kengoro.write_study(str(tmp_path), "arm3", ARM3, [recording]))
