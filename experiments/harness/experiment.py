@@ -7,6 +7,19 @@ metrics, tables and figures, which go to ``summary.json`` and ``report.html``.
 A new experiment is a folder with ``run.py`` and one line in `experiments.__main__.RUNNERS`.
 ``experiments/my_accuracy/run.py``::
 
+    from dataclasses import dataclass
+    from pathlib import Path
+    from typing import Any
+
+    from experiments.harness import common
+    from experiments.harness.common import Summary
+    from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
+    from experiments.harness.report import Table
+    from experiments.harness.statistics import metric
+    from experiments.robots.conditions import ACTUAL, NOMINAL, make_session
+    from kengoro import make_agent, shuffled_postures
+    from kengoro.visits import errors, no_visits, visit
+
     @dataclass(frozen=True)
     class Sizes:
         postures: int = 20

@@ -1,7 +1,7 @@
-"""Somebody hides an effect in a machine, somebody else has to find it.
+"""Effects that `hidden_plants` hides in a machine are found by `reality_gap`.
 
-The hider, `hidden_plants`, shares no code with the seeker, `reality_gap`; here they meet. On the
-whole arm the logs are short, for time: with 36 wires there are many suspects.
+The two packages share no code. Logs of the whole arm are short, because its 36 tendons have many
+candidates; all but one of the arm's cases and of the pairs are slow.
 """
 
 from __future__ import annotations
@@ -22,7 +22,11 @@ SECONDS = {"elbow": 12.0, "arm": 5.0}
 LARGE = 10.0
 """Amplitude relative to the detection limit of the oracle."""
 ON_ELBOW = tuple(id for id in CATALOGUE if id not in ONLY_ON_ARM)
-ON_ARM = ("force_offset", "tension_scale", "camera_focal")
+ON_ARM = (
+    "force_offset",
+    pytest.param("tension_scale", marks=pytest.mark.slow),
+    pytest.param("camera_focal", marks=pytest.mark.slow),
+)
 OUTSIDE = (
     "cogging_torque",
     "catching_tendon",
@@ -31,8 +35,8 @@ OUTSIDE = (
 )
 PAIRS = (
     ("force_scale", "attachment_shift"),
-    ("length_offset", "tension_scale"),
-    ("backlash", "force_offset"),
+    pytest.param(("length_offset", "tension_scale"), marks=pytest.mark.slow),
+    pytest.param(("backlash", "force_offset"), marks=pytest.mark.slow),
 )
 
 
