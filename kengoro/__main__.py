@@ -7,6 +7,7 @@ import os
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
+from pathlib import Path
 
 COMMANDS = {
     "demo": "a robot misses a can, learns from what it sees of its hand, and grasps the can",
@@ -74,7 +75,9 @@ def _run(name: str, arguments: list[str], program: str) -> int:
 def _experiments(arguments: list[str]) -> int:
     """Run `python -m experiments`, where this installation is a checkout."""
     found = find_spec("experiments")
-    if found is None or find_spec("experiments.harness") is None:
+    # Somebody else's package of this name is not imported to find out.
+    folder = None if found is None or found.origin is None else Path(found.origin).parent
+    if folder is None or not (folder / "harness").is_dir():
         print(
             "The experiments are in the repository, not in the installed package: clone it, run "
             "`make demo` there once, and then `.venv/bin/python -m experiments`.",

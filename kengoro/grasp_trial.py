@@ -7,15 +7,19 @@ and lifts it. After every approach but the last the can is put back where it sto
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
+from jmm_agent.agent import Agent
 from jmm_agent.grasping import GraspPlan, GraspPlanner
 from jmm_agent.types import Floats
-from kengoro.hand_search import TrialOptions, find_hand, scan_offsets
-from kengoro.session import CLOSED, OPEN, Session
+from kengoro.hand_search import READY, TrialOptions, find_hand, scan_offsets
+from kengoro.session import CLOSED, OPEN, EpisodeEndedError, Session
+from kengoro_env.names import GROUP_JOINTS
 
 
 @dataclass
@@ -75,7 +79,7 @@ class GraspTrial:
         rng: np.random.Generator,
         options: TrialOptions | None = None,
     ) -> None:
-        self._session, self._planner, self._library = session, planner, library
+        self.session, self._planner, self._library = session, planner, library
         self._rng, self._options = rng, options or TrialOptions()
         self._can: Floats | None = None
         self.trial = Trial()
@@ -88,23 +92,31 @@ class GraspTrial:
         options = self._options
         for number in range(options.approaches):
             if number == 1:
-                self._session.stage = "moves its hand in view"
+                self.session.stage = "moves its hand in view"
                 self._explore(self._random_postures(options.postures))
             elif number > 1:
-                self._session.stage = "observes its hand near the can"
+                self.session.stage = "observes its hand near the can"
                 self._explore(self._near_postures())
-            self._session.stage = f"approach {number + 1}"
+            self.session.stage = f"approach {number + 1}"
             grasped = self._approach()
             if grasped and number > 0:
                 break
             self._let_go()
         return self.trial
 
+    def run_to_end(self) -> Trial:
+        """Run the trial; a note says why, if the episode ended before."""
+        try:
+            return self.run()
+        except EpisodeEndedError as end:
+            self.trial.notes.append(f"{self.session.stage}: {end}")
+            return self.trial
+
     def _explore(self, postures: Sequence[Floats]) -> None:
         for posture in postures:
-            self._session.move(posture, self._options.move, self._options.patience)
-            find_hand(self._session, posture, self._options)
-            self._session.world.put_can_back()
+            self.session.move(posture, self._options.move, self._options.patience)
+            find_hand(self.session, posture, self._options)
+            self.session.world.put_can_back()
             self.trial.postures += 1
 
     def _random_postures(self, count: int) -> list[Floats]:
@@ -125,28 +137,28 @@ class GraspTrial:
         postures = []
         for _ in range(self._options.near):
             offset = np.array([-0.05, -0.05, 0.16]) + self._rng.uniform(-0.06, 0.06, 3)
-            postures.append(self._planner.hover(self._can, offset, self._session.agent.target))
+            postures.append(self._planner.hover(self._can, offset, self.session.agent.target))
         return postures
 
     def _find_can(self) -> Floats | None:
         """Turn the head until the can is in view; the pose of its marker in the world, (4, 4)."""
-        agent, options = self._session.agent, self._options
+        agent, options = self.session.agent, self._options
         towards = self._planner.point_camera(np.array(options.table_point), np.array(options.ready))
-        self._session.move(towards, options.move)
+        self.session.move(towards, options.move)
         for offset in [(0.0, 0.0), *scan_offsets(options)]:
             turned = towards.copy()
             turned[:2] += offset
-            self._session.move(turned, options.turn, options.patience)
+            self.session.move(turned, options.turn, options.patience)
             pose = self._can_in_view()
             if pose is not None:
                 centred = self._planner.point_camera(pose[:3, 3], agent.target)
-                self._session.move(centred, options.turn, options.patience)
+                self.session.move(centred, options.turn, options.patience)
                 again = self._can_in_view()
                 return pose if again is None else again
         return None
 
     def _can_in_view(self) -> Floats | None:
-        session = self._session
+        session = self.session
         still_since = session.time
         session.wait(0.6)  # until a frame has come that was taken at rest
         if session.readings.frame_time < still_since:
@@ -158,7 +170,7 @@ class GraspTrial:
         return self._planner.marker_in_world(marker.pose_marker_in_camera, agent.joint_angles)
 
     def _approach(self) -> bool:
-        session = self._session
+        session = self.session
         self._can = pose = self._find_can()
         if pose is None:
             self.trial.notes.append(f"{session.stage}: the can was not found")
@@ -174,7 +186,7 @@ class GraspTrial:
 
     def _let_go(self) -> None:
         """Open the hand and retract it; the can is put back."""
-        session, options = self._session, self._options
+        session, options = self.session, self._options
         session.fingers = OPEN
         session.wait(0.5)
         session.move(np.array(options.ready), options.move)
@@ -186,7 +198,7 @@ class GraspTrial:
         Args:
             plan: postures of the approach and of the lift.
         """
-        session, options = self._session, self._options
+        session, options = self.session, self._options
         start = session.time
         session.move(plan.approach[0], options.move)
         session.move(plan.approach[1:], options.reach)
@@ -203,7 +215,7 @@ class GraspTrial:
 
     def _measure(self, plan: GraspPlan, start: float) -> Approach:
         """True distances before the fingers close; the agent never gets them."""
-        truth, log = self._session.truth, self._session.log
+        truth, log = self.session.truth, self.session.log
         hand = truth["hand_pose"][:3, 3]
         first = int(np.searchsorted(log.time, start))
         return Approach(
@@ -214,6 +226,29 @@ class GraspTrial:
             target=plan.grip,
             max_tension=float(np.max(log.tensions[first:])),
         )
+
+
+def begin_trial(
+    env: gym.Env[Any, Any],
+    agent: Agent,
+    seed: int,
+    library: Floats,
+    options: TrialOptions | None = None,
+    watch: Callable[[Session], None] | None = None,
+) -> GraspTrial:
+    """Begin the trial of a robot.
+
+    Args:
+        env: of the task CanGrasp.
+        agent: moves the robot.
+        seed: of the episode and of the chosen postures.
+        library: postures with the hand in view, shape (N, n) [rad].
+        options: sizes and durations.
+        watch: called with the session after each step.
+    """
+    session = Session(env, agent, seed, watch, {"posture": np.array(READY)})
+    planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
+    return GraspTrial(session, planner, library, np.random.default_rng([seed, 3]), options)
 
 
 def outcome_sentences(

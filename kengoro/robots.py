@@ -12,6 +12,7 @@ import numpy as np
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from kengoro.errors import UsageError
+from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual, drawing
 from kengoro_env.postures import posture_set
@@ -30,10 +31,7 @@ NO_END = 10_000_000
 
 def arm_scene() -> Path:
     """MJCF file of the arm's nominal model."""
-    return asset_path("mjcf/kengoro_arm/arm.xml")
-
-
-TASKS = ("CanGrasp", "Posture", "Elbow")
+    return asset_path(ARM)
 
 
 def check_seed(seed: int) -> None:
@@ -53,8 +51,9 @@ def make_env(task: str, robot_seed: int | None = None, **options: Any) -> gym.En
     Raises:
         UsageError: the task is unknown, or the seed is negative.
     """
-    if task not in TASKS:
-        raise UsageError(f"There is no task {task!r}; there are: {', '.join(TASKS)}.")
+    known = [spec.name for spec in gym.registry.values() if spec.namespace == "Kengoro"]
+    if task not in known:
+        raise UsageError(f"There is no task {task!r}; there are: {', '.join(known)}.")
     check_seed(robot_seed or 0)
     departures = drawing() if robot_seed is None else actual(robot_seed)
     return gym.make(f"Kengoro/{task}-v0", departures=departures, **options)

@@ -114,11 +114,12 @@ def hand_mm(visits: Visits, pair: str) -> Floats:
 
 def grip(q: Floats) -> Floats:
     """Grip point of the nominal model at joint angles (n,) [rad], shape (3,) [m]."""
-    return _kinematics().pose("grip", q)[:3, 3]
+    return nominal_kinematics().pose("grip", q)[:3, 3]
 
 
 @cache
-def _kinematics() -> ArmKinematics:
+def nominal_kinematics() -> ArmKinematics:
+    """Kinematics of the nominal model of Kengoro's arm."""
     return ArmKinematics(asset_path(ARM), JOINTS)
 
 

@@ -20,5 +20,5 @@ settings.load_profile("kengoro")
 
 @pytest.fixture
 def frictionless(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wires lack even the friction that every real one has, as in a machine that is as drawn."""
+    """Tendons lack even the usual friction, as in a machine that equals its nominal model."""
     monkeypatch.setattr("reality_gap.causes.coulomb_friction.USUAL", 0.0)

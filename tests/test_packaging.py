@@ -130,8 +130,7 @@ def crowded(tmp_path: Path) -> Path:
     """A folder of somebody who has packages called ``experiments`` and ``tests``."""
     for name in ("experiments", "tests"):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "__init__.py").write_text("")
-        (tmp_path / name / "run.py").write_text("raise SystemExit('not this one')\n")
+        (tmp_path / name / "__init__.py").write_text("raise SystemExit('not this one')\n")
     return tmp_path
 
 
@@ -168,7 +167,10 @@ def test_installed_wheel_has_the_console_scripts(
 def test_installed_wheel_names_the_repository_of_the_experiments(
     elsewhere: tuple[Path, Path], crowded: Path
 ) -> None:
-    command = [elsewhere[0].parent / "kengoro", "experiments"]
-    done = subprocess.run(command, cwd=crowded, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "The experiments are in the repository" in done.stderr
+    python = elsewhere[0]
+    for command in ([python.parent / "kengoro"], [python, "-m", "kengoro"]):
+        done = subprocess.run(
+            [*command, "experiments"], cwd=crowded, capture_output=True, text=True
+        )
+        assert done.returncode == 2
+        assert "The experiments are in the repository" in done.stderr

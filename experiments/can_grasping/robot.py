@@ -10,16 +10,14 @@ import numpy as np
 
 from experiments.robots.conditions import make_session, robot_of
 from jmm_agent.agent import Agent
-from jmm_agent.grasping import GraspPlanner
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from kengoro.agents import make_agent
-from kengoro.grasp_trial import GraspTrial, Trial
-from kengoro.hand_search import READY, TrialOptions
+from kengoro.grasp_trial import GraspTrial, Trial, begin_trial
+from kengoro.hand_search import TrialOptions
 from kengoro.robots import make_env, shuffled_postures
 from kengoro.session import EpisodeEndedError, Session
 from kengoro.trained_maps import trained_map
 from kengoro.visits import errors, group_joints, no_visits, visit
-from kengoro_env.names import GROUP_JOINTS
 
 LOG_PERIOD = 0.2
 """Time between two points of the saved curves [s]."""
@@ -55,12 +53,8 @@ class CanRobot:
 
     def run_trial(self, watch: Watch | None = None, render_mode: str | None = None) -> None:
         """Run the trial: approach the can, learn, and approach again."""
-        self.session, trial = self._begin(self.agent, watch, render_mode)
-        self.trial = trial.trial
-        try:
-            trial.run()
-        except EpisodeEndedError as end:
-            self.trial.notes.append(f"{self.session.stage}: {end}")
+        trial = self._begin(self.agent, watch, render_mode)
+        self.session, self.trial = trial.session, trial.run_to_end()
         self.session.env.close()
 
     def run_control(self) -> bool:
@@ -69,26 +63,23 @@ class CanRobot:
         if plan is None:
             return False
         agent = make_agent(self.seed, jmm=self.before, learning=False)
-        session, control = self._begin(agent)
+        control = self._begin(agent)
         try:
             return control.grasp(plan)
         except EpisodeEndedError:
             return False
         finally:
-            session.env.close()
+            control.session.env.close()
 
     def _begin(
         self,
         agent: Agent,
         watch: Watch | None = None,
         render_mode: str | None = None,
-    ) -> tuple[Session, GraspTrial]:
+    ) -> GraspTrial:
         robot_seed = robot_of(self._condition, self.seed)
         env = make_env("CanGrasp", robot_seed, render_mode=render_mode)
-        session = Session(env, agent, self.seed, watch, {"posture": np.array(READY)})
-        planner = GraspPlanner(agent.kinematics, "eye", GROUP_JOINTS["neck"])
-        rng = np.random.default_rng([self.seed, 3])
-        return session, GraspTrial(session, planner, self._library, rng, self._options)
+        return begin_trial(env, agent, self.seed, self._library, self._options, watch)
 
     def test(self, jmm: JointMuscleMap | None = None) -> dict[str, float]:
         """`errors` of this robot at postures that are not learned from, with learning off.

@@ -5,19 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from rich import get_console
 
-from jmm_agent.grasping import GraspPlanner
 from kengoro.agents import make_agent
-from kengoro.grasp_trial import GraspTrial, Trial, outcome_sentences
-from kengoro.hand_search import READY
+from kengoro.grasp_trial import Trial, begin_trial, outcome_sentences
 from kengoro.robots import make_env, shuffled_postures
-from kengoro.session import EpisodeEndedError, Session
 from kengoro.trained_maps import trained_map
 from kengoro.viewer.progress import film_and_progress, stage_bar
 from kengoro.viewer.video import open_video
-from kengoro_env.names import GROUP_JOINTS
 
 
 @dataclass(frozen=True)
@@ -42,25 +37,13 @@ def main(args: Args) -> None:
     env = make_env("CanGrasp", args.robot, render_mode="rgb_array")
     with stage_bar("Kengoro") as progress, open_video(film) as video:
         watch = film_and_progress(video, progress)
-        session = Session(
-            env, make_agent(args.robot), args.robot, watch, {"posture": np.array(READY)}
-        )
-        trial = run_trial(session, args.robot)
+        postures = shuffled_postures(args.robot)
+        trial = begin_trial(env, make_agent(args.robot), args.robot, postures, watch=watch)
+        result = trial.run_to_end()
     env.close()
-    console.print(" ".join([*trial_sentences(trial, session.agent.vision.fired), *trial.notes]))
+    fired = trial.session.agent.vision.fired
+    console.print(" ".join([*trial_sentences(result, fired), *result.notes]))
     console.print(f"Film: {film}")
-
-
-def run_trial(session: Session, seed: int) -> Trial:
-    """Run a can-grasping trial in a session; notes of the trial say why an episode ended."""
-    planner = GraspPlanner(session.agent.kinematics, "eye", GROUP_JOINTS["neck"])
-    rng = np.random.default_rng([seed, 3])
-    trial = GraspTrial(session, planner, shuffled_postures(seed), rng)
-    try:
-        return trial.run()
-    except EpisodeEndedError as end:
-        trial.trial.notes.append(f"{session.stage}: {end}")
-        return trial.trial
 
 
 def trial_sentences(trial: Trial, observations: int) -> list[str]:

@@ -5,18 +5,13 @@ A history only reads the session. Kinematics are computed on the nominal model.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.types import Floats
 from kengoro.session import Session
-from kengoro.trained_maps import ARM
-from kengoro.visits import grip
-from kengoro_env.assets import asset_path
-from kengoro_env.names import JOINTS
+from kengoro.visits import grip, nominal_kinematics
 
 CURVE_PERIOD = 0.1
 """Simulated time between two points of the curves [s]."""
@@ -105,15 +100,15 @@ class SessionHistory:
     def _record_marker(self, session: Session, estimate: Floats) -> None:
         options, markers = session.agent.options, session.agent.markers
         if options.hand_marker in markers:
-            pose_camera_in_world = _kinematics().pose(options.camera, estimate)
+            pose_camera_in_world = nominal_kinematics().pose(options.camera, estimate)
             seen = pose_camera_in_world @ markers[options.hand_marker].pose_marker_in_camera
-            estimated = _kinematics().pose(options.marker_site, estimate)
+            estimated = nominal_kinematics().pose(options.marker_site, estimate)
             self._observed_marks = seen[:3, 3], estimated[:3, 3]
 
     def moment(self, session: Session) -> Moment:
         """State of the session now."""
         agent = session.agent
-        estimated = _kinematics().pose(agent.options.marker_site, agent.joint_angles)[:3, 3]
+        estimated = nominal_kinematics().pose(agent.options.marker_site, agent.joint_angles)[:3, 3]
         learning = "learns" if agent.learning else "is tested: learning is off"
         return Moment(
             session.time,
@@ -133,8 +128,3 @@ def _error(one: Floats, other: Floats) -> tuple[float, float]:
     """Difference of two postures: RMS over joints [deg], distance of the grip points [mm]."""
     rmse = float(np.degrees(np.sqrt(np.mean(np.square(one - other)))))
     return rmse, 1e3 * float(np.linalg.norm(grip(one) - grip(other)))
-
-
-@cache
-def _kinematics() -> ArmKinematics:
-    return ArmKinematics(asset_path(ARM), JOINTS)
