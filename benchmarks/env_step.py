@@ -23,7 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 from jmm_agent.types import Floats
-from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
+from kengoro_env.env import KengoroEnv
+from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.stepping.c_compiler import library
 
 IDS = ("Kengoro/Elbow-v0", "Kengoro/Posture-v0", "Kengoro/CanGrasp-v0")

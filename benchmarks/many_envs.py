@@ -20,7 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from kengoro_env.env import CONTROL_PERIOD
+from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.stepping.choice import cores
 from kengoro_env.vector import KengoroVectorEnv
 

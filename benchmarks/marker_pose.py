@@ -14,7 +14,7 @@ if sys.platform == "linux" and "DISPLAY" not in os.environ:
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -86,7 +86,7 @@ class MarkerScene:
         plate: float = PLATE,
         samples: int = 0,
     ):
-        fovy = np.rad2deg(2 * np.arctan(camera.height / 2 / camera.focal_px))
+        fovy = np.rad2deg(2 * np.arctan(camera.height / 2 / camera.fx))
         xml = SCENE.format(
             width=camera.width,
             height=camera.height,
@@ -248,7 +248,8 @@ def compare_cameras(poses: int, seed: int) -> tuple[dict[str, Tally], list[np.nd
     """
     rng = np.random.default_rng(seed)
     error = next(part for part in actual(0) if isinstance(part, CameraError))
-    wrong_focal = Camera(CAMERA.width, CAMERA.height, (1 + error.focal) * CAMERA.focal_px)
+    wrong = (1 + error.focal) * CAMERA.fx
+    wrong_focal = replace(CAMERA, fx=wrong, fy=wrong)
     exact, focal = MarkerDetector(CAMERA, {0: SIDE}), MarkerDetector(wrong_focal, {0: SIDE})
     names = (
         EXACT := "exact camera",

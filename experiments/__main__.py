@@ -13,6 +13,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -41,6 +42,7 @@ RUNNERS = {
     "faults": Runner("faults during learning are detected and do no harm"),
     "wrong-observations": Runner("updates from wrong observations are detected and undone"),
     "endurance": Runner("hours of learning: the error stays low"),
+    "clocks": Runner("time stamps that are not exact, and other control periods", True),
     "all": Runner("every experiment of the paper, and one page of results"),
     "gap-to-skill": Runner("a diagnosis of a minute's motion, as a map", True),
     "gap-bench": Runner("hidden effects: how often the diagnosis is right"),
@@ -48,7 +50,10 @@ RUNNERS = {
     "record": Runner("a log of a moving robot, as a study for reality_gap"),
     "emps": Runner("a measured drive: force that a mass alone does not explain"),
     "davinci": Runner("a measured cable drive: structure of its transmission"),
+    "other-robots": Runner("robots of other sizes and kinds, with default options"),
     "remote-robot": Runner("an agent drives a robot in another process"),
+    "power-cycle": Runner("all lengths are zeroed anew: what was learned is used again"),
+    "lab-faults": Runner("killed processes and broken lines: who stops the robot, how soon"),
     "learn-posture": Runner("reinforcement learning from the reward alone"),
     "learnability": Runner("what can be learned from which data, and the lower bound"),
     "reported": Runner("adds logged runs on reporting seeds to experiments/REPORTED.csv"),
@@ -91,21 +96,32 @@ def main(arguments: list[str]) -> int:
 
     from experiments.harness.errors import ExperimentError
     from jmm_agent.errors import AgentError
-    from kengoro_env.errors import KengoroError
+    from mjcf_sandbox.errors import OutputError
+    from mjcf_sandbox.files import check_links
     from reality_gap.errors import RealityGapError
 
-    runner = importlib.import_module(f"experiments.{name.replace('-', '_')}.run")
+    try:
+        from kengoro_env.errors import KengoroError
+
+        runner = importlib.import_module(f"experiments.{name.replace('-', '_')}.run")
+    except RuntimeError as error:
+        if "MUJOCO_GL" not in str(error):  # which is checked when the environments are imported
+            raise
+        print(error, file=sys.stderr)
+        return 2
     args = tyro.cli(runner.Args, args=rest, prog=f"python -m experiments {name}")
     try:
         if getattr(args, "view", False) and name not in WATCHABLE:
             raise ExperimentError(
                 f"{name} cannot be watched: leave out --view. These can: {', '.join(WATCHABLE)}."
             )
+        if isinstance(out := getattr(args, "out", None), Path):
+            check_links(out)
         runner.main(args)
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         return 130
-    except (ExperimentError, AgentError, KengoroError, RealityGapError) as error:
+    except (ExperimentError, AgentError, KengoroError, OutputError, RealityGapError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0

@@ -1,31 +1,53 @@
 from .agent import Agent
-from .driver import Driver, drive
+from .agent_log import AgentLog, RecordedAgent
+from .command_limits import CommandLimits
+from .driving.call_watch import DriverTimeoutError
+from .driving.drive import DriveOptions, DriveReport, LostReadingsError, drive
+from .driving.driver import Driver, PausingDriver
+from .driving.emergency_stop import EmergencyStop, EmergencyStopError
+from .driving.stopping import stopping
+from .driving.watchdog import Watchdog
 from .errors import AgentError
 from .grasping import GraspPlanner
 from .guard.faults import Fault, MotorControl
 from .guard.guard import Guard, GuardOptions
 from .guard.null_guard import NullGuard
 from .kinematics.arm_kinematics import ArmKinematics, IkOptions
-from .mapping.joint_muscle_map import JointMuscleMap
+from .learning.job_queue import Entered
+from .learning.options import BESIDE, LearningOptions
+from .mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from .mapping.learner import Pairs, RidgeRule
 from .mapping.minibatch import MinibatchRule
 from .mapping.training import load_or_train, train
 from .nominal_model import NominalModel
 from .observation import SensorReadings
 from .options import AgentOptions
+from .scales import RobotScales
 from .updaters import VisionOptions
 from .vision.camera import Camera
+from .vision.camera_clock import CameraClock
 from .vision.hold_out import HoldOutOptions
 from .vision.marker_detector import Detector, MarkerDetector, MarkerPose
 
 __all__ = [
+    "BESIDE",
     "Agent",
     "AgentError",
+    "AgentLog",
     "AgentOptions",
     "ArmKinematics",
     "Camera",
+    "CameraClock",
+    "CheckpointError",
+    "CommandLimits",
     "Detector",
+    "DriveOptions",
+    "DriveReport",
     "Driver",
+    "DriverTimeoutError",
+    "EmergencyStop",
+    "EmergencyStopError",
+    "Entered",
     "Fault",
     "GraspPlanner",
     "Guard",
@@ -33,6 +55,8 @@ __all__ = [
     "HoldOutOptions",
     "IkOptions",
     "JointMuscleMap",
+    "LearningOptions",
+    "LostReadingsError",
     "MarkerDetector",
     "MarkerPose",
     "MinibatchRule",
@@ -40,10 +64,15 @@ __all__ = [
     "NominalModel",
     "NullGuard",
     "Pairs",
+    "PausingDriver",
+    "RecordedAgent",
     "RidgeRule",
+    "RobotScales",
     "SensorReadings",
     "VisionOptions",
+    "Watchdog",
     "drive",
     "load_or_train",
+    "stopping",
     "train",
 ]

@@ -9,30 +9,45 @@ One control step
    Updater from the first frame that was taken at rest (sec. III-C),
 5. maps the next point of the trajectory to muscle lengths and limits them (`Guard.limit`).
 
+Step 4 is done by `RestLearning`, from what `HandObserver` selects; step 5 by `Commander`.
+
 Sections are those of Kawaharazuka et al. 2018.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from typing import NamedTuple
+import logging
+import os
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from jmm_agent.command_limits import CommandLimits
+from jmm_agent.commander import Commander
 from jmm_agent.errors import AgentError
 from jmm_agent.guard.arm_state import ArmState
-from jmm_agent.guard.faults import Fault
+from jmm_agent.guard.faults import Fault, MotorControl
 from jmm_agent.guard.guard import Guard
 from jmm_agent.guard.null_guard import NullGuard
+from jmm_agent.hand_observer import HandObserver
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.learning.job import MapLearning
+from jmm_agent.learning.job_queue import Entered
+from jmm_agent.learning.memory import load_memory, memory_of
+from jmm_agent.learning.options import AS_SOON
+from jmm_agent.learning.schedule import Schedule
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.memory_file import AgentMemory, write_memory
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.options import AgentOptions
-from jmm_agent.settling import SettlingDetector
-from jmm_agent.trajectory import Trajectory
+from jmm_agent.rest_learning import RestLearning
+from jmm_agent.statics import Hold, Statics, not_reachable
+from jmm_agent.time_line import Tick, TimeLine
 from jmm_agent.types import Floats
 from jmm_agent.updaters import (
     AntagonismMemory,
@@ -41,23 +56,19 @@ from jmm_agent.updaters import (
     VisionMemory,
     VisionUpdater,
 )
-from jmm_agent.vision.hand_marker import HandMarker
+from jmm_agent.vision.camera_delay import DelayEstimate
+from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_residual import MarkerResidual
 
 __all__ = ["Agent", "AgentOptions"]
 
+_log = logging.getLogger(__name__)
+
 START_UPDATES = 50
 """Updates of the estimator with the first lengths, before the first command."""
-
-
-class Learned(NamedTuple):
-    """What was learned until a time [s]: the map, and what both updaters remember."""
-
-    time: float
-    map: JointMuscleMap
-    antagonism: AntagonismMemory
-    vision: VisionMemory
+START_CHANGE = 1e-3
+"""Change by an update that ends these updates on a live robot [rad]."""
 
 
 class Agent:
@@ -77,22 +88,27 @@ class Agent:
 
     Attributes:
         guard: as given, or a `NullGuard`; may be replaced before an episode begins.
+        motors: gains and limit of the motors, which limit commands that `drive` writes; None if
+            unknown.
+        limits: of rate and tension of the commands; None for those of the guard only. `drive` sets
+            limits that derive from the map while there are none.
+        statics: of the nominal model, which say whether a posture can be reached; None if unknown.
+        unreachable: why postures of the last `go` cannot be reached; empty if all can.
         learner: holds the map.
         antagonism: the Antagonism Updater.
         vision: the Vision Updater.
         estimator: estimates the joint angles.
-        learning: whether anything is learned. While False, marker observations are evaluated, but
-            neither learned nor remembered.
+        time_line: converts time stamps to the agent's own time, and counts skipped readings.
         hand_is_free: False while the hand holds or touches something. The map is then left alone,
             because it holds only while no forces but gravity act (sec. I).
-        taken_back: number of times that something was unlearned because it had been learned just
-            before a fault was noticed.
-        seen: result of the newest marker observation; None before the first.
-        markers: markers in the newest frame in which they were detected, by id.
 
     Raises:
-        AgentError: kinematics and map have different joints, or a frame of the options is unknown.
+        AgentError: kinematics and map have different joints, a frame of the options is unknown, or
+            there is a detector without a camera.
     """
+
+    limits: CommandLimits | None = None
+    motors: MotorControl | None = None
 
     def __init__(
         self,
@@ -106,39 +122,31 @@ class Agent:
         rule: Rule | None = None,
         guard: Guard | None = None,
     ) -> None:
-        if kinematics.joints != nominal_map.joints:
-            raise AgentError(
-                f"Agent: the kinematics' joints {kinematics.joints} are not the map's "
-                f"{nominal_map.joints}."
-            )
+        _check_joints(kinematics, nominal_map)
         self.options = options = options or AgentOptions()
         self.kinematics = kinematics
+        self.statics: Statics | None = None
+        self.unreachable = ""
+        self._nominal_map = nominal_map
         self.guard: Guard | NullGuard = NullGuard() if guard is None else guard
         limits, camera, site = kinematics.limits, options.camera, options.marker_site
         prior = MapPrior(nominal_map, typical, options.prior)
-        residual = MarkerResidual(kinematics, camera, site)
-        self._marker = (
-            None
-            if detector is None
-            else HandMarker(detector, kinematics, options.hand_marker, camera, site)
-        )
+        residual = MarkerResidual(kinematics, camera or None, site)
+        self._observer = HandObserver(detector, kinematics, options)
         self.learner = Learner(nominal_map, limits, rule or RidgeRule(prior), options.batch, rng)
         self.antagonism = AntagonismUpdater(self.learner, options.antagonism)
         self.vision = VisionUpdater(self.learner, prior, residual, limits, options.vision)
-        self._settling = SettlingDetector(options.settling)
+        self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
-        self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
-        self._time = -np.inf
-        self._target_lengths = nominal_map.lengths(start)
-        self._mapped = nominal_map, start.copy(), self._target_lengths
-        self._observation_due = False
-        self._frame_time = -np.inf
-        self._before: deque[Learned] = deque()
-        self.taken_back = 0
-        self.learning = True
+        self._commander = Commander(nominal_map, start, limits)
+        self._learned = MapLearning(
+            self.learner, self.antagonism, self.vision, options.learn_antagonism
+        )
+        self._schedule = Schedule(self._learned, options.learning, self._map_changed)
+        self._rests = RestLearning(self._learned, self._schedule, self._observer, options)
+        self._settling = self._rests.settling
+        self._step = -1
         self.hand_is_free = True
-        self.seen: Seen | None = None
-        self.markers: dict[int, MarkerPose] = {}
 
     @property
     def map(self) -> JointMuscleMap:
@@ -146,40 +154,126 @@ class Agent:
         return self.learner.map
 
     @property
+    def learning(self) -> bool:
+        """Whether anything is learned.
+
+        While False, marker observations are evaluated, but neither learned nor remembered.
+        """
+        return self._schedule.enabled
+
+    @learning.setter
+    def learning(self, learning: bool) -> None:
+        self._schedule.enabled = learning
+
+    @property
+    def seen(self) -> Seen | None:
+        """Result of the newest marker observation; None before the first."""
+        return self._schedule.seen
+
+    @property
+    def taken_back(self) -> int:
+        """Number of times that something was unlearned.
+
+        This is done when it had been learned just before a fault was noticed.
+        """
+        return self._schedule.taken_back
+
+    @property
+    def entered(self) -> list[Entered]:
+        """Control steps at which results entered that were computed beside the loop, in order."""
+        return sorted([*self._observer.entered, *self._schedule.entered], key=lambda end: end.step)
+
+    def replay(self, entered: Iterable[Entered]) -> None:
+        """Let results enter at recorded steps, in place of `AgentOptions.learning`.
+
+        Args:
+            entered: recorded by another agent; see `AgentLog`, which calls this.
+        """
+        ends = list(entered)
+        self._schedule.replay(end for end in ends if end.kind != "frame")
+        self._observer.replay(end for end in ends if end.kind == "frame")
+
+    @property
+    def learning_process(self) -> int | None:
+        """Number of the process that learns beside the control loop; None while there is none."""
+        return self._schedule.process_id
+
+    def finish_learning(self) -> None:
+        """Wait until all that was observed is learned, as before what was learned is saved."""
+        self._schedule.finish()
+
+    def close(self) -> None:
+        """Finish learning, and end process and thread beside the loop; they start again if needed.
+
+        Both end with the program in any case.
+        """
+        self._schedule.close()
+        self._observer.close()
+
+    @property
+    def nominal_map(self) -> JointMuscleMap:
+        """The map that was trained on the nominal model."""
+        return self._nominal_map
+
+    @property
     def joint_angles(self) -> Floats:
         """Estimated joint angles (n,) [rad]."""
         return self.estimator.q
 
     @property
+    def contradicted_joints(self) -> dict[str, float]:
+        """Joints whose encoders contradict the muscle lengths, by the map as learned so far.
+
+        Mean difference [rad] of each encoder from the joint angle by the lengths. Before the map is
+        learned it may be the map that is wrong; after that the zero of the encoder is.
+        """
+        encoders = self.estimator.joint_encoders
+        rows = zip(self.map.joints, encoders.contradicted, encoders.differences, strict=True)
+        return {joint: float(missed) for joint, wrong, missed in rows if wrong}
+
+    @property
+    def camera_delay(self) -> DelayEstimate:
+        """Delay of the camera, as given in the options or as estimated so far."""
+        return self._observer.delay
+
+    @property
+    def markers(self) -> dict[int, MarkerPose]:
+        """Markers in the newest frame in which they were detected, by id."""
+        return self._observer.markers
+
+    @property
     def target(self) -> Floats:
         """Joint angles (n,) [rad] at the end of the trajectory."""
-        return self._trajectory.points[-1]
+        return self._commander.target
 
     @property
     def at_rest(self) -> bool:
         """Whether the lengths have settled and nothing remains to be learned from them."""
-        return np.isfinite(self._settling.since) and not self._observation_due
+        return self._rests.done
 
     @property
     def faults(self) -> list[Fault]:
-        """Faults that are found now, in the order in which they were noticed."""
-        return list(self.guard.faults)
+        """Faults that are found now, in the order in which they were noticed.
+
+        Those of the robot, which a guard names, and those of the clock and of learning, which are
+        named without a guard, too, and do not keep the agent from learning.
+        """
+        found = [*self.guard.faults, *self.time_line.found(), *self._rests.faults]
+        return sorted(found, key=lambda fault: fault.since)
 
     def begin_episode(self) -> None:
         """Forget the state of the arm, as before a new episode; keep what was learned."""
         self.guard.reset()
-        self._before.clear()
-        self._time = self._frame_time = -np.inf
-        self._settling.reset()
-        self._observation_due = False
-        self.markers, self.seen = {}, None
-        self._trajectory = Trajectory(np.array([self.target, self.target]), 0.0, 0.0)
+        self._rests.reset()
+        self.time_line.reset()
+        self._commander.reset()
         self.estimator.reset(self.target)
 
     def go(self, postures: Floats, duration: float) -> None:
         """Move through postures within a time.
 
-        Before the first step of an episode the trajectory begins at the first estimate.
+        Before the first step of an episode the trajectory begins at the first estimate. Postures
+        that the muscles cannot hold are logged, see `unreachable`.
 
         Args:
             postures: joint angles (K, n) [rad] to pass, or the target (n,) [rad] alone; clipped
@@ -190,60 +284,116 @@ class Agent:
             AgentError: a posture is not finite or of the wrong shape, or there is none, or the
                 duration is negative or not finite.
         """
-        points = np.atleast_2d(np.asarray(postures, dtype=float))
-        if (
-            points.shape[1:] != self.target.shape
-            or len(points) == 0
-            or not np.isfinite(points).all()
-        ):
-            raise AgentError(
-                f"Agent: postures must be finite angles of {len(self.target)} joints, got shape "
-                f"{points.shape}."
-            )
-        if not 0.0 <= duration < np.inf:
-            raise AgentError(f"Agent: a duration must be finite and not negative: {duration} s.")
-        low, high = self.kinematics.limits.T
-        points = np.vstack([self._trajectory.at(self._time), np.clip(points, low, high)])
-        self._trajectory = Trajectory(points, self._time, duration)
+        points = self._commander.checked(postures, duration)
+        holds = self.reachable(points)
+        self.unreachable = not_reachable(holds)
+        if self.unreachable:
+            _log.warning("%s", self.unreachable)
+        self._commander.go(points, duration, holds if self.options.feed_forward else ())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Refuse to pickle: a part of the agent holds what belongs to this process."""
+        raise AgentError(
+            "Agent: agents cannot be pickled or copied; write what was learned with `save`, and "
+            "`load` it into a new agent of the same robot."
+        )
+
+    def reachable(self, postures: Floats) -> list[Hold]:
+        """Whether the muscles can hold postures, by the nominal model.
+
+        Args:
+            postures: joint angles (K, n), or (n,) of one [rad], within the joint limits.
+
+        Returns:
+            A result for each posture; none if the agent has no statics.
+
+        Raises:
+            AgentError: a posture is not finite or of the wrong shape.
+        """
+        if self.statics is None:
+            return []
+        return [self.statics.hold(posture) for posture in np.atleast_2d(postures)]
+
+    def missed(self) -> str:
+        """Which joint rests away from its target by the estimate, in one sentence.
+
+        Returns:
+            The sentence; empty while the arm moves, or if each joint rests within
+            `AgentOptions.arrival` of its target.
+        """
+        if not self.at_rest:
+            return ""
+        return self._commander.missed(self.joint_angles, self.map.joints, self.options.arrival)
 
     def step(self, readings: SensorReadings) -> Floats:
         """Run one control step.
 
         Args:
-            readings: of m muscles, later than those before.
+            readings: of m muscles. Those that are not later than the ones before are skipped and
+                counted, see `TimeLine`.
 
         Returns:
-            Target muscle lengths (m,) [m] for the next control period.
+            Target muscle lengths (m,) [m] for the next control period; the last ones for readings
+            that were skipped.
 
         Raises:
             AgentError: readings that are not finite or of the wrong shape, and nothing is changed;
                 or a frame of the wrong shape that was to be evaluated, and the map stays. A guard
                 replaces readings that are not finite, as long as one length is finite.
         """
-        filtered = self.guard.filter(
-            readings, self._time, self._target_lengths, self.estimator.lengths
-        )
-        self.estimator.doubt(filtered.doubted)
-        readings = readings._replace(lengths=filtered.lengths, tensions=filtered.tensions)
-        if np.isfinite(self._time):
-            self.estimator.update(readings.lengths, readings.time - self._time)
+        tick = self.time_line.tick(readings.time)
+        if tick is None:
+            return self._commander.target_lengths.copy()
+        readings = self._filtered(readings, tick)
+        if np.isfinite(self._commander.time):
+            passed = tick.passed(self._commander.time)
+            self.estimator.update(readings.lengths, passed, readings.joint_angles)
         else:
             self._start(readings)
-        self._time = readings.time
-        self._watch(readings)
-        if self.faults or not self.hand_is_free:
-            self._settling.reset()
-        elif self._settling.update(readings.time, readings.lengths):
-            self._observation_due = self._marker is not None
-            self._learn_antagonism(readings)
-        if not np.isfinite(self._settling.since):
-            self._observation_due = False
-        elif self._observation_due and readings.frame_time >= self._settling.since:
-            self._observation_due = False
-            self._learn_vision(readings)
-        target_lengths = self._lengths_at(self._trajectory.at(readings.time))
-        self._target_lengths = self.guard.limit(target_lengths)
-        return self._target_lengths
+        passed = self._commander.advance(readings.time)
+        self._step += 1
+        self._observer.advance(self._step)
+        self._watch_robot(readings)
+        self._rests.advance(self._step, readings.time, self.hand_is_free)
+        trusted = not self.guard.faults and self.hand_is_free
+        self._rests.learn(readings, self._sample(readings), trusted, bool(tick.jump))
+        if not self.guard.faults:
+            self._rests.watch(readings, passed, self.hand_is_free, self._commander.ended)
+        command = self._commander.command(self.map, self.limits, readings.lengths, passed)
+        self._commander.target_lengths = self.guard.limit(command)
+        return self._commander.target_lengths.copy()
+
+    def observe(
+        self,
+        pose: ArrayLike,
+        covariance: ArrayLike,
+        time: float,
+        frame: str | None = None,
+        relative_to: str | None = None,
+    ) -> None:
+        """Learn from a measured pose of the hand in place of a camera frame.
+
+        It is learned from in a step at which it is known that the hand was at rest at that time:
+        once per rest, with the muscle lengths of that time. Otherwise it is counted in
+        ``vision.dropped``. Call it between control steps, not from another thread.
+
+        Args:
+            pose: measured pose of a frame (4, 4), translation in metres.
+            covariance: of the pose (6, 6) [m^2, rad^2]: x, y, z and rotations about x, y, z, all in
+                the axes of ``relative_to``. An infinite variance says that a number was not
+                measured; without rotations only the position counts.
+            time: of the measurement, on the clock of the sensor readings [s].
+            frame: site, body or camera of the kinematics whose pose it is; the hand's marker if
+                left out.
+            relative_to: frame in which the pose is given; None: world, the base of the nominal
+                model.
+
+        Raises:
+            AgentError: an unknown frame, or one that no joint moves against ``relative_to``; a pose
+                or covariance that is not valid; or a time that is not finite or in the future.
+        """
+        frames = frame or self.options.marker_site, relative_to
+        self._observer.add_pose(pose, covariance, self.time_line.own_time(time), frames)
 
     def detect_markers(self, readings: SensorReadings) -> dict[int, MarkerPose]:
         """Markers in the newest frame, by id; empty without a frame.
@@ -251,11 +401,7 @@ class Agent:
         Raises:
             AgentError: the frame has a wrong shape or type.
         """
-        new = readings.frame_time != self._frame_time
-        if self._marker is not None and readings.frame is not None and new:
-            self.markers = self._marker.detect(readings.frame, self.estimator.q).poses
-            self._frame_time = readings.frame_time
-        return self.markers
+        return self._observer.detect(readings, self.estimator.q)
 
     def recall(
         self, jmm: JointMuscleMap, antagonism: AntagonismMemory, vision: VisionMemory
@@ -267,80 +413,111 @@ class Agent:
             antagonism: what the Antagonism Updater remembered.
             vision: what the Vision Updater remembered.
         """
+        self._schedule.recall()
         self.learner.map = jmm
         self.antagonism.memory, self.vision.memory = antagonism, vision
         self._map_changed()
 
-    def _lengths_at(self, q: Floats) -> Floats:
-        """The map's lengths (m,) [m] at ``q`` (n,) [rad], computed again only if either changed."""
-        by, at, lengths = self._mapped
-        if by is not self.map or not np.array_equal(at, q):
-            lengths = self.map.lengths(q)
-            self._mapped = self.map, q, lengths
-        return lengths.copy()
+    @property
+    def memory(self) -> AgentMemory:
+        """All that was learned until now; later steps do not change it."""
+        return memory_of(self._learned, self.target)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write all that was learned to a file, whole or not at all.
+
+        `write_memory` does the same with `memory`, for instance in another thread.
+
+        Args:
+            path: of the file; its folder is made.
+        """
+        write_memory(path, self.memory, self._nominal_map)
+
+    def load(self, path: str | os.PathLike[str]) -> None:
+        """Continue from what `save` wrote, with a new episode.
+
+        An agent of the same nominal map and options then learns and moves as the one that was
+        saved, to the bit.
+
+        Args:
+            path: of the file.
+
+        Raises:
+            CheckpointError: the file is missing or damaged, or does not fit this robot; nothing is
+                changed.
+        """
+        memory = load_memory(path, self._learned, self._nominal_map, self.kinematics.frames)
+        self.recall(memory.map, memory.antagonism, memory.vision)
+        self._commander.recall(memory.map, memory.posture)
+        self.begin_episode()
+
+    def zeroed(self) -> None:
+        """Say that all muscle lengths were zeroed anew, as after a power cycle.
+
+        What was learned of the map's shape stays, the offsets of all lengths are open again, and
+        the first marker observations determine them. To be called before the episode, after
+        `load`. If nobody calls it, the first marker observations of an episode show it, and it is
+        named as a fault of kind ``zeroed``.
+        """
+        self._schedule.reset()
+        self.vision.zeroed()
+        self.antagonism.forget()
+        self.estimator.reset(self.estimator.q)
 
     def _start(self, readings: SensorReadings) -> None:
-        """Estimate where the arm is, and begin the trajectory there, or stay there without one."""
+        """Estimate where the arm is, and begin the trajectory there."""
+        live = self.options.learning.enters_after == AS_SOON  # no step may take long
         for _ in range(START_UPDATES):
-            self.estimator.update(readings.lengths, CONTROL_PERIOD)
-        here = self.estimator.q
-        given = self._trajectory.start == self._time
-        points = self._trajectory.points[1:] if given else here[None]
-        self._trajectory = Trajectory(
-            np.vstack([here, points]), readings.time, self._trajectory.duration
-        )
+            before = self.estimator.q
+            self.estimator.update(readings.lengths, CONTROL_PERIOD, readings.joint_angles)
+            if live and np.abs(self.estimator.q - before).max() < START_CHANGE:
+                break
+        self._commander.start(self.estimator.q, readings.time, readings.lengths)
 
-    def _watch(self, readings: SensorReadings) -> None:
+    def _filtered(self, readings: SensorReadings, tick: Tick) -> SensorReadings:
+        """The readings on the agent's own time, without those that the guard does not believe."""
+        if tick.jump:
+            self.guard.jump()
+        angles = self.estimator.joint_encoders.checked(readings.joint_angles)
+        frame_time = self._observer.exposed(tick.frame_time(readings.frame_time))
+        readings = readings._replace(time=tick.time, frame_time=frame_time, joint_angles=angles)
+        commander = self._commander
+        filtered = self.guard.filter(
+            readings, commander.time, commander.target_lengths, self.estimator.lengths
+        )
+        self.time_line.accept(tick)
+        self.estimator.doubt(filtered.doubted)
+        return readings._replace(lengths=filtered.lengths, tensions=filtered.tensions)
+
+    def _watch_robot(self, readings: SensorReadings) -> None:
         """Look for faults; unlearn what was learned just before a new one."""
         state = ArmState(
             self.estimator.q,
             self.map,
             len(self.vision.memory.observations),
             self.hand_is_free,
-            self._marker,
+            self._observer.finder,
         )
         new = self.guard.watch(readings, state)
-        while self._before and readings.time - self._before[0].time > self.guard.take_back:
-            self._before.popleft()
-        if new and self._before:
-            earlier = self._before[0]
-            self.recall(earlier.map, earlier.antagonism, earlier.vision)
-            self._before.clear()
-            self.taken_back += 1
-
-    def _remember(self) -> None:
-        """Keep what is known before something is learned, in case that a fault is noticed."""
-        if self.learning:
-            memories = self.antagonism.memory, self.vision.memory
-            self._before.append(Learned(self._time, self.map, *memories))
+        self._schedule.take_back(readings.time, self.guard.take_back, new)
 
     def _map_changed(self) -> None:
-        """Pass a new map to estimator and guard."""
+        """Pass a new map to all parts that use it."""
         self.estimator.set_map(self.map)
         self.guard.map_changed()
+        self._observer.map_changed()
 
-    def _learn_antagonism(self, readings: SensorReadings) -> None:
-        if not (self.learning and self.options.learn_antagonism):
-            return
-        self._remember()
-        if self.antagonism.settled(self.estimator.q, readings.lengths, self.vision.pairs):
-            self._map_changed()
+    def _sample(self, readings: SensorReadings) -> ArmSample:
+        """What is learned from at rest; targets without what muscles stretch by load."""
+        target = self._commander.target_lengths + self._commander.stretch
+        angles = self.estimator.joint_encoders.usable(readings.joint_angles)
+        state = readings.time, np.inf, self.estimator.q
+        return ArmSample(*state, readings.lengths, target, readings.tensions, angles)
 
-    def _learn_vision(self, readings: SensorReadings) -> None:
-        marker = self.detect_markers(readings).get(self.options.hand_marker)
-        if marker is None:
-            if self.learning:
-                self.vision.drop("the hand's marker was not seen")
-            return
-        self._remember()
-        self.seen = self.vision.seen(
-            marker.pose_marker_in_camera,
-            self.estimator.q,
-            readings.lengths,
-            self._target_lengths,
-            readings.tensions,
-            self.antagonism.pairs if self.options.learn_antagonism else None,
-            learn=self.learning and self.options.learn_vision,
+
+def _check_joints(kinematics: ArmKinematics, nominal_map: JointMuscleMap) -> None:
+    if kinematics.joints != nominal_map.joints:
+        raise AgentError(
+            f"Agent: the kinematics' joints {kinematics.joints} are not the map's "
+            f"{nominal_map.joints}."
         )
-        if self.seen.learned:
-            self._map_changed()

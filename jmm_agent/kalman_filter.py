@@ -25,6 +25,7 @@ vanish. Lengths are divided by their noise and rotated into the range of G (n nu
 filter) and its complement (m - n numbers, by which the muscles contradict each other). No movement
 of the joints reaches the complement, so the innovation is N(0, 1) there for any motion. The
 normalised innovation squared (NIS) is computed in the complement, with m - n degrees of freedom.
+Measured joint angles correct the result once more (`JointEncoders`).
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaincinv
 
+from jmm_agent.joint_encoders import JointEncoders
 from jmm_agent.kalman_filter_options import EstimatorError, EstimatorOptions
 from jmm_agent.mapping.length_map import LengthMap
 from jmm_agent.types import Floats
@@ -95,6 +97,10 @@ class JointEstimator:
         options: noise levels and limits.
         q: joint angles at the start (n,) [rad]; zeros if left out.
 
+    Attributes:
+        options: as given, or the defaults.
+        joint_encoders: compares measured joint angles with the lengths.
+
     Raises:
         EstimatorError: shapes do not fit, or a number is not finite.
     """
@@ -116,6 +122,7 @@ class JointEstimator:
         self._nis: deque[float] = deque(maxlen=self.options.window)
         self._noise = np.array(self.options.encoder_noise)
         self._doubted = 0
+        self.joint_encoders = JointEncoders(box[:, 0], box[:, 1], self.options)
         self.reset(np.zeros(len(box)) if q is None else q)
 
     @property
@@ -176,6 +183,7 @@ class JointEstimator:
         self._filter.x, self._filter.P = start[:, None], spread
         self._filter.R = np.eye(rank)
         self._nis.clear()
+        self.joint_encoders.reset()
 
     def set_map(self, length_map: LengthMap) -> None:
         """Use another map of the same muscles, and `invalidate` the estimate.
@@ -232,12 +240,14 @@ class JointEstimator:
         muscles, joints = self._here.basis.shape
         self._dof = max(0, muscles - self._doubted - joints)
 
-    def update(self, lengths: ArrayLike, dt: float) -> Estimate:
-        """Update the estimate with measured lengths.
+    def update(self, lengths: ArrayLike, dt: float, joint_angles: Floats | None = None) -> Estimate:
+        """Update the estimate with measured lengths, and with measured joint angles.
 
         Args:
             lengths: measured muscle lengths (m,) [m].
             dt: time since the last ones [s].
+            joint_angles: measured joint angles (n,) [rad], NaN where there is no encoder; None:
+                none.
 
         Raises:
             EstimatorError: wrong shape, not finite, `dt` not positive, or a map that returns
@@ -249,15 +259,16 @@ class JointEstimator:
             raise EstimatorError(f"Estimator: lengths must be {m} finite numbers in m.")
         if not 0 < dt < np.inf:
             raise EstimatorError(f"Estimator: dt is {dt} s, but must be positive and finite.")
+        angles = self.joint_encoders.checked(joint_angles)
         before = self._filter.x, self._filter.P
         try:
-            return self._step(measured / self._noise, dt)
+            return self._step(measured / self._noise, dt, angles)
         except (EstimatorError, np.linalg.LinAlgError) as error:
             self._filter.x, self._filter.P = before
             raise EstimatorError(f"Estimator: update refused, estimate kept: {error}") from error
 
-    def _step(self, measured: Floats, dt: float) -> Estimate:
-        """One step of the filter on lengths in units of their noise."""
+    def _step(self, measured: Floats, dt: float, angles: Floats | None) -> Estimate:
+        """One step of the filter on lengths in units of their noise, and joint angles [rad]."""
         kalman, here = self._filter, self._here
         rank, n = here.reduced.shape
         variance = self.options.motion_noise**2 * dt
@@ -278,6 +289,9 @@ class JointEstimator:
         predicted = kalman.x
         kalman.update_correlated(column, H=there.reduced)
         kalman.P = 0.5 * (kalman.P + kalman.P.T)
+        if angles is not None:
+            q, kalman.P = self.joint_encoders.correct(kalman.x[:, 0], kalman.P, angles)
+            kalman.x = q[:, None]
         kalman.x = self._into_limits(kalman.x[:, 0], kalman.P)[:, None]
         if not (np.isfinite(kalman.x).all() and np.isfinite(kalman.P).all()):
             raise EstimatorError("the filter's numbers are not finite.")

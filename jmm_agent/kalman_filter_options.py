@@ -27,6 +27,9 @@ class EstimatorOptions:
         limit_margin: how far outside its limits a joint angle may be [rad].
         window: number of updates over which consistency is judged.
         confidence: probability that a consistent filter is inside the chi-squared band.
+        joint_noise: standard deviation of a measured joint angle [rad].
+        joint_tolerance: mean difference over the window from which on a measured joint angle
+            contradicts the muscle lengths [rad].
     """
 
     encoder_noise: float = 2e-4
@@ -37,9 +40,12 @@ class EstimatorOptions:
     limit_margin: float = 0.1
     window: int = 50
     confidence: float = 0.95
+    joint_noise: float = 0.001
+    joint_tolerance: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in ("encoder_noise", "motion_noise", "process_noise", "initial_std"):
+        positive = "encoder_noise motion_noise process_noise initial_std joint_noise"
+        for name in (*positive.split(), "joint_tolerance"):
             if not 0 < getattr(self, name) < np.inf:
                 raise EstimatorError(f"Estimator: {name} is {getattr(self, name)}, not positive.")
         for name in ("invalidation_std", "limit_margin"):

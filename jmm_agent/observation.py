@@ -21,7 +21,10 @@ class SensorReadings(NamedTuple):
         lengths: measured muscle lengths (m,) [m].
         tensions: measured muscle tensions (m,) [N].
         frame: newest camera frame (H, W, 3) uint8, or None.
-        frame_time: time at which that frame was taken [s].
+        frame_time: time at which that frame was taken [s]; or arrived, if the agent's
+            `CameraClock` says so.
+        joint_angles: measured joint angles (n,) [rad], NaN for a joint without encoder; None if no
+            joint has one.
     """
 
     time: float
@@ -29,6 +32,7 @@ class SensorReadings(NamedTuple):
     tensions: Floats
     frame: np.ndarray | None = None
     frame_time: float = -np.inf
+    joint_angles: Floats | None = None
 
     def checked(self, after: float, muscles: int, gaps: bool = False) -> SensorReadings:
         """The readings with copies of lengths and tensions.

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from jmm_agent.kalman_filter_options import EstimatorOptions
+from jmm_agent.learning.options import LearningOptions
+from jmm_agent.learning_monitor import LearningMonitorOptions
 from jmm_agent.mapping.learner import BatchOptions
 from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.settling import SettlingOptions
+from jmm_agent.time_line import TimeLineOptions
 from jmm_agent.updaters import AntagonismOptions, VisionOptions
+from jmm_agent.vision.camera_clock import CameraClock
 
 
 @dataclass(frozen=True)
@@ -18,27 +22,42 @@ class AgentOptions:
     Attributes:
         learn_antagonism: whether the Antagonism Updater learns (sec. III-B).
         learn_vision: whether the Vision Updater learns (sec. III-C).
+        camera_clock: delay and exposure of the camera.
         hand_marker: id of the marker on the hand.
         can_marker: id of the marker on the can.
-        camera: frame of the camera in the kinematics.
+        camera: frame of the camera in the kinematics; empty for a robot without a camera, whose
+            hand is measured otherwise (`Agent.observe`).
         marker_site: site of the hand's marker in the kinematics.
+        feed_forward: whether commands are shorter than the muscles by the stretch that nominal
+            tensions need; needs `Agent.statics`. None: `kengoro.make_agent` chooses it for robots
+            other than Kengoro's arm, whose many muscles do without.
+        arrival: a joint that rests farther from its target has not arrived [rad].
         prior: prior of the map's error.
         batch: what is learned beside a new pair.
         settling: when lengths count as settled.
         antagonism: options of the Antagonism Updater.
         vision: options of the Vision Updater.
+        learning: where learning runs, and when its results enter.
         estimator: noise levels and limits of the joint estimator.
+        time_line: which time stamps are used.
+        learning_monitor: from when on it is named that nothing is learned.
     """
 
     learn_antagonism: bool = True
     learn_vision: bool = True
+    camera_clock: CameraClock = field(default_factory=CameraClock)
     hand_marker: int = 0
     can_marker: int = 1
     camera: str = "eye"
     marker_site: str = "marker_hand"
+    feed_forward: bool | None = None
+    arrival: float = 0.1
     prior: PriorOptions = field(default_factory=PriorOptions)
     batch: BatchOptions = field(default_factory=BatchOptions)
     settling: SettlingOptions = field(default_factory=SettlingOptions)
     antagonism: AntagonismOptions = field(default_factory=AntagonismOptions)
     vision: VisionOptions = field(default_factory=VisionOptions)
+    learning: LearningOptions = field(default_factory=LearningOptions)
     estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
+    time_line: TimeLineOptions = field(default_factory=TimeLineOptions)
+    learning_monitor: LearningMonitorOptions = field(default_factory=LearningMonitorOptions)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,30 @@ class SettlingOptions:
     window: float = 0.4
     change: float = 0.0008
     release: float = 0.004
+
+
+class Unrest(NamedTuple):
+    """The muscle that kept the lengths from settling most.
+
+    Attributes:
+        muscle: its index.
+        change: its change over the window [m].
+        allowed: the largest change that counts as settled [m].
+        window: duration of the window [s].
+    """
+
+    muscle: int
+    change: float
+    allowed: float
+    window: float
+
+    @property
+    def sentence(self) -> str:
+        """What was measured, and what would have been settled."""
+        return (
+            f"changed by {1e3 * self.change:.2g} mm within {self.window:g} s, but only "
+            f"{1e3 * self.allowed:.2g} mm count as settled"
+        )
 
 
 class SettlingDetector:
@@ -109,12 +134,28 @@ class SettlingDetector:
         still, most = self._options.change, self._options.release / 2.0
         if np.abs(lengths - self._history[0][1]).max() >= most:
             return False
-        change = np.max([np.abs(lengths - past) for _, past in self._history], axis=0)
+        change = self._change(lengths)
         if np.all(change <= still):
             return True
         if np.any(change >= most):
             return False
         return bool(np.all(change <= np.maximum(still, NOISES * self._noise())))
+
+    def _change(self, lengths: Floats) -> Floats:
+        """Largest difference (m,) [m] of each length in the window from these."""
+        return np.asarray(np.max([np.abs(lengths - past) for _, past in self._history], axis=0))
+
+    @property
+    def unrest(self) -> Unrest | None:
+        """The muscle that moved most in the window, by what is allowed; None without samples."""
+        if not self._history:
+            return None
+        options = self._options
+        change = self._change(self._history[-1][1])
+        most = options.release / 2.0
+        allowed = np.clip(NOISES * self._noise(), options.change, max(most, options.change))
+        muscle = int(np.argmax(change / allowed))
+        return Unrest(muscle, float(change[muscle]), float(allowed[muscle]), options.window)
 
     def _noise(self) -> Floats:
         """Standard deviation (m,) [m] of each encoder, from differences of its readings.

@@ -24,8 +24,20 @@ class Trajectory(NamedTuple):
 
     def at(self, time: float) -> Floats:
         """Joint angles (n,) [rad] at a time [s]."""
-        share = np.clip((time - self.start) / self.duration, 0.0, 1.0) if self.duration else 1.0
-        position = share * share * (3.0 - 2.0 * share) * (len(self.points) - 1)
+        position = self._position(time)
         first = min(int(position), len(self.points) - 2)
         before, after = self.points[first], self.points[first + 1]
         return before + (position - first) * (after - before)
+
+    def remaining(self, time: float) -> float:
+        """Number of points, with a fraction, that remain to be passed at a time [s]."""
+        return len(self.points) - 1 - float(self._position(time))
+
+    def _position(self, time: float) -> float:
+        """Number of points, with a fraction, that were passed at a time [s]."""
+        share = np.clip((time - self.start) / self.duration, 0.0, 1.0) if self.duration else 1.0
+        return share * share * (3.0 - 2.0 * share) * (len(self.points) - 1)
+
+    def paused(self, pause: float) -> Trajectory:
+        """The trajectory after a pause [s]: where it was, and as much of it to go."""
+        return self._replace(start=self.start + pause)

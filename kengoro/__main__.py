@@ -13,6 +13,7 @@ COMMANDS = {
     "demo": "a robot misses a can, learns from what it sees of its hand, and grasps the can",
     "record": "a log of a moving robot and its study for reality-gap",
     "view": "watch a robot while it learns",
+    "calibrate": "check clock, zero posture, signs, gains, limit and camera of a robot",
     "experiments": "list the experiments, which need a checkout of the repository",
 }
 """One line for each command; ``kengoro.commands`` has a module with `Args` and `main` for it."""
@@ -57,16 +58,27 @@ def _run(name: str, arguments: list[str], program: str) -> int:
 
     from jmm_agent.errors import AgentError
     from kengoro.errors import UsageError
-    from kengoro_env.errors import KengoroError
+    from mjcf_sandbox.errors import OutputError
+    from mjcf_sandbox.files import check_links
 
-    command = importlib.import_module(f"kengoro.commands.{name}")
+    try:
+        from kengoro_env.errors import KengoroError
+
+        command = importlib.import_module(f"kengoro.commands.{name}")
+    except RuntimeError as error:
+        if "MUJOCO_GL" not in str(error):  # which is checked when the environments are imported
+            raise
+        print(error, file=sys.stderr)
+        return 2
     args = tyro.cli(command.Args, args=arguments, prog=program)
     try:
+        if isinstance(out := getattr(args, "out", None), Path):
+            check_links(out)
         command.main(args)
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         return 130
-    except (UsageError, AgentError, KengoroError) as error:
+    except (UsageError, AgentError, KengoroError, OutputError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,19 +16,32 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
 from jmm_agent.options import AgentOptions
+from jmm_agent.scales import RobotScales, robot_scales
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.marker_detector import Detector, MarkerDetector
+from kengoro.errors import UsageError
 from kengoro.hand_search import READY
-from kengoro.robots import CAMERA, SIDES, arm_scene, check_seed, sample_postures
-from kengoro.trained_maps import trained_map
+from kengoro.nominal_robot import NominalRobot
+from kengoro.robots import SIDES, arm_scene, check_seed, sample_within
+from kengoro.trained_maps import map_of
 from kengoro_env.postures import posture_set
-from kengoro_env.robot.muscle_law import DEFAULT_GAINS
-from kengoro_env.robot.nominal_model import NominalArm
 
-MOTORS = MotorControl(DEFAULT_GAINS.stiffness, DEFAULT_GAINS.bias, DEFAULT_GAINS.limit)
+__all__ = ["make_agent", "scales_of"]
+
+
+class _Design(NamedTuple):
+    """What an agent knows of its robot."""
+
+    robot: NominalRobot
+    kinematics: ArmKinematics
+    camera: Camera
+    motors: MotorControl
+    scales: RobotScales
+    options: AgentOptions
+    jmm: JointMuscleMap
 
 
 def make_agent(
@@ -34,66 +49,173 @@ def make_agent(
     *,
     guard: bool = False,
     scene: Path | str | None = None,
-    camera: Camera = CAMERA,
+    folders: Sequence[Path | str] = (),
+    camera: Camera | None = None,
     marker_sides: Mapping[int, float] = SIDES,
     postures: Floats | None = None,
     start: Floats | None = None,
     jmm: JointMuscleMap | None = None,
+    dictionary: str = "DICT_4X4_50",
     detector: Detector | None = None,
+    motors: MotorControl | None = None,
+    scales: RobotScales | None = None,
     options: AgentOptions | None = None,
+    guard_options: GuardOptions | None = None,
     rule: Rule | None = None,
     learning: bool = True,
     cache: Path | None = None,
 ) -> Agent:
-    """An agent that knows the nominal model of a robot, and nothing of the robot itself.
+    """An agent that knows the nominal model of a robot, by default Kengoro's arm, and no more.
 
-    Without arguments it is the agent of Kengoro's arm: its map is trained on the nominal model once
-    (half a minute) and then read from the user's cache folder.
+    Options of another robot derive from its model (`jmm_agent.RobotScales`) unless they are given.
 
     Args:
         seed: of the rehearsal pairs that learning samples.
-        guard: whether faults of the robot are named, not learned, and commands limited. Without
-            ``options``, updates that make the map worse on held-out observations are undone, too.
+        guard: whether faults are named and not learned; without ``options``, updates are tested.
         scene: MJCF file of another robot's nominal model; Kengoro's arm if left out.
-        camera: the camera model that the agent uses.
+        folders: further folders whose files the model may include or load.
+        camera: the camera model that the agent uses; that of the MJCF file if left out.
         marker_sides: side of each marker [m] by its id in the dictionary.
-        postures: typical postures, shape (N, n) [rad], which set the scale of the map's prior; the
-            posture set for Kengoro's arm, samples within the joint ranges for another robot.
+        postures: typical ones, shape (N, n) [rad], for the scale of the prior; samples if left out.
         start: joint angles at which the agent believes to start, shape (n,) [rad].
-        jmm: the map to begin with; the trained map of the nominal model if left out.
+        jmm: the map to begin with; that of the nominal model if left out, trained once and kept.
+        dictionary: name of the markers' dictionary in OpenCV, see `MarkerDetector`.
         detector: finds markers in frames; a `MarkerDetector` if left out.
-        options: of the agent.
+        motors: gains and limit; those of the MJCF file, or by its load, if left out.
+        scales: of the robot; by its nominal model if left out.
+        options: of the agent; they name its camera and markers, too.
+        guard_options: of the guard; they name the frame on which disturbances act.
         rule: how the map is moved by what is learned; the ridge rule if left out.
         learning: whether the agent learns; see `Agent.learning`.
         cache: folder of trained maps; the user's cache folder if left out.
 
     Raises:
-        UsageError: the seed is negative.
-        AgentError: the options do not fit the robot.
+        UsageError: the seed is negative, or the model has no such camera or marker.
     """
     check_seed(seed)
-    path = arm_scene() if scene is None else Path(scene)
-    if jmm is None:
-        jmm = trained_map(cache, scene=None if scene is None else path)
-    if postures is None:
-        postures = posture_set() if scene is None else sample_postures(path, 100)
-    if start is None:
-        start = np.array(READY) if scene is None else postures[0]
-    if guard and options is None:
-        options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
-    kinematics = ArmKinematics(path, jmm.joints)
-    detector = detector or MarkerDetector(camera, marker_sides)
-    rng = np.random.default_rng([seed, 2])
-    agent = Agent(jmm, kinematics, detector, postures, start, rng, options, rule)
-    if guard:
-        agent.guard = _make_guard(agent, path, camera)
+    chosen = _chosen(options, guard, own=scene is not None)
+    design = _design(scene, folders, camera, marker_sides, motors, scales, chosen, jmm, cache)
+    if detector is None and design.options.camera:
+        detector = MarkerDetector(design.camera, marker_sides, dictionary=dictionary)
+    agent = _agent(design, detector, scene is not None, postures, start, seed, rule)
+    agent.guard = _guard(design, guard_options) if guard else agent.guard
     agent.learning = learning
     return agent
 
 
-def _make_guard(agent: Agent, scene: Path, camera: Camera) -> Guard:
-    """Guard of an agent; disturbances act on the marker where the model has no frame of a grip."""
-    kinematics, grip = agent.kinematics, GuardOptions().hand
-    frame = grip if grip in kinematics.frames else agent.options.marker_site
-    gravity, options = NominalArm(scene).gravity, GuardOptions(hand=frame)
-    return Guard(agent.map.muscles, kinematics, camera, gravity, MOTORS, options)
+def _chosen(options: AgentOptions | None, guard: bool, own: bool) -> AgentOptions:
+    """Options before they are scaled; ``own``: of another robot than Kengoro's arm."""
+    if guard and options is None:
+        options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
+    options = options or AgentOptions()
+    return replace(options, feed_forward=own) if options.feed_forward is None else options
+
+
+def _design(
+    scene: Path | str | None,
+    folders: Sequence[Path | str],
+    camera: Camera | None,
+    marker_sides: Mapping[int, float],
+    motors: MotorControl | None,
+    scales: RobotScales | None,
+    options: AgentOptions,
+    jmm: JointMuscleMap | None,
+    cache: Path | None,
+) -> _Design:
+    """What an agent knows of its robot; names are checked before the map is trained."""
+    robot = NominalRobot(arm_scene() if scene is None else scene, folders)
+    kinematics = robot.kinematics(robot.arm.joints if jmm is None else jmm.joints, options)
+    camera = robot.camera(options.camera) if camera is None else camera
+    motors = robot.motors() if motors is None else motors
+    if scales is None:
+        scales = _scales(robot, kinematics, camera, marker_sides, motors, options)
+    options = scales.agent_options(options)
+    jmm = map_of(robot.model, cache) if jmm is None else jmm
+    return _Design(robot, kinematics, camera, motors, scales, options, jmm)
+
+
+def _agent(
+    design: _Design,
+    detector: Detector | None,
+    own: bool,
+    postures: Floats | None,
+    start: Floats | None,
+    seed: int,
+    rule: Rule | None,
+) -> Agent:
+    if postures is None:
+        postures = sample_within(design.robot.arm, 100) if own else posture_set()
+    if start is None:
+        start = postures[0] if own else np.array(READY)
+    rng = np.random.default_rng([seed, 2])
+    agent = Agent(
+        *(design.jmm, design.kinematics, detector, postures, start, rng, design.options, rule)
+    )
+    agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
+    return agent
+
+
+def _guard(design: _Design, given: GuardOptions | None) -> Guard:
+    named = _named(given, design.kinematics, design.options)
+    options, gravity = design.scales.guard_options(named), design.robot.arm.gravity
+    muscles = design.jmm.muscles
+    return Guard(muscles, design.kinematics, design.camera, gravity, design.motors, options)
+
+
+def scales_of(
+    scene: Path | str | None = None,
+    folders: Sequence[Path | str] = (),
+    camera: Camera | None = None,
+    marker_sides: Mapping[int, float] = SIDES,
+    motors: MotorControl | None = None,
+    options: AgentOptions | None = None,
+) -> RobotScales:
+    """Scales of a robot, from which `make_agent` derives all options.
+
+    Args:
+        scene: MJCF file of the robot's nominal model; Kengoro's arm if left out.
+        folders: further folders whose files the model may include or load.
+        camera: the camera model that the agent uses; that of the MJCF file if left out.
+        marker_sides: side of each marker [m] by its id.
+        motors: gains and limit of the motors; those of the MJCF file, or by its load, if left out.
+        options: name camera and marker.
+
+    Raises:
+        UsageError: the model has no such camera or marker.
+    """
+    options = options or AgentOptions()
+    robot = NominalRobot(arm_scene() if scene is None else scene, folders)
+    kinematics = robot.kinematics(robot.arm.joints, options)
+    camera = robot.camera(options.camera) if camera is None else camera
+    motors = robot.motors() if motors is None else motors
+    return _scales(robot, kinematics, camera, marker_sides, motors, options)
+
+
+def _scales(
+    robot: NominalRobot,
+    kinematics: ArmKinematics,
+    camera: Camera,
+    marker_sides: Mapping[int, float],
+    motors: MotorControl,
+    options: AgentOptions,
+) -> RobotScales:
+    if options.camera and options.hand_marker not in marker_sides:
+        known = ", ".join(str(number) for number in marker_sides) or "none"
+        raise UsageError(
+            f"The hand's marker has the id {options.hand_marker}, but marker_sides has no side of "
+            f"it; it has: {known}."
+        )
+    side = marker_sides.get(options.hand_marker, RobotScales.marker_side)
+    return robot_scales(robot.model, kinematics, camera, side, motors, options)
+
+
+def _named(
+    given: GuardOptions | None, kinematics: ArmKinematics, options: AgentOptions
+) -> GuardOptions:
+    """Options of the guard with the agent's camera, and the marker where there is no grip."""
+    given, default = given or GuardOptions(), GuardOptions()
+    eye = options.camera if given.eye == default.eye else given.eye
+    hand = given.hand
+    if hand == default.hand and hand not in kinematics.frames:
+        hand = options.marker_site
+    return replace(given, hand=hand, eye=eye)

@@ -19,8 +19,9 @@ from kengoro.study_model import MARKER
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
 from kengoro_env.departures.sensors import EYE
-from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
+from kengoro_env.env import KengoroEnv
 from kengoro_env.names import JOINTS
+from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.nominal_model import NominalArm
 
 SETTLE = 2.0
@@ -104,7 +105,13 @@ class Recording:
     markers: Floats = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
 
-def record_episode(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Recording:
+def record_episode(
+    arm: Arm,
+    robot: int | None,
+    tour: Tour,
+    seed: int = 0,
+    control_period: float = CONTROL_PERIOD,
+) -> Recording:
     """Move a robot by commands from its nominal model, and record its sensor readings.
 
     Args:
@@ -112,24 +119,25 @@ def record_episode(arm: Arm, robot: int | None, tour: Tour, seed: int = 0) -> Re
         robot: seed of an actual robot; None for the nominal model.
         tour: postures to visit.
         seed: of the sensor noise.
+        control_period: time between two commands [s].
 
     Raises:
         UsageError: the environment ended the episode.
     """
-    env = make_env(arm.task, robot, max_episode_steps=NO_END)
+    env = make_env(arm.task, robot, max_episode_steps=NO_END, control_period=control_period)
     world = env.unwrapped
     if not isinstance(world, KengoroEnv):
         raise UsageError(f"A recording needs a Kengoro environment, not {world}.")
     start = tour.at(0.0)
     nominal, markers = NominalArm(arm.scene), _MarkerLog(tour)
     observation, _ = env.reset(seed=seed, options={"posture": start, "target": start})
-    settling = round(SETTLE / CONTROL_PERIOD)
+    settling = round(SETTLE / control_period)
     time: list[float] = []
     command: list[Floats] = []
     lengths: list[Floats] = []
     tensions: list[Floats] = []
-    for step in range(-settling, round(tour.duration / CONTROL_PERIOD)):
-        now = step * CONTROL_PERIOD
+    for step in range(-settling, round(tour.duration / control_period)):
+        now = step * control_period
         action = world.lengths_to_action(nominal.lengths(tour.at(now))[0])
         if step >= 0:
             time.append(round(now, 6))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,13 @@ def make_env(task: str, robot_seed: int | None = None, **options: Any) -> gym.En
     return gym.make(f"Kengoro/{task}-v0", departures=departures, **options)
 
 
-def sample_postures(scene: Path | str, count: int, seed: int = 0, share: float = 0.6) -> Floats:
+def sample_postures(
+    scene: Path | str,
+    count: int,
+    seed: int = 0,
+    share: float = 0.6,
+    folders: Sequence[Path | str] = (),
+) -> Floats:
     """Postures of the robot in an MJCF file, uniform within the middle of the joint ranges.
 
     Args:
@@ -67,12 +74,17 @@ def sample_postures(scene: Path | str, count: int, seed: int = 0, share: float =
         count: number of postures N.
         seed: of the samples.
         share: which share of each joint's range, about its middle.
+        folders: further folders whose files the model may include or load.
 
     Returns:
         Joint angles, shape (N, n) [rad].
     """
+    return sample_within(NominalArm(scene, folders), count, seed, share)
+
+
+def sample_within(arm: NominalArm, count: int, seed: int = 0, share: float = 0.6) -> Floats:
+    """Postures of a nominal model, as `sample_postures`, shape (N, n) [rad]."""
     check_seed(seed)
-    arm = NominalArm(scene)
     middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * share * (arm.upper - arm.lower)
     rng = np.random.default_rng(seed)
     return rng.uniform(middle - half, middle + half, (count, len(arm.joints)))

@@ -1,7 +1,7 @@
 """Session: the control loop of one episode, with the truth kept from the agent.
 
 The environment's ``info`` holds the truth. Only `SensorReadings` reach the agent; the truth goes to
-the log. Faults that a guarded agent names are added to ``info["faults"]``.
+the log. Faults that the agent names are added to ``info["faults"]``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 
 from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import faults_for_info
-from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
+from kengoro.clock import Clock
 from kengoro.errors import UsageError
 from kengoro_env.env import KengoroEnv
 
@@ -78,6 +78,7 @@ class Session:
         seed: of the episode.
         watch: called with the session after every step, for films and progress.
         options: of `env.reset`.
+        clock: of the time stamps that the agent is given; exact ones if left out.
 
     Attributes:
         stage: what the robot is doing, in a few words, for viewers.
@@ -96,17 +97,22 @@ class Session:
         seed: int,
         watch: Callable[[Session], None] | None = None,
         options: dict[str, Any] | None = None,
+        clock: Clock | None = None,
     ) -> None:
         if not isinstance(env.unwrapped, KengoroEnv):
             raise UsageError(f"A session needs a Kengoro environment, not {env.unwrapped}.")
         self.env, self.world = env, env.unwrapped
         self.agent, self.log = agent, Log()
         self._watch, self._viewer = watch, _viewer.get()
+        self._command: Floats | None = None
         self.stage = ""
         self.fingers = OPEN
         self._seen: object = None
         self.observation, self.truth = env.reset(seed=seed, options=options)
         self._steps = 0
+        self._clock = Clock() if clock is None else clock
+        self._cycles = self._clock.cycles(self._period, seed)
+        self._cycle = next(self._cycles)
         agent.begin_episode()
 
     @property
@@ -115,11 +121,11 @@ class Session:
         observation = self.observation
         frame_time = float(observation["frame_time"][0]) if "frame" in observation else -np.inf
         return SensorReadings(
-            self._steps * self._period,
+            self._cycle.stamp,
             observation["lengths"],
             observation["tensions"],
             observation.get("frame"),
-            frame_time,
+            self._clock.at(frame_time),
         )
 
     @property
@@ -138,12 +144,16 @@ class Session:
             EpisodeEndedError: the environment ended the episode.
         """
         self.agent.hand_is_free = self.fingers == OPEN
-        lengths = self.agent.step(self.readings)
-        action = self.world.lengths_to_action(lengths, self.fingers)
+        command = self._command
+        if not self._cycle.lost:
+            self._command = self.agent.step(self.readings)
+        if not self._cycle.late:
+            command = self._command
+        action = self.world.lengths_to_action(command, self.fingers)
         self.observation, _, ended, cut, self.truth = self.env.step(action)
         self._steps += 1
-        if not isinstance(self.agent.guard, NullGuard):
-            self.truth["faults"] = faults_for_info(self.agent.faults)
+        self._cycle = next(self._cycles)
+        self.truth["faults"] = faults_for_info(self.agent.faults)
         self._write()
         if self._watch is not None:
             self._watch(self)

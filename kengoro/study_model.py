@@ -14,7 +14,8 @@ from kengoro_env.departures.sensors import EYE
 from kengoro_env.robot.draft import Draft
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.model_file import load_spec
-from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
+from kengoro_env.robot.motor_gains import gains_of
+from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.tendons import wind
 
 MARKER = "marker_hand"
@@ -32,7 +33,9 @@ def tension_sensor(muscle: str) -> str:
     return f"tension_{muscle}"
 
 
-def study_model(scene: Path, gains: Gains = DEFAULT_GAINS) -> mujoco.MjSpec:
+def study_model(
+    scene: Path, gains: Gains | None = None, folders: Sequence[Path | str] = ()
+) -> mujoco.MjSpec:
     """Model that `Robot` simulates without departures, with sensors and without textures.
 
     Actuators and tendons have the names of the muscles. The motor of the fingers, which has no
@@ -40,19 +43,21 @@ def study_model(scene: Path, gains: Gains = DEFAULT_GAINS) -> mujoco.MjSpec:
 
     Args:
         scene: MJCF file of the robot and its surroundings.
-        gains: of the muscle stiffness control.
+        gains: of the muscle stiffness control; those of `gains_of` if left out.
+        folders: further folders whose files the model may include or load.
 
     Returns:
         The compiled spec.
     """
-    draft = Draft.of(load_spec(scene))
-    wind(draft)
+    gains = gains_of(scene, folders).gains if gains is None else gains
+    draft = Draft.of(load_spec(scene, folders))
+    wind(draft, gains.damping)
     spec = draft.spec
     for muscle in draft.tendons:
         _set_gains(spec.actuator(muscle), gains)
         _add_sensor(spec, length_sensor(muscle), mujoco.mjtSensor.mjSENS_TENDONPOS, muscle)
         _add_sensor(spec, tension_sensor(muscle), mujoco.mjtSensor.mjSENS_ACTUATORFRC, muscle)
-    if EYE in [camera.name for camera in spec.cameras]:
+    if spec.camera(EYE) is not None and spec.site(MARKER) is not None:
         for name, kind in (
             (MARKER_POSITION, mujoco.mjtSensor.mjSENS_FRAMEPOS),
             (MARKER_ORIENTATION, mujoco.mjtSensor.mjSENS_FRAMEQUAT),

@@ -16,6 +16,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from jmm_agent.types import Floats
+from kengoro.errors import UsageError
 from kengoro.recording import SETTLE, Recording
 from kengoro.study_model import (
     MARKER_ORIENTATION,
@@ -47,7 +48,11 @@ TURN = ("marker_qw", "marker_qx", "marker_qy", "marker_qz")
 
 
 def write_study(
-    out: Path | str, name: str, scene: Path | str, recordings: Sequence[Recording]
+    out: Path | str,
+    name: str,
+    scene: Path | str,
+    recordings: Sequence[Recording],
+    folders: Sequence[Path | str] = (),
 ) -> Path:
     """Write recordings as a study.
 
@@ -56,12 +61,22 @@ def write_study(
         name: of the study, for people.
         scene: MJCF file of the nominal model of the recorded robot.
         recordings: one for each episode.
+        folders: further folders whose files the model may include or load.
 
     Returns:
         Path of ``STUDY.yaml``, which is written last.
+
+    Raises:
+        UsageError: there is no recording, or one has arrays of the wrong shape or with numbers that
+            are not finite.
+        ModelError: the model file cannot be used.
     """
     out, scene = Path(out), Path(scene)
-    spec, nominal = study_model(scene), NominalArm(scene)
+    spec, nominal = study_model(scene, None, folders), NominalArm(scene, folders)
+    if not recordings:
+        raise UsageError("A study needs at least one recording.")
+    for number, recording in enumerate(recordings):
+        _check(number, recording, len(nominal.joints), len(nominal.muscles))
     write_text(out / "model.xml", spec.to_xml())
     for number, recording in enumerate(recordings):
         write_text(out / f"log_{number}.csv", _log_table(recording, nominal.muscles))
@@ -71,6 +86,30 @@ def write_study(
     study = study_content(name, nominal, zero_lengths(spec, nominal.muscles), recordings)
     write_text(path, yaml.safe_dump(study, sort_keys=False, width=120))
     return path
+
+
+def _check(number: int, recording: Recording, joints: int, muscles: int) -> None:
+    """Refuse a recording whose arrays do not fit the robot."""
+    rows, frames = np.shape(recording.time)[:1], np.shape(recording.observation_time)[:1]
+    shapes: dict[str, tuple[int, ...]] = {
+        "time": rows or (1,),
+        "command": (*rows, muscles),
+        "lengths": (*rows, muscles),
+        "tensions": (*rows, muscles),
+        "start": (joints,),
+        "observation_time": frames or (0,),
+        "markers": (*frames, 4, 4),
+    }
+    for field, shape in shapes.items():
+        try:
+            array = np.asarray(getattr(recording, field), dtype=float)
+        except (TypeError, ValueError):
+            array = np.array(np.nan)
+        if array.shape != shape or not np.isfinite(array).all() or rows == (0,):
+            raise UsageError(
+                f"Recording {number}: {field} must be finite numbers of shape {shape}, of a robot "
+                f"of {joints} joints and {muscles} muscles; got shape {array.shape}."
+            )
 
 
 def study_content(

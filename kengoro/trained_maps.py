@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -16,23 +16,46 @@ from kengoro_env.robot.nominal_model import NominalArm
 ARM = "mjcf/kengoro_arm/arm.xml"
 MAP_SEED = 0
 
+Groups = Mapping[str, Sequence[str]]
+"""The joints of each group of muscles, which has a network of its own, proximal to distal."""
 
-def nominal_model(scene: Path | str | None = None) -> NominalModel:
+
+def nominal_model(
+    scene: Path | str | None = None,
+    folders: Sequence[Path | str] = (),
+    groups: Groups | None = None,
+) -> NominalModel:
     """Nominal model of a robot for the agent: names, limits, topology and lengths.
-
-    The muscles of Kengoro's arm are mapped in its four groups, those of another robot in one.
 
     Args:
         scene: MJCF file of the robot; Kengoro's arm if left out.
+        folders: further folders whose files the model may include or load.
+        groups: the joints that each group of muscles owns, proximal to distal; if left out, the
+            four groups of Kengoro's arm, and one group for another robot.
     """
-    arm = NominalArm(asset_path(ARM) if scene is None else scene)
-    groups = {"all": arm.joints}
-    if set(arm.joints) <= set(JOINTS):
-        shared = {n: tuple(j for j in own if j in arm.joints) for n, own in GROUP_JOINTS.items()}
-        groups = {name: joints for name, joints in shared.items() if joints}
+    return model_of(NominalArm(asset_path(ARM) if scene is None else scene, folders), groups)
+
+
+def model_of(arm: NominalArm, groups: Groups | None = None) -> NominalModel:
+    """Nominal model for the agent of a geometric model.
+
+    Args:
+        arm: the geometric model.
+        groups: as in `nominal_model`.
+    """
+    if groups is None:
+        groups = {"all": arm.joints}
+        if set(arm.joints) <= set(JOINTS):
+            shared = {name: _those(own, arm.joints) for name, own in GROUP_JOINTS.items()}
+            groups = {name: joints for name, joints in shared.items() if joints}
+    owned = {name: tuple(joints) for name, joints in groups.items()}
     return NominalModel(
-        arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, groups
+        arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, owned
     )
+
+
+def _those(joints: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    return tuple(joint for joint in joints if joint in known)
 
 
 def default_cache() -> Path:
@@ -44,6 +67,8 @@ def trained_map(
     cache_dir: Path | None = None,
     progress: Callable[[str, float], None] | None = None,
     scene: Path | str | None = None,
+    folders: Sequence[Path | str] = (),
+    groups: Groups | None = None,
 ) -> JointMuscleMap:
     """Joint-muscle map of a nominal model, read from a file or trained and kept there.
 
@@ -51,8 +76,25 @@ def trained_map(
         cache_dir: folder of trained maps; the user's cache folder if left out.
         progress: called with the name of a group and the share done, 0 to 1.
         scene: MJCF file of the robot; Kengoro's arm if left out.
+        folders: further folders whose files the model may include or load.
+        groups: as in `nominal_model`.
+    """
+    return map_of(nominal_model(scene, folders, groups), cache_dir, progress)
+
+
+def map_of(
+    nominal: NominalModel,
+    cache_dir: Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> JointMuscleMap:
+    """Joint-muscle map of a nominal model, as `trained_map`.
+
+    Args:
+        nominal: the nominal model.
+        cache_dir: folder of trained maps; the user's cache folder if left out.
+        progress: called with the name of a group and the share done, 0 to 1.
     """
     from jmm_agent.mapping.training import load_or_train
 
     folder = default_cache() if cache_dir is None else cache_dir
-    return load_or_train(nominal_model(scene), MAP_SEED, folder, progress=progress)[0]
+    return load_or_train(nominal, MAP_SEED, folder, progress=progress)[0]

@@ -3,9 +3,11 @@ from .env import KengoroEnv
 from .errors import KengoroError
 from .postures import posture_set
 from .robot.draft import Departure, Draft
+from .robot.motor_gains import gains_of
 from .robot.muscle_law import Gains
 from .robot.nominal_model import NominalArm
 from .robot.robot import Robot
+from .robot.statics import Statics
 from .vector import KengoroVectorEnv
 from .vision.head_camera import HeadCamera
 from .vision.rendering import Painter
@@ -21,7 +23,9 @@ __all__ = [
     "NominalArm",
     "Painter",
     "Robot",
+    "Statics",
     "actual",
     "drawing",
+    "gains_of",
     "posture_set",
 ]

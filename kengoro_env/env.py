@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kengoro_env.assets import asset_path
 from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, UnknownNameError
+from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
 from kengoro_env.robot.robot import Robot
@@ -35,9 +36,6 @@ TASKS: dict[str, Callable[[], Task]] = {
     "posture": posture_task,
     "elbow": elbow_task,
 }
-
-CONTROL_PERIOD = 0.02
-"""Simulated time of a step [s]."""
 
 METADATA: dict[str, Any] = {
     "render_modes": ["human", "rgb_array"],
@@ -81,6 +79,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         camera: whether ``frame`` and ``frame_time`` are observed; None: if the scene has a camera.
         render_mode: None, "rgb_array" or "human".
         gains: gains of muscle stiffness control after each reset.
+        control_period: simulated time of a step, from 0.001 to 0.1 [s].
 
     Attributes:
         robot: the simulated robot.
@@ -103,6 +102,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         camera: bool | None = None,
         render_mode: str | None = None,
         gains: Gains = DEFAULT_GAINS,
+        control_period: float = CONTROL_PERIOD,
     ) -> None:
         if task not in TASKS:
             raise UnknownNameError("task", task, TASKS)
@@ -111,8 +111,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.task = TASKS[task]()
         scene = asset_path(self.task.scene)
         self.robot = robot = Robot(
-            scene, chosen_departures(robot_seed, departures), gains, CONTROL_PERIOD
+            scene, chosen_departures(robot_seed, departures), gains, control_period
         )
+        self.metadata = {**METADATA, "render_fps": round(1 / control_period)}
         self.muscles, self.joints = robot.muscles, robot.joints
         self.render_mode = render_mode
         self._painter = Painter(robot.model)
@@ -121,7 +122,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if camera and not self.task.has_camera:
             raise ArgumentError(f"the task {task!r} has no camera: leave camera out or False")
         if self.task.has_camera and camera is not False:
-            self._camera = HeadCamera(Painter(robot.model, quality=COARSE), robot.frame_delay)
+            painter = Painter(robot.model, quality=COARSE)
+            self._camera = HeadCamera(painter, robot.frame_delay, tendons=True)
         self.bounds = length_bounds(self.task.scene)
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self._action_shape = (len(self._entries),)
@@ -214,7 +216,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Hold the commanded lengths for `CONTROL_PERIOD`.
+        """Hold the commanded lengths for a control period.
 
         Raises:
             InvalidActionError: the action is not valid; nothing has moved.

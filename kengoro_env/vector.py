@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kengoro_env.env import METADATA, KengoroEnv
 from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, InvalidActionError
+from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
 from kengoro_env.spaces import check_actions
@@ -48,6 +49,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         gains: gains of muscle stiffness control.
         max_episode_steps: number of steps after which an episode is truncated; None: never.
         threads: number of threads; 0: as many as pay, at most one per core.
+        control_period: simulated time of a step, from 0.001 to 0.1 [s].
 
     Attributes:
         fleet: the control steps of the robots; ``fleet.parts(i)`` returns model and data of robot
@@ -71,6 +73,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         gains: Gains = DEFAULT_GAINS,
         max_episode_steps: int | None = None,
         threads: int = 0,
+        control_period: float = CONTROL_PERIOD,
     ) -> None:
         if camera:
             raise ArgumentError(
@@ -79,7 +82,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             )
         if num_envs < 1:
             raise ArgumentError(f"num_envs must be 1 or more, got {num_envs}")
-        self._env = KengoroEnv(task, robot_seed, departures, camera=False, gains=gains)
+        self._env = KengoroEnv(
+            task,
+            robot_seed,
+            departures,
+            camera=False,
+            gains=gains,
+            control_period=control_period,
+        )
+        self.metadata = {**MANY, "render_fps": self._env.metadata["render_fps"]}
         if not isinstance(self._env.task, Reach):
             raise ArgumentError("only the tasks posture and elbow have a vector environment")
         self._task = self._env.task
@@ -155,7 +166,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observations, NDArray[Any], NDArray[Any], NDArray[Any], Infos]:
-        """Hold the commanded lengths for `CONTROL_PERIOD`; reset environments that had ended.
+        """Hold the commanded lengths for a control period; reset environments that had ended.
 
         Args:
             actions: entries in [-1, 1] (num_envs, m).

@@ -1,4 +1,4 @@
-"""Errors of untrusted files."""
+"""Errors of untrusted files, and of files that cannot be written."""
 
 
 class UntrustedFileError(Exception):
@@ -7,6 +7,10 @@ class UntrustedFileError(Exception):
 
 class SandboxError(UntrustedFileError):
     """The reader of a file crashed, or exceeded its limits of time or memory."""
+
+
+class OutputError(OSError):
+    """A file or folder that cannot be written, as a sentence."""
 
 
 LONGEST = 200

@@ -69,6 +69,25 @@ def named_files(model: Path, folders: Sequence[Path]) -> list[Path]:
     return list(found)
 
 
+def included_names(model: Path) -> list[str]:
+    """Names of all files that a model and its includes include, as they are written.
+
+    Args:
+        model: an MJCF file; names start from its folder.
+    """
+    names: list[str] = []
+    pending, seen = [model], set()
+    while pending:
+        file = pending.pop()
+        if file in seen or not file.is_file():
+            continue
+        seen.add(file)
+        for element in _parse(file).iter(INCLUDE):
+            names.append(element.get("file", ""))
+            pending.append(model.parent / names[-1])
+    return names
+
+
 def _add_model(
     model: Path, folders: Sequence[Path], found: dict[Path, None], above: tuple[Path, ...]
 ) -> None:

@@ -62,16 +62,20 @@ class Diagnose:
 
 @dataclass(frozen=True)
 class Unpack:
-    """Write the topics of a ROS bag or an MCAP file as CSV files, for init."""
+    """Write a ROS bag, an MCAP file or a LeRobot dataset as CSV files, for init."""
 
     bag: tyro.conf.Positional[Path]
-    """A .bag file, the folder of a ROS 2 bag, or an .mcap file."""
+    """A .bag, .mcap or .db3 file, or the folder of a ROS 2 bag or of a LeRobot dataset."""
     out: Path
     """Folder to create."""
     topics: tuple[str, ...] = ()
-    """Names of topics; by default all topics with numbers."""
+    """Names of topics, or of features of a dataset; by default all with numbers."""
     arrival: bool = False
     """Use the time at which messages were recorded instead of their stamps."""
+    types: Path | None = None
+    """Folder of .msg and .idl files, for messages whose definition is not in the bag."""
+    episodes: tuple[int, ...] = ()
+    """Numbers of episodes of a LeRobot dataset; by default all."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +94,11 @@ Command = (
 
 def init(command: Init, console: Console) -> None:
     """Write a draft of a study; an existing file is not overwritten."""
-    from mjcf_sandbox.files import write_text
+    from mjcf_sandbox.files import check_links, write_text
     from reality_gap.io.template import draft_study
 
     out = command.out
+    check_links(out)
     if out.exists():
         raise StudyError(f"{out} exists and is not overwritten; choose another --out")
     if not out.parent.is_dir():
@@ -164,6 +169,7 @@ def unpack(command: Unpack, console: Console) -> None:
 
     from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
 
+    notes: list[str] = []
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
         paths = unpack_in_sandbox(
@@ -172,7 +178,12 @@ def unpack(command: Unpack, console: Console) -> None:
             command.topics,
             command.arrival,
             lambda share: bar.update(task, completed=share),
+            types=command.types,
+            episodes=command.episodes,
+            note=notes.append,
         )
+    for sentence in notes:
+        _print(console, f"note: {sentence}")
     for path in paths:
         _print(console, f"wrote {command.out / path.name}")
     _print(console, f"next: {_program()} init MODEL {command.out}/*.csv")
@@ -270,6 +281,12 @@ def main(arguments: list[str] | None = None) -> int:
         _run(command, Console(soft_wrap=True))
     except (RealityGapError, OSError) as error:
         print(one_line(str(error)), file=sys.stderr)
+        return 2
+    except RuntimeError as error:
+        if "MUJOCO_GL" not in str(error):  # which MuJoCo checks at its import
+            raise
+        valid = "unset it, or set it to egl, osmesa, glfw or disabled"
+        print(f"{one_line(str(error))}: {valid}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         advice = "; run the same command to continue" if isinstance(command, Diagnose) else ""

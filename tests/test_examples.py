@@ -50,7 +50,7 @@ def test_learn_your_own_robot(tmp_path: Path) -> None:
     before = numbers(r"learning False, largest error ([\d.]+) deg", output)
     after = numbers(r"learning True, largest error ([\d.]+) deg", output)
     assert (len(before), len(after)) == (5, 4)
-    assert max(after) < 0.3 < 1.0 < max(before)
+    assert max(after) < 0.25 < 0.5 < max(before)
 
 
 def test_drive_a_remote_robot(tmp_path: Path) -> None:

@@ -83,8 +83,9 @@ def test_wheel_holds_every_module_and_no_more(names: set[str]) -> None:
     assert {name for name in modules if not name.startswith(ASSETS_IN_WHEEL)} == expected
 
 
-def test_wheel_holds_the_licence(names: set[str]) -> None:
-    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+@pytest.mark.parametrize("file", ["LICENSE", "NOTICE"])
+def test_wheel_holds_the_licence(names: set[str], file: str) -> None:
+    assert any(name.endswith(f".dist-info/licenses/{file}") for name in names)
 
 
 @pytest.fixture(scope="module")

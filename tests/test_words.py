@@ -71,6 +71,7 @@ INSTEAD = {
 ALLOWED = {
     "wire_elongation",  # the id of a cause, which people have in their files
     "childclass",  # an attribute of MJCF
+    "child_frame_id",  # a field of ROS messages
 }
 PLURALS = {"senses": "sense", "ways": "way", "wires": "wire", "says": "say", "tells": "tell"}
 

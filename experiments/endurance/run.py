@@ -29,7 +29,6 @@ from experiments.harness.reported import log_reported
 from experiments.harness.runner import core_seconds, progress_bar, read_saved
 from experiments.harness.statistics import metric
 from experiments.robots.accuracy import MapAccuracy
-from experiments.robots.checkpoint import load_checkpoint, save_checkpoint
 from experiments.robots.conditions import ACTUAL, make_session
 from kengoro.agents import make_agent
 from kengoro.robots import shuffled_postures
@@ -141,7 +140,7 @@ def run_part(
     """
     agent = make_agent(seed, cache=args.cache)
     if before is not None:
-        load_checkpoint(before, agent)
+        agent.load(before)
     postures = shuffled_postures(seed)[np.random.default_rng([seed, 10, number]).permutation(100)]
     session = make_session(ACTUAL, seed, agent, postures[0])
     visited = 0
@@ -149,7 +148,7 @@ def run_part(
         visited += 1
         session.move(postures[visited % len(postures)], args.move, args.patience)
     session.env.close()
-    save_checkpoint(after, agent)
+    agent.save(after)
     return {
         "error_mm": round(MapAccuracy(seed, POSTURES).error_mm(agent), 3),
         "visited": visited,

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.harness.errors import ExperimentError
-from kengoro.remote_robot import robot_process
+from kengoro.remote_robot.process import robot_process
 
 
 @dataclass(frozen=True)
@@ -18,15 +18,17 @@ class Args:
     Attributes:
         robot: seed of the actual robot.
         postures: number of postures to visit.
+        period: control period of the robot's own clock [s]; without, it waits for each command.
     """
 
     robot: int = 1
     postures: int = 4
+    period: float | None = None
 
 
 def main(args: Args) -> None:
     """Drive a robot in another process to some postures and learn meanwhile."""
-    from jmm_agent.driver import drive
+    from jmm_agent.driving.drive import drive
     from kengoro.agents import make_agent
     from kengoro_env.postures import posture_set
 
@@ -34,7 +36,7 @@ def main(args: Args) -> None:
         raise ExperimentError(f"Postures are {args.postures}, but at least 1 is needed.")
     console = Console()
     agent = make_agent(args.robot)
-    with robot_process("Posture", args.robot) as robot:
+    with robot_process("Posture", args.robot, args.period) as robot:
         for i, posture in enumerate(posture_set()[: args.postures]):
             agent.go(posture, 2.0)
             drive(agent, robot, 5.0)

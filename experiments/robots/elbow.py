@@ -22,7 +22,8 @@ from kengoro.robots import NO_END
 from kengoro.trained_maps import trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual, drawing
-from kengoro_env.env import CONTROL_PERIOD, KengoroEnv
+from kengoro_env.env import KengoroEnv
+from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Draft
 
 SCENE = "mjcf/kengoro_arm/elbow.xml"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.types import Floats
-from jmm_agent.vision.hand_marker import HandMarker
+from jmm_agent.vision.hand_marker import FrameMarkers
 
 
 class ArmState(NamedTuple):
@@ -24,4 +24,4 @@ class ArmState(NamedTuple):
     map: JointMuscleMap
     observations: int
     hand_is_free: bool
-    marker: HandMarker | None
+    marker: FrameMarkers | None

@@ -11,6 +11,7 @@ import zlib
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -19,23 +20,30 @@ from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerPose, Skip
 
+FRAMES = 5
+"""Number of newest times between frames whose median is the usual one."""
+
 
 @dataclass(frozen=True)
 class CameraMonitorOptions:
     """Thresholds from which on frames and markers are not believed.
 
     Attributes:
-        silence: a camera without a new frame for this time is frozen [s].
+        silence: a camera without a new frame for this time is frozen [s] ...
+        silent_frames: ... if it is also this many times the usual time between frames [1].
         moved: the camera is frozen if a frame with the hand in view stays the same while some
             muscle moves by this [m].
         turned: the camera is frozen if a frame stays the same while the camera turns by this [rad].
-        memory: time over which hidden markers are counted [s].
+        memory: time over which hidden markers are counted, or longer for a slow camera [s].
         hidden_frames: number of frames without the marker, within `memory`, from which on it is
-            hidden.
+            hidden, ...
+        hidden_share: ... if they are also this share of the frames within `memory` [1].
         still_m: while the map is not trusted, a marker is only missed if its predicted position
             has moved by less than this since it was seen [m], ...
         still_rad: ... and its predicted orientation has turned by less than this [rad].
-        margin: a marker is only missed if it is expected this far inside the frame [px], ...
+        margin: a marker is only missed if it is expected this far inside the frame, as a share of
+            the frame's height, ...
+        whole: ... and at least by this number of its sides, ...
         facing: ... and its normal at most this far from the line of sight [rad].
         mirrored: least angle between the expected and a mirrored pose [rad].
         nearer: factor by which one of the two poses must be nearer to the expected one [1].
@@ -43,13 +51,16 @@ class CameraMonitorOptions:
     """
 
     silence: float = 1.0
+    silent_frames: float = 4.0
     moved: float = 0.005
     turned: float = 0.1
     memory: float = 2.0
     hidden_frames: int = 2
+    hidden_share: float = 0.15
     still_m: float = 0.05
     still_rad: float = 0.15
-    margin: float = 70.0
+    margin: float = 70.0 / 480.0
+    whole: float = 0.85
     facing: float = 1.0
     mirrored: float = 0.2
     nearer: float = 0.4
@@ -70,6 +81,7 @@ class FrozenCameraMonitor:
     def reset(self) -> None:
         """Forget all frames."""
         self._came, self._frame_time = np.inf, -np.inf
+        self._between: deque[float] = deque(maxlen=FRAMES)
         self._digest: int | None = None
         self._lengths = np.empty(0)
         self._rotation: Floats | None = None
@@ -84,8 +96,12 @@ class FrozenCameraMonitor:
         """
         new = frame_time > self._frame_time
         if new:
+            if time > self._came:
+                self._between.append(time - self._came)
             self._came, self._frame_time = time, frame_time
-        self._silent = time - self._came > self._options.silence
+        usual = median(self._between) if self._between else 0.0
+        longest = max(self._options.silence, self._options.silent_frames * usual)
+        self._silent = time - self._came > longest
         return new
 
     def forget_estimate(self) -> None:
@@ -140,18 +156,18 @@ class MarkerMonitor:
     """
 
     def __init__(self, camera: Camera, options: CameraMonitorOptions) -> None:
-        self._focal = camera.focal_px
-        self._half = np.array([camera.width, camera.height]) / 2.0
+        self._camera = camera
         self._options = options
         self.reset()
 
     def reset(self) -> None:
         """Forget where the marker was."""
-        self._hidden: deque[float] = deque()
+        self._frames: deque[tuple[float, bool]] = deque()
         self._doubled = self._mirrored = False
         self._mirrored_since = np.inf
         self._seen: Floats | None = None
         self._sighting = np.eye(4)
+        self._side_px = self._distance = 0.0
         self._predicted: Floats | None = None
 
     def forget_estimate(self) -> None:
@@ -177,15 +193,16 @@ class MarkerMonitor:
             trusted: whether the map is trusted.
         """
         self._doubled = outcome is Skip.TWICE
-        if predicted is not None:
-            self._compare(frame_time, outcome, predicted, trusted)
-        while self._hidden and frame_time - self._hidden[0] > self._options.memory:
-            self._hidden.popleft()
+        hidden = predicted is not None and self._compare(frame_time, outcome, predicted, trusted)
+        self._frames.append((frame_time, hidden))
+        options, frames = self._options, self._frames
+        while len(frames) > options.hidden_frames and frame_time - frames[0][0] > options.memory:
+            frames.popleft()
 
     def _compare(
         self, frame_time: float, outcome: MarkerPose | Skip, predicted: Floats, trusted: bool
-    ) -> None:
-        """Compare the outcome with the expected pose (module docstring)."""
+    ) -> bool:
+        """Compare the outcome with the expected pose (module docstring); whether it is hidden."""
         expected = predicted
         if self._seen is not None:
             moved = (
@@ -201,14 +218,19 @@ class MarkerMonitor:
             self._mirrored_since = since
             if not self._mirrored:
                 self._seen = self._sighting = outcome.pose_marker_in_camera
+                edges = np.roll(outcome.corners_px, 1, axis=0) - outcome.corners_px
+                self._side_px = float(np.hypot(edges[:, 0], edges[:, 1]).max())
+                self._distance = float(np.linalg.norm(self._seen[:3, 3]))
         elif not self._doubled and self._seen is not None:
             known = trusted or self._is_still(expected)
-            if known and self._must_be_in_view(expected):
-                self._hidden.append(frame_time)
+            return known and self._must_be_in_view(expected)
+        return False
 
     def found(self) -> Iterator[str]:
         """Kinds of faults that are found now."""
-        if len(self._hidden) >= self._options.hidden_frames:
+        hidden = sum(hidden for _, hidden in self._frames)
+        most = self._options.hidden_share * len(self._frames)
+        if hidden >= max(self._options.hidden_frames, most):
             yield MARKER_HIDDEN
         if self._doubled:
             yield SECOND_MARKER
@@ -233,12 +255,17 @@ class MarkerMonitor:
     def _must_be_in_view(self, pose: Floats) -> bool:
         """Whether a marker at a pose (4, 4) is well inside the frame and faces the camera."""
         position, normal = pose[:3, 3], pose[:3, 2]
-        if position[2] <= 0.0:
+        camera, options = self._camera, self._options
+        pixel = camera.project(position)
+        if not np.isfinite(pixel).all():
             return False
-        offset = np.abs(self._focal * position[:2] / position[2])
+        side = self._side_px * self._distance / float(np.linalg.norm(position))
+        margin = max(options.margin * camera.height, options.whole * side) - 0.5
+        inside = (pixel > margin) & (
+            pixel < [camera.width - 1 - margin, camera.height - 1 - margin]
+        )
         facing = np.arccos(np.clip(-normal @ position / np.linalg.norm(position), -1.0, 1.0))
-        inside = bool(np.all(offset < self._half - self._options.margin))
-        return inside and bool(facing < self._options.facing)
+        return bool(inside.all()) and bool(facing < options.facing)
 
 
 def _angle(pose: Floats, other: Floats) -> float:

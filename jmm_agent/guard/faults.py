@@ -40,21 +40,43 @@ KINDS = {
     COMMAND_LATE: "the tensions are those that older commands demand",
     PUSHED: "tensions and gravity do not balance: an external force acts on the hand",
 }
-"""All kinds of faults, and the meaning of each."""
+"""All kinds of faults that a guard finds, and the meaning of each."""
+
+
+CLOCK_JUMPED = "clock_jumped"
+STAMPS_SKIPPED = "stamps_skipped"
+NEVER_SETTLED = "never_settled"
+NO_FRAME = "no_frame"
+NOTHING_LEARNED = "nothing_learned"
+HAND_NOT_FREE = "hand_not_free"
+ZEROED = "zeroed"
+
+AGENT_KINDS = {
+    CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
+    STAMPS_SKIPPED: "readings are skipped, because their time stamps are not later than others",
+    NEVER_SETTLED: "the muscle lengths do not settle, so that nothing is learned",
+    NO_FRAME: "no frame was taken during the rests, so that no marker observation is learned from",
+    NOTHING_LEARNED: "none of the last marker observations was learned from",
+    HAND_NOT_FREE: "the hand is not free for long, so that nothing is learned",
+    ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
+}
+"""Kinds of faults that any agent names, also without a guard, and the meaning of each."""
 
 
 class Fault(NamedTuple):
     """One fault that is found now.
 
     Attributes:
-        kind: a key of `KINDS`.
-        where: the muscle, "camera", "marker", "commands" or "hand".
-        since: when it was noticed [s].
+        kind: a key of `KINDS` or `AGENT_KINDS`.
+        where: the muscle, "camera", "marker", "commands", "hand", "clock" or "observations".
+        since: when it was noticed, on the agent's own time [s].
+        detail: what was found, in a sentence; empty where kind and place say it all.
     """
 
     kind: str
     where: str
     since: float
+    detail: str = ""
 
 
 def faults_for_info(faults: list[Fault]) -> list[dict[str, Any]]:

@@ -6,6 +6,7 @@ learns nothing, and it takes back what it learned just before the fault was noti
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -28,18 +29,16 @@ from jmm_agent.guard.motion_monitor import (
     DisturbanceMonitorOptions,
 )
 from jmm_agent.guard.muscle_monitor import FilteredReadings, MuscleMonitor, MuscleMonitorOptions
+from jmm_agent.guard.recent import ROUNDING
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.hand_marker import HandMarker
-from jmm_agent.vision.marker_detector import MarkerPose
+from jmm_agent.vision.hand_marker import FrameJob, FrameMarkers
+from jmm_agent.vision.marker_detector import MarkerPose, Skip
 
 Gravity = Callable[[Floats], Floats]
 """Joint angles (n,) [rad] -> torques (n,) [N m] with which gravity bends the joints."""
-
-ROUNDING = 1e-9
-"""Difference below which two times are the same [s]."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +120,14 @@ class Guard:
         for monitor in monitors:
             monitor.reset()
         self._estimates = deque[tuple[float, Floats]]()
-        self._steps, self._force_time = 0, -np.inf
+        self._force_time, self._force_due = -np.inf, np.inf
         self.faults: list[Fault] = []
+
+    def jump(self) -> None:
+        """Forget earlier readings: those from before a jump of time cannot be compared."""
+        self._muscles.jump()
+        self._delay.jump()
+        self._disturbance.jump()
 
     def map_changed(self) -> None:
         """Forget earlier estimates: those of another map cannot be compared with the next ones."""
@@ -149,7 +154,7 @@ class Guard:
         lengths, tensions = readings.lengths, readings.tensions
         filtered = self._muscles.update(dt, lengths, tensions, command, expected)
         usable = ~(filtered.doubted | filtered.numb)
-        self._delay.update(filtered.lengths, filtered.tensions, command, usable)
+        self._delay.update(dt, filtered.lengths, filtered.tensions, command, usable)
         self._filtered = filtered
         return filtered
 
@@ -190,10 +195,15 @@ class Guard:
         self._estimates.append((time, estimate))
         while time - self._estimates[0][0] > self.options.history:
             self._estimates.popleft()
-        self._steps += 1
         every = self.options.disturbance.every
+        self._force_due = min(self._force_due, time + every / 2.0)
+        if time < self._force_due - ROUNDING:
+            return
+        self._force_due += every
+        if self._force_due <= time:  # fewer steps than estimates were due
+            self._force_due = time + every / 2.0
         in_doubt = (self._filtered.doubted | self._filtered.numb).any()
-        if self._gravity is None or self._steps % every or in_doubt:
+        if self._gravity is None or in_doubt:
             return
         torques = self._gravity(estimate) - state.map.jacobian(estimate).T @ self._filtered.tensions
         jacobian = self._kinematics.frame_jacobian(self.options.hand, estimate)[:3]
@@ -202,26 +212,41 @@ class Guard:
         self._force_time = time
 
     def _watch_camera(
-        self, readings: SensorReadings, q: Floats, marker: HandMarker, trusted: bool
+        self, readings: SensorReadings, q: Floats, marker: FrameMarkers, trusted: bool
     ) -> None:
         """Compare a new frame with the one before and with what the estimate predicts."""
         frame, frame_time = readings.frame, readings.frame_time
-        if not self._camera.is_new(readings.time, frame_time) or frame is None:
-            return
-        outcome = marker.find(frame, q)
-        in_view = isinstance(outcome, MarkerPose)
-        estimate = self._estimate_at(frame_time)
+        if self._camera.is_new(readings.time, frame_time) and frame is not None:
+            marker.submit(FrameJob(frame_time, frame, q, self._filtered.lengths))
+        for job, detections in marker.results():
+            self._compare(job, marker.outcome(detections), marker, trusted)
+
+    def _compare(
+        self, job: FrameJob, outcome: MarkerPose | Skip, marker: FrameMarkers, trusted: bool
+    ) -> None:
+        """Compare the marker in a frame with the frame before and with the expected pose."""
+        estimate = self._estimate_at(job.time)
         eye = None if estimate is None else self._kinematics.pose(self.options.eye, estimate)
         rotation = None if eye is None else eye[:3, :3]
-        if not self._camera.is_another(frame, self._filtered.lengths, in_view, rotation):
+        in_view = isinstance(outcome, MarkerPose)
+        if not self._camera.is_another(job.frame, job.lengths, in_view, rotation):
             return
         predicted = None if estimate is None else marker.pose(estimate)
-        self._marker.update(frame_time, outcome, predicted, trusted)
+        self._marker.update(job.time, outcome, predicted, trusted)
 
     def _estimate_at(self, time: float) -> Floats | None:
-        """Estimated joint angles (n,) [rad] at a time [s]; None from before the history."""
-        past = [estimate for at, estimate in self._estimates if at <= time + ROUNDING]
-        return past[-1] if past else None
+        """Estimated joint angles (n,) [rad] at a time [s]; None from before the history.
+
+        Between two steps it is interpolated.
+        """
+        estimates = self._estimates
+        if not estimates or time < estimates[0][0] - ROUNDING:
+            return None
+        after = bisect_left(estimates, time - ROUNDING, key=lambda entry: entry[0])
+        if after == len(estimates) or estimates[after][0] <= time + ROUNDING:
+            return estimates[min(after, len(estimates) - 1)][1]
+        (begin, before), (end, later) = estimates[after - 1], estimates[after]
+        return before + (time - begin) / (end - begin) * (later - before)
 
     def _update_faults(self, time: float) -> bool:
         """Bring ``faults`` up to date; whether one is new."""

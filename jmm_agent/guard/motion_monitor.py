@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from jmm_agent.guard.faults import MotorControl
+from jmm_agent.guard.recent import ROUNDING, Recent
 from jmm_agent.types import Bools, Floats
 
 
@@ -16,19 +16,21 @@ class DelayMonitorOptions:
     """Thresholds of late commands.
 
     Attributes:
-        delays: largest delay that is found, in steps.
-        window: number of steps over which differences of tensions are averaged.
+        longest: largest delay that is found [s].
+        spacing: difference of the delays that are compared [s].
+        window: time over which differences of tensions are averaged [s].
         least: RMS difference of tensions below which nothing is concluded [N].
         share: an older command explains tensions if it leaves less than this share of the
             difference that the newest command leaves [1].
-        shortest: smallest delay that counts as late, in steps.
+        shortest: smallest delay that counts as late [s], if it is at least two control periods.
     """
 
-    delays: int = 10
-    window: int = 50
+    longest: float = 0.2
+    spacing: float = 0.02
+    window: float = 1.0
     least: float = 10.0
     share: float = 0.5
-    shortest: int = 2
+    shortest: float = 0.04
 
 
 class DelayMonitor:
@@ -44,18 +46,29 @@ class DelayMonitor:
 
     def __init__(self, motors: MotorControl, options: DelayMonitorOptions) -> None:
         self._motors, self._options = motors, options
+        count = round(options.longest / options.spacing) + 1
+        self._delays = (options.spacing * np.arange(count)).tolist()
+        self._commands = Recent[Floats](options.longest + 3.0 * ROUNDING)
+        self._squares = Recent[Floats](options.window)
         self.reset()
 
     def reset(self) -> None:
         """Forget all commands."""
-        self._commands: deque[Floats] = deque(maxlen=self._options.delays + 1)
-        self._squares: deque[Floats] = deque(maxlen=self._options.window)
         self.late = False
+        self.jump()
 
-    def update(self, lengths: Floats, tensions: Floats, command: Floats, usable: Bools) -> bool:
+    def jump(self) -> None:
+        """Forget all commands, but not whether they are late."""
+        self._commands.clear()
+        self._squares.clear()
+
+    def update(
+        self, dt: float, lengths: Floats, tensions: Floats, command: Floats, usable: Bools
+    ) -> bool:
         """Add the readings of one control step.
 
         Args:
+            dt: time since the last readings [s].
             lengths: measured muscle lengths (m,) [m].
             tensions: measured muscle tensions (m,) [N].
             command: the newest target lengths at that time (m,) [m].
@@ -65,16 +78,18 @@ class DelayMonitor:
             Whether commands are late.
         """
         options = self._options
-        self._commands.appendleft(command.copy())
-        if len(self._commands) <= options.delays or not usable.any():
+        self._commands.add(dt, command.copy())
+        if not self._commands.full or not usable.any():
             return self.late
-        demanded = self._motors.demanded(lengths, np.array(self._commands))
+        numbers, commands = zip(*self._commands.at(self._delays), strict=True)
+        demanded = self._motors.demanded(lengths, np.array(commands))
         errors = np.minimum(demanded, self._motors.limit) - tensions
-        self._squares.append(np.mean(errors[:, usable] ** 2, axis=1))
-        if len(self._squares) < options.window:
+        self._squares.add(dt, np.mean(errors[:, usable] ** 2, axis=1))
+        late = (np.array(numbers) >= 2) & (np.array(self._delays) >= options.shortest - ROUNDING)
+        if not self._squares.full or not late.any():
             return self.late
-        rms = np.sqrt(np.mean(self._squares, axis=0))
-        older = rms[options.shortest :]
+        rms = np.sqrt(np.mean(self._squares.values, axis=0))
+        older = rms[late]
         if rms[0] > options.least and older.min() < options.share * rms[0]:
             self.late = True
         elif older.max() > options.least and rms[0] < options.share * older.max():
@@ -87,9 +102,9 @@ class DisturbanceMonitorOptions:
     """Thresholds of pushes.
 
     Attributes:
-        every: number of steps between two estimates of the force.
-        average: number of estimates that are averaged, the newest and earlier ones.
-        between: number of estimates between the newest and the earlier ones.
+        every: least time between two estimates of the force [s].
+        average: time over which estimates are averaged, the newest and earlier ones [s].
+        between: time between the newest and the earlier ones [s].
         onset: time within which a push begins or ends [s].
         least: smallest change of the force that is a push [N].
         factor: smallest change of the force that is a push, in usual changes [1].
@@ -97,11 +112,13 @@ class DisturbanceMonitorOptions:
         usual_memory: time over which the usual change is learned [s].
         end: share of the push by which the force must fall for the push to end [1].
         longest: a force that lasts longer is a load, not a push [s].
+        observable: directions in which the joints move the hand by less than this share of the
+            direction in which they move it most are left out [1]: no torque shows a force there.
     """
 
-    every: int = 2
-    average: int = 3
-    between: int = 2
+    every: float = 0.04
+    average: float = 0.12
+    between: float = 0.08
     onset: float = 0.5
     least: float = 22.0
     factor: float = 3.0
@@ -109,6 +126,7 @@ class DisturbanceMonitorOptions:
     usual_memory: float = 20.0
     end: float = 0.5
     longest: float = 30.0
+    observable: float = 0.03
 
 
 class DisturbanceMonitor:
@@ -117,6 +135,9 @@ class DisturbanceMonitor:
     At rest -G' T + g + J' F = 0 with the muscle Jacobian G, tensions T, torques g of gravity and
     the Jacobian J of the hand. Errors of the map cause an apparent force F, which changes slowly
     as the arm moves; a push begins and ends within a fifth of a second.
+
+    A hand that fewer than three joints move, or a singular posture, leaves directions in which no
+    torque shows a force. F is then the smallest force that explains the torques.
 
     Args:
         options: thresholds.
@@ -128,15 +149,19 @@ class DisturbanceMonitor:
     def __init__(self, options: DisturbanceMonitorOptions) -> None:
         self._options = options
         self._variance = options.usual_change**2
+        self._forces = Recent[Floats](2.0 * options.average + options.between)
         self.reset()
 
     def reset(self) -> None:
         """Forget all forces; keep their usual change."""
-        options = self._options
-        self._forces: deque[Floats] = deque(maxlen=2 * options.average + options.between)
+        self._forces.clear()
         self._before = self._push = np.zeros(3)
         self._lasted = np.inf
         self.pushed = False
+
+    def jump(self) -> None:
+        """Forget the forces before, but not whether the hand is pushed."""
+        self._forces.clear()
 
     def update(
         self,
@@ -162,13 +187,14 @@ class DisturbanceMonitor:
         options, forces = self._options, self._forces
         if dt > options.onset:
             forces.clear()
-        matrix = hand_jacobian @ hand_jacobian.T
-        forces.append(rotation @ np.linalg.solve(matrix, hand_jacobian @ -torques))
+        force = force_of(torques, hand_jacobian, options.observable)
+        forces.add(min(dt, options.every), rotation @ force)  # more if a muscle was in doubt
         self._lasted += dt
-        if len(forces) < (forces.maxlen or 0):
+        earlier = forces.older(options.average + options.between)
+        if not forces.full or not earlier:
             return self.pushed
-        past = np.array(forces)
-        before, force = past[: options.average].mean(axis=0), past[-options.average :].mean(axis=0)
+        before = np.mean(earlier, axis=0)
+        force = np.mean(forces.newer(options.average), axis=0)
         if self._lasted < options.onset:  # the force is still changing
             self._push = force - self._before
             return self.pushed
@@ -184,10 +210,26 @@ class DisturbanceMonitor:
         least = max(options.least, options.factor * float(np.sqrt(self._variance)))
         if trusted and size > least:
             return True
-        self._variance += dt / options.usual_memory * (size**2 - self._variance)
+        share = min(1.0, dt / options.usual_memory)
+        self._variance += share * (size**2 - self._variance)
         return False
 
     def _ends(self, change: Floats) -> bool:
         """Whether a change of the force (3,) [N] ends the push, or the push has lasted too long."""
         back = -float(change @ self._push) / float(self._push @ self._push)
         return back > self._options.end or self._lasted > self._options.longest
+
+
+def force_of(torques: Floats, hand_jacobian: Floats, observable: float) -> Floats:
+    """External force (3,) [N] on the hand, in its axes, that torques in the joints balance.
+
+    Args:
+        torques: remaining torques (n,) [N m].
+        hand_jacobian: velocity of the hand in its own axes per joint velocity (3, n) [m/rad].
+        observable: as in `DisturbanceMonitorOptions`.
+    """
+    reach = np.linalg.svd(hand_jacobian, compute_uv=False)
+    if len(reach) == 3 and reach[-1] > observable * reach[0]:
+        matrix = hand_jacobian @ hand_jacobian.T
+        return np.asarray(np.linalg.solve(matrix, hand_jacobian @ -torques), dtype=float)
+    return np.asarray(np.linalg.lstsq(hand_jacobian.T, -torques, rcond=observable)[0])

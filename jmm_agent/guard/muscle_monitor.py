@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 
+from jmm_agent.guard.encoder_noise import EncoderNoise
 from jmm_agent.guard.faults import (
     ENCODER_DEAD,
     ENCODER_JUMP,
@@ -17,7 +19,11 @@ from jmm_agent.guard.faults import (
     TENSION_SENSOR_DEAD,
     MotorControl,
 )
+from jmm_agent.guard.recent import ROUNDING, Recent
 from jmm_agent.types import Bools, Floats
+
+STEPS = 9
+"""Number of newest control steps whose median is the usual one."""
 
 
 @dataclass(frozen=True)
@@ -25,16 +31,18 @@ class MuscleMonitorOptions:
     """Thresholds from which on readings of a muscle are not believed.
 
     Attributes:
-        stuck_after: a noisy encoder is stuck if its reading stays the same for this time [s].
-        noisy_steps: steps with an unchanged command that show whether an encoder is noisy.
+        stuck_after: a noisy encoder is stuck if its reading stays the same for this time [s], and
+            longer if its noise is small beside its resolution, see `encoder_noise`.
+        quiet: a muscle is at rest if its command has changed by less than this speed [m/s] ...
+        quiet_after: ... for this time [s].
         still: after a reading stayed the same for this time it may catch up at once [s].
         speed: a reading that changes faster has jumped [m/s]; no muscle does.
         offset: a reading is believed again if all its jumps add up to less than this [m].
         moved_share: a reading is also believed again if its residual against the map at the
             estimate is as before the jump, within this share of the jump [1] ...
         moved_after: ... for this time: then the muscle moved, and its encoder was right [s].
-        moved_before: number of steps before the jump at which that residual is taken, because a
-            yank takes some steps.
+        moved_before: time before the jump at which that residual is taken, because a yank lasts
+            some time [s].
         slack_share: a tension below this share of T_bias counts as none [1].
         numb_after: a sensor without tension for this time is dead [s], ...
         wound_up: ... unless the muscle has shortened by this meanwhile: then it has snapped [m].
@@ -42,13 +50,14 @@ class MuscleMonitorOptions:
     """
 
     stuck_after: float = 0.4
-    noisy_steps: int = 50
+    quiet: float = 0.001
+    quiet_after: float = 0.1
     still: float = 0.1
     speed: float = 0.6
     offset: float = 0.006
     moved_share: float = 0.3
     moved_after: float = 1.0
-    moved_before: int = 25
+    moved_before: float = 0.5
     slack_share: float = 0.25
     numb_after: float = 0.5
     wound_up: float = 0.02
@@ -86,22 +95,29 @@ class MuscleMonitor:
         self, muscles: tuple[str, ...], motors: MotorControl, options: MuscleMonitorOptions
     ) -> None:
         self._muscles, self._motors, self._options = muscles, motors, options
-        self._quiet = np.zeros(len(muscles))
-        self._jitter = np.zeros(len(muscles))
+        self._noise = EncoderNoise(len(muscles))
+        self._residuals = Recent[Floats](options.moved_before)
         self.reset()
 
     def reset(self) -> None:
         """Forget all readings, as at the start of an episode; keep which encoders are noisy."""
         count = len(self._muscles)
-        self._begun = False
+        self._quiet = np.zeros(count)
+        self._steps: deque[float] = deque(maxlen=STEPS)
+        self.jump()
         self._offset = np.zeros(count)
-        self._residuals: deque[Floats] = deque(maxlen=self._options.moved_before)
+        self._residuals.clear()
         self._residual_before_jump = np.zeros(count)
         self._as_before = np.zeros(count)
         self._unchanged = np.zeros(count)
         self._slack_time = np.zeros(count)
         self._slack_residual = np.zeros(count)
         self._dead, self._stuck, self._numb, self._snapped = np.zeros((4, count), dtype=bool)
+
+    def jump(self) -> None:
+        """Forget the last readings, with which the next ones cannot be compared."""
+        self._begun = False
+        self._noise.jump()
 
     def update(
         self, dt: float, lengths: Floats, tensions: Floats, command: Floats, expected: Floats
@@ -124,9 +140,9 @@ class MuscleMonitor:
         self._watch_jumps(dt, residual)
         tensions = self._watch_tensions(dt, reading, tensions, command, residual)
         self._reading, self._command, self._begun = reading, command.copy(), True
-        self._residuals.append(residual)
+        self._residuals.add(dt, residual)
         unsafe = self._dead | self._stuck | self._jumped | self._snapped
-        undecided = (self._slack_time >= self._options.doubt_after) & ~self._numb
+        undecided = (self._slack_time >= self._options.doubt_after - ROUNDING) & ~self._numb
         slack = self._slack_time > 0.0
         return FilteredReadings(reading, tensions, unsafe | undecided, self._numb | slack, unsafe)
 
@@ -139,19 +155,24 @@ class MuscleMonitor:
         options = self._options
         moved, waited = reading - self._reading, self._unchanged + dt
         fresh = moved != 0.0
-        since = np.where(waited < options.still, dt, waited)
+        self._steps.append(dt)  # the stamps of two readings may be closer than the readings
+        since = np.where(waited < options.still, max(dt, median(self._steps)), waited)
         if self._begun:
             jumped = np.abs(moved) > options.speed * since
             first = jumped & ~self._jumped
-            self._residual_before_jump[first] = self._residuals[0][first]
+            self._residual_before_jump[first] = self._residuals.oldest[first]
             self._offset += np.where(jumped, moved, 0.0)
             self._offset[np.abs(self._offset) < options.offset] = 0.0
-            quiet = (command == self._command) & ~self._stuck & ~self._dead
-            self._quiet += quiet
-            self._jitter += quiet & fresh
+            quiet = np.abs(command - self._command) <= options.quiet * dt
+            self._quiet = np.where(quiet, self._quiet + dt, 0.0)
+            sound = ~(self._stuck | self._dead | self._jumped)
+            self._noise.update(dt, moved, (self._quiet > options.quiet_after) & sound)
         self._unchanged = np.where(fresh, 0.0, waited)
-        noisy = (self._quiet >= options.noisy_steps) & (self._jitter > 0.5 * self._quiet)
-        self._stuck = noisy & (self._unchanged >= options.stuck_after) & ~self._dead
+        stuck = self._unchanged >= options.stuck_after - ROUNDING
+        if stuck.any():
+            stuck &= self._noise.are_stuck() & ~self._dead
+            self._noise.forgive(stuck)
+        self._stuck = stuck
 
     def _watch_jumps(self, dt: float, residual: Floats) -> None:
         """Believe encoders again that jumped because their muscles moved."""
@@ -159,7 +180,7 @@ class MuscleMonitor:
         change = np.abs(residual - self._residual_before_jump)
         as_before = self._jumped & (change < options.moved_share * np.abs(self._offset))
         self._as_before = np.where(as_before, self._as_before + dt, 0.0)
-        self._offset[self._as_before >= options.moved_after] = 0.0
+        self._offset[self._as_before >= options.moved_after - ROUNDING] = 0.0
 
     def _watch_tensions(
         self, dt: float, reading: Floats, tensions: Floats, command: Floats, residual: Floats
@@ -172,9 +193,10 @@ class MuscleMonitor:
         self._slack_residual[begins] = residual[begins]
         self._slack_time = np.where(slack, self._slack_time + dt, 0.0)
         wound_up = residual - self._slack_residual < -options.wound_up
-        lasting = self._slack_time >= options.doubt_after
+        lasting = self._slack_time >= options.doubt_after - ROUNDING
         self._snapped = lasting & (self._snapped | (wound_up & ~self._numb))
-        self._numb = missing | ((self._slack_time >= options.numb_after) & ~self._snapped)
+        lasting = self._slack_time >= options.numb_after - ROUNDING
+        self._numb = missing | (lasting & ~self._snapped)
         demanded = np.minimum(self._motors.demanded(reading, command), self._motors.limit)
         return np.where(self._numb, demanded, tensions)
 

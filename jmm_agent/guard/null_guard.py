@@ -31,6 +31,9 @@ class NullGuard:
     def map_changed(self) -> None:
         """Do nothing."""
 
+    def jump(self) -> None:
+        """Do nothing."""
+
     def filter(
         self, readings: SensorReadings, after: float, command: Floats, expected: Floats
     ) -> FilteredReadings:

@@ -44,6 +44,15 @@ class RelativeFrames:
         )[self.column]
         self.limits.setflags(write=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but Pinocchio's working memory, which two threads or processes must not share."""
+        return {name: value for name, value in vars(self).items() if name != "_data"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._data = self._model.createData()
+        self.limits.setflags(write=False)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all frames."""

@@ -79,6 +79,10 @@ class GroupMap:
         if not (self.scale >= 1.0 / LARGEST).all():
             raise MappingError(f"Group {self.name!r}: scale must be {1.0 / LARGEST:g} or more.")
 
+    def __reduce__(self) -> tuple[type[GroupMap], tuple[Any, ...]]:
+        """Copies and pickles have read-only arrays, too."""
+        return GroupMap, (self.name, *(getattr(self, field) for field in ARRAYS))
+
     def hidden(self, q: Floats) -> Floats:
         """Activities of the hidden units.
 

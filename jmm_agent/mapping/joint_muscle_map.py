@@ -7,27 +7,25 @@ sec. II-A, II-B). The layers are in rad and mm as in the paper; all methods use 
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from jmm_agent.errors import AgentError
+from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arrays
 from jmm_agent.mapping.group_map import ARRAYS, METRES, GroupMap, MappingError
 from jmm_agent.types import Floats
-from mjcf_sandbox.files import whole_file
 
 QUADRATIC_STEP = float(np.deg2rad(10.0))
 """Distance of the points of the quadratic Jacobian (sec. II-B) [rad]."""
 FORMAT = "jmm-1"
-MAX_BYTES = 256 << 20
-"""Largest map file, unpacked [bytes]; that of the arm has less than one MiB."""
+MAX_BYTES = 64 << 20
+"""Largest map file, unfolded [bytes]; that of the arm has less than one MiB."""
 
 
 class CheckpointError(AgentError):
-    """A file that does not hold a map."""
+    """A file that does not hold a map, or not what an agent has learned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +179,7 @@ class JointMuscleMap:
         }
         for rank, group in enumerate(self.groups):
             content |= {f"{rank}_{field}": getattr(group, field) for field in ARRAYS}
-        with whole_file(Path(path)) as beside, beside.open("wb") as file:
-            np.savez(file, **content)  # type: ignore[arg-type]
+        write_arrays(path, content)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> JointMuscleMap:
@@ -194,22 +191,21 @@ class JointMuscleMap:
         Raises:
             CheckpointError: the file is missing, broken or does not hold a map.
         """
-        if not os.path.isfile(path):  # also where its name is too long
-            raise CheckpointError(f"Checkpoint {os.fspath(path)}: there is no such file.")
         try:
-            _check_size(path)
-            with np.load(path, allow_pickle=False) as content:
-                if str(content["format"]) != FORMAT:
-                    raise MappingError(f"its format is {content['format']}, not {FORMAT}")
-                names = [str(name) for name in content["groups"]]
-                groups = tuple(
-                    GroupMap(name, *(content[f"{rank}_{field}"] for field in ARRAYS))
-                    for rank, name in enumerate(names)
-                )
-                joints = tuple(str(name) for name in content["joints"])
-                muscles = tuple(str(name) for name in content["muscles"])
+            content = read_arrays(path, MAX_BYTES)
+        except ArrayFileError as error:
+            raise CheckpointError(f"Checkpoint {os.fspath(path)}: {error}.") from error
+        try:
+            if "format" not in content or str(content["format"]) != FORMAT:
+                raise MappingError(f"its format is {content.get('format')}, not {FORMAT}")
+            groups = tuple(
+                GroupMap(str(name), *(content[f"{rank}_{field}"] for field in ARRAYS))
+                for rank, name in enumerate(content["groups"])
+            )
+            joints = tuple(str(name) for name in content["joints"])
+            muscles = tuple(str(name) for name in content["muscles"])
             return cls(joints, muscles, groups)
-        except Exception as error:  # numpy raises errors of many types for a damaged file
+        except Exception as error:  # NumPy raises errors of many types for arrays that do not fit
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise CheckpointError(
                 f"Checkpoint {os.fspath(path)}: not a joint-muscle map ({reason})."
@@ -225,11 +221,3 @@ class JointMuscleMap:
         if not np.isfinite(postures).all():
             raise MappingError("Map: postures are not finite.")
         return postures
-
-
-def _check_size(path: str | os.PathLike[str]) -> None:
-    """Refuse an archive that unpacks into more than `MAX_BYTES`."""
-    with zipfile.ZipFile(path) as archive:
-        size = sum(member.file_size for member in archive.infolist())
-    if size > MAX_BYTES:
-        raise MappingError(f"it unpacks into {size >> 20} MiB, and a map has {MAX_BYTES >> 20}")

@@ -5,7 +5,8 @@ phi = (1, centred hidden activities), scaled such that over typical postures the
 muscle's length has the standard deviation `offset`, and its change with posture `shape`. All
 muscles of a group share the kernel phi(theta)' phi(theta'). Each permanent elongation of a muscle
 adds one unknown number of standard deviation `elongation` to all lengths that were measured before
-it, at any posture.
+it, at any posture. A zeroing of all lengths at another posture does the same for all muscles at
+once, with the standard deviation `zeroing`; it counts as `MapPrior.zeroing_share` elongations.
 """
 
 from __future__ import annotations
@@ -31,12 +32,14 @@ class PriorOptions:
         shape: of the change of a length with posture, because points of attachment differ [m].
         noise: of what the map cannot follow: friction, stretch, play [m].
         elongation: of one permanent elongation of a muscle [m].
+        zeroing: of the change of a length when all lengths are zeroed anew [m].
     """
 
     offset: float = 0.025
     shape: float = 0.005
     noise: float = 0.001
     elongation: float = 0.02
+    zeroing: float = 0.012
 
 
 class GroupKernel:
@@ -60,6 +63,11 @@ class GroupKernel:
         self.features = features
         self.elongation = elongation
         self._factor = cho_factor(features @ features.T + elongation + np.diag(noise**2))
+
+    @property
+    def log_det(self) -> float:
+        """Logarithm of the determinant of the covariance [m^2]."""
+        return 2.0 * float(np.log(np.diag(self._factor[0])).sum())
 
     def whiten(self, residual: Floats) -> Floats:
         """(Phi Phi' + elongation + noise^2)^-1 residual, for residuals (K, ...) [m]."""
@@ -97,8 +105,17 @@ class MapPrior:
             self._centres.append(centre)
             self._scales.append(options.shape / float(spread))
 
+    @property
+    def zeroing_share(self) -> float:
+        """Number of elongations as which a zeroing of all lengths counts; variances add up."""
+        return (self.options.zeroing / self.options.elongation) ** 2
+
     def groups(
-        self, postures: Floats, noise: Floats | None = None, elongated: Floats | None = None
+        self,
+        postures: Floats,
+        noise: Floats | None = None,
+        elongated: Floats | None = None,
+        rows: Sequence[Floats] | None = None,
     ) -> Sequence[GroupKernel]:
         """Kernels of all muscles; without elongations one for each group, in the map's order.
 
@@ -108,11 +125,13 @@ class MapPrior:
                 out.
             elongated: number of elongations of each muscle since each posture (K, m); none if left
                 out.
+            rows: features (K, 1 + H) [m] of each group at the postures; computed if left out.
         """
         spread = np.full(len(postures), self.options.noise) if noise is None else noise
         kernels = []
         for rank, group in enumerate(self.map.groups):
-            features, muscles = self._features(rank, postures), group.muscle_index
+            muscles = group.muscle_index
+            features = self.features(rank, group.hidden(postures)) if rows is None else rows[rank]
             history = (
                 np.zeros((len(postures), len(muscles)))
                 if elongated is None
@@ -140,11 +159,18 @@ class MapPrior:
             layers[group.name] = self._layer(rank, group, change)
         return self.map.with_output_layers(layers)
 
-    def _features(self, rank: int, postures: Floats) -> Floats:
-        """Features (K, 1 + H) [m] of a group at postures (K, n) [rad]."""
-        hidden = self.map.groups[rank].hidden(postures)
+    def features(self, rank: int, hidden: Floats) -> Floats:
+        """Features of a group.
+
+        Args:
+            rank: of the group in the map.
+            hidden: activities of its hidden units (K, H).
+
+        Returns:
+            Features (K, 1 + H) [m].
+        """
         shape = self._scales[rank] * (hidden - self._centres[rank])
-        return np.hstack([np.full((len(postures), 1), self.options.offset), shape])
+        return np.hstack([np.full((len(hidden), 1), self.options.offset), shape])
 
     def _layer(self, rank: int, group: GroupMap, change: Floats) -> tuple[Floats, Floats]:
         """Output layer of a group for a change (1 + H, k) [mm] of the features' weights."""

@@ -4,13 +4,9 @@ Both learn when the lengths have settled at a posture far enough from that of th
 """
 
 from jmm_agent.updaters.antagonism import AntagonismMemory, AntagonismOptions, AntagonismUpdater
-from jmm_agent.updaters.vision import (
-    PairLengths,
-    Seen,
-    VisionMemory,
-    VisionOptions,
-    VisionUpdater,
-)
+from jmm_agent.updaters.vision import VisionUpdater
+from jmm_agent.updaters.vision_memory import Seen, VisionMemory
+from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 
 __all__ = [
     "AntagonismMemory",

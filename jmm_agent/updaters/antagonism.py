@@ -69,6 +69,10 @@ class AntagonismUpdater:
     def memory(self, earlier: AntagonismMemory) -> None:
         self._last, self.pairs = earlier
 
+    def forget(self) -> None:
+        """Forget all pairs, because lengths were zeroed anew."""
+        self._last, self.pairs = None, self.pairs.last(0)
+
     def settled(self, estimate: Floats, lengths: Floats, remembered: Pairs) -> bool:
         """Learn a pair if its posture is far enough from that of the last update.
 

@@ -8,97 +8,24 @@ l_target is an option.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
-
 import numpy as np
 
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
-from jmm_agent.vision.hold_out import HoldOut, HoldOutOptions
+from jmm_agent.updaters.vision_memory import EpisodeStart, Seen, VisionMemory
+from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
+from jmm_agent.updaters.zeroing import ZeroingTest
+from jmm_agent.vision.hold_out import HoldOut
+from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
+from jmm_agent.vision.marker_observation import Frames, contradicted_joint
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
     ObservationFit,
-    ObservationFitOptions,
     PoseResidual,
     fit_alone,
 )
 from jmm_agent.vision.permanent_elongation import elongations, fit_with_elongation
-
-PairLengths = Literal["min", "l_target", "l"]
-"""Lengths of a pair, see `VisionOptions`."""
-
-
-@dataclass(frozen=True)
-class VisionOptions:
-    """Options of the Vision Updater (sec. III-C).
-
-    Attributes:
-        distance: least distance from the posture of the last update, L2 norm [rad].
-        threshold: C, the largest ||theta_ik - theta_est||_2 that is believed [rad].
-        lengths: lengths of a pair: l_target as in the paper, l, or min(l, l_target).
-        noise: standard deviation of a pair's lengths [m].
-        saturation: a pair with a tension above this is not learned [N].
-        stop_margin: a pair with a joint this close to its stop is not learned [rad].
-        position_residual: an observation that the fit misses by more than this distance is dropped
-            [m].
-        rotation_residual: an observation that the fit misses by more than this angle is dropped
-            [rad].
-        fit: whether observations are fitted together with the muscle lengths, or each alone as in
-            the paper.
-        observations: options of the fit.
-        hold_out: which observations are held out, to undo updates that make the map worse; None:
-            none.
-    """
-
-    distance: float = 0.15
-    threshold: float = 2.0
-    lengths: PairLengths = "min"
-    noise: float = 0.001
-    saturation: float = 450.0
-    stop_margin: float = 0.005
-    position_residual: float = 0.02
-    rotation_residual: float = 0.06
-    fit: Literal["together", "alone"] = "together"
-    observations: ObservationFitOptions = field(default_factory=ObservationFitOptions)
-    hold_out: HoldOutOptions | None = None
-
-
-class VisionMemory(NamedTuple):
-    """What the Vision Updater remembers of K marker observations, the newest last.
-
-    Attributes:
-        observations: the observations.
-        commands: lengths that were commanded (m,) [m], for each.
-        sound: whether no muscle was saturated, for each.
-        angles: fitted joint angles (K, n) [rad].
-        elongated: number of permanent elongations of each muscle since each observation (K, m).
-        pairs: the pairs that they make.
-    """
-
-    observations: list[MarkerObservation]
-    commands: list[Floats]
-    sound: list[bool]
-    angles: Floats
-    elongated: Floats
-    pairs: Pairs
-
-
-class Seen(NamedTuple):
-    """Result of one marker observation.
-
-    Attributes:
-        angles: joint angles by vision (n,) [rad], theta_ik.
-        error: theta_est - theta_ik (n,) [rad], the paper's joint error.
-        learned: whether the map was moved.
-        reason: why it was not moved; empty if it was.
-    """
-
-    angles: Floats
-    error: Floats
-    learned: bool
-    reason: str
 
 
 class VisionUpdater:
@@ -116,6 +43,7 @@ class VisionUpdater:
             (K, m).
         pairs: remembered pairs, the newest last.
         hold_out: observations that are not learned from; None if none is held out.
+        zeroings: number of zeroings of all lengths that were noticed.
         fired: number of updates.
         dropped: number of observations that were not learned from, by reason.
     """
@@ -139,6 +67,8 @@ class VisionUpdater:
         self.pairs = Pairs.none(joints, muscles)
         hold_out = options.hold_out
         self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
+        self._start: EpisodeStart | None = None
+        self.zeroings = 0
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
@@ -152,12 +82,26 @@ class VisionUpdater:
             self._angles,
             self.elongated,
             self.pairs,
+            self._start,
+            self.zeroings,
         )
 
     @memory.setter
     def memory(self, earlier: VisionMemory) -> None:
         self._observations, self._commands, self._sound = earlier[:3]
-        self._angles, self.elongated, self.pairs = earlier[3:]
+        self._angles, self.elongated, self.pairs, self._start, self.zeroings = earlier[3:]
+
+    def begin(self) -> None:
+        """Begin an episode, before which lengths may have been zeroed anew."""
+        enough = len(self._observations) >= self._options.zeroing_least
+        self._start = EpisodeStart(0, self.elongated) if enough else None
+
+    def zeroed(self) -> None:
+        """Open the offsets of all lengths, because they were zeroed anew; shapes stay."""
+        self.elongated = self.elongated + self._prior.zeroing_share
+        self._start = None
+        if self.hold_out is not None:
+            self.hold_out.forget()
 
     def seen(
         self,
@@ -168,23 +112,32 @@ class VisionUpdater:
         tensions: Floats,
         antagonism: Pairs | None = None,
         learn: bool = True,
+        frames: Frames | None = None,
+        covariance: Floats | None = None,
+        joint_angles: Floats | None = None,
     ) -> Seen:
         """Evaluate one observation of the settled hand, and learn from it.
 
         Args:
-            pose: measured pose_marker_in_camera (4, 4).
+            pose: measured pose_marker_in_camera (4, 4), or the pose of ``frames``.
             estimate: theta_est (n,) [rad].
             lengths: l (m,) [m].
             target: l_target (m,) [m].
             tensions: (m,) [N].
             antagonism: pairs that the Antagonism Updater remembers.
             learn: if False, nothing is remembered and the map stays.
+            frames: see `MarkerObservation`; as well as ``covariance`` and ``joint_angles``.
         """
-        observations = [*self._observations, MarkerObservation(pose, lengths, estimate)]
+        observation = MarkerObservation(pose, lengths, estimate, frames, covariance, joint_angles)
+        observations = [*self._observations, observation]
         observations = observations[-self._options.observations.memory :]
-        fit, elongated = self._fit(observations)
+        zeroed = learn and self._shows_zeroing(observations)
+        if zeroed:
+            antagonism = None
+        fit, elongated = self._fit(observations) if learn else self._evaluated(observations)
         angles = fit.angles[-1]
-        seen = Seen(angles, estimate - angles, False, self._doubt(fit, estimate))
+        doubt = self._doubt(fit, observation)
+        seen = Seen(angles, estimate - angles, False, doubt, zeroed)
         if not learn:
             return seen
         if seen.reason:
@@ -200,6 +153,8 @@ class VisionUpdater:
         self._observations, self._angles, self.elongated = observations, fit.angles, elongated
         self._commands = [*self._commands, command][-keep:]
         self._sound = [*self._sound, sound][-keep:]
+        if self._start is not None:
+            self._start = self._start._replace(newest=self._start.newest + 1)
         self._learn(self.pairs.last(0) if antagonism is None else antagonism)
         if self.hold_out is not None and self.hold_out.harmed(map_before, self._learner.map):
             self._learner.map, self.memory = map_before, before
@@ -226,15 +181,66 @@ class VisionUpdater:
             return fit_with_elongation(
                 observations, self._prior, residual, limits, options, start, elongated
             )
+        if self._options.fit == "incremental":
+            start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
+            return fit_incrementally(
+                observations, self._prior, residual, limits, options, start, elongated
+            )
         alone = fit_alone(observations[-1], residual, limits, options)
         angles = np.vstack([self._angles, alone.angles])[-options.memory :]
         return alone._replace(angles=angles), elongated
 
-    def _doubt(self, fit: ObservationFit, estimate: Floats) -> str:
+    def _shows_zeroing(self, observations: list[MarkerObservation]) -> bool:
+        """Whether the first observations of an episode show that lengths were zeroed anew."""
+        start, options = self._start, self._options.observations
+        if start is None or self._options.fit == "alone":
+            return False
+        before = len(observations) - 1 - start.newest
+        if start.newest >= self._options.zeroing_recent or before < self._options.zeroing_least:
+            self._start = None
+            return False
+        known = len(self._angles) - start.newest  # one more than before, if the oldest is forgotten
+        test = ZeroingTest(
+            self._prior,
+            self._marker_residual,
+            self._limits,
+            options,
+            observations[:before],
+            self._angles[known - before : known],
+            start.elongated[-before:],
+        )
+        if test.log_bayes_factor(observations[before:]) < self._options.zeroing_evidence:
+            return False
+        self.elongated = np.zeros_like(self.elongated)
+        self.elongated[known - before : known] = (
+            start.elongated[-before:] + self._prior.zeroing_share
+        )
+        self._start = None
+        self.zeroings += 1
+        if self.hold_out is not None:
+            self.hold_out.forget()
+        return True
+
+    def _evaluated(self, observations: list[MarkerObservation]) -> tuple[ObservationFit, Floats]:
+        """As `_fit`, but only the newest observation is fitted."""
+        options, residual, limits = self._options.observations, self._marker_residual, self._limits
+        if self._options.fit == "alone":
+            return self._fit(observations)
+        start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
+        none = np.zeros(self.elongated.shape[1])
+        elongated = np.vstack([self.elongated, none])[-options.memory :]
+        fit = fit_newest(observations, self._prior, residual, limits, options, start, elongated)
+        return fit, elongated
+
+    def _doubt(self, fit: ObservationFit, observation: MarkerObservation) -> str:
         """Why the newest observation is not believed; empty if it is."""
-        options, angles = self._options, fit.angles[-1]
+        options, angles, estimate = self._options, fit.angles[-1], observation.guess
         position, rotation = fit.residual_norms[-1]
         missed = position > options.position_residual or rotation > options.rotation_residual
+        joint = contradicted_joint(observation, angles, options.observations.joint_noise)
+        if joint is not None:
+            name = self._learner.map.joints[joint]
+            return f"the joint encoder of {name} contradicts the hand's pose"
         if missed or not fit.converged:
             return "inverse kinematics did not converge"
         if np.linalg.norm(angles - estimate) >= options.threshold:

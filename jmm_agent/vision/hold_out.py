@@ -9,6 +9,7 @@ since the observations were held out: then they are forgotten, and the update st
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,6 +46,20 @@ class HoldOutOptions:
             )
 
 
+class HoldOutMemory(NamedTuple):
+    """What a `HoldOut` remembers.
+
+    Attributes:
+        believed: number of believed observations so far.
+        in_a_row: number of harmful updates since the last one that was not.
+        pairs: held-out pairs, the newest last.
+    """
+
+    believed: int
+    in_a_row: int
+    pairs: Pairs
+
+
 class HoldOut:
     """Pairs of the held-out observations, and the judgement of updates by them.
 
@@ -64,6 +79,19 @@ class HoldOut:
         self._options = options
         self._believed = self._in_a_row = 0
         self.pairs = Pairs.none(joints, muscles)
+
+    @property
+    def memory(self) -> HoldOutMemory:
+        """All that is remembered; may be set to that of a file."""
+        return HoldOutMemory(self._believed, self._in_a_row, self.pairs)
+
+    @memory.setter
+    def memory(self, earlier: HoldOutMemory) -> None:
+        self._believed, self._in_a_row, self.pairs = earlier
+
+    def forget(self) -> None:
+        """Forget all pairs, because lengths were zeroed anew."""
+        self._in_a_row, self.pairs = 0, self.pairs.last(0)
 
     def keeps(self, pair: Pairs) -> bool:
         """Whether the pair of a believed observation is held out, and must not be learned.

@@ -1,5 +1,7 @@
 """Poses of AR markers in a camera frame (Kawaharazuka et al. 2018, sec. III-C, step 1)."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -9,22 +11,30 @@ import cv2
 import numpy as np
 
 from jmm_agent.errors import AgentError
+from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.corner_refinement import refine_corners
+from jmm_agent.vision.marker_corners import locate_corners
+from jmm_agent.vision.marker_search import Candidate, MarkerSearch
+from jmm_agent.vision.marker_view import MarkerView
+from jmm_agent.vision.square_pose import (
+    alike,
+    solve_square,
+    square_corners,
+    square_covariance,
+)
 
-CELLS = 6  # of a DICT_4X4 marker: 4 cells of code between two of black border
-ALIKE = 2.0  # two solutions fit alike if their errors differ by less than this factor ...
-NOISE_PX = 0.03  # ... or if both errors are below this
-SQUARE_PX = 0.4  # corners farther than this from those of a square are not the marker's
-
-# OpenCV's rotation vectors fail at half a turn, the rotation of an upright marker that faces the
-# camera. So poses are computed in a frame that is turned in steps of 90 deg until it is nearly
-# level with the camera (x right, y down, z forward): pose_level_in_marker (4, 4), by the first
-# corner in the image.
-LEVEL_IN_MARKER = [
-    np.array([[c, -s, 0, 0], [-s, -c, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1.0]])
-    for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))
-]
+SQUARE_PX = 0.4
+"""Corners farther than this from those of a square are not the marker's [px] ..."""
+SQUARE_SHARE = 0.004
+"""... or than this share of the marker's mean side ..."""
+SQUARE_DEVIATIONS = 3.0
+"""... or than this number of standard deviations of a corner."""
+FACING = 0.1
+"""A marker is not searched if it is predicted with a cosine below this to the line of sight."""
+AWAY = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]])
+"""Pose of a marker whose face is turned away from the camera."""
+REGION_SIDES = 2.0
+"""A marker that is not found at once is searched this far around its predicted pose [sides]."""
 
 
 class Skip(Enum):
@@ -49,6 +59,9 @@ class MarkerPose:
         flipped_in_camera: (4, 4), the second solution for a plane by IPPE, whose normal is nearly
             mirrored at the line of sight; the only solution if there is no second one.
         flipped_reprojection_px: RMS distance of the four corners from those of that pose.
+        covariance: of the pose (6, 6): x, y, z [m] and rotations about x, y and z [rad] in the
+            camera's axes, from the errors of the corners; None if they are unknown.
+        deviation_px: standard deviation of a corner's coordinate; 0 if it is unknown.
     """
 
     id: int
@@ -57,11 +70,13 @@ class MarkerPose:
     reprojection_px: float
     flipped_in_camera: np.ndarray
     flipped_reprojection_px: float
+    covariance: Floats | None = None
+    deviation_px: float = 0.0
 
     @property
     def ambiguous(self) -> bool:
         """Whether both poses fit the corners alike."""
-        return _alike(self.reprojection_px, self.flipped_reprojection_px)
+        return alike(self.reprojection_px, self.flipped_reprojection_px, self.deviation_px)
 
 
 @dataclass(frozen=True)
@@ -94,41 +109,46 @@ class Detector(Protocol):
 
 
 class MarkerDetector:
-    """Finds ArUco markers (DICT_4X4_50), and their poses from lines along the black square's edges.
+    """Finds ArUco and AprilTag markers, and their poses from lines along the square's edges.
 
     Args:
         camera: model of the camera that the frames come from.
         side_by_id: side of the black square of each expected marker [m].
+        dictionary: name of a predefined dictionary of OpenCV, such as ``DICT_5X5_100`` or
+            ``DICT_APRILTAG_36h11``.
+        border: width of the black border [cells].
 
     Raises:
-        AgentError: there is no marker, an id is outside 0 to 49, or a side is not positive and
-            finite.
+        AgentError: there is no marker or no such dictionary, an id is not in it, or a side or the
+            border is not positive and finite.
     """
 
-    def __init__(self, camera: Camera, side_by_id: Mapping[int, float]):
+    def __init__(
+        self,
+        camera: Camera,
+        side_by_id: Mapping[int, float],
+        dictionary: str = "DICT_4X4_50",
+        border: int = 1,
+    ) -> None:
         if not side_by_id:
             raise AgentError(
                 "A marker detector needs at least one marker id with its side in metres."
             )
+        self._search = MarkerSearch(dictionary, border)
         for marker_id, side in side_by_id.items():
-            if not 0 <= marker_id < 50:
+            if not 0 <= marker_id < self._search.count:
                 raise AgentError(
-                    f"Marker id {marker_id} is not in DICT_4X4_50; ids go from 0 to 49."
+                    f"Marker id {marker_id} is not in {dictionary}; ids go from 0 to "
+                    f"{self._search.count - 1}."
                 )
             if not (np.isfinite(side) and side > 0):
                 raise AgentError(
                     f"The side of marker {marker_id} is {side} m; it must be positive and finite."
                 )
         self._camera = camera
-        self._square_by_id = {marker_id: _square(side) for marker_id, side in side_by_id.items()}
-        parameters = cv2.aruco.DetectorParameters()
-        # One pass; a smaller window would take a near marker's border for an empty ring.
-        parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 43
-        parameters.minMarkerDistanceRate = (
-            0.02  # so that a chequered ground does not swallow the marker
-        )
-        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-        self._aruco = cv2.aruco.ArucoDetector(dictionary, parameters)
+        self._square_by_id = {
+            marker_id: square_corners(side) for marker_id, side in side_by_id.items()
+        }
 
     def detect(
         self, frame_rgb: np.ndarray, expected: Mapping[int, np.ndarray] | None = None
@@ -138,7 +158,9 @@ class MarkerDetector:
         Args:
             frame_rgb: (H, W, 3) uint8 of the camera's size.
             expected: predicted pose_marker_in_camera (4, 4) of some ids; it decides between the two
-                solutions for a plane if both fit the corners alike.
+                solutions for a plane if both fit the corners alike. Markers that a first pass does
+                not find are searched further: near their predicted poses if any are given, in the
+                whole frame otherwise.
 
         Raises:
             AgentError: the frame or a predicted pose has a wrong shape, type or value.
@@ -148,73 +170,103 @@ class MarkerDetector:
         gray = cv2.cvtColor(frame_rgb, cv2.COLOR_RGB2GRAY)
         if not gray.any():
             return Detections({}, dict.fromkeys(self._square_by_id, Skip.DARK), ())
-        quads, found, _ = self._aruco.detectMarkers(gray)
-        ids = [] if found is None else [int(i) for i in found.ravel()]
+        found = self._search.first(gray)
         outcome = {
-            marker_id: self._locate(
-                marker_id,
-                gray,
-                [q[0] for q, i in zip(quads, ids, strict=True) if i == marker_id],
-                expected,
-            )
+            marker_id: self._locate(marker_id, gray, found, expected)
             for marker_id in self._square_by_id
         }
+        for marker_id, skip in outcome.items():
+            if isinstance(skip, Skip) and skip is not Skip.TWICE:
+                outcome[marker_id] = self._search_further(marker_id, gray, skip, expected)
         return Detections(
             {i: o for i, o in outcome.items() if isinstance(o, MarkerPose)},
             {i: o for i, o in outcome.items() if isinstance(o, Skip)},
-            tuple(sorted(set(ids) - set(self._square_by_id))),
+            tuple(sorted({i for i, _ in found} - set(self._square_by_id))),
         )
+
+    def _search_further(
+        self,
+        marker_id: int,
+        gray: np.ndarray,
+        skip: MarkerPose | Skip,
+        expected: Mapping[int, Floats],
+    ) -> MarkerPose | Skip:
+        """Pose of a marker that the first pass does not find, or why it has none."""
+        left, top, region = self._region(marker_id, gray, expected)
+        if not region.size:
+            return skip
+        for candidates in self._search.further(region):
+            moved = [(i, quad + np.array([left, top])) for i, quad in candidates]
+            outcome = self._locate(marker_id, gray, moved, expected)
+            if isinstance(outcome, MarkerPose) or outcome is Skip.TWICE:
+                return outcome
+            if skip is Skip.NOT_SEEN:
+                skip = outcome
+        return skip
+
+    def _region(
+        self, marker_id: int, gray: np.ndarray, expected: Mapping[int, Floats]
+    ) -> tuple[int, int, np.ndarray]:
+        """Left and top [px] of the part of a frame that may show a marker, and this part."""
+        if not expected:
+            return 0, 0, gray
+        pose, square = expected.get(marker_id, AWAY), self._square_by_id[marker_id]
+        pixels = self._camera.project(square @ pose[:3, :3].T + pose[:3, 3])
+        facing = -float(pose[:3, 2] @ pose[:3, 3]) / float(np.linalg.norm(pose[:3, 3]))
+        if not np.isfinite(pixels).all() or facing < FACING:
+            return 0, 0, gray[:0]
+        reach = REGION_SIDES * float(np.ptp(pixels, axis=0).max())
+        size = np.array(gray.shape[::-1])
+        low = np.clip(np.floor(pixels.min(axis=0) - reach), 0, size).astype(int)
+        high = np.clip(np.ceil(pixels.max(axis=0) + reach), 0, size).astype(int)
+        return int(low[0]), int(low[1]), gray[low[1] : high[1], low[0] : high[0]]
 
     def _locate(
         self,
         marker_id: int,
         gray: np.ndarray,
-        quads: list[np.ndarray],
-        expected: Mapping[int, np.ndarray],
+        candidates: list[Candidate],
+        expected: Mapping[int, Floats],
     ) -> MarkerPose | Skip:
-        """Pose of one marker from its rough corners (4, 2) [px], or why it has none."""
+        """Pose of one marker from rough corners, or why it has none."""
+        quads = [quad for i, quad in candidates if i == marker_id]
         if len(quads) != 1:
             return Skip.TWICE if quads else Skip.NOT_SEEN
-        corners = refine_corners(gray, quads[0], CELLS)
+        view = MarkerView(self._camera, quads[0])
+        quad = view.view_px(quads[0])
+        if not np.isfinite(quad).all():
+            return Skip.UNCLEAR
+        corners = locate_corners(gray, quad, self._search.pattern(marker_id), view)
         if corners is None:
             return Skip.UNCLEAR
-        square = self._square_by_id[marker_id]
-        first = int(np.argmax(np.roll(corners, -1, axis=0)[:, 0] - corners[:, 0]))
-        level = LEVEL_IN_MARKER[first]
-        image = np.roll(corners, -first, axis=0)[::-1].copy()
-        _, turns, shifts, _ = cv2.solvePnPGeneric(
-            square, image, self._camera.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        square, predicted = self._square_by_id[marker_id], expected.get(marker_id)
+        found = solve_square(
+            square,
+            corners.points,
+            view.matrix,
+            None if predicted is None else view.in_view(predicted),
+            corners.deviation_px,
         )
-        poses = [_pose(turn, shift) @ level.T for turn, shift in zip(turns, shifts, strict=True)]
-        poses.sort(key=lambda pose: self._error(pose, square, corners))
-        if not poses:
-            return Skip.NO_POSE
-        chosen, flipped = poses[0], poses[-1]
-        errors = [self._error(pose, square, corners) for pose in (chosen, flipped)]
-        predicted = expected.get(marker_id)
-        if (
-            predicted is not None
-            and _alike(*errors)
-            and _angle(flipped, predicted) < _angle(chosen, predicted)
-        ):
-            chosen, flipped = flipped, chosen
-        start = chosen @ level
-        turn, shift = cv2.solvePnPRefineLM(
-            square, image, self._camera.matrix, None, cv2.Rodrigues(start[:3, :3])[0], start[:3, 3:]
+        edges = np.roll(corners.points, 1, axis=0) - corners.points
+        tolerance = max(
+            SQUARE_PX,
+            SQUARE_SHARE * float(np.hypot(*edges.T).mean()),
+            SQUARE_DEVIATIONS * corners.deviation_px,
         )
-        pose = _pose(turn, shift) @ level.T
-        error = self._error(pose, square, corners)
-        if not error < SQUARE_PX:
+        if found is None or not found.error_px < tolerance:
             return Skip.NO_POSE
-        flipped_error = self._error(flipped, square, corners)
-        return MarkerPose(marker_id, pose, corners, error, flipped, flipped_error)
-
-    def _error(self, pose: np.ndarray, square: np.ndarray, corners: np.ndarray) -> float:
-        """RMS distance [px] of the corners from the square at `pose`; inf if behind the camera."""
-        image = self._camera.matrix @ (pose[:3, :3] @ square.T + pose[:3, 3:])
-        if not (np.isfinite(image).all() and (image[2] > 0).all()):
-            return float("inf")
-        return float(np.sqrt(np.sum((image[:2] / image[2] - corners.T) ** 2) / 4))
+        return MarkerPose(
+            marker_id,
+            view.in_camera(found.pose),
+            view.frame_px(corners.points),
+            found.error_px,
+            view.in_camera(found.flipped),
+            found.flipped_error_px,
+            view.covariance_in_camera(
+                square_covariance(found.pose, square, view.matrix, corners.covariance)
+            ),
+            corners.deviation_px,
+        )
 
     def _check(self, frame: np.ndarray, expected: Mapping[int, np.ndarray]) -> None:
         shape = (self._camera.height, self._camera.width, 3)
@@ -237,28 +289,3 @@ class MarkerDetector:
                 raise AgentError(
                     f"The predicted pose of marker {marker_id} must be finite and of shape (4, 4)."
                 )
-
-
-def _square(side: float) -> np.ndarray:
-    """Corners (4, 3) of the black square in the marker's frame, in ArUco's and IPPE's order."""
-    return (
-        side
-        / 2
-        * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
-    )
-
-
-def _pose(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Pose (4, 4) from a rotation vector (3, 1) and a translation (3, 1)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], shift[:, 0]
-    return pose
-
-
-def _alike(error: float, other: float) -> bool:
-    return max(error, other) < max(NOISE_PX, ALIKE * min(error, other))
-
-
-def _angle(pose: np.ndarray, other: np.ndarray) -> float:
-    """Angle between two orientations [rad]."""
-    return float(np.arccos(np.clip((np.trace(pose[:3, :3].T @ other[:3, :3]) - 1) / 2, -1, 1)))

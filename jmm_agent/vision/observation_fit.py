@@ -24,9 +24,9 @@ the estimate; `fit_alone` does this.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -34,9 +34,24 @@ from scipy.linalg import cho_factor, cho_solve
 from jmm_agent.kinematics.bounded_least_squares import minimise
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
+from jmm_agent.vision.marker_observation import (
+    MarkerObservation,
+    ObservationWeights,
+    PoseResidual,
+    residual_of,
+)
 
-PoseResidual = Callable[[Floats, Floats], tuple[Floats, Floats]]
-"""(q (n,), pose_marker_in_camera (4, 4)) -> residual (6,) [m, rad] and its Jacobian (6, n)."""
+__all__ = [
+    "FitPoint",
+    "MarkerObservation",
+    "ObservationFit",
+    "ObservationFitOptions",
+    "ObservationProblem",
+    "PoseResidual",
+    "descend",
+    "fit_alone",
+    "fit_observations",
+]
 
 ALONE_STEPS = 100
 """Largest number of Gauss-Newton steps for one observation alone."""
@@ -48,20 +63,6 @@ LARGEST_STEP = 0.3
 """Largest change of a joint angle in one step [rad]."""
 
 
-class MarkerObservation(NamedTuple):
-    """One settled posture in which the marker was seen.
-
-    Attributes:
-        pose: measured pose_marker_in_camera (4, 4).
-        lengths: measured muscle lengths (m,) [m].
-        guess: estimated joint angles (n,) [rad], where the fit starts.
-    """
-
-    pose: Floats
-    lengths: Floats
-    guess: Floats
-
-
 @dataclass(frozen=True)
 class ObservationFitOptions:
     """Noise levels and limits of the fit.
@@ -69,6 +70,7 @@ class ObservationFitOptions:
     Attributes:
         position_noise: standard deviation of the marker's position in the camera frame [m].
         rotation_noise: standard deviation of the marker's orientation [rad].
+        joint_noise: standard deviation of a joint angle by its encoder, with its zero [rad].
         steps: largest number of Gauss-Newton steps.
         tolerance: a step smaller than this ends the fit [rad].
         gain: a step that lowers the cost by less than this ends the fit; the cost is twice a
@@ -83,6 +85,7 @@ class ObservationFitOptions:
 
     position_noise: float = 0.003
     rotation_noise: float = 0.01
+    joint_noise: float = 0.005
     steps: int = 30
     tolerance: float = 1e-4
     gain: float = 0.01
@@ -100,7 +103,7 @@ class ObservationFit(NamedTuple):
         angles: joint angles of all K observations (K, n) [rad].
         converged: whether the fit ended in a minimum.
         residual_norms: remaining distance [m] and angle [rad] of the marker in each observation
-            (K, 2).
+            (K, 2), see `ObservationWeights.norms`.
     """
 
     angles: Floats
@@ -132,10 +135,8 @@ def fit_observations(
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
     guesses = np.array([found.guess for found in observations]) if start is None else start
     problem = ObservationProblem(observations, prior, marker_residual, options, elongated)
-    end, converged = _descend(problem, np.clip(guesses, low, high), low, high, options)
-    position, rotation = end.residuals[:, :3], end.residuals[:, 3:]
-    norms = np.column_stack([np.linalg.norm(position, axis=1), np.linalg.norm(rotation, axis=1)])
-    return ObservationFit(end.angles, converged, norms)
+    end, converged = descend(problem, np.clip(guesses, low, high), low, high, options)
+    return ObservationFit(end.angles, converged, problem.weights.norms(end.residuals))
 
 
 def fit_alone(
@@ -153,18 +154,28 @@ def fit_alone(
         options: noise levels and limits of the fit.
     """
     low, high = limits[:, 0] - options.limit_margin, limits[:, 1] + options.limit_margin
-    root = np.repeat([1.0 / options.position_noise, 1.0 / options.rotation_noise], 3)
+    weights = ObservationWeights(
+        [observation], options.position_noise, options.rotation_noise, options.joint_noise
+    )
 
     def residual(q: Floats) -> tuple[Floats, Floats]:
-        error, slope = marker_residual(q, observation.pose)
-        return root * error, root[:, None] * slope
+        return weights.whitened(0, q, *residual_of(observation, marker_residual, q))
 
     start = np.clip(observation.guess, low, high)
     pull = options.least_movement * np.eye(len(start))
     found = minimise(residual, start, low, high, pull, ALONE_STEPS)
-    error = marker_residual(found.x, observation.pose)[0]
-    norms = np.array([[np.linalg.norm(error[:3]), np.linalg.norm(error[3:])]])
-    return ObservationFit(found.x[None], found.stationary, norms)
+    error = residual_of(observation, marker_residual, found.x)[0]
+    return ObservationFit(found.x[None], found.stationary, weights.norms(error[None]))
+
+
+class FitProblem(Protocol):
+    """Cost of joint angles (K, n) [rad]."""
+
+    def cost(self, angles: Floats) -> tuple[float, Floats]:
+        """Cost at angles (K, n) [rad], and residuals of the poses (K, 6) [m, rad]."""
+
+    def normal_equations(self, angles: Floats) -> tuple[Floats, Floats]:
+        """Gauss-Newton matrix (K n, K n) and gradient (K n,), half those of the cost."""
 
 
 class ObservationProblem:
@@ -177,6 +188,9 @@ class ObservationProblem:
         options: noise levels.
         elongated: number of permanent elongations of each muscle since each observation (K, m);
             none if left out.
+
+    Attributes:
+        weights: weights of the measured poses and joint angles.
     """
 
     def __init__(
@@ -190,14 +204,16 @@ class ObservationProblem:
         self._observations, self._prior, self._elongated = observations, prior, elongated
         self._marker_residual = marker_residual
         self._lengths = np.array([found.lengths for found in observations])
-        self._weight = np.repeat([options.position_noise**-2, options.rotation_noise**-2], 3)
+        self.weights = ObservationWeights(
+            observations, options.position_noise, options.rotation_noise, options.joint_noise
+        )
 
     def cost(self, angles: Floats) -> tuple[float, Floats]:
         """Cost at angles (K, n) [rad], and the marker's residuals (K, 6) [m, rad]."""
-        pairs = zip(angles, self._observations, strict=True)
-        residuals = np.array([self._marker_residual(q, found.pose)[0] for q, found in pairs])
+        pairs = zip(self._observations, angles, strict=True)
+        residuals = np.array([residual_of(f, self._marker_residual, q)[0] for f, q in pairs])
         missed = self._lengths - self._prior.map.lengths(angles)
-        cost = float(np.sum(self._weight * residuals**2))
+        cost = self.weights.cost(angles, residuals)
         for group in self._prior.groups(angles, elongated=self._elongated):
             own = missed[:, group.muscles]
             cost += float(np.sum(own * group.whiten(own)))
@@ -214,9 +230,10 @@ class ObservationProblem:
         matrix = np.zeros((count, joints, count, joints))
         gradient = np.zeros((count, joints))
         for k, (q, found) in enumerate(zip(angles, self._observations, strict=True)):
-            residual, slope = self._marker_residual(q, found.pose)
-            matrix[k, :, k, :] += slope.T @ (self._weight[:, None] * slope)
-            gradient[k] += slope.T @ (self._weight * residual)
+            residual, slope = residual_of(found, self._marker_residual, q)
+            own, pull = self.weights.normal_equations(k, q, residual, slope)
+            matrix[k, :, k, :] += own
+            gradient[k] += pull
         for group in self._prior.groups(angles, elongated=self._elongated):
             arms = jacobian[:, group.muscles]  # (K, muscles of the group, n)
             information = group.whiten(np.eye(count))
@@ -227,7 +244,7 @@ class ObservationProblem:
         return matrix.reshape(size, size), gradient.ravel()
 
 
-class _Point(NamedTuple):
+class FitPoint(NamedTuple):
     """Joint angles (K, n) [rad], their cost, and the marker's residuals (K, 6) [m, rad]."""
 
     angles: Floats
@@ -235,15 +252,23 @@ class _Point(NamedTuple):
     residuals: Floats
 
 
-def _descend(
-    problem: ObservationProblem,
+def descend(
+    problem: FitProblem,
     start: Floats,
     low: Floats,
     high: Floats,
     options: ObservationFitOptions,
-) -> tuple[_Point, bool]:
-    """Lowest point that is found from a start (K, n) [rad], and whether it is a minimum."""
-    here, damping = _Point(start, *problem.cost(start)), START_DAMPING
+) -> tuple[FitPoint, bool]:
+    """Lowest point that is found by damped Gauss-Newton steps, and whether it is a minimum.
+
+    Args:
+        problem: the cost.
+        start: angles (K, n) [rad] to start from.
+        low: lowest angle of each joint (n,) [rad].
+        high: highest angle of each joint (n,) [rad].
+        options: limits of the fit.
+    """
+    here, damping = FitPoint(start, *problem.cost(start)), START_DAMPING
     for _ in range(options.steps):
         there, damping = _step(problem, here, damping, low, high)
         if there is None:
@@ -256,8 +281,8 @@ def _descend(
 
 
 def _step(
-    problem: ObservationProblem, here: _Point, damping: float, low: Floats, high: Floats
-) -> tuple[_Point | None, float]:
+    problem: FitProblem, here: FitPoint, damping: float, low: Floats, high: Floats
+) -> tuple[FitPoint | None, float]:
     """The next point, None if no step lowers the cost; and the damping that it took."""
     matrix, gradient = problem.normal_equations(here.angles)
     rising = gradient.reshape(here.angles.shape) >= 0.0
@@ -270,7 +295,7 @@ def _step(
         step = np.zeros(here.angles.shape)
         step.flat[free] = -cho_solve(damped, slope)
         angles = np.clip(here.angles + np.clip(step, -LARGEST_STEP, LARGEST_STEP), low, high)
-        there = _Point(angles, *problem.cost(angles))
+        there = FitPoint(angles, *problem.cost(angles))
         if there.cost <= here.cost:
             return there, damping
         damping *= 10.0

@@ -12,6 +12,7 @@ from typing import Protocol
 import mujoco
 
 from kengoro_env.errors import UnknownNameError
+from kengoro_env.robot.model_file import is_muscle
 
 
 @dataclass
@@ -93,7 +94,8 @@ class Draft:
     @classmethod
     def of(cls, spec: mujoco.MjSpec) -> Draft:
         """A draft without departures on a copy of ``spec``."""
-        return cls(spec.copy(), {tendon.name: TendonSpec() for tendon in spec.tendons})
+        muscles = [tendon.name for tendon in spec.tendons if is_muscle(tendon)]
+        return cls(spec.copy(), {muscle: TendonSpec() for muscle in muscles})
 
     def tendon(self, muscle: str) -> TendonSpec:
         """The tendon of a muscle.

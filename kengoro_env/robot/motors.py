@@ -25,7 +25,7 @@ from kengoro_env.robot.muscle_law import (
     spring_tension,
     write_law,
 )
-from kengoro_env.robot.tendons import MOTOR_DAMPING, SPOOL_TRAVEL, spool_joint
+from kengoro_env.robot.tendons import SPOOL_TRAVEL, spool_joint
 from kengoro_env.types import Floats
 
 
@@ -57,7 +57,7 @@ class Motors:
         planned = list(draft.tendons.values())
         # NumPy is faster with an array than with a number.
         self._limits, self._damping, self._zeros = (
-            np.full(len(planned), value) for value in (gains.limit, MOTOR_DAMPING, 0.0)
+            np.full(len(planned), value) for value in (gains.limit, gains.damping, 0.0)
         )
         tendons = np.array([model.tendon(name).id for name in self.muscles])
         self._tendon = index_of(tendons)

@@ -35,11 +35,13 @@ class Gains:
         stiffness: K_stiff [N/m].
         bias: T_bias, the tension that keeps a muscle from going slack [N].
         limit: T_max, the largest tension of a motor [N].
+        damping: viscous friction of a motor, seen at the tendon [N s/m].
     """
 
     stiffness: float = 30_000.0
     bias: float = 30.0
     limit: float = 500.0
+    damping: float = 150.0
 
 
 DEFAULT_GAINS = Gains()

@@ -1,23 +1,33 @@
-"""Nominal model of the arm: names, joint limits, muscle lengths and moment arms."""
+"""Nominal model of a robot: names, joint limits, muscle lengths, moment arms and loads."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.robot.model_file import load_spec
+from kengoro_env.errors import ModelError
+from kengoro_env.robot.model_file import is_muscle, load_spec
 from kengoro_env.robot.tendons import actuated_joints
 from kengoro_env.types import Floats
 
+SAMPLES = 200
+"""Number of postures, uniform between the joint limits, over which lengths are taken."""
+ARM = 1e-12
+"""Least moment arm of a muscle that crosses a joint [m/rad]."""
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+
 
 class NominalArm:
-    """Geometric model of the arm with straight muscles through their points (paper, sec. II-A).
+    """Geometric model of a robot with straight muscles through their points (paper, sec. II-A).
 
     Args:
-        scene: MJCF file with the arm.
+        scene: MJCF file with the robot.
+        folders: further folders whose files the model may include or load.
 
     Attributes:
         joints: names of the joints, in the order of (n,) arrays.
@@ -25,49 +35,120 @@ class NominalArm:
         lower: lower joint limits (n,) [rad].
         upper: upper joint limits (n,) [rad].
         crosses: which muscle crosses which joint (m, n).
+        model: the compiled model.
+
+    Raises:
+        ModelError: the file cannot be used, or has no muscles, or they cross a joint that is
+            neither a hinge nor a slide, or one without a range.
     """
 
-    def __init__(self, scene: Path | str) -> None:
-        self._model = model = load_spec(scene).compile()
+    def __init__(self, scene: Path | str, folders: Sequence[Path | str] = ()) -> None:
+        spec = load_spec(scene, folders)
+        self.muscles = tuple(tendon.name for tendon in spec.tendons if is_muscle(tendon))
+        if not self.muscles:
+            raise ModelError(
+                f"the model file {scene} has no muscles: a muscle is a <spatial> in <tendon>, "
+                "through sites"
+            )
+        self.model = model = spec.compile()
         self._data = mujoco.MjData(model)
+        self._tendon = np.array([model.tendon(muscle).id for muscle in self.muscles])
         self.joints = actuated_joints(model)
-        self.muscles = tuple(model.tendon(i).name for i in range(model.ntendon))
         addresses = [model.joint(joint) for joint in self.joints]
-        self._position = np.array([joint.qposadr[0] for joint in addresses])
-        self._velocity = np.array([joint.dofadr[0] for joint in addresses])
-        self.lower, self.upper = model.jnt_range[[joint.id for joint in addresses]].T.copy()
+        self._position = np.array([joint.qposadr[0] for joint in addresses], dtype=int)
+        self._velocity = np.array([joint.dofadr[0] for joint in addresses], dtype=int)
+        numbers = [joint.id for joint in addresses]
+        self._check_joints(scene, numbers)
+        self.lower, self.upper = model.jnt_range[numbers].T.copy()
         self._zero = self._paths(np.zeros(len(self.joints)))
         self.crosses = self._crossings()
 
+    def _check_joints(self, scene: Path | str, numbers: list[int]) -> None:
+        """Refuse muscles without a joint, and joints whose angle has no bounds."""
+        model = self.model
+        for dof in np.flatnonzero(np.abs(self._jacobian(self._data.qpos)).max(axis=0) > ARM):
+            joint = model.joint(int(model.dof_jntid[dof]))
+            if joint.type[0] not in (HINGE, SLIDE):
+                body = model.body(int(model.dof_bodyid[dof])).name
+                raise ModelError(
+                    f"the model file {scene} has a muscle that crosses the free or ball joint of "
+                    f"the body {body!r}; replace it by hinges, or fix the body"
+                )
+        if not self.joints:
+            raise ModelError(f"the model file {scene} has no joint that a muscle crosses")
+        for number in numbers:
+            if not model.jnt_limited[number]:
+                raise ModelError(
+                    f"the model file {scene} has no range of the joint "
+                    f'{model.joint(number).name!r}, which a muscle crosses; add range="... ..."'
+                )
+
     def _paths(self, posture: Floats) -> Floats:
         self._data.qpos[self._position] = posture
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_tendon(self._model, self._data)
-        return self._data.ten_length.copy()
+        mujoco.mj_kinematics(self.model, self._data)
+        mujoco.mj_comPos(self.model, self._data)
+        mujoco.mj_tendon(self.model, self._data)
+        return np.asarray(self._data.ten_length[self._tendon])
+
+    def _jacobian(self, positions: Floats) -> Floats:
+        """Derivative of the muscles' lengths by all velocities (m, nv) at positions (nq,)."""
+        model, data = self.model, self._data
+        data.qpos[:] = positions
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_tendon(model, data)
+        dense = np.zeros((model.ntendon, model.nv))
+        mujoco.mju_sparse2dense(
+            dense, data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+        )
+        return dense[self._tendon]
 
     def _crossings(self) -> NDArray[np.bool_]:
         """Which muscle crosses which joint: its length depends on the joint's angle."""
         rng = np.random.default_rng(0)
         postures = rng.uniform(self.lower, self.upper, (8, len(self.joints)))
-        return np.any([np.abs(self.moment_arms(q)) > 1e-12 for q in postures], axis=0)
+        return np.any([np.abs(self.moment_arms(q)) > ARM for q in postures], axis=0)
 
     def lengths(self, postures: Floats) -> Floats:
         """Muscle lengths (B, m) [m] relative to the zero posture, for postures (B, n) [rad]."""
         return np.array([self._paths(posture) for posture in np.atleast_2d(postures)]) - self._zero
 
+    @cached_property
+    def travel(self) -> float:
+        """How far the muscles move between the joint limits [m].
+
+        The median over muscles of the standard deviation of the length over `SAMPLES` postures.
+        """
+        rng = np.random.default_rng(0)
+        postures = rng.uniform(self.lower, self.upper, (SAMPLES, len(self.joints)))
+        return float(np.median(self.lengths(postures).std(axis=0)))
+
     def moment_arms(self, posture: Floats) -> Floats:
         """Moment arms dl/dq (m, n) [m/rad] at a posture (n,) [rad]."""
-        self._paths(posture)
-        model, dense = self._model, np.zeros((self._model.ntendon, self._model.nv))
-        mujoco.mju_sparse2dense(
-            dense, self._data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-        )
-        return dense[:, self._velocity]
+        self._data.qpos[self._position] = posture
+        return self._jacobian(self._data.qpos.copy())[:, self._velocity]
 
     def gravity(self, posture: Floats) -> Floats:
-        """Torques of gravity on the joints (n,) [N m] at a posture (n,) [rad]."""
+        """Torques of gravity on the joints (n,) [N m] at a posture (n,) [rad].
+
+        Torques of springs in joints and tendons are included.
+        """
         self._data.qpos[self._position] = posture
         self._data.qvel[:] = 0.0
-        mujoco.mj_forward(self._model, self._data)
-        return -self._data.qfrc_bias[self._velocity]
+        mujoco.mj_forward(self.model, self._data)
+        data, joints = self._data, self._velocity
+        return np.asarray(data.qfrc_spring[joints] - data.qfrc_bias[joints])
+
+    def inertia(self, posture: Floats) -> Floats:
+        """Inertia of each joint alone (n,) [kg m^2] at a posture (n,) [rad]."""
+        self._data.qpos[self._position] = posture
+        mujoco.mj_forward(self.model, self._data)
+        matrix = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self._data, matrix)
+        return np.diag(matrix)[self._velocity]
+
+    def joint_friction(self) -> tuple[Floats, Floats]:
+        """Viscous (n,) [N m s/rad] and dry friction (n,) [N m] of the joints."""
+        model, joints = self.model, self._velocity
+        damping = np.asarray(model.dof_damping)
+        return damping.reshape(model.nv, -1)[joints, 0], model.dof_frictionloss[joints].copy()

@@ -15,14 +15,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.errors import ArgumentError, DivergedError, UnknownNameError
+from kengoro_env.errors import DivergedError, UnknownNameError
 from kengoro_env.robot.body import Body
+from kengoro_env.robot.control_period import CONTROL_PERIOD, set_time_step
 from kengoro_env.robot.draft import Departure, Draft
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.indexing import index_of
 from kengoro_env.robot.model_file import load_spec
+from kengoro_env.robot.motor_gains import gains_of
 from kengoro_env.robot.motors import Motors
-from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
+from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.sensors import Sensors
 from kengoro_env.robot.tendons import actuated_joints, wind
 from kengoro_env.types import Floats
@@ -40,8 +42,11 @@ class Robot(Body):
     Args:
         scene: MJCF file of the robot and its surroundings.
         departures: departures from the nominal model, such as ``actual(seed)``.
-        gains: gains of muscle stiffness control after each reset.
-        control_period: time between commands [s], a multiple of the model's time step.
+        gains: gains of muscle stiffness control after each reset; those of `gains_of` if left out,
+            which are `DEFAULT_GAINS` for Kengoro's arm.
+        control_period: time between commands [s]. Physics takes the longest time step that divides
+            it and is not above the model's own.
+        folders: further folders whose files the model may include or load.
 
     Attributes:
         muscles: names of the muscles, in the order of (m,) arrays.
@@ -59,23 +64,20 @@ class Robot(Body):
         self,
         scene: Path | str,
         departures: Sequence[Departure] = (),
-        gains: Gains = DEFAULT_GAINS,
-        control_period: float = 0.02,
+        gains: Gains | None = None,
+        control_period: float = CONTROL_PERIOD,
+        folders: Sequence[Path | str] = (),
     ) -> None:
-        draft = Draft.of(load_spec(scene))
+        gains = gains_of(scene, folders).gains if gains is None else gains
+        draft = Draft.of(load_spec(scene, folders))
         for departure in departures:
             departure.edit(draft)
-        wind(draft)
+        wind(draft, gains.damping)
         add_fingers(draft.spec)
+        self._substeps = set_time_step(draft.spec, control_period)
         self.model = draft.spec.compile()
         self.data = mujoco.MjData(self.model)
         self.control_period = control_period
-        self._substeps = round(control_period / self.model.opt.timestep)
-        if not np.isclose(self._substeps * self.model.opt.timestep, control_period):
-            raise ArgumentError(
-                f"control_period {control_period} s is not a multiple of the physics time step "
-                f"{self.model.opt.timestep} s"
-            )
         self._gains, self._sensor_errors, self._planned = (
             gains,
             draft.sensor_errors,

@@ -13,16 +13,13 @@ import numpy as np
 
 from kengoro_env.errors import ModelError
 from kengoro_env.robot.draft import Draft, TendonSpec
-from kengoro_env.robot.muscle_law import add_affine_actuator
+from kengoro_env.robot.muscle_law import DEFAULT_GAINS, add_affine_actuator
 
 SPOOL_TRAVEL = 0.6
 """Travel of a spool [m]; the end of the tendon starts in its middle, away from the guide."""
 
 SPOOL_MASS = 0.001
 """Mass of a spool [kg], small against any link."""
-
-MOTOR_DAMPING = 150.0
-"""Viscous friction of a motor, seen at the tendon [N s/m]."""
 
 
 def spool_joint(muscle: str) -> str:
@@ -55,13 +52,17 @@ def actuated_joints(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(name for name in found if name not in spools)
 
 
-def wind(draft: Draft) -> None:
+def wind(draft: Draft, damping: float = DEFAULT_GAINS.damping) -> None:
     """Write the tendons of a draft and their actuators into its model; `Motors` sets the gains.
+
+    Args:
+        draft: the robot; tendons that are no muscles stay as they are.
+        damping: viscous friction of a motor, seen at the tendon [N s/m].
 
     Raises:
         ModelError: MuJoCo cannot simulate a tendon as planned.
     """
-    for tendon in list(draft.spec.tendons):
+    for tendon in [tendon for tendon in draft.spec.tendons if tendon.name in draft.tendons]:
         muscle, planned = tendon.name, draft.tendons[tendon.name]
         if planned.wraps and planned.motor_inertia and not planned.stiffness:
             raise ModelError(
@@ -69,7 +70,7 @@ def wind(draft: Draft) -> None:
                 "simulate both only for a tendon that stretches; add TendonStretch"
             )
         if planned.wraps or planned.stiffness:
-            tendon = _replace_tendon(draft.spec, tendon, planned)
+            tendon = _replace_tendon(draft.spec, tendon, planned, damping)
         if planned.stiffness:
             joint = draft.spec.joint(spool_joint(muscle))
             joint.armature = planned.motor_inertia
@@ -78,12 +79,12 @@ def wind(draft: Draft) -> None:
         else:
             tendon.armature = planned.motor_inertia
             tendon.frictionloss = planned.friction
-            tendon.damping = np.array([MOTOR_DAMPING, 0.0, 0.0])
+            tendon.damping = np.array([damping, 0.0, 0.0])
             add_affine_actuator(draft.spec, muscle, mujoco.mjtTrn.mjTRN_TENDON, muscle)
 
 
 def _replace_tendon(
-    spec: mujoco.MjSpec, old: mujoco.MjsTendon, planned: TendonSpec
+    spec: mujoco.MjSpec, old: mujoco.MjsTendon, planned: TendonSpec, damping: float
 ) -> mujoco.MjsTendon:
     """Replace a tendon by one that wraps over its bones and starts at its spool, if it has one."""
     name, sites = old.name, [element.target.name for element in old.path]
@@ -91,7 +92,7 @@ def _replace_tendon(
     spec.delete(old)
     tendon = spec.add_tendon(kind, name=name)
     if planned.stiffness:
-        tendon.wrap_site(_add_spool(spec, name, sites[0]))
+        tendon.wrap_site(_add_spool(spec, name, sites[0], damping))
         tendon.stiffness = np.array(planned.stiffness)
         tendon.springlength = np.array([0.0, SPOOL_TRAVEL])  # `Motors` sets the true length
     for index, site in enumerate(sites):
@@ -101,7 +102,7 @@ def _replace_tendon(
     return tendon
 
 
-def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str) -> str:
+def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str, damping: float) -> str:
     """Add a slide joint behind the guide that carries the end of the tendon; return its site."""
     site = spec.site(guide)
     body = site.parent.add_body(name=spool_joint(muscle), pos=site.pos, gravcomp=1.0)
@@ -111,7 +112,7 @@ def _add_spool(spec: mujoco.MjSpec, muscle: str, guide: str) -> str:
         name=spool_joint(muscle),
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=np.array([0.0, 0.0, 1.0]),
-        damping=np.array([MOTOR_DAMPING, 0.0, 0.0]),
+        damping=np.array([damping, 0.0, 0.0]),
     )
     end = body.add_site(name=f"{muscle}_spool")
     return end.name

@@ -1,8 +1,9 @@
 """Compiles the C code of control steps and images with the system's C compiler.
 
 The library is compiled on first use and kept in the user's cache folder, under a name with the hash
-of sources, MuJoCo's version, compiler, options and machine. Without compiled code NumPy computes
-the same bits and MuJoCo renders the same pixels, but slower; the log gives the reason.
+of sources, MuJoCo's version, compiler, options and machine. What others may have written, or what
+is cut off, is not loaded. Without compiled code NumPy computes the same bits and MuJoCo renders the
+same pixels, but slower; the log gives the reason.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import mujoco
 from platformdirs import user_cache_path
 
 from kengoro_env.errors import NotCompiledError
+from kengoro_env.stepping import private_cache
 
 SWITCH = "KENGORO_COMPILED"
 """Environment variable: 0 switches compiled code off."""
@@ -45,7 +47,7 @@ def library() -> ctypes.CDLL | None:
             raise NotCompiledError(f"{SWITCH} is 0")
         if sys.platform != "linux":
             raise NotCompiledError("compiled code is tested on Linux only")
-        return load(user_cache_path("kengoro"))
+        return load(user_cache_path("kengoro") / "compiled")
     except (OSError, RuntimeError, ValueError) as reason:
         _LOG.info("no compiled code, so that steps and images take longer: %s", reason)
         return None
@@ -54,8 +56,11 @@ def library() -> ctypes.CDLL | None:
 def load(folder: Path) -> ctypes.CDLL:
     """Load the compiled code from ``folder``; compile it if it is missing or does not load.
 
+    A folder or a library that others may write is not used: the code is compiled into a private
+    folder among the temporary files, and the log warns of it.
+
     Args:
-        folder: folder of compiled libraries.
+        folder: folder of compiled libraries; made if it is missing.
 
     Raises:
         NotCompiledError: there is no compiler, or it fails.
@@ -71,11 +76,19 @@ def load(folder: Path) -> ctypes.CDLL:
     parts = (*texts, mujoco.__version__, *compiler, *_OPTIONS, machine())
     name = sha256("\0".join(parts).encode()).hexdigest()[:16]
     path = folder / f"compiled-{name}.so"
-    if path.is_file():
+    if not private_cache.make_private(folder) or (
+        path.is_file() and not private_cache.is_private(path)
+    ):
+        path = private_cache.private_folder() / path.name
+        _LOG.warning(
+            "others may write the compiled code in %s: it is not loaded, but compiled in %s",
+            *(folder, path.parent),
+        )
+    if path.is_file() and private_cache.is_private(path) and private_cache.is_whole(path):
         try:
             return ctypes.CDLL(str(path))
         except OSError:
-            pass  # damaged, or compiled on another machine that shares the folder
+            pass  # compiled on another machine that shares the folder
     options = [*_OPTIONS, "-I", str(mujocos / "include")]
     _compile([*compiler, *options, *map(str, _SOURCES), str(engines[0]), "-lm"], path)
     return ctypes.CDLL(str(path))
@@ -85,7 +98,6 @@ def _compile(command: list[str], path: Path) -> None:
     """Run the compiler, and write its output to ``path``, whole or not at all."""
     if shutil.which(command[0]) is None:
         raise NotCompiledError(f"there is no C compiler {command[0]!r}")
-    path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent) as beside:
         output = Path(beside) / path.name
         try:
@@ -103,4 +115,5 @@ def _compile(command: list[str], path: Path) -> None:
             raise NotCompiledError(f"{command[0]} failed: {first}") from None
         except subprocess.TimeoutExpired:
             raise NotCompiledError(f"{command[0]} took longer than {_TIMEOUT} s") from None
+        private_cache.seal(output)
         output.replace(path)

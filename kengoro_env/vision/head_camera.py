@@ -19,13 +19,21 @@ class HeadCamera:
 
     The frame of a reset is available at once, because the robot stood still before.
 
+    Sites are not rendered, because a robot has none: they would hide the marker. Tendons are drawn
+    as straight lines through bodies, and so are left out unless asked for.
+
     Args:
         painter: renders the frames.
         delay: age of a frame when it becomes available [s].
+        camera: name of the camera in the model.
+        tendons: whether tendons are rendered.
     """
 
-    def __init__(self, painter: Painter, delay: float) -> None:
+    def __init__(
+        self, painter: Painter, delay: float, camera: str = EYE, tendons: bool = False
+    ) -> None:
         self._painter, self._delay = painter, delay
+        self._name, self._tendons = camera, tendons
         self._coming: deque[tuple[float, Image]] = deque()
         self._newest: tuple[float, Image]
         self._exposures = 0
@@ -33,17 +41,23 @@ class HeadCamera:
     def reset(self, data: mujoco.MjData) -> None:
         """Start the clock, and take the first frame."""
         self._coming.clear()
-        self._newest = (float(data.time), self._painter.draw(data, EYE))
+        self._newest = (float(data.time), self._draw(data))
         self._exposures = 1
 
     def update(self, data: mujoco.MjData) -> None:
         """Advance the clock to the simulated time; take a frame if it is due."""
         now = float(data.time)
         if now + INSTANT >= self._exposures * PERIOD:
-            self._coming.append((now, self._painter.draw(data, EYE)))
+            self._coming.append((now, self._draw(data)))
             self._exposures += 1
         while self._coming and now + INSTANT >= self._coming[0][0] + self._delay:
             self._newest = self._coming.popleft()
+
+    def _draw(self, data: mujoco.MjData) -> Image:
+        visible = mujoco.MjvOption()
+        visible.sitegroup[:] = 0
+        visible.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = self._tendons
+        return self._painter.draw(data, self._name, visible=visible)
 
     def close(self) -> None:
         """Free the GL context; the next frame opens another."""

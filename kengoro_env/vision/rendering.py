@@ -142,6 +142,7 @@ class Painter:
         data: mujoco.MjData,
         camera: str,
         decorate: Callable[[mujoco.MjvScene], None] | None = None,
+        visible: mujoco.MjvOption | None = None,
     ) -> Image:
         """Image of a camera (height, width, 3) uint8, RGB; a new array.
 
@@ -149,6 +150,7 @@ class Painter:
             data: the state to render.
             camera: name of a camera of the model.
             decorate: adds geoms to the scene that are not in the model.
+            visible: which elements are rendered; MuJoCo's default if left out.
 
         Raises:
             RenderingError: no GL backend works here.
@@ -158,7 +160,7 @@ class Painter:
                 *(self._model, self._width, self._height, self._quality), simple=True
             )
         scene = self._renderer.scene
-        self._renderer.update_scene(data, camera)
+        self._renderer.update_scene(data, camera, *(() if visible is None else (visible,)))
         # Shadows and reflections take most of the time, and make markers harder to detect.
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False

@@ -13,7 +13,8 @@ from reality_gap.io.units import parse_unit, symbols_of
 HINTS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
-        "command": "target command cmd ctrl control ref reference desired des setpoint goal u",
+        "command": "target action command cmd ctrl control ref reference desired des setpoint "
+        "goal u",
         "position": "length len l pos position angle q theta encoder enc measured meas",
         "rate": "vel velocity speed rate dq qd omega gyro",
         "force": "tension force torque load effort f tau current",

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import json
+import os
+import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mjcf_sandbox import sandbox, worker
 from mjcf_sandbox.errors import SandboxError, UntrustedFileError
+from mjcf_sandbox.files import FULL, is_full
 from reality_gap.errors import StudyError
+from reality_gap.io.lerobot import is_dataset, unpack_dataset
 from reality_gap.io.rosbag import check_new, unpack
 
 SECONDS, RATE = 10.0, 10e6
 """Longest time without progress: `SECONDS` [s], and the size of the bag over `RATE` [bytes/s]."""
 MEMORY, UNFOLDED = 2 << 30, 60
 """Largest memory: `MEMORY` [bytes], and `UNFOLDED` times the size of the bag."""
-ARRIVAL, STAMP = "arrival", "stamp"
-"""Values of the argument ``clock`` of `main`."""
+LEAST_SPACE = 1 << 20
+"""Free space below which a disk is full [bytes]."""
+_NOTES = "notes"
 
 
 def unpack_in_sandbox(
@@ -25,39 +31,105 @@ def unpack_in_sandbox(
     topics: Sequence[str] = (),
     by_arrival: bool = False,
     progress: Callable[[float], None] = lambda share: None,
+    *,
+    types: Path | None = None,
+    episodes: Sequence[int] = (),
+    note: Callable[[str], None] = lambda sentence: None,
 ) -> tuple[Path, ...]:
-    """Run `reality_gap.io.rosbag.unpack` in a process with limited time and memory.
+    """Run `unpack` or `unpack_dataset` in a process with limited time and memory.
 
-    Args and return value are those of `unpack`.
+    Args:
+        bag: a bag, or the folder of a LeRobot dataset.
+        out: folder to create.
+        topics: topics of a bag, or features of a dataset; by default all that hold numbers.
+        by_arrival: use the time at which messages were recorded instead of their time stamps.
+        progress: called with the fraction of the bag that has been read, 0 to 1.
+        types: folder of .msg and .idl files with definitions of messages.
+        episodes: numbers of a dataset's episodes; by default all.
+        note: called with a sentence for each thing that was left out or is missing.
+
+    Returns:
+        The files in the order of their names.
 
     Raises:
         StudyError: the bag cannot be read, has no such topic, holds no numbers, crashes its reader
-            or exceeds the limits, or ``out`` exists.
+            or exceeds the limits, or ``out`` exists or the disk is full.
     """
     check_new(out)
     limits = _limits(bag)
     out = out.resolve()
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
-        new = Path(temporary) / "new"
-        clock = ARRIVAL if by_arrival else STAMP
-        arguments = [str(bag.absolute()), str(new), clock, *topics]
+        new, notes = Path(temporary) / "new", Path(temporary) / _NOTES
+        task = {
+            "bag": str(bag.absolute()),
+            "out": str(new),
+            "topics": list(topics),
+            "by_arrival": by_arrival,
+            "types": None if types is None else str(types.absolute()),
+            "episodes": list(episodes),
+            "notes": str(notes),
+        }
         try:
-            sandbox.run("reality_gap.io.rosbag_sandbox", arguments, limits, progress)
+            sandbox.run("reality_gap.io.rosbag_sandbox", [json.dumps(task)], limits, progress)
         except SandboxError as error:
+            for folder in (Path(temporary), Path(tempfile.gettempdir())):
+                if shutil.disk_usage(folder).free < LEAST_SPACE:
+                    raise StudyError(no_space(out)) from error
             raise StudyError(f"{bag.name} {error}") from error
         except UntrustedFileError as error:
-            raise StudyError(str(error)) from error
+            raise StudyError(str(error).replace(str(new), str(out))) from error
+        for sentence in json.loads(notes.read_text("utf-8")):
+            note(sentence)
         new.rename(out)
     return tuple(sorted(out.iterdir()))
 
 
-def main(bag: str, out: str, clock: str, *topics: str) -> None:
-    """Entry point of the worker process: unpack a bag and pass errors on to the parent."""
+def main(task: str) -> None:
+    """Entry point of the worker process: unpack a bag and pass errors on to the parent.
+
+    Args:
+        task: the arguments, as JSON.
+    """
+    given = json.loads(task)
+    notes: list[str] = []
+    bag, out = Path(given["bag"]), Path(given["out"])
     try:
-        unpack(Path(bag), Path(out), topics, clock == ARRIVAL, worker.report_progress)
+        if is_dataset(bag):
+            unpack_dataset(
+                bag,
+                out,
+                given["topics"],
+                given["episodes"],
+                worker.report_progress,
+                note=notes.append,
+            )
+        else:
+            if given["episodes"]:
+                raise StudyError(f"{bag.name} is no LeRobot dataset: --episodes is for those only")
+            unpack(
+                bag,
+                out,
+                given["topics"],
+                given["by_arrival"],
+                worker.report_progress,
+                types=None if given["types"] is None else Path(given["types"]),
+                note=notes.append,
+            )
+        Path(given["notes"]).write_text(json.dumps(notes), "utf-8")
     except StudyError as error:
         raise UntrustedFileError(str(error)) from error
+    except OSError as error:
+        if is_full(error):
+            raise UntrustedFileError(no_space(out)) from error
+        reason = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
+        where = f" ({error.filename})" if error.filename else ""
+        raise UntrustedFileError(f"{bag.name} cannot be unpacked: {reason}{where}") from error
+
+
+def no_space(out: Path) -> str:
+    """Return the sentence for a full disk."""
+    return f"there is no space left for {out}: {FULL}; free some, or choose fewer --topics"
 
 
 def _limits(bag: Path) -> sandbox.Limits:

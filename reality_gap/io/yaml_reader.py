@@ -11,7 +11,7 @@ from reprlib import repr as short
 import yaml
 
 from reality_gap.errors import StudyError
-from reality_gap.io.tables import LARGEST
+from reality_gap.io.cells import LARGEST
 
 MAX_BYTES = 1 << 20
 """Largest file [bytes]."""

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from mjcf_sandbox.errors import OutputError
+from mjcf_sandbox.files import check_links
 from reality_gap.diagnosis import Diagnosis, Experiment
 from reality_gap.errors import StudyError
 from reality_gap.report import extended_model, model_assets
@@ -36,8 +38,13 @@ def check_out(out: Path) -> None:
         out: the folder; it must not exist, be empty, or contain an earlier diagnosis only.
 
     Raises:
-        StudyError: it is a file, or a folder with other files.
+        StudyError: it is a file, or a folder with other files, or lies behind a link that leads
+            nowhere.
     """
+    try:
+        check_links(out)
+    except OutputError as error:
+        raise StudyError(str(error)) from error
     if not out.exists():
         return
     if not out.is_dir():

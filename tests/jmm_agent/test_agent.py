@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from jmm_agent.agent import Agent, AgentOptions
+from jmm_agent.command_limits import CommandLimits
 from jmm_agent.errors import AgentError
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
@@ -208,7 +209,7 @@ def test_without_a_trajectory_it_stays_where_it_starts(
 BAD = {
     "lengths": [np.zeros(35), np.zeros((36, 1)), np.full(36, np.nan), np.full(36, np.inf)],
     "tensions": [np.zeros(1), np.array(50.0), np.full(36, np.nan)],
-    "time": [np.nan, np.inf, -1.0],
+    "time": [np.nan, np.inf, -np.inf],
 }
 
 
@@ -238,8 +239,6 @@ def test_bad_first_readings_do_not_start_it(
     trial = Trial(nominal_map, arm)
     for name, values in BAD.items():
         for value in values[:3]:
-            if (name, np.ndim(value)) == ("time", 0) and value == -1.0:
-                continue  # a first time may be any
             with pytest.raises(AgentError):
                 trial.agent.step(trial.readings(**{name: value}))
     trial.visit(FIRST)
@@ -440,3 +439,22 @@ def test_readings_that_change_afterwards_do_not_change_what_was_learned(
 
 def test_options_can_be_replaced_one_by_one() -> None:
     assert replace(AgentOptions(), hand_marker=7).can_marker == AgentOptions().can_marker
+
+
+def test_the_rate_of_commands_is_limited_and_the_trajectory_pauses_in_a_gap(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    """A gap of 10 s is not followed by the end of the trajectory in one step."""
+    trial = Trial(nominal_map, arm)
+    trial.agent.limits = CommandLimits(0.2)
+    before = trial.rest(START, 5)
+    trial.agent.go(FIRST, 2.0)
+    for number in range(60):
+        trial.steps += 500 if number == 30 else 0
+        command = trial.step()
+        assert np.abs(command - before).max() <= 0.2 * 0.02 + 1e-12
+        before = command
+    share = np.abs(command - nominal_map.lengths(FIRST)).max()
+    assert share > 0.2 * np.abs(nominal_map.lengths(START) - nominal_map.lengths(FIRST)).max()
+    end = trial.rest(START, 60)
+    np.testing.assert_allclose(end, trial.agent.map.lengths(FIRST), atol=1e-9)

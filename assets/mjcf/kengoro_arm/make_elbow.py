@@ -10,7 +10,13 @@ from xml.etree import ElementTree
 
 FOLDER = Path(__file__).resolve().parent
 MUSCLES = ("biceps", "brachialis", "triceps")
-NOTE = " Written by make_elbow.py from arm.xml: the elbow alone, all else fixed at zero. "
+NOTE = (
+    " Written by make_elbow.py from arm.xml: the elbow alone, all else fixed at zero.\n"
+    "       Attribution as in arm.xml: adapted from the Thoracoscapular shoulder model of "
+    "Seth et al. (2019), CC BY 4.0,\n"
+    "       and from Arm26 by the OpenSim Development Team after "
+    "Holzbaur et al. (2005), CC BY 3.0. "
+)
 CAMERA = {
     "name": "outside",
     "pos": "0.15 -1.05 -0.20",

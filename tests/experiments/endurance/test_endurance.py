@@ -12,8 +12,8 @@ import pytest
 from experiments.endurance import run
 from experiments.endurance.run import Args, hourly, main
 from experiments.harness.errors import ExperimentError
-from experiments.robots.checkpoint import load_checkpoint, save_checkpoint
 from jmm_agent.agent import Agent
+from jmm_agent.mapping.joint_muscle_map import CheckpointError
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
 from jmm_agent.vision.observation_fit import MarkerObservation
@@ -47,7 +47,7 @@ def made_up(rng: np.random.Generator) -> tuple[AntagonismMemory, VisionMemory]:
         [rng.normal(size=36) for _ in range(3)],
         [True, False, True],
         rng.normal(size=(3, 14)),
-        rng.normal(size=(3, 36)),
+        rng.integers(0, 3, (3, 36)).astype(float),
         pairs(),
     )
     return AntagonismMemory(rng.normal(size=14), pairs()), vision
@@ -68,8 +68,8 @@ def test_what_an_agent_knows_survives_in_a_file(
     layers = {group.name: (group.W2 + 1.0, group.b2 - 1.0)}
     agent.recall(agent.map.with_output_layers(layers), *made_up(np.random.default_rng(0)))
     agent.learner.rng.normal(size=5)
-    save_checkpoint(tmp_path / "memory.npz", agent)
-    load_checkpoint(tmp_path / "memory.npz", other)
+    agent.save(tmp_path / "memory.npz")
+    other.load(tmp_path / "memory.npz")
     np.testing.assert_array_equal(other.map.groups[0].W2, group.W2 + 1.0)
     np.testing.assert_array_equal(other.map.groups[0].b2, group.b2 - 1.0)
     assert other.learner.rng.normal() == agent.learner.rng.normal()
@@ -85,8 +85,8 @@ def test_an_agent_that_has_learned_nothing_can_be_kept(
     none = Pairs.none(14, 36)
     nothing = VisionMemory([], [], [], np.empty((0, 14)), np.empty((0, 36)), none)
     agent.recall(agent.map, AntagonismMemory(None, none), nothing)
-    save_checkpoint(tmp_path / "memory.npz", agent)
-    load_checkpoint(tmp_path / "memory.npz", other)
+    agent.save(tmp_path / "memory.npz")
+    other.load(tmp_path / "memory.npz")
     assert other.antagonism.memory.last is None
     assert other.vision.memory.observations == []
 
@@ -98,8 +98,12 @@ def test_a_file_without_a_memory_is_refused(
     path = tmp_path / "memory.npz"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(ExperimentError, match="is no checkpoint"):
-        load_checkpoint(path, agents[0])
+    before = agents[0].memory
+    with pytest.raises(CheckpointError, match="does not hold what this agent has learned"):
+        agents[0].load(path)
+    assert agents[0].memory.map is before.map
+    assert agents[0].memory.generator == before.generator
+    assert plain(agents[0].memory[1:3]) == plain(before[1:3])
 
 
 def test_errors_are_taken_by_the_hour() -> None:

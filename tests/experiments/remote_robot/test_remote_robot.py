@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.remote_robot.run import Args, main
 from jmm_agent.observation import SensorReadings
 from kengoro.errors import UsageError
-from kengoro.remote_robot import robot_process
+from kengoro.remote_robot.process import robot_process
 from kengoro.robots import NO_END, make_env
 from kengoro_env.env import KengoroEnv
 
@@ -51,7 +53,7 @@ def test_a_robot_that_was_stopped_may_be_stopped_again() -> None:
     with robot_process("Posture", None) as robot:
         robot.read()
         robot.stop()
-        with pytest.raises(OSError, match="descriptor"):
+        with pytest.raises(UsageError, match="it was stopped"):
             robot.read()
 
 
@@ -63,6 +65,19 @@ def command_nonsense() -> None:
         robot.read()
 
 
-def test_a_closed_connection_is_reported() -> None:
-    with pytest.raises(UsageError, match="ended the connection"):
+def test_a_command_for_another_robot_is_refused_in_a_sentence() -> None:
+    with pytest.raises(UsageError, match="'target_lengths' must be a list of 36 numbers"):
         command_nonsense()
+
+
+def test_a_robot_with_its_own_clock_does_not_wait() -> None:
+    with robot_process("Elbow", None, period=0.05) as robot:
+        first = robot.read()
+        robot.pause()
+        time.sleep(0.5)
+        later = robot.read()
+        assert robot.period == 0.05
+        assert first is not None
+        assert later is not None
+        assert later.time - first.time > 0.1
+        assert robot.overtaken >= 4

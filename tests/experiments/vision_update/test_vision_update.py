@@ -73,7 +73,7 @@ def test_corners_are_where_the_detector_finds_them() -> None:
     pose[:3, :3] = np.diag([1.0, -1.0, -1.0])  # faces the camera, upright
     pose[:3, 3] = 0.05, -0.02, 0.4
     outline = corners(pose)
-    side = round(CAMERA.focal_px * SIDES[HAND] / 0.4)
+    side = round(CAMERA.fx * SIDES[HAND] / 0.4)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     frame = np.full((480, 640), 255, np.uint8)
     x, y = np.round(outline[0]).astype(int)

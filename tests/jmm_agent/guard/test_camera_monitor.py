@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -66,7 +68,7 @@ def seen(angle: float, x: float = 0.0) -> MarkerPose:
 
 @pytest.fixture
 def marker() -> MarkerMonitor:
-    monitor = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
+    monitor = MarkerMonitor(Camera(640, 480, 580.0, 580.0, 319.5, 239.5), CameraMonitorOptions())
     monitor.update(0.0, seen(0.4), facing(1.0))  # the estimate is wrong by 0.6 rad
     assert list(monitor.found()) == []
     return monitor
@@ -131,7 +133,7 @@ def test_a_marker_that_leaves_the_view_is_not_missed(
 
 
 def test_a_second_marker_is_named_even_before_the_first_estimate() -> None:
-    monitor = MarkerMonitor(Camera(640, 480, 580.0), CameraMonitorOptions())
+    monitor = MarkerMonitor(Camera(640, 480, 580.0, 580.0, 319.5, 239.5), CameraMonitorOptions())
     monitor.update(0.0, Skip.TWICE, None)
     assert list(monitor.found()) == [faults.SECOND_MARKER]
     monitor.update(0.2, seen(0.4), None)
@@ -161,3 +163,36 @@ def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerMonitor) 
 def test_a_marker_that_turns_with_the_estimate_is_not_mirrored(marker: MarkerMonitor) -> None:
     marker.update(0.2, seen(-0.4), facing(0.2))
     assert list(marker.found()) == []
+
+
+def hidden_at(camera: Camera, x: float, side_px: float) -> bool:
+    """Whether a marker that is expected at x [m], and is not seen, is missed."""
+    monitor = MarkerMonitor(camera, CameraMonitorOptions())
+    corners = side_px * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    monitor.update(0.0, replace(seen(0.4, x), corners_px=corners), facing(0.4, x))
+    for k in (1, 2):
+        monitor.update(0.2 * k, Skip.NOT_SEEN, facing(0.4, x))
+    return list(monitor.found()) == [faults.MARKER_HIDDEN]
+
+
+@pytest.mark.parametrize("scale", [0.25, 1.0, 6.0])
+def test_the_margin_of_the_frame_is_a_share_of_its_size(scale: float) -> None:
+    width, height, focal = round(640 * scale), round(480 * scale), 580.0 * scale
+    camera = Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
+    # The right border is at 0.276 m; 70 of 640 px less is 0.2155 m.
+    assert hidden_at(camera, 0.21, 50.0 * scale)
+    assert not hidden_at(camera, 0.22, 50.0 * scale)
+
+
+def test_a_near_marker_that_the_border_may_cut_is_not_missed() -> None:
+    camera = Camera(640, 480, 580.0, 580.0, 319.5, 239.5)
+    assert hidden_at(camera, 0.15, 150.0)
+    assert not hidden_at(camera, 0.15, 200.0)  # half its plate may lie outside
+
+
+def test_the_frame_is_that_of_the_lens_and_not_of_a_centred_ideal_camera() -> None:
+    off_centre = Camera(640, 480, 580.0, 580.0, 419.5, 239.5)
+    assert not hidden_at(off_centre, 0.2, 50.0)
+    assert hidden_at(off_centre, -0.28, 50.0)
+    fisheye = Camera(640, 480, 200.0, 200.0, 319.5, 239.5, (), "fisheye")
+    assert hidden_at(fisheye, 0.8, 20.0)  # 1.01 rad from the axis; by its slope at x = 640 px

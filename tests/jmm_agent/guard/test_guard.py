@@ -51,7 +51,8 @@ class Trial:
         options: GuardOptions | None = None,
     ) -> None:
         self._nominal_map, self._arm, self.hidden, self.frozen = nominal_map, arm, False, False
-        guard = Guard(nominal_map.muscles, arm, Camera(640, 480, 580.0), None, MOTORS, options)
+        camera = Camera(640, 480, 580.0, 580.0, 319.5, 239.5)
+        guard = Guard(nominal_map.muscles, arm, camera, None, MOTORS, options)
         self.agent = Agent(
             nominal_map, arm, self, posture_set(), START, np.random.default_rng(0),
             guard=guard if guarded else None,
@@ -303,7 +304,7 @@ def test_faults_are_plain_dictionaries_for_info(trial: Trial) -> None:
     (fault,) = trial.agent.faults
     assert fault == Fault(faults.ENCODER_JUMP, trial.agent.map.muscles[MUSCLE], fault.since)
     assert faults_for_info([fault]) == [
-        {"kind": "encoder_jump", "where": fault.where, "since": fault.since}
+        {"kind": "encoder_jump", "where": fault.where, "since": fault.since, "detail": ""}
     ]
     assert fault.since == pytest.approx(0.02 * (trial.steps - 1))
 

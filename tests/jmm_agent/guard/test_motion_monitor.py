@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.guard.motion_monitor import (
@@ -10,20 +11,21 @@ from jmm_agent.guard.motion_monitor import (
     DelayMonitorOptions,
     DisturbanceMonitor,
     DisturbanceMonitorOptions,
+    force_of,
 )
 
 DT = 0.02
 MOTORS = MotorControl()
 
 
-def delayed(delay: int, steps: int, monitor: DelayMonitor) -> bool:
+def delayed(delay: int, steps: int, monitor: DelayMonitor, period: float = DT) -> bool:
     """Whether commands are late, by muscles that follow them some steps late."""
-    time = DT * np.arange(steps + 20)
+    time = period * np.arange(steps + 20)
     commands = 0.03 * np.sin(2.0 * time[:, None] + np.arange(3))
     for k in range(20, steps + 20):
         lengths = commands[k - delay] + 0.002
         tensions = MOTORS.demanded(lengths, commands[k - delay])
-        late = monitor.update(lengths, tensions, commands[k], np.ones(3, dtype=bool))
+        late = monitor.update(period, lengths, tensions, commands[k], np.ones(3, dtype=bool))
     return late
 
 
@@ -86,3 +88,56 @@ def test_a_push_differs_from_a_wrong_map_s_force_that_varies_with_the_posture() 
     assert np.argmax(pushed_by(np.arange(60.0, 64.0, 0.04), 40.0)) < 10
     assert pushed_by(np.arange(60.0, 64.0, 0.04), 40.0)[-1]
     assert not pushed_by(np.arange(64.0, 65.0, 0.04), 0.0)[-1]
+
+
+@pytest.mark.parametrize("period", [0.005, 0.01, 0.02, 0.05])
+def test_commands_that_are_100_ms_late_are_noticed_at_any_period(period: float) -> None:
+    monitor, second = DelayMonitor(MOTORS, DelayMonitorOptions()), round(1.0 / period)
+    assert not delayed(0, 4 * second, monitor, period)
+    assert delayed(round(0.1 / period), 2 * second, monitor, period)
+    assert not delayed(0, 2 * second, monitor, period)
+    assert not delayed(1, 2 * second, monitor, period)  # of a loop that writes after it reads
+
+
+@pytest.mark.parametrize("period", [0.005, 0.02, 0.03, 0.05])
+def test_a_push_is_noticed_within_the_same_time_at_any_period(period: float) -> None:
+    monitor, rng = DisturbanceMonitor(DisturbanceMonitorOptions()), np.random.default_rng(0)
+    spacing = period * np.ceil(0.04 / period - 1e-9)
+    jacobian, rotation = np.eye(3), np.eye(3)
+
+    def pushed_for(seconds: float, push: float) -> list[bool]:
+        forces = rng.standard_normal((round(seconds / spacing), 3))
+        forces[:, 1] += push
+        return [monitor.update(spacing, -force, jacobian, rotation) for force in forces]
+
+    assert not any(pushed_for(20.0, 0.0))
+    assert 0.0 < spacing * pushed_for(2.0, 40.0).index(True) < 0.3
+    assert spacing * pushed_for(2.0, 0.0).index(False) < 0.3
+
+
+@pytest.mark.parametrize("joints", [1, 2])
+def test_fewer_than_three_joints_at_the_hand_show_a_push_along_their_motion(joints: int) -> None:
+    """A planar finger of links of 60 and 40 mm."""
+    monitor = DisturbanceMonitor(DisturbanceMonitorOptions(least=2.0, usual_change=0.5))
+    jacobian = np.array([[-0.05, -0.03], [0.08, 0.02], [0.0, 0.0]])[:, :joints]
+    along, rng = jacobian[:, 0] / np.linalg.norm(jacobian[:, 0]), np.random.default_rng(0)
+
+    def pushed_by(force: np.ndarray) -> bool:
+        for _ in range(20):
+            torques = -jacobian.T @ (force + 0.1 * rng.standard_normal(3))
+            pushed = monitor.update(0.04, torques, jacobian, np.eye(3))
+        return pushed
+
+    across = np.array([0.0, 0.0, 5.0])  # no joint moves the hand that way
+    assert not pushed_by(np.zeros(3))
+    assert not pushed_by(across)
+    assert pushed_by(5.0 * along)
+    assert not pushed_by(np.zeros(3))
+
+
+@pytest.mark.parametrize("stretched", [0.0, 1e-9, 1e-3])
+def test_a_singular_posture_shows_no_force_along_the_stretched_arm(stretched: float) -> None:
+    jacobian = np.array([[0.0, 0.0, stretched], [0.5, 0.3, 0.1], [0.2, -0.3, 0.1]])
+    torques = -jacobian.T @ np.array([0.0, 3.0, -2.0]) + [1e-3, -1e-3, 1e-3]
+    force = force_of(torques, jacobian, DisturbanceMonitorOptions().observable)
+    np.testing.assert_allclose(force, [0.0, 3.0, -2.0], atol=0.02)

@@ -149,7 +149,7 @@ def test_a_map_does_not_unpack_without_limit(jmm, tmp_path, monkeypatch):
     jmm.save(tmp_path / "map.npz")
     JointMuscleMap.load(tmp_path / "map.npz")
     monkeypatch.setattr("jmm_agent.mapping.joint_muscle_map.MAX_BYTES", 1000)
-    with pytest.raises(CheckpointError, match="it unpacks into 0 MiB, and a map has 0"):
+    with pytest.raises(CheckpointError, match="it unfolds into 0 MiB, and 0 are allowed"):
         JointMuscleMap.load(tmp_path / "map.npz")
 
 

@@ -61,7 +61,7 @@ def test_poses_of_rendered_markers_are_exact_and_none_is_missed_or_flipped(detec
 
 def test_corners_are_the_printed_ones_clockwise_from_the_upper_left(detector, scene):
     corners = detector.detect(scene.render(UPRIGHT)).poses[0].corners_px
-    half = CAMERA.focal_px * SIDE / 2 / 0.4
+    half = CAMERA.fx * SIDE / 2 / 0.4
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     np.testing.assert_allclose(corners, (319.5, 239.5) + half * signs, atol=0.05)
 
@@ -194,13 +194,13 @@ def test_impossible_predictions_are_refused(detector, expected):
 @pytest.mark.parametrize("arguments", [(0, 480, 500.0), (640, 480, -1.0), (640, 480, np.inf)])
 def test_impossible_cameras_are_refused(arguments):
     with pytest.raises(AgentError, match="camera"):
-        Camera(*arguments)
+        Camera(*arguments, 500.0, 319.5, 239.5)
 
 
 def test_a_camera_from_its_field_of_view():
     camera = Camera.from_fovy(640, 480, np.deg2rad(45))
     upper = np.linalg.solve(camera.matrix, [319.5, -0.5, 1.0])  # the border, half a pixel above
     np.testing.assert_allclose(np.arctan(upper[1]), -np.deg2rad(22.5), atol=1e-12)
-    np.testing.assert_allclose(camera.focal_px, 579.41, atol=0.01)
+    np.testing.assert_allclose(camera.fx, 579.41, atol=0.01)
     with pytest.raises(AgentError, match="0 and pi"):
         Camera.from_fovy(640, 480, 4.0)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -115,8 +116,8 @@ def test_towards_null_the_robot_becomes_the_nominal_model(
 ) -> None:
     case, load = CASES[name], robot.load_spec
 
-    def load_with_integrator(path: object) -> mujoco.MjSpec:
-        spec = load(path)  # type: ignore[arg-type]
+    def load_with_integrator(path: Path, folders: Sequence[Path | str]) -> mujoco.MjSpec:
+        spec = load(path, folders)
         if case.integrator is not None:
             spec.option.integrator = case.integrator
         return spec

@@ -7,7 +7,9 @@ import logging
 import os
 import re
 import shutil
+import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -21,6 +23,8 @@ from kengoro_env.stepping.c_compiler import library, load
 from kengoro_env.stepping.numpy_steps import NumpySteps
 from kengoro_env.vision.quick_renderer import Canvas
 from tests.kengoro_env.environments import make
+
+ROOT = Path(kengoro_env.__file__).parents[1]
 
 
 def test_on_linux_a_compiler_is_enough() -> None:
@@ -119,7 +123,7 @@ def test_without_compiled_code_numpy_computes_it_and_the_log_has_the_reason(
         message = log_of_a_library()
     assert "no compiled code, so that steps and images take longer" in message
     assert reason in message
-    assert not folder.is_dir() or not list(folder.iterdir())
+    assert not folder.is_dir() or not list(folder.rglob("*.so"))
 
 
 def test_a_switch_leaves_it_to_numpy(
@@ -196,6 +200,110 @@ def test_a_broken_file_in_the_cache_is_compiled_again(tmp_path: Path) -> None:
     broken.write_bytes(b"not a library")
     assert load(broken.parent).size_of_step() == ctypes.sizeof(step_structures.Step)
     assert broken.stat().st_size == made.stat().st_size
+
+
+@pytest.fixture(scope="module")
+def whole_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Compiled code."""
+    if library() is None:
+        pytest.skip("there is no compiled code here")
+    folder = tmp_path_factory.mktemp("whole")
+    load(folder)
+    (made,) = folder.iterdir()
+    return made
+
+
+@pytest.fixture
+def quick_compiler(
+    whole_library: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A compiler that copies the compiled code, which takes less time."""
+    compiler = tmp_path_factory.mktemp("compiler") / "cc"
+    compiler.write_text(
+        f'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\ncp {whole_library} "$2"\n'
+    )
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+
+
+@pytest.mark.usefixtures("quick_compiler")
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.99])
+def test_a_library_that_is_cut_off_is_compiled_again(tmp_path: Path, share: float) -> None:
+    """To load it would kill the process; so it is loaded in another one."""
+    load(tmp_path)
+    (made,) = tmp_path.iterdir()
+    content = made.read_bytes()
+    made.write_bytes(content[: round(share * len(content))])
+    program = (
+        "import sys; from pathlib import Path; from kengoro_env.stepping.c_compiler import load; "
+        "print(load(Path(sys.argv[1])).size_of_step())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path)], capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == ctypes.sizeof(step_structures.Step)
+    assert made.read_bytes()[-32:] == content[-32:]
+
+
+@pytest.mark.usefixtures("quick_compiler")
+@pytest.mark.parametrize("mode", [0o770, 0o777, 0o1777])
+@pytest.mark.parametrize("what", ["folder", "file"])
+def test_what_others_may_write_is_not_loaded(
+    what: str,
+    mode: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = tmp_path / "cache"
+    load(folder)
+    (made,) = folder.iterdir()
+    private = tmp_path / f"kengoro-{os.geteuid()}"
+    assert not private.exists()
+    (folder if what == "folder" else made).chmod(mode)
+    loaded = []
+    monkeypatch.setattr(ctypes, "CDLL", lambda path: loaded.append(Path(path)))
+
+    load(folder)
+
+    assert loaded == [private / made.name]
+    assert private.stat().st_mode & 0o777 == 0o700
+    assert caplog.messages == [
+        f"others may write the compiled code in {folder}: it is not loaded, but compiled in "
+        f"{private}"
+    ]
+
+
+@pytest.mark.usefixtures("quick_compiler")
+def test_a_library_of_another_user_is_not_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    load(tmp_path / "cache")
+    (made,) = (tmp_path / "cache").iterdir()
+    own = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: own + 1)
+    loaded = []
+    monkeypatch.setattr(ctypes, "CDLL", lambda path: loaded.append(Path(path)))
+
+    load(tmp_path / "cache")
+
+    (path,) = loaded
+    assert path.parent not in (made.parent, tmp_path / f"kengoro-{own + 1}")
+    assert path.parent.parent == tmp_path
+
+
+@pytest.mark.usefixtures("quick_compiler")
+def test_a_new_cache_is_private_whatever_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0o002)
+    try:
+        load(tmp_path / "new" / "cache")
+    finally:
+        os.umask(before)
+    folder = tmp_path / "new" / "cache"
+    assert [path.stat().st_mode & 0o022 for path in (folder, *folder.iterdir())] == [0, 0]
 
 
 def test_a_compiler_may_warn_in_any_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 
@@ -19,8 +20,9 @@ class Painter:
     def __init__(self) -> None:
         self.pictures = 0
 
-    def draw(self, data: Any, camera: str) -> np.ndarray:
+    def draw(self, data: Any, camera: str, visible: mujoco.MjvOption) -> np.ndarray:
         assert camera == "eye"
+        assert not visible.sitegroup.any()
         self.pictures += 1
         return np.full((480, 640, 3), round(data.time * 100), np.uint8)
 

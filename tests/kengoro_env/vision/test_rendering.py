@@ -55,6 +55,33 @@ def test_draws_headless_without_any_variable(before: str) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.skipif(not gl_backend.is_installed("egl"), reason="there is no EGL here")
+@pytest.mark.parametrize(
+    ("before", "display"), [("", ":99"), ("import mujoco\n", "localhost:10.0")]
+)
+def test_egl_draws_where_the_display_is_gone(before: str, display: str) -> None:
+    """As after ``ssh -X`` whose connection was closed."""
+    done = python(before + DRAW, DISPLAY=display)
+    assert done.stdout.strip() == "True", done.stderr
+
+
+@pytest.mark.parametrize("module", ["kengoro demo", "experiments emps", "reality_gap causes", ""])
+def test_a_backend_that_does_not_exist_is_a_sentence(module: str) -> None:
+    program = "import kengoro_env"
+    if module:
+        name, command = module.split()
+        program = f"import sys; from {name}.__main__ import main; sys.exit(main(['{command}']))"
+    done = python(program, MUJOCO_GL="foo")
+    assert done.returncode != 0
+    lines = done.stderr.strip().splitlines()
+    if module:
+        assert len(lines) == 1
+    assert "MUJOCO_GL" in lines[-1]
+    assert "foo" in lines[-1]
+    assert "unset it, or set it to" in lines[-1]
+    assert "egl, osmesa, glfw" in lines[-1]
+
+
 @pytest.mark.parametrize("chosen", ["osmesa", "glfw", "disable"])
 def test_a_backend_that_does_not_work_here_is_a_sentence(chosen: str) -> None:
     if chosen == "osmesa" and gl_backend.is_installed("osmesa"):
@@ -82,6 +109,7 @@ def test_the_error_without_a_library_names_the_packages(monkeypatch: pytest.Monk
         ({}, {"osmesa"}, ("osmesa",)),
         ({}, set(), ()),
         ({"DISPLAY": ":0"}, {"egl"}, ("glfw", "egl")),
+        ({"DISPLAY": ":99"}, {"egl"}, ("egl",)),
         ({"MUJOCO_GL": "EGL"}, {"osmesa"}, ("egl",)),
     ],
 )
@@ -93,6 +121,7 @@ def test_order_of_backends(
 ) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(gl_backend, "is_installed", lambda backend: backend in libraries)
+    monkeypatch.setattr(gl_backend, "_opens", lambda name: name == ":0")
     for name in ("DISPLAY", "MUJOCO_GL"):
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
@@ -103,7 +132,7 @@ def test_order_of_backends(
 def test_what_a_user_chose_stays() -> None:
     program = "import os, kengoro_env; print(os.environ.get('MUJOCO_GL'))"
     assert python(program, MUJOCO_GL="glfw").stdout.strip() == "glfw"
-    assert python(program, DISPLAY=":7").stdout.strip() == "None"
+    assert python(program, MUJOCO_GL="off").stdout.strip() == "off"
 
 
 def test_the_part_of_a_tendon_on_its_spool_is_not_rendered() -> None:

@@ -2,108 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
 
 from reality_gap.__main__ import main
 from reality_gap.errors import StudyError
 from reality_gap.io.rosbag import unpack
-from reality_gap.io.tables import read_header, read_table
-
-START = 1_700_000_000
-"""When the recording began [s since 1970]."""
-ROS1, ROS2 = Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE
-Recorded = tuple[str, float, Any]
-"""Topic, arrival after the start [s], message."""
-
-
-class Messages:
-    """Makes messages of one version of ROS."""
-
-    def __init__(self, version: Stores) -> None:
-        self.store = get_typestore(version)
-        self.first = version is ROS1
-
-    def of(self, kind: str, **fields: Any) -> Any:
-        return self.store.types[kind](**fields)
-
-    def header(self, stamp: float | None) -> Any:
-        seconds, rest = (0, 0) if stamp is None else divmod(round(1e9 * stamp), 10**9)
-        start = 0 if stamp is None else START
-        time = self.of("builtin_interfaces/msg/Time", sec=start + seconds, nanosec=rest)
-        number = {"seq": 0} if self.first else {}
-        return self.of("std_msgs/msg/Header", stamp=time, frame_id="", **number)
-
-    def joints(self, stamp: float | None, names: Sequence[str], position: Sequence[float]) -> Any:
-        return self.of(
-            "sensor_msgs/msg/JointState",
-            header=self.header(stamp),
-            name=list(names),
-            position=np.array(position, dtype=np.float64),
-            velocity=np.zeros(0),
-            effort=np.zeros(0),
-        )
-
-    def text(self, text: str) -> Any:
-        return self.of("std_msgs/msg/String", data=text)
-
-    def number(self, value: float) -> Any:
-        return self.of("std_msgs/msg/Float64", data=value)
-
-    def pose(self, stamp: float, *position: float) -> Any:
-        x, y, z = position
-        return self.of(
-            "geometry_msgs/msg/PoseStamped",
-            header=self.header(stamp),
-            pose=self.of(
-                "geometry_msgs/msg/Pose",
-                position=self.of("geometry_msgs/msg/Point", x=x, y=y, z=z),
-                orientation=self.of("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
-            ),
-        )
-
-    def image(self, stamp: float) -> Any:
-        return self.of(
-            "sensor_msgs/msg/Image",
-            header=self.header(stamp),
-            height=40,
-            width=40,
-            encoding="mono8",
-            is_bigendian=0,
-            step=40,
-            data=np.zeros(1600, dtype=np.uint8),
-        )
-
-
-def record(
-    path: Path, messages: Messages, recorded: Sequence[Recorded], mcap: bool = False
-) -> Path:
-    """Write a bag: a file for ROS 1, a folder for ROS 2."""
-    writer: Any
-    if messages.first:
-        writer = Writer1(path)
-    else:
-        plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
-        writer = Writer2(path, version=9, storage_plugin=plugin)
-    store = messages.store
-    serialize = store.serialize_ros1 if messages.first else store.serialize_cdr
-    with writer:
-        open_: dict[str, Any] = {}
-        for topic, arrival, message in recorded:
-            kind = message.__msgtype__
-            if topic not in open_:
-                open_[topic] = writer.add_connection(topic, kind, typestore=store)
-            when = START * 10**9 + round(1e9 * arrival)
-            writer.write(open_[topic], when, serialize(message, kind))
-    return path
+from tests.reality_gap.io.recordings import ROS1, ROS2, Messages, Recorded, columns_of, record
 
 
 def robot(messages: Messages) -> list[Recorded]:
@@ -128,11 +35,6 @@ def bag(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
     messages = Messages(ROS2)
     folder = record(tmp_path / "run", messages, robot(messages), mcap="mcap" in request.param)
     return next(folder.glob("*.mcap")) if request.param == "mcap file" else folder
-
-
-def columns_of(path: Path) -> dict[str, np.ndarray]:
-    """Read a log in the same way as a study."""
-    return read_table(path, path.name, read_header(path, path.name)).columns
 
 
 def test_all_formats_become_the_same_tables(bag: Path, tmp_path: Path) -> None:

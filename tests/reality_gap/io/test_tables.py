@@ -163,3 +163,82 @@ def test_any_csv_file_is_read_or_refused(
     path.write_bytes(b"a,b\n" + b"".join(cells))
     with contextlib.suppress(StudyError):
         assert len(read_table(path, "log.csv", ("a",)).columns["a"])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "# recorded by hand\na,b\n1,2\n3,4\n",
+        "# robot: left\n# rate: 50 Hz\na,b\n1,2\n3,4\n",
+        "# a,b\n1,2\n3,4\n",  # as numpy.savetxt writes it
+        "\ufeff# note\r\na,b\r\n1,2\r\n3,4\r\n",
+    ],
+)
+def test_comments_above_the_header(tmp_path: Path, content: str) -> None:
+    columns = read(tmp_path, content).columns
+    np.testing.assert_array_equal(columns["a"], [1.0, 3.0])
+    np.testing.assert_array_equal(columns["b"], [2.0, 4.0])
+
+
+def test_lines_are_counted_with_the_comments(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"line 4 of log.csv, column 'b': 'x' is not a number"):
+        read(tmp_path, "# note\na,b\n1,2\n3,x\n")
+    with pytest.raises(StudyError, match=r"line 4 of log.csv has 1 cells, the header 2; .* trunc"):
+        read(tmp_path, "# note\na,b\n1,2\n3\n")
+
+
+@pytest.mark.parametrize("cells", ["[0.1, 0.2]", "[0.1 0.2]", "(0.1, 0.2)", "[ 0.1  0.2 ]"])
+def test_lists_in_cells_become_columns(tmp_path: Path, cells: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(f'time,q\n0,"{cells}"\n1,\n2,"[3, 4]"\n')
+    assert read_header(path, "log.csv") == ("time", "q.0", "q.1")
+    columns = read_table(path, "log.csv", ("q.1", "time", "q.0")).columns
+    np.testing.assert_array_equal(columns["q.0"], [0.1, np.nan, 3.0])
+    np.testing.assert_array_equal(columns["q.1"], [0.2, np.nan, 4.0])
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_lists_in_parquet_become_columns(tmp_path: Path, fixed: bool) -> None:
+    path = tmp_path / "LOG.PARQUET"
+    kind = pa.list_(pa.float32(), 2) if fixed else pa.list_(pa.float32())
+    pyarrow.parquet.write_table(pa.table({"q": pa.array([[1, 2], None, [3, 4]], kind)}), path)
+    assert read_header(path, "log") == ("q.0", "q.1")
+    columns = read_table(path, "log", ("q.1",)).columns
+    np.testing.assert_array_equal(columns["q.1"], [2.0, np.nan, 4.0])
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        ("[1, 2, 3]", "is no list of 2 numbers, as in the first row"),
+        ("[1, x]", "is not a number"),
+        ("1", "is no list of 2 numbers"),
+    ],
+)
+def test_a_fault_of_a_list(tmp_path: Path, cell: str, words: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(f'q\n"[1, 2]"\n"{cell}"\n')
+    with pytest.raises(StudyError, match=f"line 3 of log.csv, column 'q': .*{words}"):
+        read_table(path, "log.csv", ("q.0",))
+
+
+@pytest.mark.parametrize("form", ["{}T{}", "{} {}Z", "{} {}+00:00"])
+def test_times_in_iso_8601_are_seconds(tmp_path: Path, form: str) -> None:
+    path = tmp_path / "log.csv"
+    times = [form.format("2024-05-01", f"12:00:00.{i}") for i in ("000", "020")]
+    path.write_text("time\n" + "\n".join(times) + "\n")
+    time = read_table(path, "log.csv", ("time",)).columns["time"]
+    np.testing.assert_allclose(time - 1_714_564_800, [0.0, 0.02], atol=1e-6)
+
+
+def test_times_in_parquet_are_seconds(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    times = pa.array([1_714_564_800_000, 1_714_564_800_020], pa.timestamp("ms", "UTC"))
+    pyarrow.parquet.write_table(pa.table({"time": times}), path)
+    time = read_table(path, "log.parquet", ("time",)).columns["time"]
+    np.testing.assert_allclose(time - 1_714_564_800, [0.0, 0.02], atol=1e-6)
+
+
+def test_a_time_that_does_not_exist(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"line 2 of log.csv, column 'a': '2024-13-01T00:00' is"):
+        read(tmp_path, "a,b\n2024-13-01T00:00,1\n")

@@ -1,0 +1,1 @@
+"""Experiment of clocks: learning with time stamps that are not exact."""

@@ -1,0 +1,1 @@
+"""Robots of other sizes and kinds, each learned by an agent with default options."""

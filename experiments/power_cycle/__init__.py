@@ -1,0 +1,1 @@
+"""Power cycle: all muscle lengths are zeroed anew, and what was learned before is remembered."""

@@ -1,0 +1,178 @@
+"""Commands: the next point of a trajectory, mapped to target muscle lengths within limits.
+
+The trajectory pauses in gaps of the time stamps (`GapDetector`). Commands are shorter than the
+map's lengths by what loaded muscles stretch (`FeedForward`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jmm_agent.command_limits import CommandLimits
+from jmm_agent.errors import AgentError
+from jmm_agent.feed_forward import FeedForward
+from jmm_agent.gap_detector import GapDetector
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.statics import Hold
+from jmm_agent.trajectory import Trajectory
+from jmm_agent.types import Floats
+
+
+class Commander:
+    """Follows a trajectory with target muscle lengths.
+
+    Args:
+        jmm: the joint-muscle mapping.
+        start: joint angles (n,) [rad], the first target.
+        joint_limits: lower and upper limits of the joints (n, 2) [rad].
+
+    Attributes:
+        time: of the newest control step [s]; -inf before the first of an episode.
+        target_lengths: newest command (m,) [m].
+    """
+
+    def __init__(self, jmm: JointMuscleMap, start: Floats, joint_limits: Floats) -> None:
+        self._limits = joint_limits
+        self._gaps = GapDetector()
+        self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
+        self._feed_forward = FeedForward.none(len(jmm.muscles), start)
+        self.time = -np.inf
+        self.target_lengths = jmm.lengths(start)
+        self._mapped = jmm, start.copy(), self.target_lengths
+
+    def reset(self) -> None:
+        """Stay at the target until the first control step, as before a new episode."""
+        self.time = -np.inf
+        self._trajectory = Trajectory(np.array([self.target, self.target]), 0.0, 0.0)
+
+    def recall(self, jmm: JointMuscleMap, posture: Floats) -> None:
+        """Continue from the target of another time.
+
+        Args:
+            jmm: the joint-muscle mapping.
+            posture: joint angles (n,) [rad].
+        """
+        self._trajectory = Trajectory(np.array([posture] * 2), 0.0, 0.0)
+        self.target_lengths = jmm.lengths(posture)
+
+    @property
+    def target(self) -> Floats:
+        """Joint angles (n,) [rad] at the end of the trajectory."""
+        return self._trajectory.points[-1]
+
+    @property
+    def ended(self) -> bool:
+        """Whether the trajectory has ended."""
+        return self.time >= self._trajectory.start + self._trajectory.duration
+
+    @property
+    def stretch(self) -> Floats:
+        """By how much commands are shorter than the muscles now (m,) [m], see `FeedForward`."""
+        return self._feed_forward.at(self._trajectory, self.time)
+
+    def checked(self, postures: Floats, duration: float) -> Floats:
+        """Postures (K, n) [rad] of a movement, clipped into the joint limits.
+
+        Args:
+            postures: joint angles (K, n) or (n,) [rad].
+            duration: of the movement [s].
+
+        Raises:
+            AgentError: a posture is not finite or of the wrong shape, or there is none, or the
+                duration is negative or not finite.
+        """
+        points = np.atleast_2d(np.asarray(postures, dtype=float))
+        fits = points.shape[1:] == self.target.shape and len(points) > 0
+        if not fits or not np.isfinite(points).all():
+            raise AgentError(
+                f"Agent: postures must be finite angles of {len(self.target)} joints, got shape "
+                f"{points.shape}."
+            )
+        if not 0.0 <= duration < np.inf:
+            raise AgentError(f"Agent: a duration must be finite and not negative: {duration} s.")
+        low, high = self._limits.T
+        return np.clip(points, low, high)
+
+    def go(self, points: Floats, duration: float, holds: Sequence[Hold]) -> None:
+        """Move through postures within a time.
+
+        Args:
+            points: joint angles (K, n) [rad], as `checked` returns them.
+            duration: of the movement [s].
+            holds: of the postures, for the feed-forward of tensions; empty for none.
+        """
+        before, feed_forward = self._trajectory, self._feed_forward
+        points = np.vstack([before.at(self.time), points])
+        self._trajectory = Trajectory(points, self.time, duration)
+        if holds:
+            stretch = feed_forward.at(before, self.time)
+            self._feed_forward = FeedForward.along(stretch, holds, self.target)
+
+    def start(self, here: Floats, time: float, lengths: Floats) -> None:
+        """Begin the trajectory where the arm is, or stay there without one.
+
+        Args:
+            here: estimated joint angles (n,) [rad].
+            time: of the first control step [s].
+            lengths: measured muscle lengths (m,) [m].
+        """
+        self._gaps = GapDetector()
+        self.target_lengths = lengths  # the limits' rate counts from here
+        given = self._trajectory.start == self.time
+        points = self._trajectory.points[1:] if given else here[None]
+        self._trajectory = Trajectory(np.vstack([here, points]), time, self._trajectory.duration)
+
+    def advance(self, time: float) -> float:
+        """Go on to a control step; the trajectory pauses in a gap.
+
+        Args:
+            time: of the step [s].
+
+        Returns:
+            Time since the command before [s], without the gap.
+        """
+        gap = self._gaps.update(time)
+        self._trajectory = self._trajectory.paused(gap) if gap else self._trajectory
+        passed = time - self.time - gap if np.isfinite(self.time) else self._gaps.period
+        self.time = time
+        return passed
+
+    def command(
+        self, jmm: JointMuscleMap, limits: CommandLimits | None, lengths: Floats, passed: float
+    ) -> Floats:
+        """Target lengths (m,) [m] at the present point of the trajectory, within limits.
+
+        Args:
+            jmm: the joint-muscle mapping.
+            limits: of rate and tension; None for none.
+            lengths: measured muscle lengths (m,) [m].
+            passed: time since the command before [s].
+        """
+        wanted = self._lengths_at(jmm, self._trajectory.at(self.time)) - self.stretch
+        if limits is None:
+            return wanted
+        return limits.applied(wanted, self.target_lengths, lengths, passed)
+
+    def missed(self, q: Floats, joints: Sequence[str], arrival: float) -> str:
+        """Which joint is away from its target after the trajectory; empty if none is.
+
+        Args:
+            q: estimated joint angles (n,) [rad].
+            joints: names of the joints.
+            arrival: a joint that is farther from its target has not arrived [rad].
+        """
+        away = q - self.target
+        worst = int(np.abs(away).argmax())
+        if not self.ended or abs(away[worst]) <= arrival:
+            return ""
+        return f"Joint {joints[worst]!r} rests {np.degrees(away[worst]):+.1f} deg from its target."
+
+    def _lengths_at(self, jmm: JointMuscleMap, q: Floats) -> Floats:
+        """The map's lengths (m,) [m] at ``q`` (n,) [rad], computed again only if either changed."""
+        by, at, lengths = self._mapped
+        if by is not jmm or not np.array_equal(at, q):
+            lengths = jmm.lengths(q)
+            self._mapped = jmm, q, lengths
+        return lengths.copy()

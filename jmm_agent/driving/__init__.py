@@ -1,0 +1,1 @@
+"""The control loop between an agent and a robot, and what stops the robot when it fails."""

@@ -1,0 +1,48 @@
+"""Interface of a robot, real or simulated."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from jmm_agent.observation import SensorReadings
+from jmm_agent.types import Floats
+
+
+class Driver(Protocol):
+    """A robot with its own clock, which the agent follows.
+
+    A driver of a real robot has a `Watchdog` on the side of the motors, because the process of the
+    agent may be killed. A driver that also has a method ``pause`` is a `PausingDriver`.
+    """
+
+    def read(self) -> SensorReadings | None:
+        """Wait for the next control period, and return its sensor readings.
+
+        It should wait at most for one or two control periods, and then return None.
+
+        Returns:
+            Readings whose time [s] increases from call to call; their camera frame is the newest
+            one, and may be old, see ``frame_time``. None if no readings came (a lost packet).
+        """
+
+    def write(self, target_lengths: Floats) -> None:
+        """Command target muscle lengths until the next call.
+
+        Args:
+            target_lengths: (m,) [m], finite, from the same zero as the measured lengths.
+        """
+
+    def stop(self) -> None:
+        """Bring the robot into a safe state; called in the end, also after an error.
+
+        It must return soon, may be called twice, and may be called from another thread while `read`
+        or `write` does not return.
+        """
+
+
+@runtime_checkable
+class PausingDriver(Driver, Protocol):
+    """A driver whose watchdog can be told that no commands will come for a while."""
+
+    def pause(self) -> None:
+        """Hold the last command until the next one; called after each `drive` without an error."""

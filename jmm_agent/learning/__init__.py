@@ -1,0 +1,1 @@
+"""Learning beside the control loop: jobs, the workers that run them, and their schedule."""

@@ -1,0 +1,218 @@
+"""Scales of a robot, from which the options of its agent and its guard derive.
+
+The defaults of all options are those of Kengoro's arm. `RobotScales` holds what another robot
+differs in: how far its muscles move, how far its joints turn, how far its hand moves in the view of
+its camera, how its marker appears there, and its motors. `SCALED` says which option follows which
+of them. An option of another robot is the default times the ratio of both robots, unless it was
+given: an option that differs from its default stays as it is.
+
+Ratios are rounded to `DIGITS` significant digits, so that rounding errors of another computer
+change no option, and Kengoro's arm keeps the defaults to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from jmm_agent.guard.faults import MotorControl
+from jmm_agent.guard.guard import GuardOptions
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.nominal_model import NominalModel
+from jmm_agent.options import AgentOptions
+from jmm_agent.vision.camera import Camera
+
+SAMPLES = 200
+"""Number of postures, uniform between the joint limits, over which scales are taken."""
+DIGITS = 3
+"""Significant digits of the ratio of a robot to Kengoro's arm."""
+
+SCALED: Mapping[str, Mapping[str, str]] = {
+    "AgentOptions": {"arrival": "angle"},
+    "PriorOptions": {
+        "offset": "length",
+        "shape": "length",
+        "noise": "length",
+        "elongation": "length",
+        "zeroing": "length",
+    },
+    "BatchOptions": {"rehearsal_noise": "length", "zero_noise": "length"},
+    "SettlingOptions": {"change": "length", "release": "length"},
+    "AntagonismOptions": {"distance": "posture", "noise": "length"},
+    "VisionOptions": {
+        "distance": "posture",
+        "threshold": "posture",
+        "noise": "length",
+        "saturation": "tension",
+        "stop_margin": "angle",
+        "position_residual": "position",
+        "rotation_residual": "orientation",
+    },
+    "ObservationFitOptions": {
+        "position_noise": "position",
+        "rotation_noise": "orientation",
+        "tolerance": "angle",
+        "limit_margin": "angle",
+    },
+    "HoldOutOptions": {"noise": "length"},
+    "EstimatorOptions": {
+        "encoder_noise": "length",
+        "motion_noise": "angle",
+        "process_noise": "angle",
+        "initial_std": "angle",
+        "invalidation_std": "angle",
+        "limit_margin": "angle",
+    },
+    "MuscleMonitorOptions": {"speed": "length", "offset": "length", "wound_up": "length"},
+    "DelayMonitorOptions": {"least": "tension"},
+    "DisturbanceMonitorOptions": {"least": "force", "usual_change": "force"},
+    "CameraMonitorOptions": {"moved": "length", "still_m": "reach", "margin": "image"},
+}
+"""Ratio (a key of `RobotScales.ratios`) that each option follows, by record and option."""
+
+Record = TypeVar("Record")
+
+
+@dataclass(frozen=True)
+class RobotScales:
+    """Scales of a robot; the defaults are those of Kengoro's arm.
+
+    Attributes:
+        travel: how far muscles move between the joint limits: median over muscles of the standard
+            deviation of the length [m].
+        joint_range: median range of a joint [rad].
+        posture_range: L2 norm of the ranges of all joints [rad].
+        reach: how far the hand's marker moves in the camera's frame: root mean square distance
+            from its mean position [m].
+        distance: median distance of the marker from the camera [m].
+        marker_side: of the hand's marker [m].
+        focal: focal length of the camera [px].
+        motors: gains and limit of the motors.
+    """
+
+    travel: float = 0.0211088
+    joint_range: float = 1.26536
+    posture_range: float = 5.65753
+    reach: float = 0.425236
+    distance: float = 0.53319
+    marker_side: float = 0.05
+    focal: float = 579.411
+    motors: MotorControl = field(default_factory=MotorControl)
+
+    @property
+    def marker_pixels(self) -> float:
+        """Side of the marker in the image at the median distance [px]."""
+        return self.focal * self.marker_side / self.distance
+
+    @property
+    def force(self) -> float:
+        """Force on the hand that the largest tension balances [N], about."""
+        return self.motors.limit * self.travel / (self.joint_range * self.reach)
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Ratio of each scale to that of Kengoro's arm [1].
+
+        Marker poses are no better than the image: a pixel more in the marker's side is a distance
+        of ``distance / marker_pixels``, and an angle of ``1 / marker_pixels``, about.
+        """
+        other = RobotScales()
+        pixels = self.marker_pixels / other.marker_pixels
+        depth = self.distance / self.marker_pixels / (other.distance / other.marker_pixels)
+        reach = self.reach / other.reach
+        ratios = {
+            "length": self.travel / other.travel,
+            "angle": self.joint_range / other.joint_range,
+            "posture": self.posture_range / other.posture_range,
+            "reach": reach,
+            "position": max(reach, depth),
+            "orientation": max(1.0, 1.0 / pixels),
+            "image": pixels,
+            "tension": self.motors.limit / other.motors.limit,
+            "force": self.force / other.force,
+        }
+        return {name: float(f"{ratio:.{DIGITS}g}") for name, ratio in ratios.items()}
+
+    def agent_options(self, given: AgentOptions | None = None) -> AgentOptions:
+        """Options of an agent of this robot.
+
+        Args:
+            given: options; those that differ from their defaults stay as they are.
+        """
+        return scaled(given or AgentOptions(), self.ratios)
+
+    def guard_options(self, given: GuardOptions | None = None) -> GuardOptions:
+        """Options of a guard of this robot.
+
+        Args:
+            given: options; those that differ from their defaults stay as they are.
+        """
+        return scaled(given or GuardOptions(), self.ratios)
+
+
+def robot_scales(
+    nominal: NominalModel,
+    kinematics: ArmKinematics,
+    camera: Camera,
+    marker_side: float,
+    motors: MotorControl,
+    options: AgentOptions | None = None,
+) -> RobotScales:
+    """Scales of a robot by its nominal model.
+
+    Args:
+        nominal: names, limits and muscle lengths.
+        kinematics: of the same joints.
+        camera: the camera that the frames come from.
+        marker_side: of the hand's marker [m].
+        motors: gains and limit of the motors.
+        options: name the frames of camera and marker. Without a camera the scales of its image are
+            those of Kengoro's arm, and the reach is that in the world.
+
+    Raises:
+        KinematicsError: the kinematics have no such frame.
+    """
+    options = options or AgentOptions()
+    rng = np.random.default_rng(0)
+    postures = rng.uniform(nominal.lower, nominal.upper, (SAMPLES, len(nominal.joints)))
+    ranges = nominal.upper - nominal.lower
+    site, eye = options.marker_site, options.camera or None
+    seen = np.array([kinematics.pose(site, q, relative_to=eye)[:3, 3] for q in postures])
+    spread = np.sqrt(np.mean(np.sum((seen - seen.mean(axis=0)) ** 2, axis=1)))
+    scales = RobotScales(
+        travel=float(np.median(nominal.lengths(postures).std(axis=0))),
+        joint_range=float(np.median(ranges)),
+        posture_range=float(np.linalg.norm(ranges)),
+        reach=float(spread),
+        distance=float(np.median(np.linalg.norm(seen, axis=1))),
+        marker_side=marker_side,
+        focal=float(camera.fy),
+        motors=motors,
+    )
+    if eye is not None:
+        return scales
+    default = RobotScales()
+    return replace(
+        scales, distance=default.distance, marker_side=default.marker_side, focal=default.focal
+    )
+
+
+def scaled(options: Record, ratios: Mapping[str, float]) -> Record:
+    """Options of a robot: every scaled option that has its default, times its ratio.
+
+    Args:
+        options: a dataclass of options, with further ones in its fields.
+        ratios: as `RobotScales.ratios`.
+    """
+    changes: dict[str, Any] = {}
+    table = SCALED.get(type(options).__name__, {})
+    for option in fields(options):  # type: ignore[arg-type]
+        value = getattr(options, option.name)
+        if is_dataclass(value):
+            changes[option.name] = scaled(value, ratios)
+        elif option.name in table and value == option.default:
+            changes[option.name] = value * ratios[table[option.name]]
+    return replace(options, **changes)  # type: ignore[type-var]

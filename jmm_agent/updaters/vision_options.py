@@ -1,0 +1,57 @@
+"""Options of the Vision Updater."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from jmm_agent.vision.hold_out import HoldOutOptions
+from jmm_agent.vision.observation_fit import ObservationFitOptions
+
+PairLengths = Literal["min", "l_target", "l"]
+"""Lengths of a pair, see `VisionOptions`."""
+
+
+@dataclass(frozen=True)
+class VisionOptions:
+    """Options of the Vision Updater (sec. III-C).
+
+    Attributes:
+        distance: least distance from the posture of the last update, L2 norm [rad].
+        threshold: C, the largest ||theta_ik - theta_est||_2 that is believed [rad].
+        lengths: lengths of a pair: l_target as in the paper, l, or min(l, l_target).
+        noise: standard deviation of a pair's lengths [m].
+        saturation: a pair with a tension above this is not learned [N].
+        stop_margin: a pair with a joint this close to its stop is not learned [rad].
+        position_residual: an observation that the fit misses by more than this distance is dropped
+            [m].
+        rotation_residual: an observation that the fit misses by more than this angle is dropped
+            [rad].
+        fit: whether observations are fitted together with the muscle lengths, all at once
+            ("together") or the newest first ("incremental", several times faster, with the same
+            minimum within the tolerances of the fit), or each alone as in the paper. An observation
+            that is only evaluated moves no other one.
+        observations: options of the fit.
+        hold_out: which observations are held out, to undo updates that make the map worse; None:
+            none.
+        zeroing_recent: number of first observations of an episode among which it is looked whether
+            all lengths were zeroed anew; 0: it is not looked for.
+        zeroing_least: least number of earlier observations for that.
+        zeroing_evidence: logarithm of the Bayes factor from which on it is believed. Over eight
+            actual robots (seeds 0-7) that were not zeroed anew it was -8 or less.
+    """
+
+    distance: float = 0.15
+    threshold: float = 2.0
+    lengths: PairLengths = "min"
+    noise: float = 0.001
+    saturation: float = 450.0
+    stop_margin: float = 0.005
+    position_residual: float = 0.02
+    rotation_residual: float = 0.06
+    fit: Literal["together", "incremental", "alone"] = "together"
+    observations: ObservationFitOptions = field(default_factory=ObservationFitOptions)
+    hold_out: HoldOutOptions | None = None
+    zeroing_recent: int = 6
+    zeroing_least: int = 5
+    zeroing_evidence: float = 0.0

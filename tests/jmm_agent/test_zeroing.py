@@ -1,0 +1,142 @@
+"""Lengths that were zeroed anew: noticed where nobody says so, and learned again in a few looks.
+
+Robot, map and marker are those of `test_permanent_elongation`: a small map, all lengths 15 mm off.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater, VisionOptions, VisionUpdater
+from jmm_agent.vision.hold_out import HoldOutOptions
+from tests.jmm_agent.small_map import LIMITS, make_map, postures
+from tests.jmm_agent.vision.test_permanent_elongation import marker_residual, observed
+
+BEFORE, AFTER = 15, 4
+TRUE = postures(BEFORE + AFTER, 4)
+TEST = postures(40, 6)
+SHIFT = 0.0035 * np.array([1.3, -0.9, 0.8, -1.2, 1.1])
+"""Change of each length by the zeroing [m]."""
+
+
+class Robot:
+    """A Vision Updater, and a robot whose lengths are shorter by some shift."""
+
+    def __init__(self, **options: object) -> None:
+        prior = MapPrior(make_map(0), postures(100, 8), PriorOptions())
+        rng = np.random.default_rng(0)
+        learner = Learner(make_map(0), LIMITS, RidgeRule(prior), BatchOptions(rehearsal=0), rng)
+        chosen = VisionOptions(distance=0.0, **options)  # type: ignore[arg-type]
+        self.vision = VisionUpdater(learner, prior, marker_residual, LIMITS, chosen)
+        self.learner, self.shift = learner, np.zeros(5)
+
+    def observe(self, q: np.ndarray) -> bool:
+        """Observe the hand at a posture (n,) [rad]; whether a zeroing was noticed."""
+        found = observed(q, self.shift)
+        seen = self.vision.seen(found.pose, found.guess, found.lengths, found.lengths, np.zeros(5))
+        assert seen.learned, seen.reason
+        return seen.zeroed
+
+    def learn(self) -> None:
+        self.vision.begin()
+        for q in TRUE[:BEFORE]:
+            assert not self.observe(q)
+
+    def error_mm(self) -> float:
+        """RMS error of the map over other postures [mm]."""
+        true = make_map(0).lengths(TEST) + 0.015 - self.shift
+        return float(1e3 * np.sqrt(np.mean((self.learner.map.lengths(TEST) - true) ** 2)))
+
+
+@pytest.mark.parametrize("announced", [True, False])
+def test_what_was_learned_of_shape_stays_and_offsets_are_learned_again(announced: bool) -> None:
+    robot, fresh = Robot(), Robot()
+    robot.learn()
+    before = robot.error_mm()
+    robot.vision.begin()
+    if announced:
+        robot.vision.zeroed()
+    robot.shift = fresh.shift = SHIFT
+    noticed = [robot.observe(TRUE[BEFORE])]
+    fresh.observe(TRUE[BEFORE])
+    assert robot.error_mm() < fresh.error_mm()
+    noticed += [robot.observe(q) for q in TRUE[BEFORE + 1 :]]
+    assert sum(noticed) == robot.vision.zeroings == (0 if announced else 1)
+    assert robot.error_mm() < 1.2 * before
+    share = (PriorOptions().zeroing / PriorOptions().elongation) ** 2
+    counts = np.vstack([np.full((BEFORE, 5), share), np.zeros((AFTER, 5))])
+    np.testing.assert_allclose(robot.vision.elongated, counts)
+
+
+@pytest.mark.parametrize("elongated", [(), (2,), (0, 3)])
+def test_no_zeroing_is_noticed_where_there_is_none(elongated: tuple[int, ...]) -> None:
+    robot = Robot()
+    robot.learn()
+    robot.vision.begin()
+    robot.shift = 0.010 * np.isin(np.arange(5), elongated)
+    assert not any(robot.observe(q) for q in TRUE[BEFORE:])
+    expected = np.outer(np.arange(BEFORE + AFTER) < BEFORE, robot.shift > 0.0)
+    np.testing.assert_array_equal(robot.vision.elongated, expected)
+
+
+def test_looking_for_a_zeroing_changes_no_bit_where_there_is_none() -> None:
+    robots = Robot(), Robot(zeroing_recent=0)
+    for robot in robots:
+        robot.learn()
+        robot.vision.begin()
+        for q in TRUE[BEFORE:]:
+            robot.observe(q)
+    one, other = (robot.learner.map for robot in robots)
+    for group, same in zip(one.groups, other.groups, strict=True):
+        np.testing.assert_array_equal(group.W2, same.W2)
+        np.testing.assert_array_equal(group.b2, same.b2)
+
+
+def test_a_zeroing_is_looked_for_at_the_start_of_an_episode_only() -> None:
+    robot = Robot(zeroing_recent=2)
+    robot.learn()
+    robot.vision.begin()
+    for q in TRUE[BEFORE : BEFORE + 3]:
+        robot.observe(q)
+    robot.shift = SHIFT
+    assert not robot.observe(TRUE[BEFORE + 3])
+
+
+def test_the_oldest_observations_may_be_forgotten_meanwhile() -> None:
+    options = VisionOptions().observations
+    small = type(options)(memory=BEFORE)
+    robot = Robot(observations=small)
+    robot.learn()
+    robot.vision.begin()
+    robot.shift = SHIFT
+    assert sum([robot.observe(q) for q in TRUE[BEFORE:]]) == 1
+    assert robot.vision.elongated.shape == (BEFORE, 5)
+    assert (robot.vision.elongated > 0).all(axis=1).sum() == BEFORE - AFTER
+
+
+def test_a_memory_of_earlier_takes_a_zeroing_back() -> None:
+    robot = Robot()
+    robot.learn()
+    before = robot.vision.memory
+    robot.vision.zeroed()
+    assert (robot.vision.elongated > 0).all()
+    robot.vision.memory = before
+    assert not robot.vision.elongated.any()
+
+
+def test_pairs_in_the_old_lengths_are_forgotten() -> None:
+    robot = Robot(hold_out=HoldOutOptions())
+    assert robot.vision.hold_out is not None
+    pair = Pairs(TRUE[:1], np.zeros((1, 5)), np.ones(1))
+    for _ in range(5):
+        robot.vision.hold_out.keeps(pair)
+    robot.vision.zeroed()
+    assert len(robot.vision.hold_out.pairs.noise) == 0
+    antagonism = AntagonismUpdater(robot.learner, AntagonismOptions())
+    antagonism.settled(TRUE[0], np.zeros(5), Pairs.none(4, 5))
+    antagonism.forget()
+    assert antagonism.memory.last is None
+    assert len(antagonism.pairs.noise) == 0
