@@ -222,9 +222,12 @@ class VisionUpdater:
         return True
 
     def _evaluated(self, observations: list[MarkerObservation]) -> tuple[ObservationFit, Floats]:
-        """As `_fit`, but only the newest observation is fitted."""
+        """As `_fit`, but the incremental fit holds all observations but the newest.
+
+        That takes a fraction of the time, and gives angles that are nearer to the estimate.
+        """
         options, residual, limits = self._options.observations, self._marker_residual, self._limits
-        if self._options.fit == "alone":
+        if self._options.fit != "incremental":
             return self._fit(observations)
         start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
         none = np.zeros(self.elongated.shape[1])

@@ -30,7 +30,7 @@ class VisionOptions:
         fit: whether observations are fitted together with the muscle lengths, all at once
             ("together") or the newest first ("incremental", several times faster, with the same
             minimum within the tolerances of the fit), or each alone as in the paper. An observation
-            that is only evaluated moves no other one.
+            that is only evaluated moves no other one if the fit is incremental.
         observations: options of the fit.
         hold_out: which observations are held out, to undo updates that make the map worse; None:
             none.
