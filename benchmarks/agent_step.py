@@ -31,6 +31,7 @@ from rich.console import Console
 from rich.table import Table
 
 from jmm_agent.agent import Agent
+from jmm_agent.driving.short_collections import short_collections
 from jmm_agent.learning.options import BESIDE, LearningOptions
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.observation import SensorReadings
@@ -147,9 +148,10 @@ def learn(minutes: float, learning: LearningOptions, paced: bool) -> tuple[Agent
     timer = TimedAgent(agent, paced)
     session = Session(env, timer, SEED, None, {"posture": np.array(READY)})  # type: ignore[arg-type]
     rng = np.random.default_rng(SEED)
-    while session.time < 60.0 * minutes:
-        session.move(rng.choice(posture_set()), 2.0, 2.0)
-        session.world.put_can_back()
+    with short_collections():  # as `drive` does
+        while session.time < 60.0 * minutes:
+            session.move(rng.choice(posture_set()), 2.0, 2.0)
+            session.world.put_can_back()
     env.close()
     return agent, timer
 

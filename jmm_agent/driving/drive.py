@@ -19,6 +19,7 @@ from jmm_agent.driving.driver import Driver, PausingDriver
 from jmm_agent.driving.emergency_stop import EmergencyStop
 from jmm_agent.driving.endings import endings_raised
 from jmm_agent.driving.robot_stop import RobotStop
+from jmm_agent.driving.short_collections import short_collections
 from jmm_agent.errors import AgentError
 from jmm_agent.gap_detector import GapDetector
 from jmm_agent.guard.null_guard import NullGuard
@@ -122,7 +123,7 @@ def drive(
     stop, emergency_stop = RobotStop(driver), emergency_stop or EmergencyStop()
     saved: AbstractContextManager[Autosave | None]
     saved = nullcontext() if memory is None else Autosave(agent, memory)
-    with endings_raised(), saved as autosave:
+    with endings_raised(), short_collections(), saved as autosave:
         try:
             _check_duration(seconds)
             emergency_stop.check()
