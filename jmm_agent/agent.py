@@ -273,7 +273,7 @@ class Agent:
         """Move through postures within a time.
 
         Before the first step of an episode the trajectory begins at the first estimate. Postures
-        that the muscles cannot hold are logged, see `unreachable`.
+        that the muscles cannot hold, or far beyond the joint limits, are logged, see `unreachable`.
 
         Args:
             postures: joint angles (K, n) [rad] to pass, or the target (n,) [rad] alone; clipped
@@ -286,7 +286,8 @@ class Agent:
         """
         points = self._commander.checked(postures, duration)
         holds = self.reachable(points)
-        self.unreachable = not_reachable(holds)
+        beyond = self._commander.beyond(postures, self.map.joints)
+        self.unreachable = " ".join(filter(None, (beyond, not_reachable(holds))))
         if self.unreachable:
             _log.warning("%s", self.unreachable)
         self._commander.go(points, duration, holds if self.options.feed_forward else ())

@@ -19,6 +19,9 @@ from jmm_agent.statics import Hold
 from jmm_agent.trajectory import Trajectory
 from jmm_agent.types import Floats
 
+BEYOND = 0.1
+"""How far beyond its limits a joint may be sent without a word [rad]."""
+
 
 class Commander:
     """Follows a trajectory with target muscle lengths.
@@ -94,6 +97,25 @@ class Commander:
             raise AgentError(f"Agent: a duration must be finite and not negative: {duration} s.")
         low, high = self._limits.T
         return np.clip(points, low, high)
+
+    def beyond(self, postures: Floats, joints: Sequence[str]) -> str:
+        """Which joint of a movement is far beyond its limits, in one sentence; empty if none is.
+
+        Args:
+            postures: joint angles (K, n) or (n,) [rad], before they are clipped.
+            joints: names of the n joints.
+        """
+        points = np.atleast_2d(np.asarray(postures, dtype=float))
+        low, high = self._limits.T
+        over = np.maximum(low - points, points - high)
+        posture, joint = divmod(int(over.argmax()), len(joints))
+        if over[posture, joint] <= BEYOND:
+            return ""
+        ends = f"{np.degrees(low[joint]):.4g} to {np.degrees(high[joint]):.4g} deg"
+        return (
+            f"Joint {joints[joint]!r} goes to its limit: {np.degrees(points[posture, joint]):.4g} "
+            f"deg was asked for, and its range is {ends}; postures are in radians."
+        )
 
     def go(self, points: Floats, duration: float, holds: Sequence[Hold]) -> None:
         """Move through postures within a time.

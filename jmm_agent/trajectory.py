@@ -35,7 +35,8 @@ class Trajectory(NamedTuple):
 
     def _position(self, time: float) -> float:
         """Number of points, with a fraction, that were passed at a time [s]."""
-        share = np.clip((time - self.start) / self.duration, 0.0, 1.0) if self.duration else 1.0
+        passed = 0.0 if time == self.start else time - self.start  # both infinite before the first
+        share = np.clip(passed / self.duration, 0.0, 1.0) if self.duration else 1.0
         return share * share * (3.0 - 2.0 * share) * (len(self.points) - 1)
 
     def paused(self, pause: float) -> Trajectory:

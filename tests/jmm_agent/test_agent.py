@@ -163,9 +163,25 @@ def test_the_command_is_the_maps_length_of_the_target(
     )
     trial.agent.recall(longer, trial.agent.antagonism.memory, trial.agent.vision.memory)
     np.testing.assert_allclose(trial.step(), nominal_map.lengths(SECOND) + 0.001, atol=1e-12)
+    trial.agent.go(arm.limits[:, 1] + 0.05, 0.5)  # an estimate may be that far outside
+    assert trial.agent.unreachable == ""
     beyond = np.full(14, 9.0)
     trial.agent.go(beyond, 0.5)
     np.testing.assert_array_equal(trial.agent.target, arm.limits[:, 1])
+    assert "515.7 deg was asked for" in trial.agent.unreachable
+    assert "radians" in trial.agent.unreachable
+    trial.agent.go(SECOND, 0.5)
+    assert trial.agent.unreachable == ""
+
+
+def test_the_last_target_before_the_first_step_counts(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm, detector=None, learn_antagonism=False)
+    trial.agent.go(FIRST, 0.5)
+    trial.agent.go(SECOND, 0.5)
+    command = trial.rest(START, 60)
+    np.testing.assert_allclose(command, nominal_map.lengths(SECOND), atol=1e-12)
 
 
 def test_a_trajectory_leads_through_its_points_without_a_jump(
