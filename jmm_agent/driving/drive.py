@@ -261,6 +261,11 @@ class _Loop:
         """Count a control period, and leave a gap out of the time that is driven."""
         self._in_a_row = 0
         gap = self._gaps.update(time)
+        if (step := self._gaps.steps_too_long) > 0.0:
+            raise AgentError(
+                f"drive: by their time stamps the readings come every {step:.3g} s. Stamps must be "
+                "in seconds, not in ms, us or ns, and the control period of an agent is 5 to 50 ms."
+            )
         self._begin = time if self._time == -np.inf else self._begin + gap
         self._time = time
         report = self._report._replace(cycles=self._report.cycles + 1)

@@ -145,6 +145,38 @@ def test_a_gap_does_not_count_as_time_that_was_driven() -> None:
     assert report.longest_gap == pytest.approx(10.0)
 
 
+class TooLarge(Robot):
+    """Its time stamps are not in seconds."""
+
+    def __init__(self, unit: float) -> None:
+        super().__init__()
+        self._unit = unit
+
+    def read(self) -> SensorReadings | None:
+        readings = super().read()
+        assert readings is not None
+        return readings._replace(time=readings.time * self._unit)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e6, 1e9])
+def test_stamps_that_are_not_in_seconds_end_the_drive_with_a_sentence(unit: float) -> None:
+    robot = TooLarge(unit)
+    with pytest.raises(AgentError, match="in seconds, not in ms, us or ns"):
+        driven(EchoAgent(), robot, 2.0)
+    assert robot.stopped == 1
+    assert len(robot.commands) <= 2
+
+
+def test_a_pause_before_the_second_readings_is_a_gap() -> None:
+    robot = Robot()
+
+    def watch(readings: SensorReadings, targets: np.ndarray) -> None:
+        if len(robot.commands) == 1:
+            robot.time += 10.0
+
+    assert driven(EchoAgent(), robot, 0.4, watch=watch).gaps == 1
+
+
 @pytest.mark.parametrize("jump", [-3600.0, -0.05])
 def test_a_clock_that_is_set_back_ends_no_drive(jump: float) -> None:
     robot = Robot()
