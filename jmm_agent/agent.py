@@ -60,6 +60,7 @@ from jmm_agent.vision.camera_delay import DelayEstimate
 from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_residual import MarkerResidual
+from jmm_agent.vision.pose_covariance import numbers
 
 __all__ = ["Agent", "AgentOptions"]
 
@@ -394,7 +395,8 @@ class Agent:
                 or covariance that is not valid; or a time that is not finite or in the future.
         """
         frames = frame or self.options.marker_site, relative_to
-        self._observer.add_pose(pose, covariance, self.time_line.own_time(time), frames)
+        own_time = self.time_line.own_time(float(numbers("time", time, ())))
+        self._observer.add_pose(pose, covariance, own_time, frames)
 
     def detect_markers(self, readings: SensorReadings) -> dict[int, MarkerPose]:
         """Markers in the newest frame, by id; empty without a frame.

@@ -16,6 +16,8 @@ from jmm_agent.types import Floats
 
 UNKNOWN = 1e4
 """Variance [m^2, rad^2] from which on a number counts as not measured."""
+FINEST = 1e-16
+"""Least variance of a measurement [m^2, rad^2]: 10 nm, 10 nrad."""
 ASYMMETRY = 1e-6
 """Largest difference between two elements that must be equal, relative to the variances [1]."""
 RIGID = 1e-3
@@ -31,7 +33,7 @@ def checked_pose(value: ArrayLike) -> Floats:
     Raises:
         AgentError: wrong shape, not finite, or not a rotation and a translation.
     """
-    pose = _numbers("pose", value, (4, 4))
+    pose = numbers("pose", value, (4, 4))
     if not np.isfinite(pose).all():
         raise AgentError("A measured pose must be finite; it has NaN or infinite numbers.")
     rotation = pose[:3, :3]
@@ -61,10 +63,15 @@ def checked_covariance(value: ArrayLike) -> Floats:
         AgentError: wrong shape, NaN, not symmetric, not positive definite, nothing measured, or a
             rotation measured about some axes only.
     """
-    covariance = _numbers("covariance", value, (6, 6))
+    covariance = numbers("covariance", value, (6, 6))
     variances = np.diag(covariance).copy()
     if np.isnan(variances).any():
         raise AgentError("The covariance of a measured pose has NaN on its diagonal.")
+    if np.any((variances > 0.0) & (variances < FINEST)):
+        raise AgentError(
+            f"The covariance of a measured pose has a variance of {variances.min():.3g}; they must "
+            f"be at least {FINEST:g} m^2 and rad^2."
+        )
     unknown = variances >= UNKNOWN
     if unknown.all():
         raise AgentError("The covariance of a measured pose says that nothing was measured.")
@@ -113,8 +120,17 @@ def pose_weight(
     return np.asarray(rotation.T @ weight @ rotation)
 
 
-def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """A copy of an array of floats with the given shape."""
+def numbers(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """A copy of an array of floats with the given shape.
+
+    Args:
+        name: what the array is, for messages.
+        value: to copy.
+        shape: of the array; empty for a number.
+
+    Raises:
+        AgentError: another shape, or no numbers.
+    """
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
