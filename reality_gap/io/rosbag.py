@@ -55,7 +55,7 @@ def unpack(
     """
     check_new(out)
     read = read_bag(bag, topics, progress, types)
-    from reality_gap.io.bags.reading import clock_notes
+    from reality_gap.io.bags.reading import clock_notes, order_notes
 
     found = read.topics
     if not found:
@@ -65,7 +65,8 @@ def unpack(
     if len(set(stems)) < len(stems):
         twice = next(stem for stem in stems if stems.count(stem) > 1)
         raise StudyError(f"two topics of {bag.name} would both be {twice}.csv; choose one of them")
-    for sentence in (*read.notes, *clock_notes(found, by_arrival)):
+    clocks = (*clock_notes(found, by_arrival), *order_notes(found, by_arrival))
+    for sentence in (*read.notes, *clocks):
         note(sentence)
     start = min(int(topic.time(by_arrival).min()) for topic in found)
     out = out.resolve()

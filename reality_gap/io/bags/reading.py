@@ -141,6 +141,25 @@ class Reading:
         return notes
 
 
+def order_notes(topics: Sequence[Topic], by_arrival: bool) -> list[str]:
+    """Return sentences on topics whose times go back, or are shared by several messages."""
+    notes = []
+    for topic in topics:
+        order = topic.order(by_arrival)
+        if order.steps_back:
+            notes.append(
+                f"the times of {topic.name} go back {order.steps_back} times, by up to "
+                f"{1e-9 * order.longest:.6g} s; its rows are in the order of the times, which "
+                "--arrival replaces by those of recording"
+            )
+        if order.overwritten:
+            notes.append(
+                f"{order.overwritten} messages of {topic.name} were overwritten by later ones of "
+                "the same time"
+            )
+    return notes
+
+
 def clock_notes(topics: Sequence[Topic], by_arrival: bool) -> list[str]:
     """Return a sentence if the times of topics are on different clocks."""
     spans = []

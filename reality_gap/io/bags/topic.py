@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from array import array
 from pathlib import Path as FilePath
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -23,6 +24,20 @@ LATEST = 1 << 62
 
 Nanoseconds = NDArray[np.int64]
 """Times [ns]."""
+
+
+class Order(NamedTuple):
+    """Order of the times of a topic, by the column that it concerns most.
+
+    Attributes:
+        overwritten: number of values that a later one of the same time replaces.
+        steps_back: how often the time goes back from one message to the next.
+        longest: longest of these steps [ns].
+    """
+
+    overwritten: int
+    steps_back: int
+    longest: int
 
 
 class Topic:
@@ -91,6 +106,18 @@ class Topic:
         """
         by_arrival = by_arrival or self._unstamped > 0
         return np.array(self._arrival if by_arrival else self._stamp, dtype=np.int64)
+
+    def order(self, by_arrival: bool) -> Order:
+        """Return what the order of the times does to the rows, see `Order`."""
+        time = self.time(by_arrival)
+        overwritten = steps = longest = 0
+        for rows, _ in self._columns.values():
+            own = time[np.array(rows)]
+            back = np.diff(own)[np.diff(own) < 0]
+            overwritten = max(overwritten, len(own) - len(np.unique(own)))
+            steps = max(steps, len(back))
+            longest = max(longest, -int(back.min(initial=0)))
+        return Order(overwritten, steps, longest)
 
     def labels(self) -> tuple[dict[tuple[Path, Path], str], list[str]]:
         """Return the names of the columns, and the names that stand for more than one."""

@@ -220,7 +220,9 @@ def test_messages_that_do_not_fit_their_definition_are_counted(tmp_path: Path) -
 
 def test_a_message_of_an_impossible_time_is_left_out(tmp_path: Path) -> None:
     text = b'{"timestamp": {"sec": %d, "nsec": 0}, "x": 1}'
-    rows = [("/j", "json", "", "", b"", 0.0, text % (START + 10**20 * (i == 1))) for i in range(3)]
+    rows = [
+        ("/j", "json", "", "", b"", 0.0, text % (START + i + 10**20 * (i == 1))) for i in range(3)
+    ]
     notes: list[str] = []
     unpack(write_mcap(tmp_path / "run.mcap", rows), tmp_path / "logs", note=notes.append)
 
@@ -345,3 +347,23 @@ def joint_states() -> tuple[bytes, Any]:
         return bytes(message.SerializeToString())
 
     return files.SerializeToString(), make
+
+
+def test_stamps_that_go_back_and_rows_that_are_overwritten_are_noted(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    stamps = [0.1 * i - (0.5 if i >= 6 else 0.0) for i in range(10)]
+    rows = [
+        ("/joints", 0.1 * i, messages.joints(stamp, ["a"], [float(i)]))
+        for i, stamp in enumerate(stamps)
+    ]
+    folder = record(tmp_path / "run", messages, rows, mcap=True)
+
+    notes: list[str] = []
+    unpack(folder, tmp_path / "logs", note=notes.append)
+    assert any("/joints go back 1 times, by up to 0.4 s" in note for note in notes)
+    assert any("4 messages of /joints were overwritten" in note for note in notes)
+
+    notes.clear()
+    [log] = unpack(folder, tmp_path / "arrival", by_arrival=True, note=notes.append)
+    assert notes == []
+    assert len(columns_of(log)["time"]) == 10
