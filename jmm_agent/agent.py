@@ -145,7 +145,6 @@ class Agent:
         )
         self._schedule = Schedule(self._learned, options.learning, self._map_changed)
         self._rests = RestLearning(self._learned, self._schedule, self._observer, options)
-        self._settling = self._rests.settling
         self._step = -1
         self.hand_is_free = True
 
@@ -360,7 +359,9 @@ class Agent:
         trusted = not self.guard.faults and self.hand_is_free
         self._rests.learn(readings, self._sample(readings), trusted, bool(tick.jump))
         if not self.guard.faults:
-            self._rests.watch(readings, passed, self.hand_is_free, self._commander.ended)
+            self._rests.watch(
+                readings, passed, self.hand_is_free, self._commander.ended, self.contradicted_joints
+            )
         command = self._commander.command(self.map, self.limits, readings.lengths, passed)
         self._commander.target_lengths = self.guard.limit(command)
         return self._commander.target_lengths.copy()
@@ -387,8 +388,8 @@ class Agent:
             time: of the measurement, on the clock of the sensor readings [s].
             frame: site, body or camera of the kinematics whose pose it is; the hand's marker if
                 left out.
-            relative_to: frame in which the pose is given; None: world, the base of the nominal
-                model.
+            relative_to: frame in which the pose is given; None or "world": world, the base of the
+                nominal model.
 
         Raises:
             AgentError: an unknown frame, or one that no joint moves against ``relative_to``; a pose
@@ -429,11 +430,13 @@ class Agent:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all that was learned to a file, whole or not at all.
 
-        `write_memory` does the same with `memory`, for instance in another thread.
+        What was observed until now is learned first, which may take a second. `write_memory` writes
+        `memory` without that, for instance in another thread.
 
         Args:
             path: of the file; its folder is made.
         """
+        self.finish_learning()
         write_memory(path, self.memory, self._nominal_map)
 
     def load(self, path: str | os.PathLike[str]) -> None:
@@ -455,12 +458,12 @@ class Agent:
         self.begin_episode()
 
     def zeroed(self) -> None:
-        """Say that all muscle lengths were zeroed anew, as after a power cycle.
+        """Take note that all muscle lengths were zeroed anew, as after a power cycle.
 
-        What was learned of the map's shape stays, the offsets of all lengths are open again, and
-        the first marker observations determine them. To be called before the episode, after
-        `load`. If nobody calls it, the first marker observations of an episode show it, and it is
-        named as a fault of kind ``zeroed``.
+        What was learned of the map's shape stays. The offsets of all lengths are open again, and
+        the first marker observations determine them. Call it before the episode, after `load`.
+        Without this call the agent detects a zeroing from the first marker observations of an
+        episode, and names it as a fault of kind ``zeroed``.
         """
         self._schedule.reset()
         self.vision.zeroed()

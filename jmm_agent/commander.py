@@ -20,7 +20,7 @@ from jmm_agent.trajectory import Trajectory
 from jmm_agent.types import Floats
 
 BEYOND = 0.1
-"""How far beyond its limits a joint may be sent without a word [rad]."""
+"""How far beyond its limits a joint may be sent without a warning [rad]."""
 
 
 class Commander:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.guard.faults import ZEROED, Fault
+from jmm_agent.guard.faults import JOINT_CONTRADICTED, ZEROED, Fault
 from jmm_agent.learning_monitor import LearningMonitor, LearningMonitorOptions
 from jmm_agent.settling import SettlingDetector
 from jmm_agent.updaters import VisionUpdater
+
+LEARNED = 8
+"""Number of updates by observations of the hand after which the map is trusted."""
+UNLEARNED = 0.5
+"""Error of a joint angle that is usual before [rad]."""
 
 _log = logging.getLogger(__name__)
 
@@ -26,6 +31,8 @@ class StepState(NamedTuple):
         at_target: whether the trajectory has ended.
         why_unobserved: why the observation of this rest that is awaited is not there; empty if none
             is awaited.
+        why_not_learned: detail of why the newest observation was not learned from; may be empty.
+        contradicted: joints whose encoders contradict the lengths, and by how much [rad].
     """
 
     time: float
@@ -33,6 +40,8 @@ class StepState(NamedTuple):
     hand_is_free: bool
     at_target: bool
     why_unobserved: str
+    why_not_learned: str
+    contradicted: Mapping[str, float]
 
 
 class LearningWatch:
@@ -55,16 +64,18 @@ class LearningWatch:
         self._vision, self._settling, self._muscles = vision, settling, muscles
         self._monitor = LearningMonitor(options)
         self._zeroings, self._zeroed = 0, list[Fault]()
+        self._contradicted: dict[str, Fault] = {}
 
     @property
     def faults(self) -> list[Fault]:
         """Faults that are found now."""
-        return [*self._monitor.faults, *self._zeroed]
+        return [*self._monitor.faults, *self._zeroed, *self._contradicted.values()]
 
     def reset(self) -> None:
         """Forget all, as before a new episode."""
         self._monitor.reset()
         self._zeroed = []
+        self._contradicted = {}
 
     def update(self, step: StepState) -> None:
         """Name what keeps the agent from learning.
@@ -78,8 +89,21 @@ class LearningWatch:
             monitor.rested(step.passed, step.why_unobserved)
         elif step.hand_is_free:
             monitor.moved(step.passed, step.at_target)
-        monitor.observed(self._vision.fired, self._vision.dropped)
+        monitor.observed(self._vision.fired, self._vision.dropped, step.why_not_learned)
         monitor.update(step.time, self._settling, self._muscles)
+        self._name_joints(step)
+
+    def _name_joints(self, step: StepState) -> None:
+        """Name joints whose encoders contradict the lengths, which the map may have wrong.
+
+        Before the map is learned it may be wrong by some degrees, and only more is named.
+        """
+        least = 0.0 if self._vision.fired >= LEARNED else UNLEARNED
+        self._contradicted = {
+            joint: self._contradicted.get(joint) or _contradiction(joint, away, step.time)
+            for joint, away in step.contradicted.items()
+            if abs(away) > least
+        }
 
     def name_zeroing(self, time: float) -> None:
         """Name a zeroing that a marker observation has shown.
@@ -92,3 +116,11 @@ class LearningWatch:
             self._zeroed = [Fault(ZEROED, "muscles", time, detail)]
             _log.warning("The muscle lengths were zeroed anew since they were learned: %s.", detail)
         self._zeroings = self._vision.zeroings
+
+
+def _contradiction(joint: str, away: float, time: float) -> Fault:
+    detail = (
+        f"the encoder differs by {np.degrees(away):+.0f} deg from the angle by the muscle lengths: "
+        "its sign or zero, a length, or the map is wrong"
+    )
+    return Fault(JOINT_CONTRADICTED, joint, time, detail)

@@ -3,8 +3,8 @@
 The file (.npz without pickle) holds the output layers of the map, what both updaters remember with
 all marker observations, the held-out pairs, the last posture and the state of the random generator.
 It names its format, the robot's joints and muscles, and a fingerprint of the nominal map, because
-corrections of one nominal map mean nothing on another one. It is read by `read_memory`, which
-refuses whatever does not fit, before anything of an agent changes.
+corrections of one nominal map do not apply to another one. `read_memory` refuses a file that does
+not fit before anything of an agent changes.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def _check_robot(content: Arrays, nominal: JointMuscleMap) -> None:
     if _text(content, "nominal_map") != fingerprint(nominal):
         raise ArrayFileError(
             "it was learned from another nominal map, so its corrections do not fit; begin with "
-            "the nominal map that it was learned from, or learn anew"
+            "the nominal map that it was learned from, or learn again"
         )
 
 

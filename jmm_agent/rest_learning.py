@@ -5,6 +5,8 @@ What keeps the agent from learning is named (`LearningWatch`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from jmm_agent.guard.faults import Fault
@@ -103,7 +105,12 @@ class RestLearning:
         self._learn_vision(self._observer.observe_frame(readings, sample))
 
     def watch(
-        self, readings: SensorReadings, passed: float, hand_is_free: bool, at_target: bool
+        self,
+        readings: SensorReadings,
+        passed: float,
+        hand_is_free: bool,
+        at_target: bool,
+        contradicted: Mapping[str, float],
     ) -> None:
         """Name what keeps the agent from learning.
 
@@ -112,11 +119,16 @@ class RestLearning:
             passed: duration of the step [s].
             hand_is_free: whether the hand is free.
             at_target: whether the trajectory has ended.
+            contradicted: joints whose encoders contradict the lengths, and by how much [rad].
         """
         since, why = self.settling.since, ""
         if self._options.learn_vision and np.isfinite(since):
             why = self._observer.why_unobserved(readings, since)
-        self._watch.update(StepState(readings.time, passed, hand_is_free, at_target, why))
+        seen = self._schedule.seen
+        detail = "" if seen is None else seen.detail
+        self._watch.update(
+            StepState(readings.time, passed, hand_is_free, at_target, why, detail, contradicted)
+        )
 
     def _learn_vision(self, observed: Observed) -> None:
         """Learn from an observation of the hand, or only evaluate it; count those left out."""

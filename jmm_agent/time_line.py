@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -168,8 +169,8 @@ class TimeLine:
     def _name_skipped(self) -> None:
         """Name that readings are skipped while many are."""
         options, recent = self._options, self._recent
-        in_a_row = len(recent) >= options.run and all(list(recent)[-options.run :])
         count = sum(recent)
+        in_a_row = count >= options.run and all(islice(reversed(recent), options.run))
         if not (in_a_row or count > options.share * options.of):
             self._skipping = None
         elif self._skipping is None:

@@ -1,8 +1,9 @@
 """Power cycle: all muscle lengths are zeroed anew, and what was learned before is remembered.
 
-A robot learns, is switched off and on again, and its lengths count from other zeros then. An agent
-that is told so, one that has to notice it, and one that has learned nothing visit the same
-postures. Without a zeroing nothing may be noticed, also if one muscle was elongated meanwhile.
+A robot learns, is switched off and on again, and its lengths count from other zeros then. Three
+agents visit the same postures: one to which the zeroing is announced, one that has to detect it,
+and one that has learned nothing. Without a zeroing none may be detected, even if one muscle was
+elongated meanwhile.
 """
 
 from __future__ import annotations
@@ -221,8 +222,8 @@ EXPERIMENT = Experiment(
     title="Power cycle",
     introduction=(
         "A robot learns, is switched off and on again, and all muscle lengths count from other "
-        "zeros then. An agent that remembers and is told so, one that has to notice it, and one "
-        "that has learned nothing visit the same postures."
+        "zeros then. Three agents visit the same postures: one to which the zeroing is announced, "
+        "one that has to detect it, and one that has learned nothing."
     ),
     figure="beyond the paper",
     conditions=(*ZEROED, *OTHERS),

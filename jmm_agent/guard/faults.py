@@ -50,6 +50,7 @@ NO_FRAME = "no_frame"
 NOTHING_LEARNED = "nothing_learned"
 HAND_NOT_FREE = "hand_not_free"
 ZEROED = "zeroed"
+JOINT_CONTRADICTED = "joint_contradicted"
 
 AGENT_KINDS = {
     CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
@@ -58,6 +59,7 @@ AGENT_KINDS = {
     NO_FRAME: "no frame was taken during the rests, so that no marker observation is learned from",
     NOTHING_LEARNED: "none of the last marker observations was learned from",
     HAND_NOT_FREE: "the hand is not free for long, so that nothing is learned",
+    JOINT_CONTRADICTED: "a joint's encoder and the muscle lengths contradict each other by the map",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }
 """Kinds of faults that any agent names, also without a guard, and the meaning of each."""
@@ -68,9 +70,10 @@ class Fault(NamedTuple):
 
     Attributes:
         kind: a key of `KINDS` or `AGENT_KINDS`.
-        where: the muscle, "camera", "marker", "commands", "hand", "clock" or "observations".
+        where: the muscle or joint, "camera", "marker", "commands", "hand", "clock", "observations"
+            or "muscles".
         since: when it was noticed, on the agent's own time [s].
-        detail: what was found, in a sentence; empty where kind and place say it all.
+        detail: what was found, in a sentence; may be empty.
     """
 
     kind: str

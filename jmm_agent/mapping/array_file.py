@@ -95,15 +95,13 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[An
         stream = BytesIO(packed.read(member.file_size))
     version = npy.read_magic(stream)
     read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, fortran, dtype = read_header(stream)
+    shape, _, dtype = read_header(stream)
     if dtype.kind not in KINDS or dtype.itemsize == 0:
         raise ArrayFileError(f"{member.filename} holds {dtype}, which is no number and no text")
-    content = stream.read()
-    if math.prod(shape) * dtype.itemsize != len(content):
+    size = len(stream.getbuffer()) - stream.tell()
+    if math.prod(shape) * dtype.itemsize != size:
         raise ArrayFileError(
-            f"{member.filename} has {len(content)} bytes, but its header declares {dtype} of "
-            f"shape {shape}"
+            f"{member.filename} has {size} bytes, but its header declares {dtype} of shape {shape}"
         )
-    elements = np.frombuffer(content, dtype)
-    array = elements.reshape(shape[::-1]).T if fortran else elements.reshape(shape)
-    return array.copy()
+    stream.seek(0)
+    return np.asarray(npy.read_array(stream, allow_pickle=False))

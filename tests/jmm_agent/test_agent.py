@@ -457,6 +457,21 @@ def test_options_can_be_replaced_one_by_one() -> None:
     assert replace(AgentOptions(), hand_marker=7).can_marker == AgentOptions().can_marker
 
 
+@pytest.mark.parametrize("gap", [20, 500])
+def test_the_trajectory_pauses_in_a_gap(
+    nominal_map: JointMuscleMap, arm: ArmKinematics, gap: int
+) -> None:
+    """After 0.4 s and 10 s without readings it goes on from where it was."""
+    trials = [Trial(nominal_map, arm, detector=None) for _ in range(2)]
+    for trial, missing in zip(trials, (0, gap), strict=True):
+        trial.rest(START, 5)
+        trial.agent.go(FIRST, 2.0)
+        trial.rest(START, 30)
+        trial.steps += missing
+    after = [trial.step() for trial in trials]
+    np.testing.assert_allclose(after[1], after[0], atol=1e-9)
+
+
 def test_the_rate_of_commands_is_limited_and_the_trajectory_pauses_in_a_gap(
     nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:

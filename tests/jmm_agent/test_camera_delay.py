@@ -94,7 +94,7 @@ def test_a_hand_that_moves_during_a_long_exposure_is_not_learned_from(
     rate = 0.015 / np.linalg.norm(motion[:3])
     for step in range(100):
         trial.step(POSTURES[0] + 0.02 * step * rate * direction)
-    assert np.isfinite(trial.agent._settling.since)
+    assert np.isfinite(trial.agent._rests.settling.since)
     assert trial.agent.vision.fired == 0
     assert trial.agent.vision.dropped["the hand moved while the frame was exposed"] > 3
     for _ in range(60):

@@ -1,4 +1,4 @@
-"""An agent continues from a file to the bit, and names a zeroing that nobody has said."""
+"""An agent continues from a file to the bit, and names a zeroing that was not announced."""
 
 from __future__ import annotations
 
@@ -93,6 +93,28 @@ def test_an_unannounced_zeroing_is_named(
         kinds.append([fault.kind for fault in after.agent.faults])
         assert after.agent.vision.fired == 1
     assert kinds == [[], ["zeroed"]]
+
+
+def test_lengths_that_were_zeroed_at_another_posture_are_named(
+    nominal_map: JointMuscleMap, arm: ArmKinematics, tmp_path: Path
+) -> None:
+    """4 mm RMS, which are too little to be noticed if they were independent shifts."""
+    trial = Trial(nominal_map, arm)
+    trial.visit(*POSTURES[1:8])
+    trial.agent.save(tmp_path / "learned.npz")
+    turn = np.random.default_rng(0).standard_normal(14)
+    offsets = nominal_map.jacobian(np.zeros(14)) @ turn
+    offsets *= 0.004 / np.sqrt(np.mean(offsets**2))
+    named = []
+    for shift in (offsets, np.random.default_rng(1).permutation(offsets)):
+        after = Trial(nominal_map, arm)
+        after.agent.load(tmp_path / "learned.npz")
+        after._nominal_map = Shifted(after, nominal_map, shift)  # type: ignore[assignment]
+        after.visit(POSTURES[8])
+        named.append([fault.kind for fault in after.agent.faults])
+        pairs = after.agent.antagonism.pairs
+        assert (len(pairs.noise) == 0) == bool(named[-1])  # those of before are forgotten
+    assert named == [["zeroed"], []]
 
 
 def test_an_announced_zeroing_opens_all_offsets(

@@ -1,4 +1,4 @@
-"""Lengths that were zeroed anew: noticed where nobody says so, and learned again in a few looks.
+"""Lengths that were zeroed anew: noticed if not announced, and learned again in a few observations.
 
 Robot, map and marker are those of `test_permanent_elongation`: a small map, all lengths 15 mm off.
 """
@@ -33,10 +33,12 @@ class Robot:
         self.vision = VisionUpdater(learner, prior, marker_residual, LIMITS, chosen)
         self.learner, self.shift = learner, np.zeros(5)
 
-    def observe(self, q: np.ndarray) -> bool:
+    def observe(self, q: np.ndarray, antagonism: Pairs | None = None) -> bool:
         """Observe the hand at a posture (n,) [rad]; whether a zeroing was noticed."""
-        found = observed(q, self.shift)
-        seen = self.vision.seen(found.pose, found.guess, found.lengths, found.lengths, np.zeros(5))
+        found, calm = observed(q, self.shift), np.zeros(5)
+        seen = self.vision.seen(
+            found.pose, found.guess, found.lengths, found.lengths, calm, antagonism
+        )
         assert seen.learned, seen.reason
         return seen.zeroed
 
@@ -125,6 +127,17 @@ def test_a_memory_of_earlier_takes_a_zeroing_back() -> None:
     assert (robot.vision.elongated > 0).all()
     robot.vision.memory = before
     assert not robot.vision.elongated.any()
+
+
+def test_pairs_of_before_are_not_learned_with_the_observation_that_shows_a_zeroing() -> None:
+    robots = Robot(), Robot()
+    old = Pairs(TRUE[:1] + 0.1, make_map(0).lengths(TRUE[:1]) + 0.03, np.array([1e-3]))
+    for robot, pairs in zip(robots, (None, old), strict=True):
+        robot.learn()
+        robot.vision.begin()
+        robot.shift = 3.0 * SHIFT
+        assert robot.observe(TRUE[BEFORE], pairs)
+    assert robots[0].error_mm() == robots[1].error_mm()
 
 
 def test_pairs_in_the_old_lengths_are_forgotten() -> None:

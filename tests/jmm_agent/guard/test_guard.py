@@ -289,6 +289,16 @@ def test_a_force_is_not_compared_with_one_of_long_ago(
     assert (faults.PUSHED in found) is not interrupted
 
 
+def test_the_estimate_at_the_time_of_a_frame_lies_between_those_of_two_steps(trial: Trial) -> None:
+    guard = trial.agent.guard
+    assert isinstance(guard, Guard)
+    guard._estimates.clear()
+    guard._estimates.extend([(1.00, np.zeros(14)), (1.05, np.ones(14))])
+    found = [guard._estimate_at(time) for time in (1.00, 1.02, 1.05, 1.07)]
+    np.testing.assert_allclose(found, np.outer([0.0, 0.4, 1.0, 1.0], np.ones(14)), atol=1e-9)
+    assert guard._estimate_at(0.99) is None
+
+
 def test_a_new_episode_begins_without_faults(trial: Trial) -> None:
     trial.step(lengths_off=one_muscle(0.03))
     assert trial.agent.faults
