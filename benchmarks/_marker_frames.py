@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.marker_view import towards
 
 Floats = NDArray[np.float64]
 BLACK, WHITE, SKIN = 0.06, 0.85, 0.45
@@ -120,7 +121,7 @@ def _random_pose(
         axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         level = np.diag([1.0, -1.0, -1.0]) @ _turn(roll * np.array([0, 0, 1.0]))
         pose = np.eye(4)
-        pose[:3, :3] = _towards(ray) @ _turn(tilt * axis) @ level
+        pose[:3, :3] = towards(ray) @ _turn(tilt * axis) @ level
         pose[:3, 3] = ray * SIDE
         here = camera.project(np.array([pose[:3, 3], pose[:3, 3] + 1e-4 * SIDE * np.eye(3)[0]]))
         pose[:3, 3] *= np.linalg.norm(here[1] - here[0]) * 1e4 / size
@@ -132,13 +133,6 @@ def _random_pose(
 
 def _turn(vector: Floats) -> Floats:
     return np.asarray(cv2.Rodrigues(np.asarray(vector, dtype=float))[0])
-
-
-def _towards(ray: Floats) -> Floats:
-    """Smallest rotation (3, 3) of the optical axis into a direction."""
-    axis = np.cross([0.0, 0.0, 1.0], ray)
-    sine = np.linalg.norm(axis)
-    return np.eye(3) if sine < 1e-9 else _turn(axis / sine * np.arctan2(sine, ray[2]))
 
 
 def _paint(

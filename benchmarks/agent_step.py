@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import threading
 import time
 from argparse import ArgumentParser
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter, thread_time
 from typing import Literal
@@ -30,32 +30,20 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks._agent_step_parts import parts_table
 from jmm_agent.agent import Agent
 from jmm_agent.driving.short_collections import short_collections
 from jmm_agent.learning.options import BESIDE, LearningOptions
-from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
-from jmm_agent.vision.incremental_fit import fit_incrementally
-from jmm_agent.vision.marker_residual import MarkerResidual
-from jmm_agent.vision.observation_fit import (
-    MarkerObservation,
-    ObservationFitOptions,
-    fit_observations,
-)
 from kengoro.agents import make_agent
 from kengoro.hand_search import READY
 from kengoro.robots import make_env
 from kengoro.session import Session
-from kengoro.trained_maps import trained_map
-from kengoro_env.assets import asset_path
-from kengoro_env.departures import actual
 from kengoro_env.postures import posture_set
-from kengoro_env.robot.draft import Departure
-from kengoro_env.robot.robot import Robot
 
 SEED = 1
 """Seed of the robot, the agent and the postures."""
@@ -68,14 +56,6 @@ MOST = 5e-3
 
 PERCENTILE = 99.9
 """Percentile of the wall times that must be below `MOST`."""
-
-OBSERVATIONS = (5, 27, 60)
-"""Numbers of marker observations in a fit."""
-
-REPEATS = 200
-"""Timed calls of each part."""
-
-ARM = "mjcf/kengoro_arm/arm.xml"
 
 
 class TimedAgent:
@@ -116,17 +96,6 @@ class TimedAgent:
         self.wall.append(perf_counter() - begin)
         self.learned.append(self._agent.vision.fired)
         return lengths
-
-
-def times_of(work: Callable[[], object], repeats: int) -> list[float]:
-    """Times of repeated calls [s]; one more call before them is not counted."""
-    work()
-    times = []
-    for _ in range(repeats):
-        begin = perf_counter()
-        work()
-        times.append(perf_counter() - begin)
-    return times
 
 
 def learn(minutes: float, learning: LearningOptions, paced: bool) -> tuple[Agent, TimedAgent]:
@@ -173,22 +142,6 @@ def cpu_of_thread(name: str) -> float:
     return float("nan")
 
 
-def observations_of(agent: Agent, count: int) -> list[MarkerObservation]:
-    """Marker observations of the actual robot at rest, with measured lengths and true poses."""
-    departures: tuple[Departure, ...] = actual(SEED)
-    robot = Robot(asset_path(ARM), departures)
-    rng = np.random.default_rng(SEED)
-    observations = []
-    for posture in posture_set()[rng.permutation(len(posture_set()))[:count]]:
-        robot.reset(posture, rng)
-        pose = agent.kinematics.pose("marker_hand", robot.joint_angles, relative_to="eye")
-        agent.estimator.reset(posture)
-        for _ in range(50):
-            agent.estimator.update(robot.measured_lengths(), 0.02)
-        observations.append(MarkerObservation(pose, robot.measured_lengths(), agent.joint_angles))
-    return observations
-
-
 def steps_table(timer: TimedAgent, minutes: float) -> Table:
     """Times of the control steps, in all and in tenths of the time."""
     table = Table(title="Control step [ms]")
@@ -223,49 +176,6 @@ def steps_table(timer: TimedAgent, minutes: float) -> Table:
     return table
 
 
-def parts_table(agent: Agent) -> Table:
-    """Times of the parts of a step and of the fits."""
-    table = Table(title="Parts on one core [ms]")
-    for column in ("part", "calls", "median", "99th percentile", "largest"):
-        table.add_column(column, justify="left" if column == "part" else "right")
-
-    def row(part: str, seconds: list[float]) -> None:
-        figures = (np.median(seconds), np.percentile(seconds, 99), np.max(seconds))
-        table.add_row(part, f"{len(seconds)}", *(f"{1e3 * figure:.2f}" for figure in figures))
-
-    q = agent.joint_angles
-    lengths = agent.map.lengths(q)
-    row("EKF update", times_of(lambda: agent.estimator.update(lengths, 0.02), REPEATS))
-    row("map, lengths", times_of(lambda: agent.map.lengths(q), REPEATS))
-    row("map, with Jacobian", times_of(lambda: agent.map.lengths_and_jacobian(q), REPEATS))
-    prior = MapPrior(trained_map(), posture_set(), PriorOptions())
-    marker_residual = MarkerResidual(agent.kinematics, "eye", "marker_hand")
-    row("marker residual", times_of(lambda: marker_residual(q, np.eye(4)), REPEATS))
-    agent = make_agent(SEED)
-    limits, options = agent.kinematics.limits, ObservationFitOptions()
-    observations = observations_of(agent, max(OBSERVATIONS))
-    for count in OBSERVATIONS:
-        earlier = fit_observations(
-            observations[: count - 1], prior, marker_residual, limits, options
-        ).angles
-        start = np.vstack([earlier, observations[count - 1].guess])
-
-        def fit(count: int = count, start: Floats = start) -> object:
-            return fit_observations(
-                observations[:count], prior, marker_residual, limits, options, start
-            )
-
-        def incremental(count: int = count, start: Floats = start) -> object:
-            none = np.zeros((count, len(agent.map.muscles)))
-            return fit_incrementally(
-                observations[:count], prior, marker_residual, limits, options, start, none
-            )
-
-        row(f"fit of {count} observations", times_of(fit, 3))
-        row("  incremental, with elongations", times_of(incremental, 3))
-    return table
-
-
 def main(arguments: Sequence[str] = ()) -> None:
     """Print the tables.
 
@@ -297,7 +207,7 @@ def main(arguments: Sequence[str] = ()) -> None:
         verdict = "reached" if value <= MOST else "not reached"
         console.print(f"{name}: {1e3 * value:.2f} ms; must {1e3 * MOST:.0f} ms: {verdict}.")
     if args.parts:
-        console.print(parts_table(agent))
+        console.print(parts_table(agent, SEED))
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from benchmarks._marker_frames import SIDE, Condition, Floats, render
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerDetector
 from jmm_agent.vision.marker_view import MarkerView
-from jmm_agent.vision.square_pose import solve_square, square_corners
+from jmm_agent.vision.square_pose import angle_between, solve_square, square_corners
 
 VGA = Camera(640, 480, 580.0, 580.0, 319.5, 239.5)
 BARREL = Camera(640, 480, 580.0, 580.0, 319.5, 239.5, (-0.3, 0.0, 0.0, 0.0))
@@ -110,9 +110,8 @@ class Tally:
 
 def pose_error(pose: Floats, true: Floats) -> tuple[float, float]:
     """Distance [mm] and angle [deg] between two poses (4, 4)."""
-    cosine = (np.trace(pose[:3, :3].T @ true[:3, :3]) - 1.0) / 2.0
     distance = 1e3 * float(np.linalg.norm(pose[:3, 3] - true[:3, 3]))
-    return distance, float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return distance, float(np.degrees(angle_between(pose, true)))
 
 
 def stock_pose(

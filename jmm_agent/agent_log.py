@@ -13,11 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jmm_agent.agent import Agent
+from jmm_agent.command_limits import CommandLimits
 from jmm_agent.learning.job_queue import Entered
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
 
-RECORDED = ("begin_episode", "finish_learning", "go", "load", "observe", "recall", "step")
+RECORDED = (
+    "begin_episode",
+    "close",
+    "finish_learning",
+    "go",
+    "load",
+    "observe",
+    "recall",
+    "step",
+    "zeroed",
+)
 """Methods whose calls are recorded."""
 
 
@@ -30,6 +41,7 @@ class Call(NamedTuple):
         named: arguments by name.
         learning: `Agent.learning` at that time.
         hand_is_free: `Agent.hand_is_free` at that time.
+        limits: `Agent.limits` at that time; `drive` sets them.
     """
 
     method: str
@@ -37,6 +49,7 @@ class Call(NamedTuple):
     named: dict[str, Any]
     learning: bool
     hand_is_free: bool
+    limits: CommandLimits | None
 
 
 class AgentLog(NamedTuple):
@@ -64,7 +77,7 @@ class AgentLog(NamedTuple):
         for call in self.calls:
             if call.learning != agent.learning:
                 agent.learning = call.learning
-            agent.hand_is_free = call.hand_is_free
+            agent.hand_is_free, agent.limits = call.hand_is_free, call.limits
             result = getattr(agent, call.method)(*call.arguments, **call.named)
             if call.method == "step":
                 commands.append(result)
@@ -103,7 +116,9 @@ class RecordedAgent:
         agent = self._agent
         recorded = tuple(self._copied(argument) for argument in arguments)
         kept = {name: self._copied(argument) for name, argument in named.items()}
-        self._calls.append(Call(method, recorded, kept, agent.learning, agent.hand_is_free))
+        self._calls.append(
+            Call(method, recorded, kept, agent.learning, agent.hand_is_free, agent.limits)
+        )
         return getattr(agent, method)(*arguments, **named)
 
     def _copied(self, argument: Any) -> Any:

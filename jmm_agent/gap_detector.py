@@ -11,14 +11,10 @@ PERIODS = 5.0
 """A step of more than this many typical steps is a gap."""
 RECENT = 9
 """Number of newest steps whose median is the typical one; single late cycles do not change it."""
-SLOW = 1.0
-"""No control loop has only longer steps [s]."""
-HOURS = 1e4
-"""No control loop begins with a longer step [s]."""
 
 
 class GapDetector:
-    """Compares each step of time with the typical one, whatever the period of the clock.
+    """Compares each step of time with the typical one, for a clock of any period.
 
     Attributes:
         period: typical step [s]; the `CONTROL_PERIOD` before there is any.
@@ -30,13 +26,9 @@ class GapDetector:
         self.period = CONTROL_PERIOD
 
     @property
-    def steps_too_long(self) -> float:
-        """Shortest step [s], if by all steps so far the stamps cannot be in seconds; otherwise 0.
-
-        A single step may be a pause of the robot, if it is not hours long.
-        """
-        shortest = min(self._steps, default=0.0)
-        return shortest if shortest > (SLOW if len(self._steps) > 1 else HOURS) else 0.0
+    def shortest(self) -> float:
+        """Shortest of the newest steps [s]; 0 before the second one, because one may be a gap."""
+        return min(self._steps) if len(self._steps) > 1 else 0.0
 
     def update(self, time: float) -> float:
         """Add a time stamp.

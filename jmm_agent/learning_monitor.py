@@ -64,6 +64,7 @@ class LearningMonitor:
         self._resting = self._unsettled = self._without_frame = self._not_free = 0.0
         self._why_no_frame = ""
         self._failed: dict[str, int] = {}
+        self._detail = ""
         self.faults: list[Fault] = []
 
     def moved(self, dt: float, at_target: bool) -> None:
@@ -97,13 +98,15 @@ class LearningMonitor:
         """
         self._not_free = 0.0 if free else self._not_free + dt
 
-    def observed(self, fired: int, dropped: Mapping[str, int]) -> None:
+    def observed(self, fired: int, dropped: Mapping[str, int], detail: str = "") -> None:
         """Count the observations since the last call.
 
         Args:
             fired: number of updates of the Vision Updater.
             dropped: number of observations that it did not learn from, by reason.
+            detail: more about the reason of the newest one; may be empty.
         """
+        self._detail = detail
         new = {key: count - self._dropped.get(key, 0) for key, count in dropped.items()}
         failed = {key: count for key, count in new.items() if count > 0 and key not in USUAL}
         if fired != self._fired and not failed:
@@ -132,7 +135,8 @@ class LearningMonitor:
             self._name(NO_FRAME, "camera", time, self._why_no_frame, known)
         if sum(self._failed.values()) >= options.observations:
             reasons = "; ".join(f"{reason} ({count})" for reason, count in self._failed.items())
-            self._name(NOTHING_LEARNED, "observations", time, reasons, known)
+            detail = f"{reasons}; {self._detail}" if self._detail else reasons
+            self._name(NOTHING_LEARNED, "observations", time, detail, known)
         if self._not_free > options.hand_not_free:
             detail = f"the hand was not free for {options.hand_not_free:g} s"
             self._name(HAND_NOT_FREE, "hand", time, detail, known)

@@ -14,10 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from jmm_agent.errors import AgentError
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.guard.guard import GuardOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
@@ -25,10 +26,15 @@ from jmm_agent.nominal_model import NominalModel
 from jmm_agent.options import AgentOptions
 from jmm_agent.vision.camera import Camera
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 SAMPLES = 200
 """Number of postures, uniform between the joint limits, over which scales are taken."""
 DIGITS = 3
 """Significant digits of the ratio of a robot to Kengoro's arm."""
+STILL = 1e-6
+"""Movement of the marker that counts as none, as a share of its distance [1]."""
 
 SCALED: Mapping[str, Mapping[str, str]] = {
     "AgentOptions": {"arrival": "angle"},
@@ -66,14 +72,19 @@ SCALED: Mapping[str, Mapping[str, str]] = {
         "invalidation_std": "angle",
         "limit_margin": "angle",
     },
-    "MuscleMonitorOptions": {"speed": "length", "offset": "length", "wound_up": "length"},
+    "MuscleMonitorOptions": {
+        "quiet": "length",
+        "speed": "length",
+        "offset": "length",
+        "wound_up": "length",
+    },
     "DelayMonitorOptions": {"least": "tension"},
     "DisturbanceMonitorOptions": {"least": "force", "usual_change": "force"},
-    "CameraMonitorOptions": {"moved": "length", "still_m": "reach", "margin": "image"},
+    "CameraMonitorOptions": {"moved": "length", "still_m": "reach"},
 }
 """Ratio (a key of `RobotScales.ratios`) that each option follows, by record and option."""
 
-Record = TypeVar("Record")
+Record = TypeVar("Record", bound="DataclassInstance")
 
 
 @dataclass(frozen=True)
@@ -91,6 +102,9 @@ class RobotScales:
         marker_side: of the hand's marker [m].
         focal: focal length of the camera [px].
         motors: gains and limit of the motors.
+
+    Raises:
+        AgentError: a scale is not positive and finite.
     """
 
     travel: float = 0.0211088
@@ -101,6 +115,14 @@ class RobotScales:
     marker_side: float = 0.05
     focal: float = 579.411
     motors: MotorControl = field(default_factory=MotorControl)
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if entry.name != "motors" and not 0.0 < value < np.inf:
+                raise AgentError(
+                    f"RobotScales: {entry.name} is {value}, but must be positive and finite."
+                )
 
     @property
     def marker_pixels(self) -> float:
@@ -130,7 +152,6 @@ class RobotScales:
             "reach": reach,
             "position": max(reach, depth),
             "orientation": max(1.0, 1.0 / pixels),
-            "image": pixels,
             "tension": self.motors.limit / other.motors.limit,
             "force": self.force / other.force,
         }
@@ -174,6 +195,7 @@ def robot_scales(
 
     Raises:
         KinematicsError: the kinematics have no such frame.
+        AgentError: no joint moves the marker in the camera's frame.
     """
     options = options or AgentOptions()
     rng = np.random.default_rng(0)
@@ -181,7 +203,12 @@ def robot_scales(
     ranges = nominal.upper - nominal.lower
     site, eye = options.marker_site, options.camera or None
     seen = np.array([kinematics.pose(site, q, relative_to=eye)[:3, 3] for q in postures])
-    spread = np.sqrt(np.mean(np.sum((seen - seen.mean(axis=0)) ** 2, axis=1)))
+    spread = np.linalg.norm(seen.std(axis=0))
+    if spread <= STILL * np.abs(seen).max():
+        raise AgentError(
+            f"No joint moves the marker {site!r} in the frame of {eye or 'the world'}: nothing can "
+            "be learned from its poses. Name a site that the muscles move."
+        )
     scales = RobotScales(
         travel=float(np.median(nominal.lengths(postures).std(axis=0))),
         joint_range=float(np.median(ranges)),
@@ -209,10 +236,10 @@ def scaled(options: Record, ratios: Mapping[str, float]) -> Record:
     """
     changes: dict[str, Any] = {}
     table = SCALED.get(type(options).__name__, {})
-    for option in fields(options):  # type: ignore[arg-type]
+    for option in fields(options):
         value = getattr(options, option.name)
-        if is_dataclass(value):
+        if is_dataclass(value) and not isinstance(value, type):
             changes[option.name] = scaled(value, ratios)
         elif option.name in table and value == option.default:
             changes[option.name] = value * ratios[table[option.name]]
-    return replace(options, **changes)  # type: ignore[type-var]
+    return replace(options, **changes)

@@ -12,7 +12,7 @@ class Hold(Protocol):
     """Whether the muscles can hold a posture.
 
     Attributes:
-        reachable: whether they can.
+        reachable: whether they can, stably and with lengths that are slightly wrong, too.
         tension: smallest maximum of tensions that hold the posture [N]; infinite if none do.
         reason: why not, without a full stop; empty if the posture is reachable.
         stretch: by how much the command of each muscle is shorter than the muscle (m,) [m].

@@ -87,7 +87,7 @@ def _run(name: str, arguments: list[str], program: str) -> int:
 def _experiments(arguments: list[str]) -> int:
     """Run `python -m experiments`, where this installation is a checkout."""
     found = find_spec("experiments")
-    # Somebody else's package of this name is not imported to find out.
+    # Another package of this name is not imported to find out.
     folder = None if found is None or found.origin is None else Path(found.origin).parent
     if folder is None or not (folder / "harness").is_dir():
         print(

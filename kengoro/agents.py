@@ -33,15 +33,13 @@ __all__ = ["make_agent", "scales_of"]
 
 
 class _Design(NamedTuple):
-    """What an agent knows of its robot."""
+    """What an agent knows of its robot: what is given, the rest by the nominal model."""
 
     robot: NominalRobot
     kinematics: ArmKinematics
     camera: Camera
     motors: MotorControl
     scales: RobotScales
-    options: AgentOptions
-    jmm: JointMuscleMap
 
 
 def make_agent(
@@ -67,8 +65,6 @@ def make_agent(
 ) -> Agent:
     """An agent that knows the nominal model of a robot, by default Kengoro's arm, and no more.
 
-    Options of another robot derive from its model (`jmm_agent.RobotScales`) unless they are given.
-
     Args:
         seed: of the rehearsal pairs that learning samples.
         guard: whether faults are named and not learned; without ``options``, updates are tested.
@@ -83,24 +79,36 @@ def make_agent(
         detector: finds markers in frames; a `MarkerDetector` if left out.
         motors: gains and limit; those of the MJCF file, or by its load, if left out.
         scales: of the robot; by its nominal model if left out.
-        options: of the agent; they name its camera and markers, too.
+        options: of the agent; they name its camera and markers, too. Those of another robot derive
+            from its model (`jmm_agent.RobotScales`) unless they are given.
         guard_options: of the guard; they name the frame on which disturbances act.
         rule: how the map is moved by what is learned; the ridge rule if left out.
         learning: whether the agent learns; see `Agent.learning`.
         cache: folder of trained maps; the user's cache folder if left out.
 
     Raises:
-        UsageError: the seed is negative, or the model has no such camera or marker.
+        UsageError: an argument is not valid, or the model has no such camera or marker.
     """
     check_seed(seed)
-    chosen = _chosen(options, guard, own=scene is not None)
-    design = _design(scene, folders, camera, marker_sides, motors, scales, chosen, jmm, cache)
-    if detector is None and design.options.camera:
-        detector = MarkerDetector(design.camera, marker_sides, dictionary=dictionary)
-    agent = _agent(design, detector, scene is not None, postures, start, seed, rule)
-    agent.guard = _guard(design, guard_options) if guard else agent.guard
+    options, own = _chosen(options, guard, own=scene is not None), scene is not None
+    design = _design(scene, folders, camera, marker_sides, motors, options, scales, jmm)
+    options = design.scales.agent_options(options)
+    jmm = map_of(design.robot.model, cache) if jmm is None else jmm
+    detector = detector or _detector(options, design.camera, marker_sides, dictionary)
+    typical, start = _postures(design.robot, jmm.joints, own, postures, start)
+    rng = np.random.default_rng([seed, 2])
+    agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule)
+    agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
+    agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
     agent.learning = learning
     return agent
+
+
+def _detector(
+    options: AgentOptions, camera: Camera, marker_sides: Mapping[int, float], dictionary: str
+) -> Detector | None:
+    """Detector of the hand's markers; None if there is no camera."""
+    return MarkerDetector(camera, marker_sides, dictionary) if options.camera else None
 
 
 def _chosen(options: AgentOptions | None, guard: bool, own: bool) -> AgentOptions:
@@ -117,49 +125,73 @@ def _design(
     camera: Camera | None,
     marker_sides: Mapping[int, float],
     motors: MotorControl | None,
-    scales: RobotScales | None,
     options: AgentOptions,
-    jmm: JointMuscleMap | None,
-    cache: Path | None,
+    scales: RobotScales | None = None,
+    jmm: JointMuscleMap | None = None,
 ) -> _Design:
-    """What an agent knows of its robot; names are checked before the map is trained."""
+    """What an agent knows of its robot; names are checked before a map is trained."""
+    _check_types(camera=camera, marker_sides=marker_sides, motors=motors, scales=scales)
     robot = NominalRobot(arm_scene() if scene is None else scene, folders)
     kinematics = robot.kinematics(robot.arm.joints if jmm is None else jmm.joints, options)
     camera = robot.camera(options.camera) if camera is None else camera
     motors = robot.motors() if motors is None else motors
     if scales is None:
         scales = _scales(robot, kinematics, camera, marker_sides, motors, options)
-    options = scales.agent_options(options)
-    jmm = map_of(robot.model, cache) if jmm is None else jmm
-    return _Design(robot, kinematics, camera, motors, scales, options, jmm)
+    return _Design(robot, kinematics, camera, motors, scales)
 
 
-def _agent(
-    design: _Design,
-    detector: Detector | None,
+def _check_types(**given: object) -> None:
+    """Refuse arguments of another type."""
+    types = {
+        "camera": Camera,
+        "marker_sides": Mapping,
+        "motors": MotorControl,
+        "scales": RobotScales,
+    }
+    for name, value in given.items():
+        if value is not None and not isinstance(value, types[name]):
+            hint = "; AgentOptions(camera=...) names a camera of the model" * (name == "camera")
+            raise UsageError(f"{name} is {value!r}, but must be a {types[name].__name__}{hint}.")
+
+
+def _postures(
+    robot: NominalRobot,
+    joints: Sequence[str],
     own: bool,
-    postures: Floats | None,
+    typical: Floats | None,
     start: Floats | None,
-    seed: int,
-    rule: Rule | None,
-) -> Agent:
-    if postures is None:
-        postures = sample_within(design.robot.arm, 100) if own else posture_set()
+) -> tuple[Floats, Floats]:
+    """Typical postures (N, n) [rad] and the first one (n,) [rad]: those given, or samples."""
+    if typical is None:
+        typical = sample_within(robot.arm, 100) if own else posture_set()
+    else:
+        typical = _angles("postures", typical, len(joints), 2)
     if start is None:
-        start = postures[0] if own else np.array(READY)
-    rng = np.random.default_rng([seed, 2])
-    agent = Agent(
-        *(design.jmm, design.kinematics, detector, postures, start, rng, design.options, rule)
-    )
-    agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
-    return agent
+        return typical, typical[0] if own else np.array(READY)
+    return typical, _angles("start", start, len(joints), 1)
 
 
-def _guard(design: _Design, given: GuardOptions | None) -> Guard:
-    named = _named(given, design.kinematics, design.options)
-    options, gravity = design.scales.guard_options(named), design.robot.arm.gravity
-    muscles = design.jmm.muscles
-    return Guard(muscles, design.kinematics, design.camera, gravity, design.motors, options)
+def _angles(name: str, given: object, joints: int, dimensions: int) -> Floats:
+    """An argument as finite angles [rad] of shape (n,) or (N, n)."""
+    try:
+        angles = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        angles = np.array(np.nan)
+    fits = angles.ndim == dimensions and angles.shape[-1] == joints and angles.size > 0
+    if not fits or not np.isfinite(angles).all():
+        shape = f"({joints},)" if dimensions == 1 else f"(N, {joints})"
+        raise UsageError(
+            f"{name} must be finite angles [rad] of shape {shape}; got shape {angles.shape}."
+        )
+    return angles
+
+
+def _guard(
+    design: _Design, jmm: JointMuscleMap, options: AgentOptions, given: GuardOptions | None
+) -> Guard:
+    named = design.scales.guard_options(_named(given, design.kinematics, options))
+    gravity = design.robot.arm.gravity
+    return Guard(jmm.muscles, design.kinematics, design.camera, gravity, design.motors, named)
 
 
 def scales_of(
@@ -181,14 +213,10 @@ def scales_of(
         options: name camera and marker.
 
     Raises:
-        UsageError: the model has no such camera or marker.
+        UsageError: an argument has the wrong type, or the model has no such camera or marker.
     """
     options = options or AgentOptions()
-    robot = NominalRobot(arm_scene() if scene is None else scene, folders)
-    kinematics = robot.kinematics(robot.arm.joints, options)
-    camera = robot.camera(options.camera) if camera is None else camera
-    motors = robot.motors() if motors is None else motors
-    return _scales(robot, kinematics, camera, marker_sides, motors, options)
+    return _design(scene, folders, camera, marker_sides, motors, options).scales
 
 
 def _scales(

@@ -60,11 +60,11 @@ class NominalRobot:
             UsageError: the model has no such camera or site.
         """
         kinematics = self._kinematics(joints)
-        for name, kind, option in (
-            (options.camera, "camera", "camera"),
-            (options.marker_site, "site of the hand's marker", "marker_site"),
-        ):
-            if name not in kinematics.frames and (name or kind != "camera"):
+        wanted = [(options.marker_site, "site of the hand's marker", "marker_site")]
+        if options.camera:
+            wanted.insert(0, (options.camera, "camera", "camera"))
+        for name, kind, option in wanted:
+            if name not in kinematics.frames:
                 known = ", ".join(kinematics.frames) or "none"
                 raise UsageError(
                     f"The model {self._scene} has no {kind} {name!r}; name yours by "
@@ -94,19 +94,21 @@ class NominalRobot:
         gains = Gains(motors.stiffness, motors.bias, motors.limit)
         return Statics(self.arm, gains)
 
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the file's cameras."""
+        model = self.arm.model
+        return tuple(model.camera(number).name for number in range(model.ncam))
+
     def camera(self, name: str) -> Camera:
         """Model of a camera of the file; 640 x 480 pixels if the file has no resolution.
 
         Args:
-            name: of the camera.
+            name: of the camera; `kengoro.robots.CAMERA` if the file has no such camera.
         """
-        if is_asset(self._scene):
+        if name not in self.cameras:
             return CAMERA
-        model = self.arm.model
-        names = [model.camera(number).name for number in range(model.ncam)]
-        if name not in names:
-            return CAMERA
-        number = names.index(name)
+        model, number = self.arm.model, self.cameras.index(name)
         width, height = (int(pixels) for pixels in model.cam_resolution[number])
         if min(width, height) < 2:
             width, height = CAMERA.width, CAMERA.height

@@ -36,7 +36,9 @@ def arm_scene() -> Path:
 
 
 def check_seed(seed: int) -> None:
-    """Raise a `UsageError` if the seed of a robot, or of samples, is negative."""
+    """Raise a `UsageError` if the seed of a robot, or of samples, is no integer or negative."""
+    if not isinstance(seed, int | np.integer):
+        raise UsageError(f"The seed is {seed!r}, but seeds are integers.")
     if seed < 0:
         raise UsageError(f"The seed is {seed}, but seeds are not negative.")
 

@@ -74,18 +74,13 @@ def included_names(model: Path) -> list[str]:
 
     Args:
         model: an MJCF file; names start from its folder.
+
+    Raises:
+        UntrustedFileError: a file is not XML, or a name is no path.
     """
-    names: list[str] = []
-    pending, seen = [model], set()
-    while pending:
-        file = pending.pop()
-        if file in seen or not file.is_file():
-            continue
-        seen.add(file)
-        for element in _parse(file).iter(INCLUDE):
-            names.append(element.get("file", ""))
-            pending.append(model.parent / names[-1])
-    return names
+    model = model.absolute()
+    elements = _elements(model, (Path(model.anchor),), {})
+    return [element.get("file", "") for element in elements if element.tag == INCLUDE]
 
 
 def _add_model(

@@ -33,7 +33,7 @@ def main(path: str) -> None:
 
 
 def read_model(path: Path) -> mujoco.MjSpec:
-    """Read a model file, whatever its suffix: MuJoCo itself only reads a few.
+    """Read a model file of any suffix; MuJoCo itself reads only those of `SUFFIXES`.
 
     Args:
         path: MJCF file; its includes lie in or below its folder, by their names in the file.

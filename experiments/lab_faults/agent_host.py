@@ -14,7 +14,6 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -49,12 +48,38 @@ class LostItselfError(RuntimeError):
     """Raised within the loop, as by an error in someone's code."""
 
 
-Step = Callable[[SensorReadings], Floats]
-
-
 def print_event(**event: Any) -> None:
     """Print an event; lines of several processes do not mix."""
     os.write(1, (json.dumps(event) + "\n").encode())
+
+
+class TimedRobot:
+    """Driver that reports control steps so long that the watchdog may have expired.
+
+    Args:
+        robot: that it drives.
+    """
+
+    def __init__(self, robot: RemoteRobot) -> None:
+        self._robot = robot
+        self._longest = LATE * (robot.period or np.inf)
+        self._begin = 0.0
+
+    def read(self) -> SensorReadings | None:
+        """Wait for the next sensor readings; the control step begins with them."""
+        readings = self._robot.read()
+        self._begin = time.monotonic()
+        return readings
+
+    def write(self, target_lengths: Floats) -> None:
+        """Command target muscle lengths (m,) [m], which ends the control step."""
+        if time.monotonic() - self._begin > self._longest:
+            print_event(event="late_step")
+        self._robot.write(target_lengths)
+
+    def stop(self) -> None:
+        """Stop the robot."""
+        self._robot.stop()
 
 
 class Trial:
@@ -84,30 +109,16 @@ class Trial:
         if memory.is_file():
             agent.load(memory)
         self._observations = self._count
-        agent.step = self._timed(agent.step)  # type: ignore[assignment, method-assign]
         with Autosave(agent, memory) as autosave:  # as `drive` has with ``memory``
             self._autosave = autosave
-            drive(agent, self.robot, LONGEST, self._watch)
-
-    def _timed(self, step: Step) -> Step:
-        """A control step that says if it took so long that the watchdog may have expired."""
-        longest = LATE * (self.robot.period or np.inf)
-
-        def timed(readings: SensorReadings) -> Floats:
-            begin = time.monotonic()
-            command = step(readings)
-            if time.monotonic() - begin > longest:
-                print_event(event="late_step")
-            return command
-
-        return timed
+            drive(agent, TimedRobot(self.robot), LONGEST, self._watch)
 
     @property
     def _count(self) -> int:
         return len(self._agent.vision.memory.observations)
 
     def _watch(self, readings: SensorReadings, target_lengths: Floats) -> None:
-        """Say when it drives and when something was learned; fail when it is time to."""
+        """Report that it drives, and what was learned; fail at the step at which it must."""
         tick = round(readings.time / STEP)
         if self._steps == 0:
             print_event(event="began", pid=os.getpid(), observations=self._observations)

@@ -20,13 +20,13 @@ Event = dict[str, Any]
 
 
 def raise_priority() -> None:
-    """Run before other processes, as a control loop should, where this user may."""
+    """Raise the priority of this process, as for a control loop, where this user may."""
     with suppress(OSError, AttributeError):
         os.nice(-10)
 
 
 class Host:
-    """A process of this package, the lines that it prints, and those that it is told.
+    """A process of this package, with the lines of its standard output and input.
 
     Args:
         module: of this package.

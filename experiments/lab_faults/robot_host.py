@@ -1,7 +1,8 @@
-"""Process of the robot: serves it in real time, and breaks the line when it is told.
+"""Process of the robot: serves it in real time, and breaks the line on command.
 
-It prints what happens as lines of JSON. A line of JSON on its standard input begins a fault:
-``{"kind": ..., "periods": ...}``; without a kind it only says which control period it is.
+It prints events as lines of JSON. A line of JSON on its standard input begins a fault:
+``{"kind": ..., "periods": ...}``; without a kind it ends one. The answer holds the number of the
+control period.
 """
 
 from __future__ import annotations

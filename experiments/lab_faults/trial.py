@@ -247,7 +247,7 @@ class Lab:
         return None if found is None else found["code"], " ".join(errors), events
 
     def _remember(self, begin: int, events: list[Event]) -> None:
-        """Note how much must be in the file: what was there, and all that is said to be saved."""
+        """Note how much must be in the file: what was there, and what the agent has reported."""
         counts = {"saved": [begin], "learned": [begin]}
         for event in events:
             if event["event"] in counts:

@@ -15,9 +15,10 @@ from jmm_agent.agent import Agent
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.driving.autosave import Autosave
 from jmm_agent.driving.call_watch import CallWatch
-from jmm_agent.driving.driver import Driver, PausingDriver
+from jmm_agent.driving.driver import Driver, PausingDriver, check_methods
 from jmm_agent.driving.emergency_stop import EmergencyStop
 from jmm_agent.driving.endings import endings_raised
+from jmm_agent.driving.lost_readings import why_lost
 from jmm_agent.driving.robot_stop import RobotStop
 from jmm_agent.driving.short_collections import short_collections
 from jmm_agent.errors import AgentError
@@ -29,8 +30,14 @@ from jmm_agent.types import Floats
 Watcher = Callable[[SensorReadings, Floats], None]
 """Called with the readings and the target lengths (m,) [m] after every step."""
 
-ROUNDING = 1e-9
-"""Difference below which two times are the same [s]."""
+ROUNDING = 1e-6
+"""Difference below which two times are the same [s]; stamps since 1970 are rounded to 2e-7 s."""
+SLOW = 1.0
+"""No control loop has only longer periods [s]."""
+APART = 50
+"""Number of usable readings in a row after which a loss is logged again."""
+REPEATED = "their time is that of the readings before"
+"""Reason why readings are lost; the agent names a fault if it is frequent."""
 
 _log = logging.getLogger(__name__)
 
@@ -52,7 +59,7 @@ class DriveOptions:
             map and motors where that is None, too.
 
     Raises:
-        AgentError: the timeout is not positive, or less than one period may be lost.
+        AgentError: the timeout is not positive, or ``lost`` is not a whole number from 1 on.
     """
 
     timeout: float = 5.0
@@ -62,8 +69,11 @@ class DriveOptions:
     def __post_init__(self) -> None:
         if not self.timeout > 0.0:
             raise AgentError(f"DriveOptions: the timeout is {self.timeout} s; it must be positive.")
-        if not self.lost >= 1:
-            raise AgentError(f"DriveOptions: lost is {self.lost}; it must be at least 1 period.")
+        if not (self.lost >= 1 and float(self.lost).is_integer()):
+            raise AgentError(
+                f"DriveOptions: lost is {self.lost}; it must be a whole number of periods, at "
+                "least 1."
+            )
 
 
 class DriveReport(NamedTuple):
@@ -71,7 +81,7 @@ class DriveReport(NamedTuple):
 
     Attributes:
         cycles: number of control periods with readings that the agent used.
-        lost: number without, in which the last command was held.
+        lost: number of control periods without, in which the last command was held.
         reasons: what was wrong with lost readings, and how often.
         gaps: number of gaps in time, in which the trajectory paused.
         longest_gap: of these [s].
@@ -117,14 +127,13 @@ def drive(
         What happened, such as the number of lost readings.
 
     Raises:
-        AgentError: the duration or the readings cannot be used; the robot was stopped.
+        AgentError: driver, duration or readings cannot be used; the robot was stopped.
         SystemExit: a signal asked the process to end; the robot was stopped.
     """
     stop, emergency_stop = RobotStop(driver), emergency_stop or EmergencyStop()
-    saved: AbstractContextManager[Autosave | None]
-    saved = nullcontext() if memory is None else Autosave(agent, memory)
-    with endings_raised(), short_collections(), saved as autosave:
+    with endings_raised(), short_collections(), _autosaved(agent, memory) as autosave:
         try:
+            check_methods(driver)
             _check_duration(seconds)
             emergency_stop.check()
             options = options or DriveOptions()
@@ -146,6 +155,13 @@ def drive(
         return report
 
 
+def _autosaved(
+    agent: Agent, memory: str | os.PathLike[str] | None
+) -> AbstractContextManager[Autosave | None]:
+    """What is learned within this context is saved, if there is a file for it."""
+    return nullcontext() if memory is None else Autosave(agent, memory)
+
+
 def _check_duration(seconds: float) -> None:
     """Raise an `AgentError` if a duration would never end."""
     if not 0.0 <= seconds < np.inf:
@@ -153,7 +169,7 @@ def _check_duration(seconds: float) -> None:
 
 
 def _both(watch: Watcher, autosave: Autosave | None) -> Watcher:
-    """Calls ``watch`` after what was learned is about to be saved."""
+    """Watcher that first has new learning saved, and then calls ``watch``."""
 
     def saved(readings: SensorReadings, target_lengths: Floats) -> None:
         if autosave is not None:
@@ -192,9 +208,9 @@ class _Loop:
         self._dead_encoders_allowed = not isinstance(agent.guard, NullGuard)
         self._gaps = GapDetector()
         self._command: Floats | None = None
-        self._stamp: float | None = None
         self._time = self._begin = -np.inf
         self._in_a_row = 0
+        self._lost_at = 0
         self._reasons: dict[str, int] = {}
         self._report = DriveReport()
 
@@ -204,7 +220,10 @@ class _Loop:
             self._calls.begin("read")
             readings = self._driver.read()
             self._calls.end()
-            reason = self._unusable(readings)
+            reason = why_lost(readings, self._dead_encoders_allowed)
+            if readings is not None and not reason and readings.time == self._time:
+                self._agent.step(readings)  # it skips and counts them
+                reason = REPEATED
             if readings is None or reason:
                 self._lose(reason)
                 self._write()
@@ -224,33 +243,16 @@ class _Loop:
             self._driver.write(self._command)
             self._calls.end()
 
-    def _unusable(self, readings: SensorReadings | None) -> str:
-        """What is wrong with readings that may be lost or broken on their way; empty if nothing."""
-        if readings is None:
-            return "no readings came"
-        if not np.isfinite(readings.time):
-            return "their time is not finite"
-        last, self._stamp = self._stamp, readings.time
-        if readings.time == last:
-            return "their time is that of the readings before"
-        finite = np.isfinite(np.asarray(readings.lengths, dtype=float))
-        if not finite.any():
-            return "no length is finite"
-        if self._dead_encoders_allowed:
-            return ""
-        if not finite.all():
-            return "a length is not finite (without a guard all must be)"
-        if not np.isfinite(np.asarray(readings.tensions, dtype=float)).all():
-            return "a tension is not finite (without a guard all must be)"
-        return ""
-
     def _lose(self, reason: str) -> None:
         """Count a control period without usable readings; an error if there are too many."""
         self._in_a_row += 1
+        if reason not in self._reasons or self._report.cycles - self._lost_at >= APART:
+            _log.warning(
+                "Readings lost (%s); the last command is held. DriveReport counts them.", reason
+            )
+        self._lost_at = self._report.cycles
         self._reasons[reason] = self._reasons.get(reason, 0) + 1
         self._report = self._report._replace(lost=self._report.lost + 1)
-        if self._in_a_row == 1:
-            _log.warning("Readings lost (%s); the last command is held.", reason)
         if self._in_a_row >= self._tolerated:
             raise LostReadingsError(
                 f"No usable readings in {self._in_a_row} control periods in a row ({reason}); the "
@@ -261,10 +263,11 @@ class _Loop:
         """Count a control period, and leave a gap out of the time that is driven."""
         self._in_a_row = 0
         gap = self._gaps.update(time)
-        if (step := self._gaps.steps_too_long) > 0.0:
+        if self._gaps.shortest > SLOW:
             raise AgentError(
-                f"drive: by their time stamps the readings come every {step:.3g} s. Stamps must be "
-                "in seconds, not in ms, us or ns, and the control period of an agent is 5 to 50 ms."
+                f"drive: by their time stamps the readings come every {self._gaps.shortest:.3g} s. "
+                "Stamps must be in seconds, not in ms, us or ns, and the control period of an "
+                "agent is 5 to 50 ms."
             )
         self._begin = time if self._time == -np.inf else self._begin + gap
         self._time = time

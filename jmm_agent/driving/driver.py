@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
+from jmm_agent.errors import AgentError
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
 
@@ -42,7 +44,25 @@ class Driver(Protocol):
 
 @runtime_checkable
 class PausingDriver(Driver, Protocol):
-    """A driver whose watchdog can be told that no commands will come for a while."""
+    """A driver whose watchdog can be paused while no commands come."""
 
     def pause(self) -> None:
         """Hold the last command until the next one; called after each `drive` without an error."""
+
+
+def check_methods(driver: object, needed: Sequence[str] = ("read", "write", "stop")) -> None:
+    """Refuse a driver that lacks a method, before the robot moves.
+
+    Args:
+        driver: of the robot.
+        needed: names of the methods.
+
+    Raises:
+        AgentError: one is missing.
+    """
+    missing = [name for name in needed if not callable(getattr(driver, name, None))]
+    if missing:
+        raise AgentError(
+            f"The driver {type(driver).__name__} lacks the method {' and '.join(missing)}; a "
+            "driver has read, write and stop."
+        )

@@ -1,12 +1,13 @@
-"""Stops a robot at the end of a program, whatever ends it."""
+"""Stops a robot at the end of a program, with or without an error."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from jmm_agent.driving.driver import Driver
+from jmm_agent.driving.driver import Driver, check_methods
 from jmm_agent.driving.endings import endings_raised
+from jmm_agent.driving.robot_stop import RobotStop
 
 
 @contextmanager
@@ -20,10 +21,14 @@ def stopping(driver: Driver) -> Iterator[None]:
         driver: of the robot; stopped twice if a `drive` has stopped it already.
 
     Raises:
+        AgentError: the driver has no method ``stop``.
         SystemExit: a signal asked the process to end; the robot was stopped.
     """
+    check_methods(driver, ("stop",))
     with endings_raised():
         try:
             yield
-        finally:
             driver.stop()
+        except BaseException as error:
+            RobotStop(driver).after(error)
+            raise

@@ -1,8 +1,9 @@
 """Watchdog for the driver's side of a robot: notices that commands have stopped coming.
 
-The agent's process may be killed, hang, or lose its connection; then nobody calls `Driver.stop`.
-So whatever runs beside the motors counts the time since the last fresh command, and stops the robot
-by itself. This file needs nothing but Python: copy it into the driver of a real robot.
+The agent's process may be killed, hang, or lose its connection, and then it cannot call
+`Driver.stop`. So the program beside the motors measures the time since the last fresh command, and
+stops the robot by itself. This file needs nothing but Python: copy it into the driver of a real
+robot.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ class Watchdog:
         return True
 
     def pause(self) -> None:
-        """Expect no commands until the next one, because the agent says so."""
+        """Expect no commands until the next one, after a message of the agent."""
         if not self.expired:
             self._last = None
 

@@ -19,6 +19,7 @@ from jmm_agent.guard.faults import MARKER_HIDDEN, MIRRORED_MARKER, SECOND_MARKER
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerPose, Skip
+from jmm_agent.vision.square_pose import angle_between
 
 FRAMES = 5
 """Number of newest times between frames whose median is the usual one."""
@@ -136,7 +137,7 @@ class FrozenCameraMonitor:
         if self._rotation is None:
             self._rotation = rotation
         elif rotation is not None:
-            self._same |= _angle(rotation, self._rotation) > options.turned
+            self._same |= angle_between(rotation, self._rotation) > options.turned
         moved = float(np.abs(lengths - self._lengths).max())
         self._same |= hand_in_view and moved > options.moved
         return False
@@ -240,8 +241,8 @@ class MarkerMonitor:
     def _is_mirrored(self, marker: MarkerPose, expected: Floats) -> bool:
         """Whether the flipped pose of a marker is the one that is expected (4, 4)."""
         options = self._options
-        away = _angle(marker.pose_marker_in_camera, expected)
-        other = _angle(marker.flipped_in_camera, expected)
+        away = angle_between(marker.pose_marker_in_camera, expected)
+        other = angle_between(marker.flipped_in_camera, expected)
         if self._mirrored:  # until the pose is clearly the right one
             return away > options.nearer * other
         return away > options.mirrored and other < options.nearer * away
@@ -249,7 +250,7 @@ class MarkerMonitor:
     def _is_still(self, pose: Floats) -> bool:
         """Whether an expected pose (4, 4) is close to where the marker was seen last."""
         moved = float(np.linalg.norm(pose[:3, 3] - self._sighting[:3, 3]))
-        turned = _angle(pose, self._sighting)
+        turned = angle_between(pose, self._sighting)
         return moved <= self._options.still_m and turned <= self._options.still_rad
 
     def _must_be_in_view(self, pose: Floats) -> bool:
@@ -266,9 +267,3 @@ class MarkerMonitor:
         )
         facing = np.arccos(np.clip(-normal @ position / np.linalg.norm(position), -1.0, 1.0))
         return bool(inside.all()) and bool(facing < options.facing)
-
-
-def _angle(pose: Floats, other: Floats) -> float:
-    """Angle between the orientations of two poses (4, 4), or of two rotations (3, 3) [rad]."""
-    trace = float(np.trace(pose[:3, :3].T @ other[:3, :3]))
-    return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))

@@ -177,7 +177,7 @@ class _Courier:
                 if self._process is None:
                     self._start()
                 result = self._ask(job, state)
-            except Exception as error:  # whatever goes wrong here, the job has failed
+            except Exception as error:  # any error here is one of the job
                 result = JobResult(None, failure=self._reason(error))
                 self._stop()
             self.outbox.put((number, result))

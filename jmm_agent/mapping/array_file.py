@@ -98,7 +98,7 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[An
     shape, _, dtype = read_header(stream)
     if dtype.kind not in KINDS or dtype.itemsize == 0:
         raise ArrayFileError(f"{member.filename} holds {dtype}, which is no number and no text")
-    size = len(stream.getbuffer()) - stream.tell()
+    size = len(stream.read())
     if math.prod(shape) * dtype.itemsize != size:
         raise ArrayFileError(
             f"{member.filename} has {size} bytes, but its header declares {dtype} of shape {shape}"

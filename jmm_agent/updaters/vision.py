@@ -18,7 +18,7 @@ from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
-from jmm_agent.vision.marker_observation import Frames, contradicted_joint
+from jmm_agent.vision.marker_observation import Frames, contradicted_joint, residual_of
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
     ObservationFit,
@@ -26,6 +26,10 @@ from jmm_agent.vision.observation_fit import (
     fit_alone,
 )
 from jmm_agent.vision.permanent_elongation import elongations, fit_with_elongation
+from jmm_agent.vision.pose_covariance import measures_rotation
+
+UNREACHED = "inverse kinematics did not converge"
+"""Reason not to learn from a pose that is far from that of the fitted posture."""
 
 
 class VisionUpdater:
@@ -137,7 +141,8 @@ class VisionUpdater:
         fit, elongated = self._fit(observations) if learn else self._evaluated(observations)
         angles = fit.angles[-1]
         doubt = self._doubt(fit, observation)
-        seen = Seen(angles, estimate - angles, False, doubt, zeroed)
+        detail = self._distance(observation, angles) if doubt == UNREACHED else ""
+        seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail)
         if not learn:
             return seen
         if seen.reason:
@@ -245,12 +250,20 @@ class VisionUpdater:
             name = self._learner.map.joints[joint]
             return f"the joint encoder of {name} contradicts the hand's pose"
         if missed or not fit.converged:
-            return "inverse kinematics did not converge"
+            return UNREACHED
         if np.linalg.norm(angles - estimate) >= options.threshold:
             return "too far from the estimate"
         if len(self._angles) and (np.linalg.norm(angles - self._angles[-1]) < options.distance):
             return "too close to the last update"
         return ""
+
+    def _distance(self, observation: MarkerObservation, angles: Floats) -> str:
+        """How far the measured pose is from that of the fitted angles (n,) [rad], in a sentence."""
+        error = residual_of(observation, self._marker_residual, angles)[0]
+        away = f"{np.linalg.norm(error[:3]):.3g} m"
+        if measures_rotation(observation.covariance):
+            away += f" and {np.degrees(np.linalg.norm(error[3:])):.0f} deg"
+        return f"the last pose is {away} from the fitted posture's; check its unit and its frame"
 
     def _learn(self, antagonism: Pairs) -> None:
         """Learn all pairs again, because a new observation changes the fit of the earlier ones.

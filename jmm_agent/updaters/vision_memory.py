@@ -56,6 +56,7 @@ class Seen(NamedTuple):
         learned: whether the map was moved.
         reason: why it was not moved; empty if it was.
         zeroed: whether it showed that all lengths were zeroed anew.
+        detail: how far the measured pose is from that of ``angles``, if that is the reason.
     """
 
     angles: Floats
@@ -63,3 +64,4 @@ class Seen(NamedTuple):
     learned: bool
     reason: str
     zeroed: bool = False
+    detail: str = ""

@@ -23,6 +23,10 @@ INVERTED_PX = 0.01
 """A pixel whose ray is projected farther from it than this [px] has no ray."""
 STEEPEST = np.tan(np.deg2rad(89.0))
 """Slope of the steepest ray that is considered [1]."""
+FARTHEST = 10.0
+"""Farthest pixel from the principal point [focal lengths]; at 84 deg for an ideal lens."""
+GRID, LEAST_SHARE = 15, 0.5
+"""Tested pixels along each side of the frame; least share of them that must have a ray."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,9 @@ class Camera:
 
     Raises:
         AgentError: a size is below 1 px, a focal length is not positive and finite, the principal
-            point is not finite, or the distortion is not that of the model.
+            point is not finite, a pixel is more than `FARTHEST` focal lengths from it, the
+            distortion is not that of the model, or it leaves more than half of the frame without
+            rays (but for ``fisheye``, whose image may be a circle in the frame).
     """
 
     width: int
@@ -73,6 +79,23 @@ class Camera:
             raise AgentError(
                 f"The camera's principal point is ({self.cx}, {self.cy}) px; it must be finite."
             )
+        farthest = max(
+            max(abs(centre), abs(size - 1 - centre)) / focal
+            for centre, size, focal in (
+                (self.cx, self.width, self.fx),
+                (self.cy, self.height, self.fy),
+            )
+        )
+        if farthest > FARTHEST:
+            raise AgentError(
+                f"The camera has pixels {farthest:.3g} focal lengths from its principal point, and "
+                f"no lens images more than {FARTHEST:g}; fx, fy, cx and cy must be in pixels of a "
+                f"frame of {self.width} x {self.height} px."
+            )
+        self._check_lens()
+
+    def _check_lens(self) -> None:
+        """Refuse a distortion that is not that of the model, or that folds within the frame."""
         if self.model not in COEFFICIENTS:
             raise AgentError(
                 f"There is no camera model {self.model!r}; there are: {', '.join(COEFFICIENTS)}."
@@ -85,6 +108,16 @@ class Camera:
                 f"The camera's distortion is {self.distortion}; the model {self.model} takes "
                 f"{valid} finite coefficients."
             )
+        if self.distorts and not self._is_fisheye:
+            columns = np.linspace(0, self.width - 1, GRID)
+            rows = np.linspace(0, self.height - 1, GRID)
+            rays = self.rays(np.stack(np.meshgrid(columns, rows), axis=-1))
+            share = float(np.isfinite(rays[..., 0]).mean())
+            if share < LEAST_SHARE:
+                raise AgentError(
+                    f"The camera's distortion {self.distortion} folds the image: only {share:.0%} "
+                    "of the frame has rays. The coefficients or the focal length are wrong."
+                )
 
     @classmethod
     def from_fovy(cls, width: int, height: int, fovy_rad: float) -> Camera:

@@ -215,10 +215,10 @@ def _is_list(value: object) -> bool:
     )
 
 
-def _number(value: object) -> float:
+def _number(value: Any) -> float:
     """A number; NaN if it is none. PyYAML reads 1e-05 as text."""
     try:
-        return float("nan") if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
+        return float("nan") if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         return float("nan")
 
@@ -235,7 +235,18 @@ def _mapping(message: object) -> Mapping[Any, Any]:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML of simple values, with OpenCV's matrices as mappings."""
+    """YAML of simple values, with OpenCV's matrices as mappings; a key must not occur twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        _refuse_repeated([key.value for key, _ in node.value])
+        return super().construct_mapping(node, deep)
+
+
+def _refuse_repeated(keys: Sequence[Any]) -> None:
+    """Refuse keys of which one occurs twice; which value is meant is not known."""
+    repeated = [key for key in keys if keys.count(key) > 1]
+    if repeated:
+        raise ValueError(f"the key {short(repeated[0])} occurs twice")
 
 
 def _matrix(loader: yaml.SafeLoader, node: yaml.Node) -> dict[Any, Any]:
@@ -259,7 +270,9 @@ def _xml(text: str) -> dict[str, object]:
     if "<!" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL):
         raise ValueError("declarations and entities are not read")
     values: dict[str, object] = {}
-    for item in ElementTree.fromstring(text):
+    root = ElementTree.fromstring(text)
+    _refuse_repeated([item.tag for item in root])
+    for item in root:
         data = item.find("data")
         content = (item.text if data is None else data.text) or ""
         values[item.tag] = content.strip() if data is None else content.split()

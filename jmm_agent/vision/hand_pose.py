@@ -28,6 +28,8 @@ ALIVE = 1.0
 """A tracker whose newest pose is older than this is not waited for [s]."""
 LEAST_MOTION = 1e-9
 """Motion of a frame that moves with no joint, but for rounding [m/rad, rad/rad]."""
+WORLD = "world"
+"""Name of the world among frames in which a pose is given."""
 
 MOVING = "the hand was not at rest when its pose was measured"
 REPEATED = "the hand's pose was measured again in the same rest"
@@ -101,12 +103,14 @@ class HandPoses:
             pose: (4, 4), translation in metres.
             covariance: of the pose (6, 6), see `checked_covariance`.
             time: of the measurement [s].
-            frames: whose pose it is, and in which frame; None: world.
+            frames: whose pose it is, and in which frame; None or `WORLD`: world.
 
         Raises:
             AgentError: unknown frames, or no joint moves one against the other; pose or covariance
                 are not valid; or the time is not finite or in the future.
         """
+        if frames[1] == WORLD:
+            frames = frames[0], None
         self._check_frames(frames)
         found = HandPose(checked_pose(pose), checked_covariance(covariance), float(time), frames)
         if not np.isfinite(found.time):

@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
@@ -33,7 +32,7 @@ from jmm_agent.vision.observation_fit import (
     ObservationFitOptions,
     descend,
 )
-from jmm_agent.vision.permanent_elongation import REGULARISATION
+from jmm_agent.vision.permanent_elongation import evidence_of_steps, with_likeliest_step
 
 UNLIKELY = 2.0
 """Cost of the newest observation in its own minimum, for each of its numbers, from which on all
@@ -85,8 +84,8 @@ def fit_incrementally(
 
     Args:
         observations: K observations.
-        rows: kept within the fit.
         prior: prior of the map's error and of elongations.
+        marker_residual: residual of the marker's pose at a posture.
         limits: lowest and highest angle of each joint (n, 2) [rad].
         options: noise levels and limits of the fit.
         start: angles (K, n) [rad] to start from: those of the last fit, and a guess.
@@ -110,12 +109,18 @@ def fit_incrementally(
         angles, starts = end.angles, [end.angles]
         if recent < 1 or options.elongation_evidence == np.inf:
             break
-        evidence = _log_bayes_factors(problem, prior, angles, elongated, recent)
-        if evidence.max() < options.elongation_evidence:
+        evidence = evidence_of_steps(
+            problem.normal_equations(angles),
+            problem.kernels(angles),
+            np.array([row.jacobian for row in problem.rows(angles)]),
+            problem.missed(angles),
+            prior.options.elongation,
+            recent,
+        )
+        more = with_likeliest_step(evidence, elongated, options.elongation_evidence)
+        if more is None:
             break
-        rank, muscle = np.unravel_index(evidence.argmax(), evidence.shape)
-        elongated = elongated.copy()
-        elongated[: len(observations) - recent + rank, muscle] += 1.0
+        elongated = more
     return ObservationFit(angles, converged, problem.weights.norms(end.residuals)), elongated
 
 
@@ -138,30 +143,3 @@ def _newest(
         problem = NewestProblem(others, start[:-1], observations[-1], rows, prior, options)
     end, converged = descend(problem, np.clip(start[-1:], low, high), low, high, options)
     return np.vstack([start[:-1], end.angles]), end, converged, problem
-
-
-def _log_bayes_factors(
-    problem: IncrementalProblem, prior: MapPrior, angles: Floats, elongated: Floats, recent: int
-) -> Floats:
-    """Logarithms (recent, m) as of `log_bayes_factors`, of all muscles by one solution."""
-    count, size = len(angles), prior.options.elongation
-    matrix, gradient = problem.normal_equations(angles)
-    matrix[np.diag_indices_from(matrix)] *= 1.0 + REGULARISATION
-    factor = cho_factor(matrix, lower=True)
-    left = cho_solve(factor, gradient)
-    jacobian = np.array([row.jacobian for row in problem.rows(angles)])
-    missed = problem.missed(angles)
-    steps = np.tri(count, k=-1).T[:, count - recent :]  # u, a column each
-    evidence = np.zeros((recent, elongated.shape[1]))
-    for kernel in problem.kernels(angles):
-        white = kernel.whiten(steps)
-        alone = np.sum(steps * white, axis=0)
-        arms = jacobian[:, kernel.muscles].transpose(0, 2, 1)  # (K, n, muscles)
-        pull = (arms[..., None] * white[:, None, None, :]).reshape(left.size, -1)
-        solved = solve_triangular(factor[0], pull, lower=True, check_finite=False)
-        shape = len(kernel.muscles), recent
-        known = np.maximum(alone - np.sum(solved**2, axis=0).reshape(shape), 0.0)
-        slope = (white.T @ missed[:, kernel.muscles]).T + (pull.T @ left).reshape(shape)
-        gain = slope**2 / (known + size**-2)
-        evidence[:, kernel.muscles] = (0.5 * (gain - np.log1p(size**2 * known))).T
-    return evidence

@@ -14,7 +14,7 @@ from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_corners import locate_corners
-from jmm_agent.vision.marker_search import Candidate, MarkerSearch
+from jmm_agent.vision.marker_search import Candidate, MarkerSearch, is_whole
 from jmm_agent.vision.marker_view import MarkerView
 from jmm_agent.vision.square_pose import (
     alike,
@@ -31,6 +31,8 @@ SQUARE_DEVIATIONS = 3.0
 """... or than this number of standard deviations of a corner."""
 FACING = 0.1
 """A marker is not searched if it is predicted with a cosine below this to the line of sight."""
+LARGEST_SIDE = 5.0
+"""Largest side of a marker [m]; a larger number is one in millimetres."""
 AWAY = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]])
 """Pose of a marker whose face is turned away from the camera."""
 REGION_SIDES = 2.0
@@ -119,8 +121,8 @@ class MarkerDetector:
         border: width of the black border [cells].
 
     Raises:
-        AgentError: there is no marker or no such dictionary, an id is not in it, or a side or the
-            border is not positive and finite.
+        AgentError: there is no marker or no such dictionary, an id is not in it, a side is not
+            above 0 and up to `LARGEST_SIDE`, or the border is not a whole number from 1.
     """
 
     def __init__(
@@ -130,20 +132,22 @@ class MarkerDetector:
         dictionary: str = "DICT_4X4_50",
         border: int = 1,
     ) -> None:
-        if not side_by_id:
+        if not (isinstance(side_by_id, Mapping) and side_by_id):
             raise AgentError(
-                "A marker detector needs at least one marker id with its side in metres."
+                "A marker detector needs at least one marker id with its side in metres, such as "
+                f"{{0: 0.05}}, got {side_by_id!r}."
             )
         self._search = MarkerSearch(dictionary, border)
         for marker_id, side in side_by_id.items():
-            if not 0 <= marker_id < self._search.count:
+            if not (is_whole(marker_id) and 0 <= marker_id < self._search.count):
                 raise AgentError(
-                    f"Marker id {marker_id} is not in {dictionary}; ids go from 0 to "
-                    f"{self._search.count - 1}."
+                    f"Marker id {marker_id!r} is not in {dictionary}; ids are whole numbers from 0 "
+                    f"to {self._search.count - 1}."
                 )
-            if not (np.isfinite(side) and side > 0):
+            if not (isinstance(side, int | float | np.number) and 0 < side <= LARGEST_SIDE):
                 raise AgentError(
-                    f"The side of marker {marker_id} is {side} m; it must be positive and finite."
+                    f"The side of marker {marker_id} is {side!r}; it must be a number of metres "
+                    f"above 0 and up to {LARGEST_SIDE:g}."
                 )
         self._camera = camera
         self._square_by_id = {

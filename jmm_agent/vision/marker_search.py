@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from difflib import get_close_matches
+from numbers import Integral
 
 import cv2
 import numpy as np
@@ -42,7 +43,7 @@ class MarkerSearch:
         count: number of markers in the dictionary.
 
     Raises:
-        AgentError: there is no such dictionary, or the border is below 1.
+        AgentError: there is no such dictionary, or the border is not a whole number from 1.
     """
 
     def __init__(self, dictionary: str, border: int = 1) -> None:
@@ -52,8 +53,10 @@ class MarkerSearch:
             raise AgentError(
                 f"There is no marker dictionary {dictionary!r}; there are: {', '.join(near)}."
             )
-        if border < 1:
-            raise AgentError(f"The border of a marker is {border} cells; it starts at 1.")
+        if not (is_whole(border) and border >= 1):
+            raise AgentError(
+                f"The border of a marker is {border!r} cells; it must be a whole number from 1."
+            )
         self._dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
         self._border = int(border)
         self.count = len(self._dictionary.bytesList)
@@ -119,6 +122,11 @@ class MarkerSearch:
             cornerRefinementMethod=cv2.aruco.CORNER_REFINE_APRILTAG,
             aprilTagQuadDecimate=float(max(2, 2 * largest_px // WHOLE_PX)),
         )
+
+
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number of Python or NumPy."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _reduction(gray: np.ndarray) -> int:

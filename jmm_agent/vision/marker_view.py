@@ -35,7 +35,7 @@ class MarkerView:
         rays = camera.rays(corners)
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         middle = rays.mean(axis=0)
-        self.rotation = _towards(middle / np.linalg.norm(middle))
+        self.rotation = towards(middle / np.linalg.norm(middle))
         slopes = rays @ self.rotation
         slopes = slopes[:, :2] / slopes[:, 2:]
         focal = np.sqrt(_area(corners) / _area(slopes)) if np.isfinite(rays).all() else np.nan
@@ -79,8 +79,12 @@ class MarkerView:
         return turned
 
 
-def _towards(ray: Floats) -> Floats:
-    """Smallest rotation (3, 3) of the optical axis into a direction (3,)."""
+def towards(ray: Floats) -> Floats:
+    """Smallest rotation (3, 3) that turns the optical axis into a direction.
+
+    Args:
+        ray: the direction (3,), of unit length.
+    """
     axis = np.cross([0.0, 0.0, 1.0], ray)
     sine = float(np.linalg.norm(axis))
     if not sine > 0.0:

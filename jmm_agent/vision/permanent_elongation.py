@@ -30,9 +30,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.prior import GroupKernel, MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
@@ -79,11 +79,10 @@ def fit_with_elongation(
         evidence = log_bayes_factors(
             observations, prior, marker_residual, options, fit.angles, elongated, recent
         )
-        if evidence.max() < options.elongation_evidence:
+        more = with_likeliest_step(evidence, elongated, options.elongation_evidence)
+        if more is None:
             break
-        rank, muscle = np.unravel_index(evidence.argmax(), evidence.shape)
-        elongated = elongated.copy()
-        elongated[: len(observations) - recent + rank, muscle] += 1.0
+        elongated = more
         fit = fit_observations(
             observations, prior, marker_residual, limits, options, fit.angles, elongated
         )
@@ -137,23 +136,75 @@ def log_bayes_factors(
     Returns:
         Logarithms of the Bayes factors (recent, m).
     """
-    count, size = len(observations), prior.options.elongation
     problem = ObservationProblem(observations, prior, marker_residual, options, elongated)
-    matrix, gradient = problem.normal_equations(angles)
-    matrix[np.diag_indices_from(matrix)] *= 1.0 + REGULARISATION
-    factor = cho_factor(matrix)
-    left = cho_solve(factor, gradient)
     expected, jacobian = prior.map.lengths_and_jacobian(angles)
     missed = np.array([found.lengths for found in observations]) - expected
+    return evidence_of_steps(
+        problem.normal_equations(angles),
+        prior.groups(angles, elongated=elongated),
+        jacobian,
+        missed,
+        prior.options.elongation,
+        recent,
+    )
+
+
+def evidence_of_steps(
+    normal_equations: tuple[Floats, Floats],
+    kernels: Sequence[GroupKernel],
+    jacobian: Floats,
+    missed: Floats,
+    size: float,
+    recent: int,
+) -> Floats:
+    """Evidence of `log_bayes_factors`, from a fit that is already linearised.
+
+    Args:
+        normal_equations: Gauss-Newton matrix (K n, K n) and gradient (K n,) of the fit.
+        kernels: of the lengths' errors, for each group of muscles.
+        jacobian: of the lengths by the nominal map (K, m, n) [m/rad].
+        missed: measured lengths minus those of the nominal map (K, m) [m].
+        size: standard deviation of an elongation [m].
+        recent: number of newest observations, below K.
+
+    Returns:
+        Logarithms of the Bayes factors (recent, m).
+    """
+    count, muscles = missed.shape
+    matrix, gradient = normal_equations[0].copy(), normal_equations[1]
+    matrix[np.diag_indices_from(matrix)] *= 1.0 + REGULARISATION
+    factor = cho_factor(matrix, lower=True)
+    left = cho_solve(factor, gradient)
     steps = np.tri(count, k=-1).T[:, count - recent :]  # u, a column each
-    evidence = np.zeros((recent, elongated.shape[1]))
-    for kernel in prior.groups(angles, elongated=elongated):
+    evidence = np.zeros((recent, muscles))
+    for kernel in kernels:
         white = kernel.whiten(steps)
         alone = np.sum(steps * white, axis=0)
-        for muscle in kernel.muscles:
-            pull = (jacobian[:, muscle, :, None] * white[:, None, :]).reshape(left.size, recent)
-            known = np.maximum(alone - np.sum(pull * cho_solve(factor, pull), axis=0), 0.0)
-            slope = white.T @ missed[:, muscle] + pull.T @ left
-            gain = slope**2 / (known + size**-2)
-            evidence[:, muscle] = 0.5 * (gain - np.log1p(size**2 * known))
+        arms = jacobian[:, kernel.muscles].transpose(0, 2, 1)  # (K, n, muscles)
+        pull = (arms[..., None] * white[:, None, None, :]).reshape(left.size, -1)
+        solved = solve_triangular(factor[0], pull, lower=True, check_finite=False)
+        shape = len(kernel.muscles), recent
+        known = np.maximum(alone - np.sum(solved**2, axis=0).reshape(shape), 0.0)
+        slope = (white.T @ missed[:, kernel.muscles]).T + (pull.T @ left).reshape(shape)
+        gain = slope**2 / (known + size**-2)
+        evidence[:, kernel.muscles] = (0.5 * (gain - np.log1p(size**2 * known))).T
     return evidence
+
+
+def with_likeliest_step(evidence: Floats, elongated: Floats, least: float) -> Floats | None:
+    """Numbers of elongations with the step of the largest evidence added.
+
+    Args:
+        evidence: logarithms of the Bayes factors (recent, m).
+        elongated: number of elongations of each muscle since each observation (K, m).
+        least: logarithm from which on a step is believed.
+
+    Returns:
+        Numbers (K, m); None if no step is believed.
+    """
+    if evidence.max() < least:
+        return None
+    rank, muscle = np.unravel_index(evidence.argmax(), evidence.shape)
+    more = elongated.copy()
+    more[: len(elongated) - len(evidence) + rank, muscle] += 1.0
+    return more

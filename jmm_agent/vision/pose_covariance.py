@@ -96,6 +96,11 @@ def checked_covariance(value: ArrayLike) -> Floats:
     return covariance
 
 
+def measures_rotation(covariance: Floats | None) -> bool:
+    """Whether a pose with a covariance (6, 6) has a measured rotation; None: a marker's has."""
+    return covariance is None or bool(covariance[3, 3] < UNKNOWN)
+
+
 def pose_weight(
     covariance: Floats, pose: Floats, position_noise: float, rotation_noise: float
 ) -> Floats:

@@ -156,7 +156,7 @@ def alike(error: float, other: float, deviation_px: float = 0.0) -> bool:
 
 
 def angle_between(pose: Floats, other: Floats) -> float:
-    """Angle between the orientations of two poses (4, 4) [rad]."""
+    """Angle between the orientations of two poses (4, 4), or of two rotations (3, 3) [rad]."""
     return float(np.arccos(np.clip((np.trace(pose[:3, :3].T @ other[:3, :3]) - 1) / 2, -1, 1)))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import MotorControl
+from jmm_agent.scales import RobotScales
 from jmm_agent.vision.camera import Camera
 from kengoro.agents import make_agent
 from kengoro.errors import UsageError
@@ -43,14 +44,14 @@ class Calibration:
     scene: str | None = None
     camera: str | None = None
     marker: int = 0
-    marker_side: float = 0.05
-    stiffness: float = 30_000.0
-    bias: float = 30.0
-    limit: float = 500.0
+    marker_side: float = RobotScales.marker_side
+    stiffness: float = MotorControl.stiffness
+    bias: float = MotorControl.bias
+    limit: float = MotorControl.limit
     zeroed: bool | None = None
     period: float | None = None
     jitter: float | None = None
-    problems: tuple[str, ...] = field(default_factory=tuple)
+    problems: tuple[str, ...] = ()
 
     @property
     def motors(self) -> MotorControl:

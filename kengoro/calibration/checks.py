@@ -13,7 +13,7 @@ import numpy as np
 
 from jmm_agent.driving.driver import Driver
 from jmm_agent.guard.faults import MotorControl
-from jmm_agent.observation import SensorReadings
+from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.statics import Statics
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
@@ -36,6 +36,9 @@ TAUT = 0.3
 """Least tension of a muscle that is pulled, as a share of T_bias [1]."""
 GAIN = 1.5
 """Largest ratio of measured to given gains [1]."""
+FAR = 3.0
+"""Largest distance of a length from those of the nominal model, as a share of the largest range of
+a muscle's length [1]."""
 HELD = 0.5
 """Least share of typical postures that the muscles must be able to hold [1]."""
 
@@ -60,8 +63,8 @@ class RobotChecks:
         progress: called with each step of the checks, in a few words.
 
     Attributes:
-        period: median control period [s], measured by `clock`.
-        jitter: standard deviation of the control period [s].
+        period: median control period [s], measured by `clock`; None if unknown.
+        jitter: standard deviation of the control period [s]; None if unknown.
 
     Raises:
         UsageError: the robot has another number of muscles, or does not answer.
@@ -72,7 +75,8 @@ class RobotChecks:
     ) -> None:
         self._driver, self._muscles, self._motors = driver, muscles, motors
         self._progress = progress
-        self.period = self.jitter = float("nan")
+        self.period: float | None = None
+        self.jitter: float | None = None
         self.newest = self._read()
         found = len(np.atleast_1d(self.newest.lengths))
         if found != len(muscles):
@@ -92,7 +96,7 @@ class RobotChecks:
             seconds: duration [s], by the robot's own stamps.
         """
         self._progress("clock")
-        stamps, lost = [self.newest.time], 0
+        stamps = [self.newest.time]
         while stamps[-1] - stamps[0] < seconds and len(stamps) < 100_000:
             stamps.append(self._step(self._hold).time)
             if len(stamps) > SILENCE and stamps[-1] <= stamps[0]:
@@ -102,20 +106,20 @@ class RobotChecks:
         if backward := int((steps <= 0).sum()):
             problems.append(f"{backward} of {len(steps)} time stamps are not later than the last.")
         forward = steps[steps > 0]
-        self.period = float(np.median(forward))
-        ordinary = forward[forward < 1.5 * self.period]
+        self.period = period = float(np.median(forward))
+        ordinary = forward[forward < 1.5 * period]
         lost = len(forward) - len(ordinary)
-        self.jitter = float(np.std(ordinary))
+        self.jitter = jitter = float(np.std(ordinary))
         low, high = PERIODS
-        if not 0.999 * low <= self.period <= 1.001 * high:
+        if not 0.999 * low <= period <= 1.001 * high:
             problems.append(
-                f"The control period is {1e3 * self.period:.3g} ms, but must be {1e3 * low:g} to "
+                f"The control period is {1e3 * period:.3g} ms, but must be {1e3 * low:g} to "
                 f"{1e3 * high:g} ms; are the stamps in seconds?"
             )
-        if self.jitter > JITTER * self.period:
+        if jitter > JITTER * period:
             problems.append(
-                f"The period varies by {1e3 * self.jitter:.3g} ms, more than {JITTER:.0%} of "
-                f"{1e3 * self.period:.3g} ms."
+                f"The period varies by {1e3 * jitter:.3g} ms, more than {JITTER:.0%} of "
+                f"{1e3 * period:.3g} ms."
             )
         if lost > LOST * len(forward):
             problems.append(f"{lost} of {len(forward)} cycles were lost or late.")
@@ -187,7 +191,7 @@ class RobotChecks:
 
     def _rest(self, command: Floats, rest: float = 0.2) -> _Rest:
         """Readings under a command: the mean of their second half, and the highest tensions."""
-        steps = max(8, round(rest / (self.period if self.period > 0 else 0.02)))
+        steps = max(8, round(rest / (self.period or CONTROL_PERIOD)))
         found = [self._step(command) for _ in range(steps)]
         lengths, tensions = (
             np.array([getattr(one, name) for one in found]) for name in ("lengths", "tensions")
@@ -231,6 +235,25 @@ def _pulled(
             "sensors do nothing."
         ]
     return []
+
+
+def length_problems(lengths: Floats, nominal: Floats, muscles: Sequence[str]) -> list[str]:
+    """Whether lengths are about those of the nominal model, in metres.
+
+    Args:
+        lengths: measured (m,) [m].
+        nominal: lengths of the nominal model in postures between the joint limits (K, m) [m].
+        muscles: names of the m muscles.
+    """
+    low, high = nominal.min(axis=0), nominal.max(axis=0)
+    beyond = np.maximum(low - lengths, lengths - high)
+    worst = int(beyond.argmax())
+    if beyond[worst] <= FAR * (high - low).max():
+        return []
+    return [
+        f"{muscles[worst]} has a length of {lengths[worst]:.3g} m, but {low[worst]:.3g} to "
+        f"{high[worst]:.3g} m by the nominal model: are lengths in metres, and zeroed?"
+    ]
 
 
 def limit_problems(statics: Statics, postures: Floats, motors: MotorControl) -> list[str]:

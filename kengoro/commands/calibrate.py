@@ -24,18 +24,26 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.options import AgentOptions
 from jmm_agent.vision.camera import Camera
 from kengoro.calibration.calibration_file import Calibration
-from kengoro.calibration.checks import RobotChecks, camera_problems, limit_problems
+from kengoro.calibration.checks import (
+    RobotChecks,
+    camera_problems,
+    length_problems,
+    limit_problems,
+)
 from kengoro.errors import UsageError
 from kengoro.nominal_robot import NominalRobot
 from kengoro.remote_robot.client import HOST, RemoteRobot
 from kengoro.remote_robot.simulated import SimulatedRobot
 from kengoro.robots import arm_scene, check_seed, sample_within
 from kengoro_env.errors import KengoroError
+from kengoro_env.robot.nominal_model import SAMPLES
 
+EYE = AgentOptions().camera
+"""Name of the camera in the nominal model."""
 POSTURES = 20
 """Number of postures at which the limit of the tensions is checked."""
-ZERO_SHARE = 0.25
-"""Largest length in the zero posture, as a share of how far muscles move (median) [1]."""
+ZERO_SHARE = 0.15
+"""Largest length in the zero posture, as a share of the muscles' travel [1]."""
 
 T = TypeVar("T")
 D = TypeVar("D")
@@ -133,18 +141,24 @@ def calibrate(args: Args, ask: bool, progress: Callable[[str], None]) -> Calibra
     with _driver(args) as driver, stopping(driver):
         checks = RobotChecks(driver, model.model.muscles, motors, progress)
         problems = checks.clock()
+        nominal = arm.lengths(sample_within(arm, SAMPLES, share=1.0))
+        problems += length_problems(checks.newest.lengths, nominal, arm.muscles)
         if given.zeroed:
-            travel = float(np.median(arm.lengths(sample_within(arm, POSTURES)).std(axis=0)))
-            problems += checks.zero(ZERO_SHARE * travel)
+            problems += checks.zero(ZERO_SHARE * arm.travel)
         pull = question("Pull of each muscle [N], 0 for none", args.pull, motors.bias, float)
         if not 0.0 <= pull < np.inf:
             raise UsageError(f"pull is {pull:g} N, but must be 0 or more, and finite.")
         if pull > 0.0:
             problems += checks.pulls(pull)
         progress("limit and camera")
-        problems += camera_problems(checks.newest, camera, given.marker, given.marker_side)
+        if camera is None:
+            problems.append(f"The model has no camera {EYE!r}: give --camera.")
+        else:
+            problems += camera_problems(checks.newest, camera, given.marker, given.marker_side)
     problems += limit_problems(model.statics(motors), sample_within(arm, POSTURES), motors)
-    period, jitter = (float(f"{value:.4g}") for value in (checks.period, checks.jitter))
+    period, jitter = (
+        None if value is None else float(f"{value:.4g}") for value in (checks.period, checks.jitter)
+    )
     return replace(given, period=period, jitter=jitter, problems=tuple(problems))
 
 
@@ -182,10 +196,11 @@ def _given(args: Args, model: NominalRobot, question: Question) -> Calibration:
     )
 
 
-def _camera(given: Calibration, model: NominalRobot) -> Camera:
+def _camera(given: Calibration, model: NominalRobot) -> Camera | None:
+    """The camera that is given, else that of the model; None if there is neither."""
     if given.camera is not None:
         return Camera.from_file(given.camera)
-    return model.camera(AgentOptions().camera)
+    return model.camera(EYE) if EYE in model.cameras else None
 
 
 @contextmanager

@@ -24,12 +24,12 @@ MakeConnection = Callable[[socket.socket, float], Connection]
 
 
 class Clients:
-    """Connections of a `RobotServer`. No client can make it wait.
+    """Connections of a `RobotServer`, which never waits for a client.
 
     Args:
         listener: socket that is bound and listens.
         token: that clients must know.
-        welcome: what the driving client is told of the robot.
+        welcome: entries of the message that greets the driving client, which describe the robot.
         patience: time in which a client must prove that it knows the token [s].
         make_connection: from an accepted socket and a deadline.
 

@@ -38,7 +38,7 @@ class Message(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What the message is; empty if it does not say so."""
+        """What the message is, its entry ``kind``; empty without one."""
         kind = self.head.get("kind")
         return kind if isinstance(kind, str) else ""
 
@@ -55,7 +55,7 @@ class Message(NamedTuple):
         return value
 
     def integer(self, name: str) -> int:
-        """An entry that is a number of something, from 0 on."""
+        """An entry that is an integer from 0 on."""
         value = self.head.get(name)
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**53:
             raise self.wrong(name, "an integer from 0 on")
@@ -119,7 +119,7 @@ def encodable(numbers: Floats) -> list[float | None]:
 
 
 class MessageReader:
-    """Puts the messages of a stream of bytes together, within bounds.
+    """Assembles the messages of a stream of bytes, within bounds.
 
     Args:
         max_body: largest body [bytes]; 0 where no frames are expected.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.driving.driver import Driver
+from jmm_agent.driving.driver import Driver, check_methods
 from jmm_agent.driving.endings import endings_raised
 from jmm_agent.driving.watchdog import PERIODS, Watchdog
 from jmm_agent.observation import SensorReadings
@@ -21,8 +21,8 @@ from kengoro.remote_robot.connection import Connection
 from kengoro.remote_robot.messages import Message, MessageError, encodable
 
 AGENT, WATCHDOG, CONNECTION, MESSAGE = "agent", "watchdog", "connection", "message"
-"""Who or what stopped a robot: the agent's side, or on this side the watchdog, the end of the
-connection, or a message that is not valid."""
+"""What stopped a robot: the agent's side, or on this side the watchdog, the end of the connection,
+or a message that is not valid."""
 
 _log = logging.getLogger(__name__)
 
@@ -54,7 +54,7 @@ class ServerOptions:
         sessions: number of sessions after which the server ends; None for no end.
 
     Raises:
-        UsageError: a time or a number is not positive and finite.
+        UsageError: a time or a number is not positive and finite, or the sessions are not whole.
     """
 
     period: float | None = None
@@ -68,12 +68,14 @@ class ServerOptions:
             value = getattr(self, name)
             if value is not None and not 0.0 < value < np.inf:
                 raise UsageError(f"The server's {name} is {value}; it must be positive and finite.")
+        if self.sessions is not None and not float(self.sessions).is_integer():
+            raise UsageError(f"The server's sessions are {self.sessions}; they must be whole.")
 
 
 class RobotServer:
     """Serves a robot through a socket to one client after the other, in one thread.
 
-    The robot is stopped when the agent says so, when no fresh command has come for some control
+    The robot is stopped by a message of the agent, when no fresh command has come for some control
     periods, when the connection ends, after a message that is not valid, and when this process is
     asked to end. The session is over then; a robot moves again only for a new one.
 
@@ -88,6 +90,9 @@ class RobotServer:
 
     Attributes:
         tick: number of control periods until now.
+
+    Raises:
+        AgentError: the driver lacks a method.
     """
 
     def __init__(
@@ -100,6 +105,7 @@ class RobotServer:
         stopped: Callable[[Stopped], None] = lambda stopped: None,
         make_connection: MakeConnection = Connection,
     ) -> None:
+        check_methods(driver)
         self._driver, self._muscles = driver, muscles
         self._options = options = options or ServerOptions()
         welcome = {"muscles": muscles, "period": options.period}
@@ -138,7 +144,7 @@ class RobotServer:
             self._poll(self._options.patience)
 
     def _in_real_time(self) -> None:
-        """One period of a robot that waits for nobody."""
+        """One period of a robot with its own clock."""
         assert self._options.period is not None
         self._send_readings()
         if self._watchdog.expired:
@@ -174,7 +180,7 @@ class RobotServer:
         return Message(head, b"" if frame is None else frame.tobytes())
 
     def _poll(self, wait: float) -> None:
-        """Serve all clients, and do what the active one says."""
+        """Serve all clients, and carry out the messages of the active one."""
         was_active = self._clients.active is not None
         messages = self._clients.poll(wait)
         now = time.monotonic()
@@ -225,7 +231,7 @@ class RobotServer:
         self._stopped(Stopped(by, reason, self.tick))
 
     def _end_if_unused(self) -> None:
-        """End a server of a limited number of sessions to which nobody comes."""
+        """End a server of a limited number of sessions if no client has come for a time."""
         unused = time.monotonic() - self._free_since > self._options.patience
         if self._options.sessions is not None and unused:
             self._sessions = self._options.sessions

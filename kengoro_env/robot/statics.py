@@ -16,7 +16,8 @@ A muscle at T_bias has the stiffness K_stiff only where d lengthens it, so that 
 has only positive G_i d. Lengths are never quite right, and an error e of all lengths changes the
 tensions by K_stiff e, and so the first term by K_stiff e norm_i(d' dG_i/dtheta d), about. It must
 stay positive for errors of `LENGTH_ERROR` times the muscles' travel. All is tested along the
-eigenvectors of the matrix of the muscles above T_bias, in both directions.
+eigenvectors of the matrix of the muscles above T_bias, in both directions. A posture that only
+exact lengths hold counts as not reachable.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ class Hold(NamedTuple):
     """Whether the muscles can hold a posture.
 
     Attributes:
-        reachable: whether they can.
+        reachable: whether they can, also with lengths that are wrong by `LENGTH_ERROR`.
         tension: smallest maximum of tensions that hold the posture [N]; infinite if none do.
         reason: why not, without a full stop; empty if the posture is reachable.
         stretch: by how much the command of each muscle must be shorter than the muscle (m,) [m],
@@ -108,13 +109,10 @@ class Statics:
             return Hold(False, most, reason, stretch)
         joint, length = self._weakest(q, arms, tensions)
         if length < LENGTH_ERROR * self._arm.travel:
-            how = (
-                "it is unstable"
-                if length <= 0.0
-                else f"it is unstable where lengths are wrong by {1e3 * length:.2g} mm"
-            )
-            reason = f"the muscles do not keep joint {joints[joint]!r} there: {how}"
-            return Hold(False, most, reason, stretch)
+            how = "is unstable there"
+            if length > 0.0:
+                how = f"would be unstable there if lengths were wrong by {1e3 * length:.2g} mm"
+            return Hold(False, most, f"joint {joints[joint]!r} {how}", stretch)
         return Hold(True, most, "", stretch)
 
     def _weakest(self, q: Floats, arms: Floats, tensions: Floats) -> tuple[int, float]:

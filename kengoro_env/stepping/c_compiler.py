@@ -82,7 +82,8 @@ def load(folder: Path) -> ctypes.CDLL:
         path = private_cache.private_folder() / path.name
         _LOG.warning(
             "others may write the compiled code in %s: it is not loaded, but compiled in %s",
-            *(folder, path.parent),
+            folder,
+            path.parent,
         )
     if path.is_file() and private_cache.is_private(path) and private_cache.is_whole(path):
         try:

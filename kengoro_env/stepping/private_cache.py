@@ -1,4 +1,4 @@
-"""Folders and files from which code may be loaded: nobody else can write them, and they are whole.
+"""Folders and files from which code may be loaded: only this user can write them.
 
 A file that is cut off, as after a full disk, would kill the process that loads it. So a digest of
 its content stands at its end, after the part that the loader reads.
@@ -17,7 +17,7 @@ DIGEST = sha256().digest_size
 
 
 def is_private(path: Path) -> bool:
-    """Whether a file or folder belongs to this user, and nobody else may write it.
+    """Whether a file or folder belongs to this user, and no other user may write it.
 
     Links are not followed: whoever can write a link chooses what is loaded.
     """
@@ -52,7 +52,7 @@ def private_folder() -> Path:
 
 
 def seal(path: Path) -> None:
-    """Add the digest of a file to its end, and let nobody else write it."""
+    """Add the digest of a file to its end, and let only this user write it."""
     with path.open("ab") as file:
         file.write(sha256(path.read_bytes()).digest())
         file.flush()

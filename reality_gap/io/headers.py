@@ -14,7 +14,7 @@ from reality_gap.errors import StudyError
 from reality_gap.io.cells import size_of_list
 
 COMMENT = b"#"
-"""Begin of a line of comment above the line of column names."""
+"""Start of a comment line above the line of column names."""
 _MAX_HEADER = 1 << 20  # largest length of the line of column names [bytes]
 _MAX_COMMENTS = 1000
 _MAX_LIST = 1000  # largest number of numbers in a list

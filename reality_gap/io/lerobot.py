@@ -1,14 +1,13 @@
 """LeRobot datasets: converts their episodes to CSV files that a study can use.
 
 Reads the layouts of the versions 2 and 3: Parquet files below ``data``, one or many episodes each,
-and ``meta/info.json``, which names the entries of arrays. Films are left out.
+and ``meta/info.json``, which names the entries of arrays. Videos are left out.
 """
 
 from __future__ import annotations
 
 import json
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,12 +19,12 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from reality_gap.errors import StudyError, UnknownNameError
-from reality_gap.io.rosbag import check_new
+from reality_gap.io.new_folder import check_new, new_folder
 
 INFO = Path("meta/info.json")
 """File that describes a dataset."""
 EPISODE, TIMESTAMP = "episode_index", "timestamp"
-"""Columns of the number of the episode, and of the time from its begin [s]."""
+"""Columns of the number of the episode, and of the time since its start [s]."""
 COUNTERS = ("episode_index", "frame_index", "index", "task_index", "timestamp")
 """Columns that hold no measurement."""
 LARGEST = 1024
@@ -69,6 +68,28 @@ def unpack_dataset(
     """
     check_new(out)
     info = _info(dataset)
+    tables = _episodes(dataset, info, features, episodes, progress, note)
+    for sentence in _missing(info, tables, features, episodes):
+        note(sentence)
+    names = []
+    with new_folder(out) as folder:
+        for number, parts in sorted(tables.items()):
+            names.append(f"episode_{number:06d}.csv")
+            table = pa.concat_tables(parts).sort_by("time")
+            style = pyarrow.csv.WriteOptions(quoting_style="needed")
+            pyarrow.csv.write_csv(table, folder / names[-1], style)
+    return tuple(out.resolve() / name for name in names)
+
+
+def _episodes(
+    dataset: Path,
+    info: dict[str, Any],
+    features: Sequence[str],
+    episodes: Sequence[int],
+    progress: Callable[[float], None],
+    note: Callable[[str], None],
+) -> dict[int, list[pa.Table]]:
+    """Read the parts of each wanted episode, as `unpack_dataset` takes and raises."""
     tables: dict[int, list[pa.Table]] = {}
     known: set[int] = set()
     files = sorted((dataset / "data").rglob("*.parquet"))
@@ -93,25 +114,7 @@ def unpack_dataset(
         )
     if not tables:
         raise StudyError(f"{dataset.name} cannot be read: none of its files holds an episode")
-    for sentence in _missing(info, tables, features, episodes):
-        note(sentence)
-    return _write(out.resolve(), tables)
-
-
-def _write(out: Path, tables: Mapping[int, Sequence[pa.Table]]) -> tuple[Path, ...]:
-    """Write the parts of each episode as one CSV file into a new folder."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    names = []
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
-        new = Path(temporary) / "new"
-        new.mkdir()
-        for number, parts in sorted(tables.items()):
-            names.append(f"episode_{number:06d}.csv")
-            table = pa.concat_tables(parts).sort_by("time")
-            style = pyarrow.csv.WriteOptions(quoting_style="needed")
-            pyarrow.csv.write_csv(table, new / names[-1], style)
-        new.rename(out)
-    return tuple(out / name for name in names)
+    return tables
 
 
 def _info(dataset: Path) -> dict[str, Any]:
@@ -221,20 +224,35 @@ def _missing(
         ):
             if isinstance(count, int) and count != read:
                 yield f"{read} {what} were read, but {INFO} counts {count}"
-    films = [
+    columns = next(iter(tables.values()))[0].column_names
+    absent = [
         name
-        for name, feature in info["features"].items()
-        if isinstance(feature, dict) and feature.get("dtype") in ("video", "image", "string")
+        for name in features or info["features"]
+        if name not in COUNTERS and not any(c == name or c.startswith(f"{name}.") for c in columns)
     ]
-    if films and not features:
-        yield f"left out, as they hold no numbers: {', '.join(films)}"
+    videos = [name for name in absent if _kind(info, name) in ("video", "image", "string")]
+    if videos:
+        yield f"left out, as they hold no numbers: {', '.join(videos)}"
+    if others := [name for name in absent if name not in videos]:
+        yield (
+            f"left out, as no file holds them, or they have more than {LARGEST} entries: "
+            f"{', '.join(others)}"
+        )
+    gaps = sum(c.null_count for parts in tables.values() for part in parts for c in part.columns)
+    if gaps:
+        yield f"{gaps} numbers are missing, NaN or infinite; their cells are empty"
     for feature, description in info["features"].items():
-        columns = next(iter(tables.values()))[0].column_names
         if f"{feature}.0" in columns and isinstance(description, dict):
             yield (
                 f"{INFO} does not name the entries of {feature} ({description.get('names')!r}), "
                 "so that they are numbered"
             )
+
+
+def _kind(info: dict[str, Any], feature: str) -> Any:
+    """Return the type of data of a feature, such as "video"; None if it is not stated."""
+    description = info["features"].get(feature)
+    return description.get("dtype") if isinstance(description, dict) else None
 
 
 def _short(error: Exception) -> str:

@@ -7,15 +7,13 @@ packages of the extra ``ros``: ``pip install 'kengoro[ros]'``.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mjcf_sandbox.errors import OutputError
-from mjcf_sandbox.files import check_links
 from reality_gap.errors import StudyError, UnknownNameError
 from reality_gap.io.bags.contents import Contents
+from reality_gap.io.new_folder import check_new, new_folder
 
 if TYPE_CHECKING:
     from reality_gap.io.bags.reading import Bag
@@ -69,25 +67,10 @@ def unpack(
     for sentence in (*read.notes, *clocks):
         note(sentence)
     start = min(int(topic.time(by_arrival).min()) for topic in found)
-    out = out.resolve()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as temporary:
-        new = Path(temporary) / "new"
-        new.mkdir()
+    with new_folder(out) as folder:
         for topic in found:
-            topic.write(new / f"{topic.stem}.csv", start, by_arrival)
-        new.rename(out)
-    return tuple(out / f"{stem}.csv" for stem in stems)
-
-
-def check_new(out: Path) -> None:
-    """Raise `StudyError` if ``out`` exists, or lies behind a link that leads nowhere."""
-    try:
-        check_links(out)
-    except OutputError as error:
-        raise StudyError(str(error)) from error
-    if out.exists():
-        raise StudyError(f"{out} exists and is not overwritten; give a new folder")
+            topic.write(folder / f"{topic.stem}.csv", start, by_arrival)
+    return tuple(out.resolve() / f"{stem}.csv" for stem in stems)
 
 
 def read_bag(

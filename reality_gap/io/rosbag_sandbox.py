@@ -14,7 +14,8 @@ from mjcf_sandbox.errors import SandboxError, UntrustedFileError
 from mjcf_sandbox.files import FULL, is_full
 from reality_gap.errors import StudyError
 from reality_gap.io.lerobot import is_dataset, unpack_dataset
-from reality_gap.io.rosbag import check_new, unpack
+from reality_gap.io.new_folder import check_new
+from reality_gap.io.rosbag import unpack
 
 SECONDS, RATE = 10.0, 10e6
 """Longest time without progress: `SECONDS` [s], and the size of the bag over `RATE` [bytes/s]."""

@@ -49,3 +49,12 @@ def test_the_rate_derives_from_the_ranges_of_the_muscles() -> None:
         jmm.with_output_layers({g.name: (2.0 * g.W2, 2.0 * g.b2) for g in jmm.groups}), LIMITS
     )
     np.testing.assert_allclose(doubled.rate, 2.0 * np.asarray(rate))
+
+
+def test_a_muscle_that_hardly_moves_is_not_held() -> None:
+    jmm = make_map()
+    near = jmm.groups[0]
+    layers = {group.name: (group.W2, group.b2) for group in jmm.groups}
+    held = jmm.with_output_layers(layers | {near.name: (0.0 * near.W2, near.b2)})
+    rate = np.asarray(CommandLimits.of(held, LIMITS).rate)
+    np.testing.assert_allclose(rate[near.muscle_index], 0.1 * rate.max())

@@ -34,3 +34,22 @@ def test_a_clock_that_is_set_back_counts_as_one_period() -> None:
     detector = GapDetector()
     steps = [detector.update(time) for time in (5.0, 5.02, 1.0, 1.02)]
     assert steps == pytest.approx([0.0, 0.0, -4.04, 0.0])
+
+
+@pytest.mark.parametrize("period", [0.005, 0.02, 0.05])
+def test_more_than_five_periods_are_a_gap_and_a_late_cycle_before_changes_that_little(
+    period: float,
+) -> None:
+    steps = np.array([1, 1, 1, 1, 4, 5.5, 1, 1, 4.5])
+    detector = GapDetector()
+    found = [detector.update(time) for time in period * np.cumsum(steps)]
+    assert found == pytest.approx([0, 0, 0, 0, 0, 4.5 * period, 0, 0, 0])
+
+
+def test_a_single_long_step_is_no_period() -> None:
+    detector = GapDetector()
+    shortest = []
+    for time in (0.0, 10.0, 20.0, 20.02):
+        detector.update(time)
+        shortest.append(detector.shortest)
+    assert shortest == pytest.approx([0.0, 0.0, 10.0, 0.02])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from jmm_agent.errors import AgentError
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.learning_monitor import LearningMonitorOptions
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from tests.jmm_agent.moving_arm import PERIOD, MovingArm
 from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
@@ -51,7 +53,8 @@ class TrackedArm(MovingArm):
     def pose(self, time: float) -> np.ndarray:
         """The tracker's pose of a time [s]."""
         tracked, relative_to = self._tracked
-        pose = self.kinematics.pose(tracked, self.q_at(time), relative_to)
+        reference = None if relative_to == "world" else relative_to
+        pose = self.kinematics.pose(tracked, self.q_at(time), reference)
         noise = self.rng.normal(0, np.where(np.isfinite(self._noise), self._noise, 0.0))
         pose[:3, 3] += noise[:3]
         pose[:3, :3] = Rotation.from_rotvec(noise[3:]).as_matrix() @ pose[:3, :3]
@@ -152,12 +155,50 @@ def test_each_rest_is_learned_from_once_and_wrong_poses_are_not(
     assert tracked.agent.vision.dropped["inverse kinematics did not converge"] == 1
 
 
+@pytest.mark.parametrize(
+    ("noise", "sentence"),
+    [
+        (MOCAP, r"converge \(2\); the last pose is \d{3} m and \d+ deg from the fitted posture's"),
+        (np.append(MOCAP[:3], np.full(3, np.inf)), r"is \d{3} m from the fitted posture's"),
+    ],
+)
+def test_poses_in_millimetres_are_named_with_their_distance(
+    nominal_map: JointMuscleMap, arm: ArmKinematics, noise: np.ndarray, sentence: str
+) -> None:
+    def in_millimetres(time: float, pose: np.ndarray) -> np.ndarray:
+        pose[:3, 3] *= 1000.0
+        return pose
+
+    tracked = TrackedArm(
+        nominal_map,
+        arm,
+        sees=False,
+        noise=noise,
+        disturb=in_millimetres,
+        learn_antagonism=False,
+        learning_monitor=LearningMonitorOptions(observations=4),  # with two early ones
+    )
+    tracked.visit(*POSTURES[:2])
+    assert tracked.agent.vision.dropped["inverse kinematics did not converge"] == 2
+    [fault] = tracked.agent.faults
+    assert fault.kind == "nothing_learned"
+    assert re.search(sentence, fault.detail)
+    assert "unit" in fault.detail
+
+
+def test_the_world_may_be_named(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
+    tracked = TrackedArm(nominal_map, arm, sees=False, relative_to="world")
+    tracked.visit(POSTURES[0])
+    assert tracked.agent.vision.fired == 1
+    assert tracked.agent.vision.memory.observations[0].frames == ("hand", None)
+
+
 def test_a_stalled_tracker_is_not_waited_for_but_named(
     nominal_map: JointMuscleMap, arm: ArmKinematics
 ) -> None:
     arm_without = MovingArm(nominal_map, arm, sees=False)
     arm_without.visit(POSTURES[0])
-    assert arm_without.agent.at_rest  # nobody measures a pose
+    assert arm_without.agent.at_rest  # no tracker is awaited
     moved = arm_without.kinematics.pose("hand", arm_without.q)
     arm_without.agent.observe(moved, np.diag(MOCAP**2), arm_without.time - 1.9, "hand")
     arm_without.visit(POSTURES[1], POSTURES[2])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import pytest
 
+from jmm_agent.errors import AgentError
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.guard.guard import GuardOptions
 from jmm_agent.mapping.prior import PriorOptions
@@ -24,21 +26,44 @@ def test_kengoros_arm_keeps_all_options_to_the_bit() -> None:
     assert RobotScales().guard_options() == GuardOptions()
 
 
-def test_each_scaled_option_exists_and_follows_a_known_ratio() -> None:
-    records: dict[str, Any] = {}
+def records() -> dict[str, Any]:
+    """All records of options of agent and guard, by name."""
+    found: dict[str, Any] = {}
 
     def collect(record: Any) -> None:
-        records[type(record).__name__] = record
+        found[type(record).__name__] = record
         for option in fields(record):
             if is_dataclass(getattr(record, option.name)):
                 collect(getattr(record, option.name))
 
     collect(HELD_OUT)
     collect(GuardOptions())
+    return found
+
+
+def test_each_scaled_option_exists_and_follows_a_known_ratio() -> None:
+    known = records()
     for name, table in SCALED.items():
         for option, ratio in table.items():
-            assert hasattr(records[name], option), f"{name}.{option}"
+            assert hasattr(known[name], option), f"{name}.{option}"
             assert ratio in RobotScales().ratios
+
+
+def test_each_option_in_units_of_a_robot_is_scaled() -> None:
+    unscaled = {
+        f"{name}.{option.name}"
+        for name, record in records().items()
+        for option in fields(record)
+        if re.search(rf"^ +{option.name}: [^:]*\[(m|N|rad|px)\b", record.__doc__, re.MULTILINE)
+        and option.name not in SCALED.get(name, {})
+    }
+    encoders = {f"EstimatorOptions.joint_{what}" for what in ("noise", "tolerance")}
+    angles_in_the_image = ("turned", "still_rad", "facing", "mirrored")
+    assert unscaled == {
+        "ObservationFitOptions.joint_noise",
+        *encoders,
+        *(f"CameraMonitorOptions.{option}" for option in angles_in_the_image),
+    }
 
 
 def test_the_same_arm_at_half_its_size_and_an_eighth_of_its_limit() -> None:
@@ -63,7 +88,13 @@ def test_the_same_arm_at_half_its_size_and_an_eighth_of_its_limit() -> None:
     assert options.vision.rotation_residual == VisionOptions().rotation_residual
     assert options.vision.distance == VisionOptions().distance
     assert guard.disturbance.least == pytest.approx(22.0 / 8.0, rel=0.01)
-    assert guard.camera.margin == GuardOptions().camera.margin  # as many pixels
+    assert guard.camera.margin == GuardOptions().camera.margin
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_scale_that_is_not_positive_and_finite_is_refused(value: float) -> None:
+    with pytest.raises(AgentError, match=r"RobotScales: reach is .*, but must be positive"):
+        RobotScales(reach=value)
 
 
 def test_an_option_that_was_given_stays() -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pickle  # noqa: TID251  (agents refuse it)
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.other_robots.models import ROBOTS, SIDES, write_model
-from jmm_agent import Agent, AgentError, AgentOptions, GuardOptions, MotorControl
+from jmm_agent import Agent, AgentError, AgentOptions, GuardOptions, MotorControl, RobotScales
 from kengoro import Recording, UsageError, make_agent, write_study
 from kengoro.agents import scales_of
 from kengoro.robots import sample_postures
@@ -50,6 +51,45 @@ def test_scales_derive_from_the_robot(
     assert options.vision.saturation == pytest.approx(0.9 * scales.motors.limit, rel=1e-3)
     assert options.prior.offset == pytest.approx(0.025 * scales.ratios["length"])
     assert set(SIDES) == set(ROBOTS)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"postures": np.zeros((3, 3))}, r"postures .* of shape \(N, 2\).*; got shape \(3, 3\)"),
+        ({"postures": np.zeros((0, 2))}, r"of shape \(N, 2\); got shape \(0, 2\)"),
+        ({"postures": np.full((3, 2), np.nan)}, "postures must be finite angles"),
+        ({"postures": "many"}, "postures must be finite angles"),
+        ({"camera": "eye"}, r"camera is 'eye', but must be a Camera; AgentOptions\(camera="),
+        ({"marker_sides": 0.05}, "marker_sides is 0.05, but must be a Mapping"),
+        ({"motors": (1, 2, 3)}, r"motors is \(1, 2, 3\), but must be a MotorControl"),
+        ({"seed": "a"}, "The seed is 'a', but seeds are integers"),
+        ({"seed": 1.5}, "The seed is 1.5, but seeds are integers"),
+    ],
+)
+def test_arguments_of_another_type_or_shape_are_named(
+    finger: Path, maps: Path, wrong: dict[str, object], message: str
+) -> None:
+    with pytest.raises(UsageError, match=message):
+        agent_of(finger, maps, **wrong)
+
+
+def test_a_marker_that_no_joint_moves_is_named(finger: Path, maps: Path, tmp_path: Path) -> None:
+    path = tmp_path / "fixed.xml"
+    text = finger.read_text().replace('"marker_hand"', '"tag"')
+    path.write_text(text.replace("<camera", '<site name="marker_hand" pos="0.1 0 0"/><camera'))
+    with pytest.raises(AgentError, match="No joint moves the marker 'marker_hand' in the frame of"):
+        agent_of(path, maps)
+
+
+def test_a_model_without_a_camera_has_scales(finger: Path, tmp_path: Path) -> None:
+    path = tmp_path / "blind.xml"
+    path.write_text(re.sub(r"<camera.*?/>", "", finger.read_text()))
+    blind = scales_of(path, options=AgentOptions(camera=""))
+    seen = scales_of(finger, marker_sides={0: SIDES["planar-finger"]})
+    assert blind.travel == seen.travel
+    assert blind.reach == pytest.approx(seen.reach)  # the finger's camera is fixed in the world
+    assert (blind.distance, blind.focal) == (RobotScales.distance, RobotScales.focal)
 
 
 def test_motors_that_are_given_are_used(finger: Path, maps: Path) -> None:

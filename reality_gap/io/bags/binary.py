@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-
 
 class CutOffError(ValueError):
     """A record ends before one of its fields."""
@@ -42,12 +40,3 @@ class Fields:
     def text(self) -> str:
         """Return a string that begins with its length in 4 bytes."""
         return self.take(self.number(4)).decode("utf-8", "replace")
-
-
-def time_ns(data: bytes) -> int:
-    """Return the time of two unsigned integers, seconds and nanoseconds [ns]."""
-    try:
-        seconds, rest = struct.unpack("<LL", data)
-    except struct.error as error:
-        raise CutOffError from error
-    return int(seconds) * 10**9 + int(rest)

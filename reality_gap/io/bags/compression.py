@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, BinaryIO
 
 PIECE = 1 << 16
-"""Number of bytes that are decompressed at once; of a piece that is damaged nothing is kept."""
+"""Number of bytes that are decompressed at once; nothing of a damaged piece is kept."""
 
 
 class CompressionError(ValueError):

@@ -6,7 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
 
 from reality_gap.errors import StudyError
 from reality_gap.io.bags.contents import Channel
@@ -14,7 +20,10 @@ from reality_gap.io.bags.contents import Channel
 LARGEST = 1 << 20
 """Largest size of a file with a definition [bytes]."""
 _IDL_HEADING = "=" * 80 + "\nIDL: "
-_STRANGE = (AssertionError, LookupError, RecursionError, TypeError, ValueError, SyntaxError)
+_PARSER_ERRORS = (
+    *(AssertionError, LookupError, RecursionError, SyntaxError),
+    *(TypeError, TypesysError, ValueError),
+)
 
 
 class Definitions:
@@ -67,7 +76,7 @@ class Definitions:
                     fault = f"its definition in the bag needs {absent}, which is not there"
                 else:
                     fault = "its definition in the bag is one of another type"
-            except _errors() as error:
+            except _PARSER_ERRORS as error:
                 fault = f"its definition in the bag cannot be read ({reason(error)})"
         types = {**_known(channel, distribution), **self._given}
         store = _store(types, Stores.EMPTY)
@@ -112,13 +121,6 @@ def missing(store: Any, kind: str) -> str:
                 seen.add(details)
                 waiting.append(details)
     return ""
-
-
-def _errors() -> tuple[type[Exception], ...]:
-    """Errors that the parsers of definitions raise."""
-    from rosbags.typesys import TypesysError
-
-    return (*_STRANGE, TypesysError)
 
 
 def _store(types: Any, base: Stores) -> Any:
@@ -175,7 +177,7 @@ def _given(folder: Path) -> dict[str, Any]:
             kind = f"{package.name}/msg/{path.stem}"
             found = get_types_from_msg(text, kind) if path.suffix == ".msg" else None
             types |= get_types_from_idl(text) if found is None else found
-        except _errors() as error:
+        except _PARSER_ERRORS as error:
             raise StudyError(f"{path} is no definition of a message: {reason(error)}") from error
     if not types:
         raise StudyError(f"{folder}, which --types names, holds no .msg or .idl file")

@@ -1,10 +1,11 @@
-"""Files and folders of bags: finds out the format by the first bytes, whatever the suffix."""
+"""Files and folders of bags: recognizes the format by the first bytes, not by the suffix."""
 
 from __future__ import annotations
 
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ LARGEST_MESSAGE = 1 << 28
 """Largest size of a decompressed message [bytes]."""
 UNFOLDED = 100
 """Largest ratio of the size of a decompressed file to that of the file."""
+PAUSE, OVERLAP = 60 * 10**9, 10**9
+"""Longest times between two files, and of both, if they are parts of one recording [ns]."""
 
 _READERS: dict[bytes, Any] = {
     mcap_file.MAGIC: mcap_file.McapFile,
@@ -38,7 +41,7 @@ _OTHERS = {
     b"PK\x03\x04": "is a ZIP archive; extract it first",
     b"\x1f\x8b": "is a gzip archive; extract it first",
 }
-"""What files are that people take for bags, by their first bytes."""
+"""Files that are mistaken for bags, by their first bytes, with advice."""
 
 
 def messages(bag: Path, contents: Contents) -> Iterator[Message]:
@@ -46,7 +49,7 @@ def messages(bag: Path, contents: Contents) -> Iterator[Message]:
 
     Args:
         bag: a file, or the folder of a ROS 2 bag.
-        contents: is told what the bag contains.
+        contents: filled with what is found out about the bag.
 
     Raises:
         StudyError: it is no bag, or nothing in it can be read.
@@ -99,17 +102,41 @@ def _folder(folder: Path, contents: Contents) -> Iterator[Message]:
     files = _files(folder, metadata, contents)
     kind = str(metadata.get("compression_format", ""))
     by_message = str(metadata.get("compression_mode", "")).lower() == "message"
+    spans: dict[str, tuple[int, int]] = {}
     for i, path in enumerate(files):
         own = Contents(contents.topics, contents.counted, contents.read, contents.faults)
         found = _file(path, own)
         try:
             for message in _decompressed(found, path, kind, contents) if by_message else found:
                 contents.share = (i + own.share) / len(files)
+                begin, end = spans.get(path.name, (message.time, message.time))
+                spans[path.name] = (min(begin, message.time), max(end, message.time))
                 yield message
         except StudyError as error:
             if len(files) == 1:
                 raise
             contents.faults.append(str(error))
+    if not metadata.get("relative_file_paths"):
+        contents.faults += _unrelated(spans, folder.name)
+
+
+def _unrelated(spans: dict[str, tuple[int, int]], folder: str) -> list[str]:
+    """Return a sentence if files do not follow one another in time, as parts of a recording do.
+
+    Args:
+        spans: times of the first and of the last message [ns], by the name of the file.
+        folder: name of the folder.
+    """
+    ordered = sorted(spans.items(), key=lambda item: item[1])
+    for (first, (_, end)), (second, (begin, _)) in pairwise(ordered):
+        if -OVERLAP <= begin - end <= PAUSE:
+            continue
+        distance = f"{1e-9 * abs(begin - end):.6g} s {'after' if begin > end else 'before'}"
+        return [
+            f"{second} begins {distance} {first} ends, but the files of {folder} are read as one "
+            "recording; if they are several, unpack each file for itself"
+        ]
+    return []
 
 
 def _decompressed(
@@ -177,7 +204,13 @@ def _files(folder: Path, metadata: dict[str, Any], contents: Contents) -> list[P
         if present:
             return present
         raise StudyError(f"{folder.name} cannot be read as a bag: the file {missing[0]} is missing")
-    return [names[name] for name in listed if name in names]
+    files = [names[name] for name in listed if name in names]
+    contents.faults += [
+        f"{METADATA} does not list {path.name}, which is left out"
+        for path in present
+        if path not in files and path.name not in listed
+    ]
+    return files
 
 
 def _present(folder: Path) -> list[Path]:

@@ -1,4 +1,4 @@
-"""MCAP files, read from begin to end, without their index: also if they are cut off or damaged.
+"""MCAP files, read from start to end, without their index, even if they are cut off or damaged.
 
 Format: https://mcap.dev/spec
 """
@@ -29,7 +29,7 @@ class McapFile:
 
     Args:
         path: the file.
-        contents: is told what the file contains.
+        contents: filled with what is found out about the file.
     """
 
     def __init__(self, path: Path, contents: Contents) -> None:

@@ -11,15 +11,15 @@ from reality_gap.io.bags.contents import Channel, Contents, Message
 from reality_gap.io.bags.decoders import Decoder, decoder
 from reality_gap.io.bags.definitions import Definitions, reason
 from reality_gap.io.bags.topic import MAX_IDENTITIES, Topic
-from reality_gap.io.bags.values import Reader
+from reality_gap.io.bags.values import Path, Reader
 
 FAR = 60 * 10**9
 """Distance between the times of two topics above which they are on different clocks [ns]."""
-
-
 HOPELESS = 100
 """Number of messages of a topic that cannot be decoded after which, without any that can be, the
 others are not tried."""
+SHOWN = 5
+"""Largest number of columns that a note names."""
 
 
 class Bag(NamedTuple):
@@ -131,26 +131,49 @@ class Reading:
                 f"{name}: {topic.unstamped} of {topic.rows} messages have no time stamp, so that "
                 "the times of arrival are used for all"
             )
-        for path, (low, high) in self._readers[name].counts.items():
-            if low < high:
-                notes.append(
-                    f"{name}: the elements of {'.'.join(path) or 'the message'} have no names, and "
-                    f"there are {low} to {high} of them; the columns follow their order in each "
-                    "message"
-                )
-        return notes
+        return notes + _array_notes(name, self._readers[name]) + _gap_notes(topic)
+
+
+def _array_notes(name: str, reader: Reader) -> list[str]:
+    """Return sentences on arrays of a topic whose elements have no names."""
+    notes = [
+        f"{name}: {_shown(path)} has {elements} elements, but the message lists {names} names; its "
+        "columns are numbered"
+        for path, (names, elements) in reader.misfits.items()
+    ]
+    notes += [
+        f"{name}: the elements of {_shown(path)} have no names, and there are {low} to {high} of "
+        "them; the columns follow their order in each message"
+        for path, (low, high) in reader.counts.items()
+        if low < high
+    ]
+    return notes
+
+
+def _shown(path: Path) -> str:
+    return ".".join(path) or "the message"
+
+
+def _gap_notes(topic: Topic) -> list[str]:
+    """Return a sentence if numbers of a topic are not finite."""
+    count, empty = topic.not_finite()
+    if not count:
+        return []
+    columns = ", ".join(empty[:SHOWN]) + (f" and {len(empty) - SHOWN} more" * (len(empty) > SHOWN))
+    where = f"; no number is left in {columns}" if empty else ""
+    return [f"{topic.name}: {count} numbers are NaN or infinite; their cells are empty{where}"]
 
 
 def order_notes(topics: Sequence[Topic], by_arrival: bool) -> list[str]:
-    """Return sentences on topics whose times go back, or are shared by several messages."""
+    """Return sentences on topics whose times go back, or are those of several messages."""
     notes = []
     for topic in topics:
         order = topic.order(by_arrival)
         if order.steps_back:
             notes.append(
                 f"the times of {topic.name} go back {order.steps_back} times, by up to "
-                f"{1e-9 * order.longest:.6g} s; its rows are in the order of the times, which "
-                "--arrival replaces by those of recording"
+                f"{1e-9 * order.longest:.6g} s; the rows are sorted by time"
+                + ("" if by_arrival else "; --arrival uses the times of recording instead")
             )
         if order.overwritten:
             notes.append(

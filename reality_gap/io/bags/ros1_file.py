@@ -1,4 +1,4 @@
-"""ROS 1 bags, read from begin to end, without their index: also if recording was not finished.
+"""ROS 1 bags, read from start to end, without their index, even if recording was not finished.
 
 Format: https://wiki.ros.org/Bags/Format/2.0
 """
@@ -10,7 +10,7 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from reality_gap.io.bags.binary import CutOffError, Fields, time_ns
+from reality_gap.io.bags.binary import CutOffError, Fields
 from reality_gap.io.bags.compression import CompressionError, expand
 from reality_gap.io.bags.contents import Channel, Contents, Message
 
@@ -33,7 +33,7 @@ class Ros1File:
 
     Args:
         path: the file.
-        contents: is told what the file contains.
+        contents: filled with what is found out about the file.
     """
 
     def __init__(self, path: Path, contents: Contents) -> None:
@@ -95,7 +95,8 @@ class Ros1File:
             if channel is None:
                 self._unreadable += 1
             else:
-                yield Message(channel, time_ns(_field(header, "time")), data)
+                time = Fields(_field(header, "time"))
+                yield Message(channel, time.number(4) * 10**9 + time.number(4), data)
         elif operation == _CONNECTION:
             self._connect(header, data)
         elif operation == _CHUNK_INFO:

@@ -29,7 +29,7 @@ class SqliteFile:
 
     Args:
         path: the file.
-        contents: is told what the file contains.
+        contents: filled with what is found out about the file.
     """
 
     def __init__(self, path: Path, contents: Contents) -> None:
@@ -41,7 +41,7 @@ class SqliteFile:
         Raises:
             StudyError: the file has no tables of a bag.
         """
-        # Unless recording was stopped hard, nothing but this file is needed, nor written.
+        # The journal holds messages only if recording was interrupted. If not, it is not opened.
         journal = self._path.with_name(f"{self._path.name}-wal")
         unfinished = journal.is_file() and journal.stat().st_size > 0
         options = "mode=ro" if unfinished else "mode=ro&immutable=1"

@@ -108,16 +108,27 @@ class Topic:
         return np.array(self._arrival if by_arrival else self._stamp, dtype=np.int64)
 
     def order(self, by_arrival: bool) -> Order:
-        """Return what the order of the times does to the rows, see `Order`."""
+        """Return how many values share a time, and how often times go back, see `Order`."""
         time = self.time(by_arrival)
         overwritten = steps = longest = 0
-        for rows, _ in self._columns.values():
-            own = time[np.array(rows)]
-            back = np.diff(own)[np.diff(own) < 0]
-            overwritten = max(overwritten, len(own) - len(np.unique(own)))
-            steps = max(steps, len(back))
-            longest = max(longest, -int(back.min(initial=0)))
+        for rows in {rows.tobytes() for rows, _ in self._columns.values()}:  # many are equal
+            own = time[np.frombuffer(rows, dtype=np.int64)]
+            change = np.diff(own)
+            overwritten = max(overwritten, int(np.count_nonzero(np.diff(np.sort(own)) == 0)))
+            steps = max(steps, int(np.count_nonzero(change < 0)))
+            longest = max(longest, -int(change.min(initial=0)))
         return Order(overwritten, steps, longest)
+
+    def not_finite(self) -> tuple[int, list[str]]:
+        """Return how many numbers are NaN or infinite, and the names of columns of only those."""
+        labels, _ = self.labels()
+        count, empty = 0, []
+        for key, (_, numbers) in self._columns.items():
+            finite = int(np.count_nonzero(np.isfinite(numbers)))
+            count += len(numbers) - finite
+            if not finite:
+                empty.append(labels[key])
+        return count, empty
 
     def labels(self) -> tuple[dict[tuple[Path, Path], str], list[str]]:
         """Return the names of the columns, and the names that stand for more than one."""

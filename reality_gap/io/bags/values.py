@@ -26,6 +26,7 @@ IDENTITIES = (
 """Fields that say what a message is about."""
 HEADER = "std_msgs/msg/Header"
 TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+_NUMBER = int | float | np.number | np.bool_
 _TIME_FIELDS = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds", "nanos"))
 
 Path = tuple[str, ...]
@@ -53,10 +54,13 @@ class Reader:
 
     Attributes:
         counts: smallest and largest number of elements without names, by the array's path.
+        misfits: number of names that a message lists, and number of elements of an array of
+            numbers that is of another size, by the array's path.
     """
 
     def __init__(self) -> None:
         self.counts: dict[Path, tuple[int, int]] = {}
+        self.misfits: dict[Path, tuple[int, int]] = {}
 
     def entries(self, message: Any) -> list[Entry]:
         """Return the numbers of a message, apart for each of its time stamps."""
@@ -84,7 +88,7 @@ class Reader:
         self, path: Path, value: Any, names: Sequence[str]
     ) -> Iterator[tuple[Path, float]]:
         """Yield path and number of all numbers in a value."""
-        if isinstance(value, int | float | np.number | np.bool_):
+        if isinstance(value, _NUMBER):
             yield path, _float(value)
         elif (time := _time(value)) is not None:
             yield path, 1e-9 * time
@@ -103,6 +107,8 @@ class Reader:
         if len(array) and not isinstance(array[0], str):
             low, high = self.counts.get(path, (len(array), len(array)))
             self.counts[path] = (min(low, len(array)), max(high, len(array)))
+            if names and isinstance(array[0], _NUMBER):
+                self.misfits.setdefault(path, (len(names), len(array)))
         return [str(i) for i in range(len(array))]
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from typing import cast
 
 import pytest
 
+from jmm_agent.driving.driver import Driver
 from jmm_agent.driving.stopping import stopping
+from jmm_agent.errors import AgentError
 from tests.jmm_agent.driving.robots import Robot
 
 WAITING = """
@@ -43,3 +46,34 @@ def test_a_signal_between_two_drives_stops_the_robot(ending: signal.Signals) -> 
         process.send_signal(ending)
         assert process.stdout.read() == b"stopped\n"
     assert process.returncode == 128 + ending
+
+
+def test_a_failure_to_stop_is_raised_and_hides_no_other_error() -> None:
+    class Broken(Robot):
+        def stop(self) -> None:
+            super().stop()
+            raise OSError("the line is down")
+
+    with pytest.raises(OSError, match="the line is down"), stopping(Broken()):
+        pass
+    with pytest.raises(KeyError) as raised, stopping(Broken()):
+        raise KeyError
+    assert "the line is down" in raised.value.__notes__[0]
+
+
+def test_a_second_interruption_does_not_keep_the_robot_from_stopping() -> None:
+    class Interrupted(Robot):
+        def stop(self) -> None:
+            super().stop()
+            if self.stopped == 1:
+                raise KeyboardInterrupt
+
+    robot = Interrupted()
+    with pytest.raises(KeyError), stopping(robot):
+        raise KeyError
+    assert robot.stopped == 2
+
+
+def test_a_driver_without_stop_is_refused_at_the_start() -> None:
+    with pytest.raises(AgentError, match="lacks the method stop"), stopping(cast(Driver, object())):
+        pytest.fail("it began")

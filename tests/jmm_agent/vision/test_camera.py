@@ -70,6 +70,11 @@ def test_binning_and_regions_move_pixels_as_the_driver_does() -> None:
         ({"fx": 0.0}, "fx is 0"),
         ({"fy": float("nan")}, "fy is nan"),
         ({"cx": float("inf")}, "principal point"),
+        ({"cx": 32000.0}, "55.2 focal lengths from its principal point"),
+        ({"cy": -32000.0}, "58 focal lengths from its principal point"),
+        ({"fx": 0.9, "fy": 1.2, "cx": 0.5, "cy": 0.5}, "must be in pixels of a frame of 640 x 480"),
+        ({"fx": 8.0, "fy": 8.0, "model": "fisheye"}, "focal lengths from its principal point"),
+        ({"distortion": (-3.0, 0.0, 0.0, 0.0)}, "folds the image: only 1.% of the frame"),
         ({"model": "pinhole"}, "plumb_bob, rational_polynomial, fisheye"),
         ({"distortion": (0.1,)}, "0 or 4 or 5"),
         ({"distortion": (0.1, 0.0, 0.0, float("nan"))}, "finite"),
@@ -79,6 +84,13 @@ def test_binning_and_regions_move_pixels_as_the_driver_does() -> None:
 def test_impossible_cameras_are_refused_in_a_sentence(change: dict, message: str) -> None:
     with pytest.raises(AgentError, match=message):
         replace(PLAIN, **change)
+
+
+def test_extreme_but_possible_cameras_are_accepted() -> None:
+    Camera(640, 480, 120.0, 120.0, 319.5, 239.5)  # 139 deg wide
+    Camera(4000, 3000, 3000.0, 3000.0, 1999.5, 1499.5).cropped(3900, 2900, 64, 64)
+    Camera(640, 480, 400.0, 400.0, 319.5, 239.5, (-0.4, 0.0, 0.0, 0.0))  # rays but in the corners
+    Camera(1280, 960, 200.0, 200.0, 639.5, 479.5, (), "fisheye")  # a circle in the frame
 
 
 def test_a_camera_from_its_field_of_view_has_square_pixels_and_a_centred_principal_point() -> None:

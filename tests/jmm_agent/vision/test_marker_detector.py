@@ -175,9 +175,16 @@ def test_frames_of_another_shape_or_type_are_refused_in_one_sentence(detector, f
     ("side_by_id", "message"),
     [
         ({}, "at least one marker"),
-        ({50: 0.05}, "id 50 .* 0 to 49"),
+        ({50: 0.05}, "id 50 .* from 0 to 49"),
         ({0: 0.0}, "side of marker 0"),
         ({0: np.nan}, "side of marker 0"),
+        ({0: 50.0}, "50.0; it must be a number of metres above 0 and up to 5"),
+        ({0: "5cm"}, "side of marker 0 is '5cm'"),
+        ({0: None}, "side of marker 0 is None"),
+        ({"0": 0.05}, "id '0' is not in DICT_4X4_50; ids are whole numbers from 0 to 49"),
+        ({0.5: 0.05}, "id 0.5 is not in"),
+        ({-1: 0.05}, "id -1 is not in"),
+        (0.05, r"at least one marker id .* got 0\.05"),
     ],
 )
 def test_impossible_markers_are_refused(side_by_id, message):

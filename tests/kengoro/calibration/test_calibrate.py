@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.other_robots.models import write_model
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.observation import SensorReadings
 from jmm_agent.vision.camera import Camera
 from kengoro.calibration.calibration_file import Calibration, load_calibration
-from kengoro.calibration.checks import RobotChecks, camera_problems
+from kengoro.calibration.checks import RobotChecks, camera_problems, length_problems
+from kengoro.commands import calibrate as calibrate_module
 from kengoro.commands.calibrate import Args, calibrate
 from kengoro.errors import UsageError
 
@@ -109,6 +111,45 @@ def test_lengths_that_were_not_zeroed_are_named() -> None:
     assert sentence.startswith("In the zero posture 1 of 3 lengths are farther than 15 mm from")
     assert "b by -20 mm" in sentence
     assert checks.zero(0.03) == []
+
+
+def test_lengths_in_millimetres_are_named() -> None:
+    nominal = np.array([[0.0, 0.0, 0.0], [0.03, -0.02, 0.01]])
+    assert length_problems(np.array([0.05, -0.05, 0.02]), nominal, MUSCLES) == []
+    (sentence,) = length_problems(np.array([20.0, -30.0, 4.0]), nominal, MUSCLES)
+    assert sentence.startswith("b has a length of -30 m, but -0.02 to 0 m by the nominal model")
+    assert "are lengths in metres" in sentence
+
+
+def test_without_increasing_stamps_the_file_has_no_period(tmp_path: Path) -> None:
+    checks = RobotChecks(Muscles(steps=(0.0,)), MUSCLES, MOTORS, lambda _: None)
+    assert checks.clock() == ["The time stamps do not increase; they must be seconds."]
+    assert checks.period is checks.jitter is None
+    assert checks.pulls(30.0) == []  # at the usual control period
+
+
+def test_a_scene_without_a_camera_and_units_of_a_driver_are_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    scene = tmp_path / "finger.xml"
+    text = write_model("planar-finger", tmp_path).read_text()
+    scene.write_text(re.sub(r"<camera.*?/>", "", text))
+
+    class Millimetres(Muscles):
+        def read(self) -> SensorReadings | None:
+            readings = super().read()
+            if readings is None:
+                return None
+            lengths, tensions = np.full(4, 4.0), np.full(4, 30.0)
+            return readings._replace(time=readings.time, lengths=lengths, tensions=tensions)
+
+        def write(self, target_lengths: np.ndarray) -> None:
+            """Do nothing."""
+
+    monkeypatch.setattr(calibrate_module, "RemoteRobot", lambda port, host: Millimetres())
+    found = calibrate(Args(port=1, scene=scene, pull=0.0), False, lambda _: None)
+    assert any("are lengths in metres" in problem for problem in found.problems)
+    assert "The model has no camera 'eye': give --camera." in found.problems
 
 
 def test_another_number_of_muscles_is_refused() -> None:

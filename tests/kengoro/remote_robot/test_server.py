@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import socket
 import time
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from kengoro.errors import UsageError
 from kengoro.remote_robot.clients import MAX_PENDING
-from kengoro.remote_robot.server import AGENT, CONNECTION, WATCHDOG, ServerOptions
-from tests.kengoro.remote_robot.serving import PERIOD, Plant, RawClient, RawDriver, command, served
+from kengoro.remote_robot.server import AGENT, CONNECTION, WATCHDOG, RobotServer, ServerOptions
+from tests.kengoro.remote_robot.serving import (
+    PERIOD,
+    TOKEN,
+    Plant,
+    RawClient,
+    RawDriver,
+    command,
+    served,
+)
 
 PERIODS = 5
 """Most periods until a robot is stopped."""
@@ -210,8 +220,18 @@ def test_readings_that_do_not_come_in_time_are_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("period", 0.0), ("period", np.nan), ("periods", 0), ("patience", -1.0)]
+    ("name", "value"),
+    [("period", 0.0), ("period", np.nan), ("periods", 0), ("patience", -1.0), ("sessions", 1.5)],
 )
 def test_options_that_are_not_positive_are_refused(name: str, value: float) -> None:
     with pytest.raises(UsageError, match=name):
         ServerOptions(**{name: value})  # type: ignore[arg-type]
+
+
+def test_a_driver_without_stop_is_not_served() -> None:
+    driver: Any = SimpleNamespace(read=print, write=print)
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        pytest.raises(ValueError, match="lacks the method stop"),
+    ):
+        RobotServer(driver, 2, listener, TOKEN)

@@ -72,14 +72,48 @@ def test_a_joint_that_no_muscle_can_hold_is_named(tmp_path: Path) -> None:
     assert "balances joint 'j', where 0.22 N m are missing" in hold.reason
 
 
-def test_a_posture_in_which_the_muscles_do_not_keep_the_joint_is_unstable(tmp_path: Path) -> None:
+@pytest.fixture
+def top_heavy(tmp_path: Path) -> Path:
+    """Upright, 20 kg; each muscle at T_bias has the stiffness K_stiff (0.02 m)^2 one way only."""
     path = tmp_path / "top_heavy.xml"
-    heavy = PENDULUM.replace('mass="0.2"', 'mass="20"').replace("0.2 0 0", "0 0 0.2")
-    path.write_text(heavy)  # upright, 20 kg
-    soft = Statics(NominalArm(path), Gains(100.0, 1.0, 500.0)).hold(np.zeros(1))
+    path.write_text(PENDULUM.replace('mass="0.2"', 'mass="20"').replace("0.2 0 0", "0 0 0.2"))
+    return path
+
+
+def test_a_posture_in_which_the_muscles_do_not_keep_the_joint_is_unstable(top_heavy: Path) -> None:
+    path, falls = top_heavy, 20.0 * 9.81 * 0.1 / 0.02**2  # [N/m]
+    soft = Statics(NominalArm(path), Gains(0.99 * falls, 1.0, 500.0)).hold(np.zeros(1))
     assert not soft.reachable
-    assert "do not keep joint 'j' there: it is unstable" in soft.reason
+    assert soft.reason == "joint 'j' is unstable there"
     assert Statics(NominalArm(path), Gains(100_000.0, 1.0, 500.0)).hold(np.zeros(1)).reachable
+
+
+def test_a_posture_that_needs_exact_lengths_names_the_error_that_it_withstands(
+    top_heavy: Path,
+) -> None:
+    arm, stiffness, bends = NominalArm(top_heavy), 50_000.0, 0.1 / 4  # [m], of a chord of 0.1 m
+    margin = stiffness * 0.02**2 - 20.0 * 9.81 * 0.1 - 2.0 * bends
+    error = margin / (stiffness * bends * np.sqrt(2.0))  # 0.19 mm
+    hold = Statics(arm, Gains(stiffness, 1.0, 500.0)).hold(np.zeros(1))
+    assert not hold.reachable
+    assert hold.reason == (
+        f"joint 'j' would be unstable there if lengths were wrong by {1e3 * error:.2g} mm"
+    )
+    held = [Statics(arm, Gains(k, 1.0, 500.0)).hold(np.zeros(1)) for k in (52_000.0, 53_000.0)]
+    assert [hold.reachable for hold in held] == [False, True]  # 0.08 of the muscles' travel
+
+
+def test_a_posture_must_be_stable_in_both_directions(top_heavy: Path) -> None:
+    # One muscle with twice the arm against two: half as stiff in the direction of the two.
+    extra = '<spatial name="low2"><site site="s0"/><site site="t0"/></spatial></tendon>'
+    text = top_heavy.read_text().replace("</tendon>", extra)
+    for end in ('"s1" pos="-0.05 0 0.02"', '"t1" pos="0.05 0 0.02"'):
+        text = text.replace(end, end.replace("0 0.02", "0 0.04"))
+    top_heavy.write_text(text)
+    arm, falls = NominalArm(top_heavy), 20.0 * 9.81 * 0.1 / (2.0 * 0.02**2)  # [N/m]
+    for share, reachable in ((0.9, False), (1.3, True)):
+        hold = Statics(arm, Gains(share * falls, 1.0, 500.0)).hold(np.zeros(1))
+        assert hold.reachable == reachable
 
 
 def test_kengoros_postures_are_reachable() -> None:

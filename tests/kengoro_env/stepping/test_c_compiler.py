@@ -316,3 +316,20 @@ def test_a_compiler_may_warn_in_any_bytes(tmp_path: Path, monkeypatch: pytest.Mo
     compiler.chmod(0o755)
     monkeypatch.setenv("CC", str(compiler))
     assert load(tmp_path / "cache").size_of_step() == ctypes.sizeof(step_structures.Step)
+
+
+@pytest.mark.usefixtures("quick_compiler")
+def test_a_link_to_a_library_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who can write the folder of the link chooses what is loaded."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = tmp_path / "cache"
+    load(folder)
+    (made,) = folder.iterdir()
+    made.rename(tmp_path / "other.so")
+    made.symlink_to(tmp_path / "other.so")
+    loaded = []
+    monkeypatch.setattr(ctypes, "CDLL", lambda path: loaded.append(Path(path)))
+
+    load(folder)
+
+    assert loaded == [tmp_path / f"kengoro-{os.geteuid()}" / made.name]

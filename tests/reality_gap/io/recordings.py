@@ -98,6 +98,11 @@ class Messages:
         )
 
 
+def joints(messages: Messages, count: int = 10) -> list[Recorded]:
+    """Messages about a joint on the topic /joints, 0.1 s apart."""
+    return [("/joints", 0.1 * i, messages.joints(0.1 * i, ["a"], [float(i)])) for i in range(count)]
+
+
 def record(
     path: Path, messages: Messages, recorded: Sequence[Recorded], mcap: bool = False
 ) -> Path:

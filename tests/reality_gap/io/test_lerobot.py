@@ -137,6 +137,41 @@ def test_a_damaged_file_is_left_out_and_the_difference_is_reported(tmp_path: Pat
     ]
 
 
+def test_large_arrays_and_numbers_that_are_missing_are_mentioned(tmp_path: Path) -> None:
+    dataset = write_dataset(tmp_path / "set", 2)
+    path = dataset / "data" / "chunk-000" / "episode_000000.parquet"
+    table, rows = pyarrow.parquet.read_table(path), LENGTHS[0]
+    wide = pa.array([[0.0] * 1025] * rows, pa.list_(pa.float32()))
+    holes = pa.array([None, np.nan, np.inf, *[1.0] * (rows - 3)])
+    table = table.append_column("tactile", wide).append_column("holes", holes)
+    pyarrow.parquet.write_table(table, path)
+    info = json.loads((dataset / "meta" / "info.json").read_text())
+    info["features"]["tactile"] = {"dtype": "float32", "shape": [1025]}
+    (dataset / "meta" / "info.json").write_text(json.dumps(info))
+    notes: list[str] = []
+    [log] = unpack_dataset(dataset, tmp_path / "logs", episodes=[0], note=notes.append)
+
+    np.testing.assert_array_equal(columns_of(log)["holes"][:4], [np.nan] * 3 + [1.0])
+    assert notes[1:] == [
+        "left out, as no file holds them, or they have more than 1024 entries: tactile",
+        "3 numbers are missing, NaN or infinite; their cells are empty",
+    ]
+
+
+def test_frames_are_ordered_by_time_and_arrays_keep_their_size(tmp_path: Path) -> None:
+    dataset = write_dataset(tmp_path / "set", 2)
+    path = dataset / "data" / "chunk-000" / "episode_000000.parquet"
+    table = pyarrow.parquet.read_table(path)
+    pyarrow.parquet.write_table(table.take(np.arange(LENGTHS[0])[::-1]), path)
+    [log] = unpack_dataset(dataset, tmp_path / "logs", episodes=[0])
+    np.testing.assert_allclose(columns_of(log)["time"], np.arange(LENGTHS[0]) / 50, atol=1e-6)
+
+    sizes = pa.array([[1.0], [1.0, 2.0], *[[1.0]] * (LENGTHS[0] - 2)])
+    pyarrow.parquet.write_table(table.set_column(0, "action", sizes), path)
+    with pytest.raises(StudyError, match="the feature action has 1 to 2 entries in one episode"):
+        unpack_dataset(dataset, tmp_path / "again")
+
+
 @pytest.mark.parametrize(
     ("options", "expected"),
     [

@@ -14,7 +14,9 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag1 import Writer as Writer1
 
 from reality_gap.errors import StudyError
+from reality_gap.io.bags import files
 from reality_gap.io.bags.compression import CompressionError, expand
+from reality_gap.io.bags.contents import Contents
 from reality_gap.io.rosbag import unpack
 from tests.reality_gap.io.recordings import (
     ROS1,
@@ -217,6 +219,42 @@ def test_a_folder_of_ros1_bags_is_read_as_one(tmp_path: Path) -> None:
     assert notes == []
 
 
+@pytest.mark.parametrize(
+    ("later", "expected"),
+    [
+        (1.0, "1.mcap begins 2.99 s before 0.mcap ends"),
+        (3603.99, "1.mcap begins 3600 s after 0.mcap ends"),
+        (4.0, None),
+    ],
+)
+def test_files_that_do_not_follow_one_another_are_mentioned(
+    tmp_path: Path, later: float, expected: str | None
+) -> None:
+    """As in a folder of recordings, each of which is a bag of its own."""
+    messages = Messages(ROS2)
+    (tmp_path / "run").mkdir()
+    for i in (0, 1):
+        recorded = [(topic, time + i * later, m) for topic, time, m in rows(messages)]
+        write_mcap(tmp_path / "run" / f"{i}.mcap", ros_rows(messages, recorded))
+    notes: list[str] = []
+    unpack(tmp_path / "run", tmp_path / "logs", by_arrival=True, note=notes.append)
+
+    assert [note for note in notes if "for itself" in note] == [
+        f"{expected}, but the files of run are read as one recording; if they are several, unpack "
+        "each file for itself"
+    ] * (expected is not None)
+
+
+def test_a_file_that_the_metadata_does_not_list_is_mentioned(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    folder = record(tmp_path / "run", messages, rows(messages, 10))
+    write_mcap(folder / "other.mcap", ros_rows(messages, rows(messages, 20)))
+    read, notes = salvaged(folder, tmp_path)
+
+    assert read == 10
+    assert notes == ["metadata.yaml does not list other.mcap, which is left out"]
+
+
 @pytest.mark.parametrize("suffix", [".MCAP", ".DB3", ".bin"])
 def test_the_format_is_found_by_the_content(tmp_path: Path, suffix: str) -> None:
     messages = Messages(ROS2)
@@ -281,3 +319,84 @@ def test_decompression_ends_at_a_limit() -> None:
     assert expand("zstd", data + data, 1 << 22) == (bytes(1 << 21), True)
     with pytest.raises(CompressionError, match="valid are bz2, lz4, zstd"):
         expand("brotli", data, 1000)
+
+
+def test_rows_of_sqlite_without_topic_time_or_data_are_counted(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    folder = record(tmp_path / "run", messages, rows(messages, 10))
+    (folder / "metadata.yaml").unlink()
+    [path] = folder.glob("*.db3")
+    with sqlite3.connect(path) as database:
+        for row in ("(100, 99, 5, x'00')", "(101, 1, 'x', x'00')", "(102, 1, 5, 'x')"):
+            database.execute(f"INSERT INTO messages VALUES {row}")
+    database.close()
+    read, notes = salvaged(path, tmp_path)
+
+    assert read == 10
+    assert notes == ["3 messages of run.db3 have no topic, no time or no data"]
+
+
+def test_a_compressed_file_unfolds_to_a_limit_and_once_only(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    path = record(tmp_path / "run", messages, rows(messages, 10))
+    [path] = path.glob("*.db3")
+    zeros = path.read_bytes() + bytes(200 << 20)
+    (tmp_path / "bomb.db3.zstd").write_bytes(zstd.compress(zeros))
+    (tmp_path / "twice.db3.zstd").write_bytes(zstd.compress(zstd.compress(path.read_bytes())))
+    limit = files.UNFOLDED * (tmp_path / "bomb.db3.zstd").stat().st_size + (1 << 20)
+    sizes = []
+    sqlite = files._READERS[files.sqlite_file.MAGIC]
+
+    def reader(path: Path, contents: Contents) -> Any:
+        sizes.append(path.stat().st_size)
+        return sqlite(path, contents)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(files._READERS, files.sqlite_file.MAGIC, reader)
+        _, notes = salvaged(tmp_path / "bomb.db3.zstd", tmp_path)
+    assert sizes == [limit]
+    assert limit < len(zeros)
+    assert "bomb.db3.zstd is cut off or damaged" in notes
+    with pytest.raises(StudyError, match=r"^twice.db3.zstd is compressed twice; decompress it"):
+        salvaged(tmp_path / "twice.db3.zstd", tmp_path / "twice")
+
+
+def test_an_encrypted_ros1_bag_is_named(tmp_path: Path) -> None:
+    messages = Messages(ROS1)
+    data = record(tmp_path / "a.bag", messages, rows(messages, 10)).read_bytes()
+    length = int.from_bytes(data[13:17], "little")
+    field = b"encryptor=rosbag/AesCbcEncryptor"
+    header = data[17 : 17 + length] + len(field).to_bytes(4, "little") + field
+    new = data[:13] + len(header).to_bytes(4, "little") + header + data[17 + length :]
+    (tmp_path / "run.bag").write_bytes(new)
+    _, notes = salvaged(tmp_path / "run.bag", tmp_path)
+
+    assert notes == ["run.bag is encrypted; decrypt it with `rosbag decrypt`"]
+
+
+def test_the_index_of_a_ros1_bag_is_compared(tmp_path: Path) -> None:
+    messages = Messages(ROS1)
+    path = record(tmp_path / "run.bag", messages, rows(messages, 10))
+    data = bytearray(path.read_bytes())
+    assert data[-4:] == (10).to_bytes(4, "little")  # the last record counts the last chunk
+    data[-4:] = (13).to_bytes(4, "little")
+    path.write_bytes(data)
+    _, notes = salvaged(path, tmp_path)
+
+    assert notes == [
+        "/j: 10 of the 13 messages that the index of the file lists were read; 3 are missing"
+    ]
+
+
+def test_files_are_read_in_the_order_of_the_metadata(tmp_path: Path) -> None:
+    """``run_10`` was recorded after ``run_9``; of one time the last value stays."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for number in (9, 10):
+        row = ("/n", "json", "", "", b"", 0.0, b'{"x": %d}' % number)
+        write_mcap(folder / f"run_{number}.mcap", [row])
+    text = "{rosbag2_bagfile_information: {relative_file_paths: [run_9.mcap, run_10.mcap]}}"
+    (folder / "metadata.yaml").write_text(text)
+    [log] = unpack(folder, tmp_path / "logs")
+
+    assert columns_of(log)["n_x"] == [10.0]

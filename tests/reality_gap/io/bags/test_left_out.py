@@ -15,11 +15,11 @@ from reality_gap.__main__ import main
 from reality_gap.errors import StudyError
 from reality_gap.io.rosbag import unpack
 from tests.reality_gap.io.recordings import (
-    ROS1,
     ROS2,
     START,
     Messages,
     columns_of,
+    joints,
     record,
     ros_rows,
     write_mcap,
@@ -28,13 +28,8 @@ from tests.reality_gap.io.recordings import (
 EVENT = "std_srvs/srv/SetBool_Event"
 
 
-def joints(messages: Messages, count: int = 10) -> list[Any]:
-    """Messages about a joint."""
-    return [("/joints", 0.1 * i, messages.joints(0.1 * i, ["a"], [float(i)])) for i in range(count)]
-
-
 def strange(arrival: float, topic: str = "/strange", kind: str = "my_msgs/msg/Gripper") -> Any:
-    """A message of a type that nobody knows, and whose definition is not in the bag."""
+    """A message of an unknown type, whose definition is not in the bag."""
     return (topic, "cdr", kind, "", b"", arrival, b"\0\1\0\0" + np.float64(arrival).tobytes())
 
 
@@ -59,18 +54,25 @@ def test_a_folder_whose_metadata_and_channel_differ_in_qos_is_read(tmp_path: Pat
 
 
 @pytest.mark.parametrize("mcap", [False, True])
-def test_a_different_message_count_is_reported_with_the_number(tmp_path: Path, mcap: bool) -> None:
+@pytest.mark.parametrize(
+    ("count", "expected"),
+    [
+        (13, "/joints: 10 of the 13 messages that metadata.yaml lists were read; 3 are missing"),
+        (7, "/joints: 10 messages were read, more than the 7 in metadata.yaml"),
+    ],
+)
+def test_a_different_message_count_is_reported_with_the_number(
+    tmp_path: Path, mcap: bool, count: int, expected: str
+) -> None:
     messages = Messages(ROS2)
     folder = record(tmp_path / "run", messages, joints(messages), mcap)
     path = folder / "metadata.yaml"
-    path.write_text(path.read_text().replace("message_count: 10", "message_count: 13"))
+    path.write_text(path.read_text().replace("message_count: 10", f"message_count: {count}"))
 
     notes: list[str] = []
     unpack(folder, tmp_path / "logs", note=notes.append)
 
-    assert notes == [
-        "/joints: 10 of the 13 messages that metadata.yaml lists were read; 3 are missing"
-    ]
+    assert notes == [expected]
 
 
 def test_the_statistics_of_an_mcap_file_are_compared(tmp_path: Path) -> None:
@@ -218,152 +220,26 @@ def test_messages_that_do_not_fit_their_definition_are_counted(tmp_path: Path) -
     assert note.startswith("/joints: 1 of 10 messages cannot be decoded and are left out (")
 
 
-def test_a_message_of_an_impossible_time_is_left_out(tmp_path: Path) -> None:
-    text = b'{"timestamp": {"sec": %d, "nsec": 0}, "x": 1}'
-    rows = [
-        ("/j", "json", "", "", b"", 0.0, text % (START + i + 10**20 * (i == 1))) for i in range(3)
-    ]
-    notes: list[str] = []
-    unpack(write_mcap(tmp_path / "run.mcap", rows), tmp_path / "logs", note=notes.append)
+def test_a_link_out_of_the_folder_of_definitions_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "secret.msg").write_text("float64 opening\n")
+    (tmp_path / "types" / "my_msgs").mkdir(parents=True)
+    (tmp_path / "types" / "my_msgs" / "Gripper.msg").symlink_to(tmp_path / "secret.msg")
+    bag = write_mcap(tmp_path / "run.mcap", [strange(0.0)])
 
-    assert notes == [
-        "/j: 1 of 3 messages cannot be decoded and are left out (a time is out of range)"
-    ]
+    with pytest.raises(StudyError, match=r"Gripper.msg is a link out of .*/types, or larger than"):
+        unpack(bag, tmp_path / "logs", types=tmp_path / "types")
 
 
-def test_times_of_arrival_instead_of_a_missing_stamp_are_mentioned(tmp_path: Path) -> None:
+def test_a_topic_with_too_many_columns_is_mentioned(tmp_path: Path) -> None:
     messages = Messages(ROS2)
-    recorded = joints(messages, 4)
-    recorded[0] = ("/joints", 0.0, messages.joints(None, ["a"], [0.0]))
+    recorded = [
+        ("/tag", 0.01 * i, messages.transform(0.01 * i, "camera", f"tag_{i}", float(i)))
+        for i in range(257)
+    ]
     notes: list[str] = []
-    unpack(record(tmp_path / "run", messages, recorded), tmp_path / "logs", note=notes.append)
+    bag = record(tmp_path / "run", messages, recorded)
+    unpack(bag, tmp_path / "logs", note=notes.append)
 
-    assert notes == [
-        "/joints: 1 of 4 messages have no time stamp, so that the times of arrival are used for all"
-    ]
-
-
-def test_stamps_of_a_simulation_beside_times_of_arrival_are_mentioned(tmp_path: Path) -> None:
-    messages = Messages(ROS2)
-    recorded: list[Any] = [
-        ("/sim", 0.1 * i, messages.joints(0.1 * i + 5.0 - START, ["a"], [0.0])) for i in range(3)
-    ]
-    recorded += [("/wall", 0.1 * i, messages.number(1.0)) for i in range(3)]
-    notes: list[str] = []
-    unpack(record(tmp_path / "run", messages, recorded), tmp_path / "logs", note=notes.append)
-
-    [note] = notes
-    assert "their stamps are of different clocks; use --arrival" in note
-    assert "/sim" in note
-    assert "/wall" in note
-
-
-def test_ros1_in_mcap_is_read(tmp_path: Path) -> None:
-    messages = Messages(ROS1)
-    bag = write_mcap(tmp_path / "run.mcap", ros_rows(messages, joints(messages)))
-
-    [log] = unpack(bag, tmp_path / "logs")
-
-    np.testing.assert_allclose(columns_of(log)["joints_position_a"], np.arange(10.0))
-
-
-def test_json_in_mcap_is_read_with_its_stamps(tmp_path: Path) -> None:
-    text = '{"timestamp": {"sec": %d, "nsec": 500000000}, "names": ["a"], "q": [%d], "on": true}'
-    rows = [
-        ("/j", "json", "State", "jsonschema", b"{}", 0.1 * i, (text % (START + i, i)).encode())
-        for i in range(3)
-    ]
-    [log] = unpack(write_mcap(tmp_path / "run.mcap", rows), tmp_path / "logs")
-
-    table = columns_of(log)
-    assert set(table) == {"time", "j_q_a", "j_on"}
-    np.testing.assert_allclose(table["time"], [0.0, 1.0, 2.0])
-    np.testing.assert_allclose(table["j_q_a"], [0.0, 1.0, 2.0])
-
-
-def test_protobuf_in_mcap_is_read(tmp_path: Path) -> None:
-    definition, make = joint_states()
-    rows = [
-        ("/j", "protobuf", "robot.JointStates", "protobuf", definition, 0.1 * i, make(i))
-        for i in range(3)
-    ]
-    [log] = unpack(write_mcap(tmp_path / "run.mcap", rows), tmp_path / "logs")
-
-    table = columns_of(log)
-    np.testing.assert_allclose(table["time"], [0.0, 1.0, 2.0])
-    np.testing.assert_allclose(table["j_joints_elbow_position"], [0.0, 1.0, 2.0])
-    np.testing.assert_allclose(table["j_joints_wrist_position"], [0.5, 1.5, 2.5])
-
-
-def test_protobuf_without_its_definition_is_left_out(tmp_path: Path) -> None:
-    rows = [("/j", "protobuf", "robot.JointStates", "protobuf", b"\xff\xff", 0.0, b"")]
-
-    with pytest.raises(StudyError, match=r"the definition of its type robot.JointStates is"):
-        unpack(write_mcap(tmp_path / "run.mcap", rows), tmp_path / "logs")
-
-
-def joint_states() -> tuple[bytes, Any]:
-    """A FileDescriptorSet, and what makes a message of it."""
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
-
-    file = descriptor_pb2.FileDescriptorProto(
-        name="robot.proto",
-        package="robot",
-        syntax="proto3",
-        dependency=["google/protobuf/timestamp.proto"],
+    assert notes[0] == (
+        "/tag: its messages are about 257 different things, more than 256; its columns mix them"
     )
-    kind = descriptor_pb2.FieldDescriptorProto
-    joint = file.message_type.add(name="Joint")
-    joint.field.add(name="name", number=1, type=kind.TYPE_STRING, label=kind.LABEL_OPTIONAL)
-    joint.field.add(name="position", number=2, type=kind.TYPE_DOUBLE, label=kind.LABEL_OPTIONAL)
-    states = file.message_type.add(name="JointStates")
-    states.field.add(
-        name="timestamp",
-        number=1,
-        type=kind.TYPE_MESSAGE,
-        type_name=".google.protobuf.Timestamp",
-        label=kind.LABEL_OPTIONAL,
-    )
-    states.field.add(
-        name="joints",
-        number=2,
-        type=kind.TYPE_MESSAGE,
-        type_name=".robot.Joint",
-        label=kind.LABEL_REPEATED,
-    )
-    stamp = descriptor_pb2.FileDescriptorProto()
-    timestamp_pb2.DESCRIPTOR.CopyToProto(stamp)
-    files = descriptor_pb2.FileDescriptorSet(file=[file, stamp])
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(stamp)
-    pool.Add(file)
-    type_ = message_factory.GetMessageClass(pool.FindMessageTypeByName("robot.JointStates"))
-
-    def make(i: int) -> bytes:
-        message: Any = type_()
-        message.timestamp.seconds = START + i
-        for name, position in (("elbow", i), ("wrist", i + 0.5))[:: 1 if i % 2 else -1]:
-            message.joints.add(name=name, position=position)
-        return bytes(message.SerializeToString())
-
-    return files.SerializeToString(), make
-
-
-def test_stamps_that_go_back_and_rows_that_are_overwritten_are_noted(tmp_path: Path) -> None:
-    messages = Messages(ROS2)
-    stamps = [0.1 * i - (0.5 if i >= 6 else 0.0) for i in range(10)]
-    rows = [
-        ("/joints", 0.1 * i, messages.joints(stamp, ["a"], [float(i)]))
-        for i, stamp in enumerate(stamps)
-    ]
-    folder = record(tmp_path / "run", messages, rows, mcap=True)
-
-    notes: list[str] = []
-    unpack(folder, tmp_path / "logs", note=notes.append)
-    assert any("/joints go back 1 times, by up to 0.4 s" in note for note in notes)
-    assert any("4 messages of /joints were overwritten" in note for note in notes)
-
-    notes.clear()
-    [log] = unpack(folder, tmp_path / "arrival", by_arrival=True, note=notes.append)
-    assert notes == []
-    assert len(columns_of(log)["time"]) == 10

@@ -166,3 +166,15 @@ def test_names_that_would_be_one_column_are_kept_apart(tmp_path: Path) -> None:
     assert table["j_position_left_elbow"] == [1.0]
     assert table["j_position_left_elbow_2"] == [2.0]
     assert notes == ["/j: more than one column would be j_position_left_elbow; they are numbered"]
+
+
+def test_names_that_are_more_or_fewer_than_the_numbers_are_mentioned(tmp_path: Path) -> None:
+    messages = Messages(ROS2)
+    notes: list[str] = []
+    recorded = [("/j", 0.1 * i, messages.joints(0.1 * i, ["a", "b"], [1.0])) for i in range(2)]
+    [path] = unpack(record(tmp_path / "run", messages, recorded), tmp_path / "o", note=notes.append)
+
+    assert set(columns_of(path)) == {"time", "j_position_0"}
+    assert notes == [
+        "/j: position has 1 elements, but the message lists 2 names; its columns are numbered"
+    ]

@@ -1,0 +1,108 @@
+"""Times of the parts of a control step, and of the fits of marker observations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from rich.table import Table
+
+from jmm_agent.agent import Agent
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.types import Floats
+from jmm_agent.vision.incremental_fit import fit_incrementally
+from jmm_agent.vision.marker_residual import MarkerResidual
+from jmm_agent.vision.observation_fit import (
+    MarkerObservation,
+    ObservationFitOptions,
+    fit_observations,
+)
+from kengoro.agents import make_agent
+from kengoro.trained_maps import trained_map
+from kengoro_env.assets import asset_path
+from kengoro_env.departures import actual
+from kengoro_env.postures import posture_set
+from kengoro_env.robot.draft import Departure
+from kengoro_env.robot.robot import Robot
+
+OBSERVATIONS = (5, 27, 60)
+"""Numbers of marker observations in a fit."""
+REPEATS = 200
+"""Timed calls of each part."""
+ARM = "mjcf/kengoro_arm/arm.xml"
+
+
+def times_of(work: Callable[[], object], repeats: int) -> list[float]:
+    """Times of repeated calls [s]; one more call before them is not counted."""
+    work()
+    times = []
+    for _ in range(repeats):
+        begin = perf_counter()
+        work()
+        times.append(perf_counter() - begin)
+    return times
+
+
+def observations_of(agent: Agent, seed: int, count: int) -> list[MarkerObservation]:
+    """Marker observations of the actual robot at rest, with measured lengths and true poses."""
+    departures: tuple[Departure, ...] = actual(seed)
+    robot = Robot(asset_path(ARM), departures)
+    rng = np.random.default_rng(seed)
+    observations = []
+    for posture in posture_set()[rng.permutation(len(posture_set()))[:count]]:
+        robot.reset(posture, rng)
+        pose = agent.kinematics.pose("marker_hand", robot.joint_angles, relative_to="eye")
+        agent.estimator.reset(posture)
+        for _ in range(50):
+            agent.estimator.update(robot.measured_lengths(), 0.02)
+        observations.append(MarkerObservation(pose, robot.measured_lengths(), agent.joint_angles))
+    return observations
+
+
+def parts_table(agent: Agent, seed: int) -> Table:
+    """Times of the parts of a step and of the fits.
+
+    Args:
+        agent: that has learned.
+        seed: of the robot whose observations are fitted, and of the agent that fits them.
+    """
+    table = Table(title="Parts on one core [ms]")
+    for column in ("part", "calls", "median", "99th percentile", "largest"):
+        table.add_column(column, justify="left" if column == "part" else "right")
+
+    def row(part: str, seconds: list[float]) -> None:
+        figures = (np.median(seconds), np.percentile(seconds, 99), np.max(seconds))
+        table.add_row(part, f"{len(seconds)}", *(f"{1e3 * figure:.2f}" for figure in figures))
+
+    q = agent.joint_angles
+    lengths = agent.map.lengths(q)
+    row("EKF update", times_of(lambda: agent.estimator.update(lengths, 0.02), REPEATS))
+    row("map, lengths", times_of(lambda: agent.map.lengths(q), REPEATS))
+    row("map, with Jacobian", times_of(lambda: agent.map.lengths_and_jacobian(q), REPEATS))
+    prior = MapPrior(trained_map(), posture_set(), PriorOptions())
+    marker_residual = MarkerResidual(agent.kinematics, "eye", "marker_hand")
+    row("marker residual", times_of(lambda: marker_residual(q, np.eye(4)), REPEATS))
+    agent = make_agent(seed)
+    limits, options = agent.kinematics.limits, ObservationFitOptions()
+    observations = observations_of(agent, seed, max(OBSERVATIONS))
+    for count in OBSERVATIONS:
+        earlier = fit_observations(
+            observations[: count - 1], prior, marker_residual, limits, options
+        ).angles
+        start = np.vstack([earlier, observations[count - 1].guess])
+
+        def fit(count: int = count, start: Floats = start) -> object:
+            return fit_observations(
+                observations[:count], prior, marker_residual, limits, options, start
+            )
+
+        def incremental(count: int = count, start: Floats = start) -> object:
+            none = np.zeros((count, len(agent.map.muscles)))
+            return fit_incrementally(
+                observations[:count], prior, marker_residual, limits, options, start, none
+            )
+
+        row(f"fit of {count} observations", times_of(fit, 3))
+        row("  incremental, with elongations", times_of(incremental, 3))
+    return table
