@@ -32,7 +32,7 @@ from rich.table import Table
 
 from benchmarks._agent_step_parts import parts_table
 from jmm_agent.agent import Agent
-from jmm_agent.driving.short_collections import short_collections
+from jmm_agent.driving.short_pauses import short_pauses
 from jmm_agent.learning.options import BESIDE, LearningOptions
 from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
@@ -117,7 +117,7 @@ def learn(minutes: float, learning: LearningOptions, paced: bool) -> tuple[Agent
     timer = TimedAgent(agent, paced)
     session = Session(env, timer, SEED, None, {"posture": np.array(READY)})  # type: ignore[arg-type]
     rng = np.random.default_rng(SEED)
-    with short_collections():  # as `drive` does
+    with short_pauses():  # as `drive` does
         while session.time < 60.0 * minutes:
             session.move(rng.choice(posture_set()), 2.0, 2.0)
             session.world.put_can_back()

@@ -39,6 +39,7 @@ from jmm_agent.learning.job_queue import Entered
 from jmm_agent.learning.memory import load_memory, memory_of
 from jmm_agent.learning.options import AS_SOON
 from jmm_agent.learning.schedule import Schedule
+from jmm_agent.length_check import LengthCheck
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior
@@ -145,6 +146,7 @@ class Agent:
         )
         self._schedule = Schedule(self._learned, options.learning, self._map_changed)
         self._rests = RestLearning(self._learned, self._schedule, self._observer, options)
+        self._lengths = LengthCheck(nominal_map, limits)
         self._step = -1
         self.hand_is_free = True
 
@@ -255,16 +257,18 @@ class Agent:
     def faults(self) -> list[Fault]:
         """Faults that are found now, in the order in which they were noticed.
 
-        Those of the robot, which a guard names, and those of the clock and of learning, which are
-        named without a guard, too, and do not keep the agent from learning.
+        Those of the robot, which a guard names, and those of the clock, of all lengths and of
+        learning, which are named without a guard, too, and do not keep the agent from learning.
         """
-        found = [*self.guard.faults, *self.time_line.found(), *self._rests.faults]
+        found = [*self.guard.faults, *self.time_line.found()]
+        found += [*self._lengths.faults, *self._rests.faults]
         return sorted(found, key=lambda fault: fault.since)
 
     def begin_episode(self) -> None:
         """Forget the state of the arm, as before a new episode; keep what was learned."""
         self.guard.reset()
         self._rests.reset()
+        self._lengths.reset()
         self.time_line.reset()
         self._commander.reset()
         self.estimator.reset(self.target)
@@ -356,6 +360,8 @@ class Agent:
         self._observer.advance(self._step)
         self._watch_robot(readings)
         self._rests.advance(self._step, readings.time, self.hand_is_free)
+        since = self._rests.settling.since
+        self._lengths.update(readings, self._commander.target_lengths, self.motors, since)
         trusted = not self.guard.faults and self.hand_is_free
         self._rests.learn(readings, self._sample(readings), trusted, bool(tick.jump))
         if not self.guard.faults:
@@ -499,7 +505,8 @@ class Agent:
         """Look for faults; unlearn what was learned just before a new one."""
         state = ArmState(
             self.estimator.q,
-            self.map,
+            self.estimator.jacobian,
+            self.estimator.jacobian_at,
             len(self.vision.memory.observations),
             self.hand_is_free,
             self._observer.finder,

@@ -84,7 +84,7 @@ class HandObserver:
         self._frames = beside(self._marker, options.learning)
         noise = options.vision.observations.position_noise
         self._exposure = ExposureClock(options.camera_clock, noise)
-        self._poses = HandPoses(kinematics, options.settling.window)
+        self._poses = HandPoses(kinematics, options.settling.window, noise)
         self._frame_time, self._asked = -np.inf, np.inf
         self.markers: dict[int, MarkerPose] = {}
         self.due = False
@@ -96,17 +96,22 @@ class HandObserver:
         self._frame_time = -np.inf
         self._exposure.reset()
         self._poses.reset()
-        self.due = False
-        self.markers = {}
+        self.due, self.markers = False, {}
 
     def map_changed(self) -> None:
         """Forget what was expected with another map."""
         self._exposure.map_changed()
+        self._poses.map_changed()
 
     @property
     def delay(self) -> DelayEstimate:
         """Delay of the camera, as given in the options or as estimated so far."""
         return self._exposure.delay
+
+    @property
+    def clock_problem(self) -> str:
+        """What is wrong with the times of measured poses; empty if nothing is known to be."""
+        return self._poses.clock_problem
 
     @property
     def finder(self) -> FrameMarkers | None:
@@ -158,9 +163,9 @@ class HandObserver:
 
     def begin_rest(self) -> None:
         """Await an observation of a rest, at which the lengths have settled just now."""
-        self.due = self._marker is not None or self._poses.alive
-        self._asked = np.inf
+        self.due, self._asked = self._marker is not None or self._poses.alive, np.inf
         self._exposure.end_movement()
+        self._poses.end_movement()
 
     def follow(self, readings: SensorReadings, q: Floats) -> None:
         """Follow the marker, where exposure or delay of the camera demand it.

@@ -81,11 +81,16 @@ class Consistency(NamedTuple):
 
 
 class _Linearised(NamedTuple):
-    """The map near a posture, divided by the encoder noise: lengths (m,), G = basis @ reduced."""
+    """The map near a posture, divided by the encoder noise: lengths (m,), G = basis @ reduced.
+
+    The posture (n,) [rad] and the muscle Jacobian (m, n) [m/rad] there are as they are.
+    """
 
     lengths: Floats
     basis: Floats
     reduced: Floats
+    jacobian: Floats
+    q: Floats
 
 
 class JointEstimator:
@@ -119,6 +124,7 @@ class JointEstimator:
         self._map = length_map
         self._low = box[:, 0] - self.options.limit_margin
         self._high = box[:, 1] + self.options.limit_margin
+        self._identity = np.eye(len(box))
         self._nis: deque[float] = deque(maxlen=self.options.window)
         self._noise = np.array(self.options.encoder_noise)
         self._doubted = 0
@@ -139,6 +145,16 @@ class JointEstimator:
     def lengths(self) -> Floats:
         """Muscle lengths (m,) [m] by the map at the estimate."""
         return self._here.lengths * self._noise
+
+    @property
+    def jacobian(self) -> Floats:
+        """Muscle Jacobian (m, n) [m/rad] by the map, at `jacobian_at`."""
+        return self._here.jacobian.copy()
+
+    @property
+    def jacobian_at(self) -> Floats:
+        """Joint angles (n,) [rad] before the last correction, at which the map was linearised."""
+        return self._here.q.copy()
 
     @property
     def consistency(self) -> Consistency | None:
@@ -270,14 +286,14 @@ class JointEstimator:
     def _step(self, measured: Floats, dt: float, angles: Floats | None) -> Estimate:
         """One step of the filter on lengths in units of their noise, and joint angles [rad]."""
         kalman, here = self._filter, self._here
-        rank, n = here.reduced.shape
+        rank = len(here.reduced)
         variance = self.options.motion_noise**2 * dt
         outer = here.reduced @ here.reduced.T
         inverse = np.linalg.solve(variance * outer + np.eye(rank), variance * here.reduced).T
-        kept = np.eye(n) - inverse @ here.reduced
+        kept = self._identity - inverse @ here.reduced
         change = here.basis.T @ (measured - here.lengths)
         noise = variance * kept @ kept.T + inverse @ inverse.T
-        noise += self.options.process_noise**2 * dt * np.eye(n)
+        noise += self.options.process_noise**2 * dt * self._identity
         kalman.predict(F=kept, B=inverse, u=change[:, None] + here.reduced @ kalman.x, Q=noise)
         kalman.x = np.clip(kalman.x, self._low[:, None], self._high[:, None])
 
@@ -312,7 +328,7 @@ class JointEstimator:
         if not (np.isfinite(lengths).all() and np.isfinite(jacobian).all()):
             raise EstimatorError("the map returns lengths or moment arms that are not finite.")
         basis, reduced = np.linalg.qr(jacobian / self._noise[..., None])
-        return _Linearised(lengths / self._noise, basis, reduced)
+        return _Linearised(lengths / self._noise, basis, reduced, jacobian, q)
 
     def _into_limits(self, q: Floats, covariance: Floats) -> Floats:
         """The likeliest posture in the limits; the other joints follow by the covariance."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.guard.faults import JOINT_CONTRADICTED, ZEROED, Fault
+from jmm_agent.guard.faults import JOINT_CONTRADICTED, TRACKER_CLOCK, ZEROED, Fault
 from jmm_agent.learning_monitor import LearningMonitor, LearningMonitorOptions
 from jmm_agent.settling import SettlingDetector
 from jmm_agent.updaters import VisionUpdater
@@ -33,6 +33,7 @@ class StepState(NamedTuple):
             is awaited.
         why_not_learned: detail of why the newest observation was not learned from; may be empty.
         contradicted: joints whose encoders contradict the lengths, and by how much [rad].
+        clock_problem: what is wrong with the times of measured poses; empty if nothing.
     """
 
     time: float
@@ -42,6 +43,7 @@ class StepState(NamedTuple):
     why_unobserved: str
     why_not_learned: str
     contradicted: Mapping[str, float]
+    clock_problem: str = ""
 
 
 class LearningWatch:
@@ -65,17 +67,20 @@ class LearningWatch:
         self._monitor = LearningMonitor(options)
         self._zeroings, self._zeroed = 0, list[Fault]()
         self._contradicted: dict[str, Fault] = {}
+        self._tracker: Fault | None = None
 
     @property
     def faults(self) -> list[Fault]:
         """Faults that are found now."""
-        return [*self._monitor.faults, *self._zeroed, *self._contradicted.values()]
+        found = [*self._monitor.faults, *self._zeroed, *self._contradicted.values()]
+        return found if self._tracker is None else [*found, self._tracker]
 
     def reset(self) -> None:
         """Forget all, as before a new episode."""
         self._monitor.reset()
         self._zeroed = []
         self._contradicted = {}
+        self._tracker = None
 
     def update(self, step: StepState) -> None:
         """Name what keeps the agent from learning.
@@ -92,6 +97,10 @@ class LearningWatch:
         monitor.observed(self._vision.fired, self._vision.dropped, step.why_not_learned)
         monitor.update(step.time, self._settling, self._muscles)
         self._name_joints(step)
+        if not step.clock_problem:
+            self._tracker = None
+        elif self._tracker is None:
+            self._tracker = Fault(TRACKER_CLOCK, "tracker", step.time, step.clock_problem)
 
     def _name_joints(self, step: StepState) -> None:
         """Name joints whose encoders contradict the lengths, which the map may have wrong.

@@ -121,7 +121,11 @@ def write_memory(
         path: of the file; its folder is made.
         memory: to write.
         nominal: the map before learning.
+
+    Raises:
+        CheckpointError: the path is none of a file.
     """
+    _check_path(path)
     vision, antagonism, hold_out = memory.vision, memory.antagonism, memory.hold_out
     joints, muscles = len(nominal.joints), len(nominal.muscles)
     held_out = Pairs.none(joints, muscles) if hold_out is None else hold_out.pairs
@@ -162,6 +166,7 @@ def read_memory(
         CheckpointError: the file is missing, cut off or damaged, of another format, robot or
             nominal map, or an array has another shape or a number that is not finite.
     """
+    _check_path(path)
     try:
         content = read_arrays(path, MAX_BYTES)
         _check_robot(content, nominal)
@@ -173,6 +178,17 @@ def read_memory(
         raise CheckpointError(
             f"{os.fspath(path)} does not hold what this agent has learned: {reason}."
         ) from error
+
+
+def _check_path(path: object) -> None:
+    if not isinstance(path, str | os.PathLike):
+        raise CheckpointError(
+            f"A memory is kept in a file; its path must be a str or a Path, got {path!r}."
+        )
+    if os.path.isdir(path):
+        raise CheckpointError(
+            f"{os.fspath(path)!r} is a folder; name the file in it that holds what was learned."
+        )
 
 
 def _text(content: Arrays, name: str) -> str:

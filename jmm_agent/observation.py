@@ -21,8 +21,8 @@ class SensorReadings(NamedTuple):
         lengths: measured muscle lengths (m,) [m].
         tensions: measured muscle tensions (m,) [N].
         frame: newest camera frame (H, W, 3) uint8, or None.
-        frame_time: time at which that frame was taken [s]; or arrived, if the agent's
-            `CameraClock` says so.
+        frame_time: time at which that frame was taken [s]; or arrived, with a delay in the agent's
+            `CameraClock`.
         joint_angles: measured joint angles (n,) [rad], NaN for a joint without encoder; None if no
             joint has one.
     """

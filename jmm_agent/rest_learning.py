@@ -126,8 +126,11 @@ class RestLearning:
             why = self._observer.why_unobserved(readings, since)
         seen = self._schedule.seen
         detail = "" if seen is None else seen.detail
+        clock = self._observer.clock_problem
         self._watch.update(
-            StepState(readings.time, passed, hand_is_free, at_target, why, detail, contradicted)
+            StepState(
+                readings.time, passed, hand_is_free, at_target, why, detail, contradicted, clock
+            )
         )
 
     def _learn_vision(self, observed: Observed) -> None:

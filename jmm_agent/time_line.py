@@ -1,4 +1,4 @@
-"""The agent's own time: it never repeats, goes back or jumps, whatever the time stamps do.
+"""The agent's own time: it never repeats, goes back or jumps, for any time stamps.
 
 A stamp that is not later than the one before is skipped and counted. Where stamps jump forward, or
 stay behind for good, the clock was set or readings paused: the agent's time goes on by one period,

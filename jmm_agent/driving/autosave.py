@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
+from pathlib import Path
 from types import TracebackType
 
 from jmm_agent.agent import Agent
 from jmm_agent.errors import AgentError
 from jmm_agent.memory_file import AgentMemory, write_memory
+
+_log = logging.getLogger(__name__)
 
 
 class AutosaveError(AgentError):
@@ -40,6 +44,15 @@ class Autosave:
         self._thread = threading.Thread(target=self._write, name="autosave", daemon=True)
 
     def __enter__(self) -> Autosave:
+        path = Path(self._path).absolute()
+        if path.parent.is_dir():
+            _log.info("What the agent learns is kept in %s.", path)
+        else:
+            _log.warning(
+                "What the agent learns is kept in %s; the folder %s does not exist and is made.",
+                path,
+                path.parent,
+            )
         self._thread.start()
         return self
 

@@ -20,7 +20,7 @@ from jmm_agent.driving.emergency_stop import EmergencyStop
 from jmm_agent.driving.endings import endings_raised
 from jmm_agent.driving.lost_readings import why_lost
 from jmm_agent.driving.robot_stop import RobotStop
-from jmm_agent.driving.short_collections import short_collections
+from jmm_agent.driving.short_pauses import short_pauses
 from jmm_agent.errors import AgentError
 from jmm_agent.gap_detector import GapDetector
 from jmm_agent.guard.null_guard import NullGuard
@@ -131,7 +131,7 @@ def drive(
         SystemExit: a signal asked the process to end; the robot was stopped.
     """
     stop, emergency_stop = RobotStop(driver), emergency_stop or EmergencyStop()
-    with endings_raised(), short_collections(), _autosaved(agent, memory) as autosave:
+    with endings_raised(), short_pauses(), _autosaved(agent, memory) as autosave:
         try:
             check_methods(driver)
             _check_duration(seconds)

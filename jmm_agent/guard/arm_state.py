@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.types import Floats
 from jmm_agent.vision.hand_marker import FrameMarkers
 
@@ -14,14 +13,16 @@ class ArmState(NamedTuple):
 
     Attributes:
         q: estimated joint angles (n,) [rad].
-        map: the joint-muscle mapping as learned so far.
+        jacobian: muscle Jacobian (m, n) [m/rad] by the map ...
+        jacobian_at: ... at these joint angles (n,) [rad], close to the estimate.
         observations: number of marker observations that the map was learned from.
         hand_is_free: whether the hand neither holds nor touches anything.
         marker: finds the hand's marker in frames; None for an agent without a camera.
     """
 
     q: Floats
-    map: JointMuscleMap
+    jacobian: Floats
+    jacobian_at: Floats
     observations: int
     hand_is_free: bool
     marker: FrameMarkers | None

@@ -3,8 +3,8 @@
 An encoder can only be found stuck if its own noise changes its reading. Motion changes it, too, but
 smoothly. White noise of variance s^2 has second differences of variance 6 s^2, and two successive
 differences have opposite signs in two of three cases. The noise is measured over short stretches
-at rest, with an unchanged command. Its variance is the second least of many stretches: whatever
-else changes readings, such as a swing that fades, does not do so in all of them. An encoder whose
+at rest, with an unchanged command. Its variance is the second least of many stretches: other
+causes of changes, such as a swing that fades, are not present in all of them. An encoder whose
 reading stayed the same for a stretch, and then moved on, has no noise.
 
 A resolution q hides noise. Within the step of a reading the same value appears with a probability
@@ -71,18 +71,27 @@ class EncoderNoise:
         if self._constant.any():  # a stretch of equal readings, and the encoder was not stuck
             self._store(self._constant & fresh, np.zeros(len(moved)))
             self._constant &= ~fresh
-        opposite, square = moved * self._moved, (moved - self._moved) ** 2 / 6.0
-        self._resolution = np.where(
-            fresh, np.minimum(self._resolution, np.abs(moved)), self._resolution
-        )
-        self._same = np.where(fresh, 0, self._same + 1)
-        self._sums += np.array(
-            [np.full(len(moved), dt), np.ones(len(moved)), fresh, opposite != 0.0, opposite < 0.0,
-             square]
-        )  # fmt: skip
-        self._sums *= at_rest
+        np.minimum(self._resolution, np.abs(moved), out=self._resolution, where=fresh)
+        self._same += 1
+        self._same[fresh] = 0
+        if at_rest.any():
+            self._add(dt, moved, fresh, at_rest)
+        else:
+            self._sums[:] = 0.0
         self._moved = moved
-        ended = (self._sums[0] >= STRETCH) & (self._sums[1] >= READINGS)
+
+    def _add(self, dt: float, moved: Floats, fresh: Bools, at_rest: Bools) -> None:
+        """Add one reading of each encoder to its stretch; those that are not at rest begin anew."""
+        duration, count, changed, pairs, turned, squares = self._sums
+        opposite = moved * self._moved
+        duration += dt
+        count += 1.0
+        changed += fresh
+        pairs += opposite != 0.0
+        turned += opposite < 0.0
+        squares += (moved - self._moved) ** 2 / 6.0
+        self._sums *= at_rest
+        ended = (duration >= STRETCH) & (count >= READINGS)
         if ended.any():
             self._end(ended)
 

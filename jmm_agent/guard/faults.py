@@ -51,6 +51,8 @@ NOTHING_LEARNED = "nothing_learned"
 HAND_NOT_FREE = "hand_not_free"
 ZEROED = "zeroed"
 JOINT_CONTRADICTED = "joint_contradicted"
+LENGTHS_WRONG = "lengths_wrong"
+TRACKER_CLOCK = "tracker_clock"
 
 AGENT_KINDS = {
     CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
@@ -60,6 +62,8 @@ AGENT_KINDS = {
     NOTHING_LEARNED: "none of the last marker observations was learned from",
     HAND_NOT_FREE: "the hand is not free for long, so that nothing is learned",
     JOINT_CONTRADICTED: "a joint's encoder and the muscle lengths contradict each other by the map",
+    LENGTHS_WRONG: "muscle lengths have another unit or sign than the map's",
+    TRACKER_CLOCK: "the times of measured poses are not on the clock of the readings",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }
 """Kinds of faults that any agent names, also without a guard, and the meaning of each."""
@@ -70,8 +74,8 @@ class Fault(NamedTuple):
 
     Attributes:
         kind: a key of `KINDS` or `AGENT_KINDS`.
-        where: the muscle or joint, "camera", "marker", "commands", "hand", "clock", "observations"
-            or "muscles".
+        where: the muscle or joint, "camera", "marker", "commands", "hand", "clock", "observations",
+            "tracker" or "muscles".
         since: when it was noticed, on the agent's own time [s].
         detail: what was found, in a sentence; may be empty.
     """

@@ -40,6 +40,11 @@ from jmm_agent.vision.marker_detector import MarkerPose, Skip
 Gravity = Callable[[Floats], Floats]
 """Joint angles (n,) [rad] -> torques (n,) [N m] with which gravity bends the joints."""
 
+FAR = 0.02
+"""Correction of a joint angle from which on moment arms before and after it differ too much [rad].
+
+Moment arms change by about as much of themselves."""
+
 
 @dataclass(frozen=True)
 class GuardOptions:
@@ -190,7 +195,10 @@ class Guard:
         return np.maximum(target_lengths, np.where(filtered.unsafe, filtered.lengths, shortest))
 
     def _watch_hand(self, time: float, state: ArmState, trusted: bool) -> None:
-        """Estimate the external force on the hand, if no muscle is in doubt."""
+        """Estimate the external force on the hand, if neither muscles nor moment arms are in doubt.
+
+        The estimator has computed moment arms shortly before the estimate.
+        """
         estimate = state.q
         self._estimates.append((time, estimate))
         while time - self._estimates[0][0] > self.options.history:
@@ -203,9 +211,10 @@ class Guard:
         if self._force_due <= time:  # fewer steps than estimates were due
             self._force_due = time + every / 2.0
         in_doubt = (self._filtered.doubted | self._filtered.numb).any()
-        if self._gravity is None or in_doubt:
+        far = np.abs(estimate - state.jacobian_at).max() > FAR
+        if self._gravity is None or in_doubt or far:
             return
-        torques = self._gravity(estimate) - state.map.jacobian(estimate).T @ self._filtered.tensions
+        torques = self._gravity(estimate) - state.jacobian.T @ self._filtered.tensions
         jacobian = self._kinematics.frame_jacobian(self.options.hand, estimate)[:3]
         rotation = self._kinematics.pose(self.options.hand, estimate)[:3, :3]
         self._disturbance.update(time - self._force_time, torques, jacobian, rotation, trusted)

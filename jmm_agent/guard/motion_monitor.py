@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,24 +78,37 @@ class DelayMonitor:
         Returns:
             Whether commands are late.
         """
-        options = self._options
         self._commands.add(dt, command.copy())
         if not self._commands.full or not usable.any():
             return self.late
         numbers, commands = zip(*self._commands.at(self._delays), strict=True)
         demanded = self._motors.demanded(lengths, np.array(commands))
         errors = np.minimum(demanded, self._motors.limit) - tensions
-        self._squares.add(dt, np.mean(errors[:, usable] ** 2, axis=1))
-        late = (np.array(numbers) >= 2) & (np.array(self._delays) >= options.shortest - ROUNDING)
-        if not self._squares.full or not late.any():
-            return self.late
-        rms = np.sqrt(np.mean(self._squares.values, axis=0))
-        older = rms[late]
-        if rms[0] > options.least and older.min() < options.share * rms[0]:
-            self.late = True
-        elif older.max() > options.least and rms[0] < options.share * older.max():
-            self.late = False
+        if not usable.all():
+            errors = errors[:, usable]
+        self._squares.add(dt, np.mean(errors * errors, axis=1))
+        if self._squares.full:
+            self._compare(numbers)
         return self.late
+
+    def _compare(self, numbers: Sequence[int]) -> None:
+        """Compare the mean squares that the newest and older commands leave.
+
+        Args:
+            numbers: of the command that stands for each delay, from the newest, which is 0.
+        """
+        options = self._options
+        squares = np.mean(np.array(self._squares.values), axis=0).tolist()
+        late = zip(numbers, self._delays, squares, strict=True)
+        shortest = options.shortest - ROUNDING
+        older = [left for number, delay, left in late if number >= 2 and delay >= shortest]
+        if not older:
+            return
+        least, share, newest = options.least**2, options.share**2, squares[0]
+        if newest > least and min(older) < share * newest:
+            self.late = True
+        elif max(older) > least and newest < share * max(older):
+            self.late = False
 
 
 @dataclass(frozen=True)
@@ -228,8 +242,8 @@ def force_of(torques: Floats, hand_jacobian: Floats, observable: float) -> Float
         hand_jacobian: velocity of the hand in its own axes per joint velocity (3, n) [m/rad].
         observable: as in `DisturbanceMonitorOptions`.
     """
-    reach = np.linalg.svd(hand_jacobian, compute_uv=False)
-    if len(reach) == 3 and reach[-1] > observable * reach[0]:
-        matrix = hand_jacobian @ hand_jacobian.T
+    matrix = hand_jacobian @ hand_jacobian.T
+    squares = np.linalg.eigvalsh(matrix)  # of the singular values, ascending
+    if hand_jacobian.shape[1] >= 3 and squares[0] > observable**2 * squares[-1]:
         return np.asarray(np.linalg.solve(matrix, hand_jacobian @ -torques), dtype=float)
     return np.asarray(np.linalg.lstsq(hand_jacobian.T, -torques, rcond=observable)[0])

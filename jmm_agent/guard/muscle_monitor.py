@@ -105,7 +105,7 @@ class MuscleMonitor:
         self._quiet = np.zeros(count)
         self._steps: deque[float] = deque(maxlen=STEPS)
         self.jump()
-        self._offset = np.zeros(count)
+        self._offset, self._jumped = np.zeros(count), np.zeros(count, dtype=bool)
         self._residuals.clear()
         self._residual_before_jump = np.zeros(count)
         self._as_before = np.zeros(count)
@@ -141,14 +141,15 @@ class MuscleMonitor:
         tensions = self._watch_tensions(dt, reading, tensions, command, residual)
         self._reading, self._command, self._begun = reading, command.copy(), True
         self._residuals.add(dt, residual)
-        unsafe = self._dead | self._stuck | self._jumped | self._snapped
+        unsafe = self._unsafe
         undecided = (self._slack_time >= self._options.doubt_after - ROUNDING) & ~self._numb
         slack = self._slack_time > 0.0
         return FilteredReadings(reading, tensions, unsafe | undecided, self._numb | slack, unsafe)
 
     @property
-    def _jumped(self) -> Bools:
-        return self._offset != 0.0
+    def _unsafe(self) -> Bools:
+        """Muscles that must not pull by their encoder (m,)."""
+        return self._dead | self._stuck | self._jumped | self._snapped
 
     def _watch_encoders(self, dt: float, reading: Floats, command: Floats) -> None:
         """Find jumps and stuck encoders."""
@@ -158,11 +159,7 @@ class MuscleMonitor:
         self._steps.append(dt)  # the stamps of two readings may be closer than the readings
         since = np.where(waited < options.still, max(dt, median(self._steps)), waited)
         if self._begun:
-            jumped = np.abs(moved) > options.speed * since
-            first = jumped & ~self._jumped
-            self._residual_before_jump[first] = self._residuals.oldest[first]
-            self._offset += np.where(jumped, moved, 0.0)
-            self._offset[np.abs(self._offset) < options.offset] = 0.0
+            self._add_jumps(moved, np.abs(moved) > options.speed * since)
             quiet = np.abs(command - self._command) <= options.quiet * dt
             self._quiet = np.where(quiet, self._quiet + dt, 0.0)
             sound = ~(self._stuck | self._dead | self._jumped)
@@ -174,19 +171,37 @@ class MuscleMonitor:
             self._noise.forgive(stuck)
         self._stuck = stuck
 
+    def _add_jumps(self, moved: Floats, jumped: Bools) -> None:
+        """Add the changes (m,) [m] of readings that jumped (m,) to their offsets."""
+        first = jumped & ~self._jumped
+        if first.any():
+            self._residual_before_jump[first] = self._residuals.oldest[first]
+        if jumped.any():
+            self._offset += np.where(jumped, moved, 0.0)
+            self._offset[np.abs(self._offset) < self._options.offset] = 0.0
+            self._jumped = self._offset != 0.0
+
     def _watch_jumps(self, dt: float, residual: Floats) -> None:
         """Believe encoders again that jumped because their muscles moved."""
         options = self._options
+        if not self._jumped.any():
+            self._as_before[:] = 0.0
+            return
         change = np.abs(residual - self._residual_before_jump)
         as_before = self._jumped & (change < options.moved_share * np.abs(self._offset))
         self._as_before = np.where(as_before, self._as_before + dt, 0.0)
         self._offset[self._as_before >= options.moved_after - ROUNDING] = 0.0
+        self._jumped = self._offset != 0.0
 
     def _watch_tensions(
         self, dt: float, reading: Floats, tensions: Floats, command: Floats, residual: Floats
     ) -> Floats:
         """Find dead sensors and snapped muscles; tensions (m,) [N] that can be used."""
         options = self._options
+        if ((tensions >= options.slack_share * self._motors.bias) & (tensions < np.inf)).all():
+            self._slack_time[:] = 0.0
+            self._snapped[:] = self._numb[:] = False
+            return tensions.copy()
         missing = ~np.isfinite(tensions)
         slack = ~missing & (np.nan_to_num(tensions) < options.slack_share * self._motors.bias)
         begins = slack & (self._slack_time == 0.0)
@@ -202,6 +217,8 @@ class MuscleMonitor:
 
     def found(self) -> Iterator[tuple[str, str]]:
         """Kind and muscle of every fault that is found now."""
+        if not (self._unsafe | self._numb).any():
+            return
         intact = ~self._snapped & ~self._dead
         for kind, muscles in (
             (ENCODER_DEAD, self._dead),

@@ -90,10 +90,11 @@ class RelativeFrames:
             The Jacobian; its columns are in Pinocchio's order, see `column`.
         """
         local = pin.ReferenceFrame.LOCAL
-        jacobian = pin.getFrameJacobian(self._model, self._data, frame, local)
+        # Of a robot with one joint Pinocchio returns (6,).
+        jacobian = pin.getFrameJacobian(self._model, self._data, frame, local).reshape(6, -1)
         if reference is None:
             return jacobian
-        other = pin.getFrameJacobian(self._model, self._data, reference, local)
+        other = pin.getFrameJacobian(self._model, self._data, reference, local).reshape(6, -1)
         return jacobian - relative.toActionMatrixInverse() @ other
 
 

@@ -92,7 +92,7 @@ class GroupMap:
         Returns:
             Activities (B, H) in (0, 1).
         """
-        return sigmoid((q[:, self.joint_index] - self.centre) @ self._inner.T + self.b1)
+        return sigmoid((q[:, self.joint_index] - self.centre) @ self.inner.T + self.b1)
 
     def lengths(self, q: Floats) -> Floats:
         """Lengths of the group's muscles.
@@ -106,7 +106,7 @@ class GroupMap:
         return METRES * (self.hidden(q) @ self.W2.T + self.b2)
 
     @cached_property
-    def _inner(self) -> Floats:
+    def inner(self) -> Floats:
         """Hidden weights (H, n_in) [1/rad]."""
         return self.W1 / self.scale
 
@@ -121,19 +121,24 @@ class GroupMap:
         """
         slope = METRES * hidden * (1.0 - hidden)
         if len(slope) == 1:
-            return ((self.W2 * slope) @ self._inner)[None]
-        pairs = self.W2.T[:, :, None] * self._inner[:, None, :]
+            return ((self.W2 * slope) @ self.inner)[None]
+        pairs = self.W2.T[:, :, None] * self.inner[:, None, :]
         h, k, n = pairs.shape
         return (slope @ pairs.reshape(h, k * n)).reshape(-1, k, n)
 
 
-def sigmoid(z: NDArray[Any]) -> NDArray[Any]:
+def sigmoid(z: NDArray[Any], out: NDArray[Any] | None = None) -> NDArray[Any]:
     """Logistic function, without overflow.
 
     Args:
         z: floats of any precision.
+        out: array of the result, which may be ``z`` itself; a new one if left out.
     """
-    return 1.0 / (1.0 + np.exp(np.minimum(-z, 80.0)))
+    result = np.negative(z, out=out)
+    np.minimum(result, 80.0, out=result)
+    np.exp(result, out=result)
+    result += 1.0
+    return np.divide(1.0, result, out=result)
 
 
 def _frozen(array: Floats, kind: type) -> np.ndarray:

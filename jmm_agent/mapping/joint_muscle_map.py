@@ -9,12 +9,15 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arrays
 from jmm_agent.mapping.group_map import ARRAYS, METRES, GroupMap, MappingError
+from jmm_agent.mapping.group_stack import GroupStack
 from jmm_agent.types import Floats
 
 QUADRATIC_STEP = float(np.deg2rad(10.0))
@@ -68,10 +71,12 @@ class JointMuscleMap:
             MappingError: a wrong shape, or an angle that is not finite.
         """
         postures = self._postures(q)
+        if np.ndim(q) == 1:
+            return self._stack.lengths(self._stack.hidden(postures[0]))
         result = np.empty((len(postures), len(self.muscles)))
         for group in self.groups:
             result[:, group.muscle_index] = group.lengths(postures)
-        return result if np.ndim(q) == 2 else result[0]
+        return result
 
     def jacobian(self, q: Floats) -> Floats:
         """Analytic muscle Jacobian G = dl/dq (sec. II-B).
@@ -100,6 +105,9 @@ class JointMuscleMap:
             MappingError: a wrong shape, or an angle that is not finite.
         """
         postures = self._postures(q)
+        if np.ndim(q) == 1:
+            hidden = self._stack.hidden(postures[0])
+            return self._stack.lengths(hidden), self._stack.jacobian(hidden)
         lengths = np.empty((len(postures), len(self.muscles)))
         jacobian = np.zeros((len(postures), len(self.muscles), len(self.joints)))
         for group in self.groups:
@@ -107,7 +115,7 @@ class JointMuscleMap:
             lengths[:, group.muscle_index] = METRES * (hidden @ group.W2.T + group.b2)
             block = group.output_jacobian(hidden)
             jacobian[:, group.muscle_index[:, None], group.joint_index] = block
-        return (lengths, jacobian) if np.ndim(q) == 2 else (lengths[0], jacobian[0])
+        return lengths, jacobian
 
     def jacobian_quadratic(self, q: Floats, step: float = QUADRATIC_STEP) -> Floats:
         """Muscle Jacobian, smoothed by a quadratic through five points (sec. II-B).
@@ -210,6 +218,14 @@ class JointMuscleMap:
             raise CheckpointError(
                 f"Checkpoint {os.fspath(path)}: not a joint-muscle map ({reason})."
             ) from error
+
+    def __reduce__(self) -> tuple[type[JointMuscleMap], tuple[Any, ...]]:
+        """Copies and pickles are without what is computed from the groups."""
+        return JointMuscleMap, (self.joints, self.muscles, self.groups)
+
+    @cached_property
+    def _stack(self) -> GroupStack:
+        return GroupStack(self.groups, len(self.muscles), len(self.joints))
 
     def _postures(self, q: Floats) -> Floats:
         postures = np.atleast_2d(np.asarray(q, dtype=np.float64))

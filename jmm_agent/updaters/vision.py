@@ -13,12 +13,13 @@ import numpy as np
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
+from jmm_agent.updaters.observation_check import ObservationCheck
 from jmm_agent.updaters.vision_memory import EpisodeStart, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
-from jmm_agent.vision.marker_observation import Frames, contradicted_joint, residual_of
+from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
     ObservationFit,
@@ -26,10 +27,6 @@ from jmm_agent.vision.observation_fit import (
     fit_alone,
 )
 from jmm_agent.vision.permanent_elongation import elongations, fit_with_elongation
-from jmm_agent.vision.pose_covariance import measures_rotation
-
-UNREACHED = "inverse kinematics did not converge"
-"""Reason not to learn from a pose that is far from that of the fitted posture."""
 
 
 class VisionUpdater:
@@ -62,6 +59,7 @@ class VisionUpdater:
     ) -> None:
         self._learner, self._prior, self._marker_residual = learner, prior, marker_residual
         self._limits, self._options = limits, options
+        self._check = ObservationCheck(prior.map, marker_residual, options)
         self._observations: list[MarkerObservation] = []
         self._commands: list[Floats] = []
         self._sound: list[bool] = []
@@ -140,8 +138,8 @@ class VisionUpdater:
             antagonism = None
         fit, elongated = self._fit(observations) if learn else self._evaluated(observations)
         angles = fit.angles[-1]
-        doubt = self._doubt(fit, observation)
-        detail = self._distance(observation, angles) if doubt == UNREACHED else ""
+        doubt = self._check.doubt(fit, observation, self._angles)
+        detail = self._check.detail(doubt, observation, angles)
         seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail)
         if not learn:
             return seen
@@ -239,31 +237,6 @@ class VisionUpdater:
         elongated = np.vstack([self.elongated, none])[-options.memory :]
         fit = fit_newest(observations, self._prior, residual, limits, options, start, elongated)
         return fit, elongated
-
-    def _doubt(self, fit: ObservationFit, observation: MarkerObservation) -> str:
-        """Why the newest observation is not believed; empty if it is."""
-        options, angles, estimate = self._options, fit.angles[-1], observation.guess
-        position, rotation = fit.residual_norms[-1]
-        missed = position > options.position_residual or rotation > options.rotation_residual
-        joint = contradicted_joint(observation, angles, options.observations.joint_noise)
-        if joint is not None:
-            name = self._learner.map.joints[joint]
-            return f"the joint encoder of {name} contradicts the hand's pose"
-        if missed or not fit.converged:
-            return UNREACHED
-        if np.linalg.norm(angles - estimate) >= options.threshold:
-            return "too far from the estimate"
-        if len(self._angles) and (np.linalg.norm(angles - self._angles[-1]) < options.distance):
-            return "too close to the last update"
-        return ""
-
-    def _distance(self, observation: MarkerObservation, angles: Floats) -> str:
-        """How far the measured pose is from that of the fitted angles (n,) [rad], in a sentence."""
-        error = residual_of(observation, self._marker_residual, angles)[0]
-        away = f"{np.linalg.norm(error[:3]):.3g} m"
-        if measures_rotation(observation.covariance):
-            away += f" and {np.degrees(np.linalg.norm(error[3:])):.0f} deg"
-        return f"the last pose is {away} from the fitted posture's; check its unit and its frame"
 
     def _learn(self, antagonism: Pairs) -> None:
         """Learn all pairs again, because a new observation changes the fit of the earlier ones.

@@ -14,6 +14,7 @@ import numpy as np
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera_file import camera_info, read_camera_file
+from jmm_agent.vision.plain_numbers import real, reals, whole
 
 COEFFICIENTS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (0, 8, 12), "fisheye": (0, 4)}
 """Valid numbers of distortion coefficients of each model."""
@@ -48,10 +49,10 @@ class Camera:
         model: ``plumb_bob``, ``rational_polynomial`` or ``fisheye``.
 
     Raises:
-        AgentError: a size is below 1 px, a focal length is not positive and finite, the principal
-            point is not finite, a pixel is more than `FARTHEST` focal lengths from it, the
-            distortion is not that of the model, or it leaves more than half of the frame without
-            rays (but for ``fisheye``, whose image may be a circle in the frame).
+        AgentError: a value is no number, a size is below 1 px, a focal length is not positive and
+            finite, the principal point is not finite, a pixel is more than `FARTHEST` focal lengths
+            from it, the distortion is not that of the model, or it leaves more than half of the
+            frame without rays (but for ``fisheye``, whose image may be a circle in the frame).
     """
 
     width: int
@@ -64,6 +65,10 @@ class Camera:
     model: str = "plumb_bob"
 
     def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            object.__setattr__(self, name, whole(getattr(self, name), f"The camera's {name}"))
+        for name in ("fx", "fy", "cx", "cy"):
+            object.__setattr__(self, name, real(getattr(self, name), f"The camera's {name}"))
         if self.width < 1 or self.height < 1:
             raise AgentError(
                 f"A camera of {self.width} x {self.height} px has no pixels; sizes start at 1."
@@ -100,7 +105,8 @@ class Camera:
             raise AgentError(
                 f"There is no camera model {self.model!r}; there are: {', '.join(COEFFICIENTS)}."
             )
-        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
+        distortion = reals(self.distortion, "The camera's distortion")
+        object.__setattr__(self, "distortion", distortion)
         counts = COEFFICIENTS[self.model]
         if len(self.distortion) not in counts or not np.isfinite(self.distortion).all():
             valid = " or ".join(str(count) for count in counts)
@@ -131,7 +137,7 @@ class Camera:
         Raises:
             AgentError: the angle is not between 0 and pi, or a size is below 1 px.
         """
-        if not 0 < fovy_rad < np.pi:
+        if not 0 < real(fovy_rad, "The camera's vertical view") < np.pi:
             raise AgentError(
                 f"The camera's vertical view is {fovy_rad} rad; it must lie between 0 and pi."
             )
@@ -148,6 +154,8 @@ class Camera:
         Raises:
             AgentError: the file cannot be read, or a value is missing or wrong.
         """
+        if not isinstance(path, str | Path):
+            raise AgentError(f"The path of a camera file is {path!r}; it must be a path.")
         return cls(*read_camera_file(Path(path)))
 
     @classmethod
@@ -184,6 +192,7 @@ class Camera:
         Raises:
             AgentError: a number is below 1 or larger than the frame.
         """
+        x, y = whole(x, "The binning of columns"), whole(y, "The binning of rows")
         if not (1 <= x <= self.width and 1 <= y <= self.height):
             raise AgentError(
                 f"Binning by {x} x {y} does not fit a frame of {self.width} x {self.height} px; "
@@ -211,6 +220,8 @@ class Camera:
         Raises:
             AgentError: the region is not inside the frame.
         """
+        left, top = whole(left, "The region's left column"), whole(top, "The region's top row")
+        width, height = whole(width, "The region's width"), whole(height, "The region's height")
         inside = 0 <= left < left + width <= self.width and 0 <= top < top + height <= self.height
         if not inside:
             raise AgentError(

@@ -52,6 +52,8 @@ MOTION = 5.0
 """Least size of a movement, in standard deviations of the marker's position."""
 LONGEST_MOVEMENT = 5.0
 """A movement that takes longer is cut here [s]."""
+TINY = 1e-12
+"""Squares of expected positions that count as none [m^2]."""
 PRECISE = 0.02
 """Standard deviation from which on a delay is used [s]."""
 FINEST = 0.002
@@ -80,11 +82,16 @@ class DelayEstimator:
     Args:
         longest: longest delay that is considered [s].
         noise: standard deviation of the marker's position [m].
+        early: how far stamps may be ahead of their frames [s]. If they may be, movements must begin
+            and end at rest: the hand stays where it was expected first and last.
+        step: distance of the delays that are compared [s].
     """
 
-    def __init__(self, longest: float, noise: float) -> None:
-        self._delays = np.arange(-BELOW, longest + STEP, STEP)
-        self._noise = noise
+    def __init__(
+        self, longest: float, noise: float, early: float = 0.0, step: float = STEP
+    ) -> None:
+        self._delays = np.arange(-max(early, BELOW), longest + step, step)
+        self._noise, self._early, self._step = noise, early, step
         self._costs: deque[Floats] = deque(maxlen=MOST_MOVEMENTS)
         self.reset()
 
@@ -125,15 +132,18 @@ class DelayEstimator:
         used = [
             (stamp, position)
             for stamp, position in frames
-            if times[0] <= stamp - self._delays[-1] and stamp + BELOW <= times[-1]
+            if self._early or (times[0] <= stamp - self._delays[-1] and stamp + BELOW <= times[-1])
         ]
         if len(used) < FEWEST_FRAMES:
             return
         seen = np.array([position for _, position in used])
         late = np.array([stamp for stamp, _ in used]) - self._delays[:, None]  # (D, N)
         shifted = np.stack([np.interp(late, times, column) for column in expected.T], axis=-1)
-        sizes = [_size(seen), min(map(_size, shifted))]
-        if min(sizes) >= MOTION * self._noise:
+        least = MOTION * self._noise
+        moved = np.array([_size(positions) >= least for positions in shifted])
+        # Far from the delay the hand may have been at rest, which explains no motion.
+        if _size(seen) >= least and (moved.any() if self._early else moved.all()):
+            shifted = shifted * moved[:, None, None]
             squares = _remaining_squares(seen, shifted) + len(used) * (0.01 * self._noise) ** 2
             self._costs.append((1.5 * len(used) - FREE) * np.log(squares))
 
@@ -162,8 +172,8 @@ class DelayEstimator:
             reason = f"{count} movements were seen in frames, and {FEWEST_MOVEMENTS} are needed"
             return DelayEstimate(np.nan, np.nan, count, reason)
         total = np.sum(self._costs, axis=0)
-        delay, curvature = _minimum(self._delays, total)
-        others = np.array([_minimum(self._delays, total - cost)[0] for cost in self._costs])
+        delay, curvature = self._minimum(total)
+        others = np.array([self._minimum(total - cost)[0] for cost in self._costs])
         jackknife = (count - 1) / count * float(np.sum((others - others.mean()) ** 2))
         std = float(np.hypot(np.sqrt(max(1.0 / curvature, jackknife)), FINEST))
         reason = ""
@@ -172,6 +182,18 @@ class DelayEstimator:
         elif std > PRECISE:
             reason = f"its standard deviation of {1e3 * std:.0f} ms is above {1e3 * PRECISE:.0f} ms"
         return DelayEstimate(delay, std, count, reason)
+
+    def _minimum(self, cost: Floats) -> tuple[float, float]:
+        """Delay of the least cost (D,) [s], and its curvature there [1/s^2], by a parabola."""
+        delays = self._delays
+        k = int(np.argmin(cost))
+        near = slice(max(k - AROUND, 0), k + AROUND + 1)
+        curvature, slope, _ = np.polyfit(delays[near] - delays[k], cost[near], 2)
+        if curvature <= 0.0:
+            return float(delays[k]), EVEN
+        shift = np.clip(-0.5 * slope / curvature, -self._step, self._step)
+        delay = float(np.clip(delays[k] + shift, -self._early, delays[-1]))
+        return delay, max(2.0 * float(curvature), EVEN)
 
 
 def _size(positions: Floats) -> float:
@@ -186,16 +208,5 @@ def _remaining_squares(seen: Floats, expected: Floats) -> Floats:
     products = np.einsum("ni,dnj->dij", y, p)
     sigma = np.linalg.svd(products, compute_uv=False)
     sigma[:, 2] *= np.sign(np.linalg.det(products))
-    rest = np.sum(y**2) - np.sum(sigma, axis=1) ** 2 / np.sum(p**2, axis=(1, 2))
+    rest = np.sum(y**2) - np.sum(sigma, axis=1) ** 2 / np.maximum(np.sum(p**2, axis=(1, 2)), TINY)
     return np.maximum(rest, 0.0)
-
-
-def _minimum(delays: Floats, cost: Floats) -> tuple[float, float]:
-    """Where a cost (D,) is least [s], and its curvature there [1/s^2], by a parabola around."""
-    k = int(np.argmin(cost))
-    near = slice(max(k - AROUND, 0), k + AROUND + 1)
-    curvature, slope, _ = np.polyfit(delays[near] - delays[k], cost[near], 2)
-    if curvature <= 0.0:
-        return float(delays[k]), EVEN
-    shift = np.clip(-0.5 * slope / curvature, -STEP, STEP)
-    return float(np.clip(delays[k] + shift, 0.0, delays[-1])), max(2.0 * float(curvature), EVEN)

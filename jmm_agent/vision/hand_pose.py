@@ -18,6 +18,7 @@ from jmm_agent.errors import AgentError
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.types import Floats
 from jmm_agent.vision.marker_observation import Frames
+from jmm_agent.vision.pose_clock import PoseClock
 from jmm_agent.vision.pose_covariance import checked_covariance, checked_pose
 
 HISTORY = 2.0
@@ -81,11 +82,19 @@ class HandPoses:
     Args:
         kinematics: of the arm.
         window: time after which the lengths at rest are known to be so [s].
+        noise: standard deviation of a position [m].
+
+    Attributes:
+        clock_problem: by how much the times of the poses are wrong, in a sentence; empty if they
+            are right or unknown.
     """
 
-    def __init__(self, kinematics: ArmKinematics, window: float) -> None:
+    def __init__(self, kinematics: ArmKinematics, window: float, noise: float) -> None:
         self._kinematics, self._window = kinematics, window
         self._known: set[Frames] = set()
+        self._clock = PoseClock(noise)
+        self.clock_problem = ""
+        self._followed: Frames | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -95,6 +104,16 @@ class HandPoses:
         self._waiting: deque[HandPose] = deque()
         self._dropped: deque[str] = deque()
         self._newest = self._used = -np.inf
+        self._clock.reset()
+
+    def map_changed(self) -> None:
+        """Forget expected positions: those of another map cannot be compared with the next ones."""
+        self._clock.reset()
+
+    def end_movement(self) -> None:
+        """Compare the clock of the poses with that of the readings, when the hand is at rest."""
+        self._clock.end_movement()
+        self.clock_problem = self._clock.problem()
 
     def add(self, pose: ArrayLike, covariance: ArrayLike, time: float, frames: Frames) -> None:
         """Add one measured pose.
@@ -131,10 +150,17 @@ class HandPoses:
             self._dropped.append(EARLY)
         else:
             self._waiting.append(found)
+            self._followed = self._followed or frames
+            if frames == self._followed and not self._clock.known:
+                self._clock.add(found.time, found.pose[:3, 3])
 
     def record(self, sample: ArmSample) -> None:
         """Keep the state of the arm in a control step."""
         self._samples.append(sample)
+        late = sample.time - self._newest
+        if self._followed is not None and late <= HISTORY and not self._clock.known:
+            expected = self._kinematics.pose(self._followed[0], sample.estimate, self._followed[1])
+            self._clock.expect(sample.time, expected[:3, 3])
         begin = sample.time - HISTORY - self._window
         while self._samples[0].time < begin:
             self._samples.popleft()

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jmm_agent.types import Floats
-from jmm_agent.vision.corner_refinement import refine_corners
+from jmm_agent.vision.corner_refinement import EdgeCorners, refine_corners
 from jmm_agent.vision.marker_view import MarkerView
 from jmm_agent.vision.pattern_fit import PatternFit, fit_pattern
 
@@ -21,7 +21,9 @@ INFLATION = 3.0
 """Factor between the covariance of the fit and that of its errors; neighbouring pixels share
 errors of the model."""
 WHOLE = 0.9
-"""Share of the pixels of a marker that is not hidden, at least."""
+"""Share of the pixels of a marker that is not hidden, at least ..."""
+AGREED_CELLS = 0.25
+"""... unless the corners of the lines and of the pattern are as close as this [cells]."""
 
 
 class Corners(NamedTuple):
@@ -55,7 +57,7 @@ def locate_corners(
     if lines is not None and lines.sharp:
         return _corners(lines.points, lines.deviation_px**2 * np.eye(8))
     fit = fit_pattern(gray, quad if lines is None else lines.points, pattern, view)
-    if fit is None or fit.share < WHOLE:
+    if fit is None or not (fit.share >= WHOLE or _agree(fit, lines, len(pattern))):
         starts = [quad, *(_completed(quad, corner) for corner in range(4))]
         fits = [fit, *(fit_pattern(gray, start, pattern, view) for start in starts)]
         fit = max((f for f in fits if f is not None), key=_explained, default=None)
@@ -64,6 +66,15 @@ def locate_corners(
     if lines is not None:
         return _corners(lines.points, lines.deviation_px**2 * np.eye(8))
     return None
+
+
+def _agree(fit: PatternFit, lines: EdgeCorners | None, cells: int) -> bool:
+    """Whether lines along the edges lead to the corners of a fit."""
+    if lines is None:
+        return False
+    edges = np.roll(fit.points, 1, axis=0) - fit.points
+    reach = AGREED_CELLS * np.linalg.norm(edges, axis=1).min() / cells
+    return bool(np.abs(fit.points - lines.points).max() < reach)
 
 
 def _explained(fit: PatternFit) -> float:

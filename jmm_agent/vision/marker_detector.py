@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
@@ -14,10 +14,18 @@ from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_corners import locate_corners
-from jmm_agent.vision.marker_search import Candidate, MarkerSearch, is_whole
+from jmm_agent.vision.marker_input import check_frame, check_markers, predicted_poses
+from jmm_agent.vision.marker_search import (
+    Candidate,
+    MarkerSearch,
+    close,
+    overlap,
+    side_of,
+)
 from jmm_agent.vision.marker_view import MarkerView
 from jmm_agent.vision.square_pose import (
     alike,
+    either_covariance,
     solve_square,
     square_corners,
     square_covariance,
@@ -31,8 +39,6 @@ SQUARE_DEVIATIONS = 3.0
 """... or than this number of standard deviations of a corner."""
 FACING = 0.1
 """A marker is not searched if it is predicted with a cosine below this to the line of sight."""
-LARGEST_SIDE = 5.0
-"""Largest side of a marker [m]; a larger number is one in millimetres."""
 AWAY = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]])
 """Pose of a marker whose face is turned away from the camera."""
 REGION_SIDES = 2.0
@@ -46,7 +52,10 @@ class Skip(Enum):
     NOT_SEEN = "the marker is not in the frame"
     TWICE = "the marker is in the frame more than once"
     UNCLEAR = "the marker's edges are partly hidden, cut off or too blurred for straight lines"
-    NO_POSE = "the marker's corners fit no square in front of the camera"
+    NO_POSE = (
+        "the marker's corners fit no square in front of the camera: the intrinsics or the "
+        "distortion are not those of the camera, the marker is bent, or a corner is hidden"
+    )
 
 
 @dataclass(frozen=True)
@@ -62,7 +71,8 @@ class MarkerPose:
             mirrored at the line of sight; the only solution if there is no second one.
         flipped_reprojection_px: RMS distance of the four corners from those of that pose.
         covariance: of the pose (6, 6): x, y, z [m] and rotations about x, y and z [rad] in the
-            camera's axes, from the errors of the corners; None if they are unknown.
+            camera's axes, from the errors of the corners; None if they are unknown. If the pose is
+            ambiguous and none was predicted, it includes the distance to the second solution.
         deviation_px: standard deviation of a corner's coordinate; 0 if it is unknown.
     """
 
@@ -77,7 +87,10 @@ class MarkerPose:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether both poses fit the corners alike."""
+        """Whether both poses fit the corners alike: which is right, the frame does not tell.
+
+        A predicted pose decides between them; without one the marker may lie at either.
+        """
         return alike(self.reprojection_px, self.flipped_reprojection_px, self.deviation_px)
 
 
@@ -121,8 +134,8 @@ class MarkerDetector:
         border: width of the black border [cells].
 
     Raises:
-        AgentError: there is no marker or no such dictionary, an id is not in it, a side is not
-            above 0 and up to `LARGEST_SIDE`, or the border is not a whole number from 1.
+        AgentError: there is no camera, no marker or no such dictionary, or an id, a side or the
+            border is impossible.
     """
 
     def __init__(
@@ -132,23 +145,10 @@ class MarkerDetector:
         dictionary: str = "DICT_4X4_50",
         border: int = 1,
     ) -> None:
-        if not (isinstance(side_by_id, Mapping) and side_by_id):
-            raise AgentError(
-                "A marker detector needs at least one marker id with its side in metres, such as "
-                f"{{0: 0.05}}, got {side_by_id!r}."
-            )
+        if not isinstance(camera, Camera):
+            raise AgentError(f"A marker detector needs a Camera, got {type(camera).__name__}.")
         self._search = MarkerSearch(dictionary, border)
-        for marker_id, side in side_by_id.items():
-            if not (is_whole(marker_id) and 0 <= marker_id < self._search.count):
-                raise AgentError(
-                    f"Marker id {marker_id!r} is not in {dictionary}; ids are whole numbers from 0 "
-                    f"to {self._search.count - 1}."
-                )
-            if not (isinstance(side, int | float | np.number) and 0 < side <= LARGEST_SIDE):
-                raise AgentError(
-                    f"The side of marker {marker_id} is {side!r}; it must be a number of metres "
-                    f"above 0 and up to {LARGEST_SIDE:g}."
-                )
+        check_markers(side_by_id, dictionary, self._search.count)
         self._camera = camera
         self._square_by_id = {
             marker_id: square_corners(side) for marker_id, side in side_by_id.items()
@@ -169,8 +169,8 @@ class MarkerDetector:
         Raises:
             AgentError: the frame or a predicted pose has a wrong shape, type or value.
         """
-        expected = expected or {}
-        self._check(frame_rgb, expected)
+        check_frame(frame_rgb, self._camera)
+        expected = predicted_poses(expected, self._square_by_id)
         gray = cv2.cvtColor(frame_rgb, cv2.COLOR_RGB2GRAY)
         if not gray.any():
             return Detections({}, dict.fromkeys(self._square_by_id, Skip.DARK), ())
@@ -181,7 +181,7 @@ class MarkerDetector:
         }
         for marker_id, skip in outcome.items():
             if isinstance(skip, Skip) and skip is not Skip.TWICE:
-                outcome[marker_id] = self._search_further(marker_id, gray, skip, expected)
+                outcome[marker_id] = self._search_further(marker_id, gray, found, skip, expected)
         return Detections(
             {i: o for i, o in outcome.items() if isinstance(o, MarkerPose)},
             {i: o for i, o in outcome.items() if isinstance(o, Skip)},
@@ -192,6 +192,7 @@ class MarkerDetector:
         self,
         marker_id: int,
         gray: np.ndarray,
+        found: list[Candidate],
         skip: MarkerPose | Skip,
         expected: Mapping[int, Floats],
     ) -> MarkerPose | Skip:
@@ -199,9 +200,11 @@ class MarkerDetector:
         left, top, region = self._region(marker_id, gray, expected)
         if not region.size:
             return skip
+        tried = [quad for i, quad in found if i == marker_id]
         for candidates in self._search.further(region):
             moved = [(i, quad + np.array([left, top])) for i, quad in candidates]
-            outcome = self._locate(marker_id, gray, moved, expected)
+            outcome = self._locate(marker_id, gray, moved, expected, tried)
+            tried += [quad for i, quad in moved if i == marker_id]
             if isinstance(outcome, MarkerPose) or outcome is Skip.TWICE:
                 return outcome
             if skip is Skip.NOT_SEEN:
@@ -216,8 +219,9 @@ class MarkerDetector:
             return 0, 0, gray
         pose, square = expected.get(marker_id, AWAY), self._square_by_id[marker_id]
         pixels = self._camera.project(square @ pose[:3, :3].T + pose[:3, 3])
-        facing = -float(pose[:3, 2] @ pose[:3, 3]) / float(np.linalg.norm(pose[:3, 3]))
-        if not np.isfinite(pixels).all() or facing < FACING:
+        towards = -float(pose[:3, 2] @ pose[:3, 3])
+        faces = towards >= FACING * float(np.linalg.norm(pose[:3, 3]))
+        if not (faces and np.isfinite(pixels).all()):
             return 0, 0, gray[:0]
         reach = REGION_SIDES * float(np.ptp(pixels, axis=0).max())
         size = np.array(gray.shape[::-1])
@@ -231,13 +235,26 @@ class MarkerDetector:
         gray: np.ndarray,
         candidates: list[Candidate],
         expected: Mapping[int, Floats],
+        tried: Sequence[Floats] = (),
     ) -> MarkerPose | Skip:
-        """Pose of one marker from rough corners, or why it has none."""
+        """Pose of one marker from rough corners that were not tried yet, or why it has none."""
         quads = [quad for i, quad in candidates if i == marker_id]
-        if len(quads) != 1:
-            return Skip.TWICE if quads else Skip.NOT_SEEN
-        view = MarkerView(self._camera, quads[0])
-        quad = view.view_px(quads[0])
+        if not all(overlap(quad, quads[0]) for quad in quads):
+            return Skip.TWICE
+        outcome: MarkerPose | Skip = Skip.NOT_SEEN
+        for quad in quads:
+            if not any(close(quad, other) for other in tried):
+                outcome = self._measure(marker_id, gray, quad, expected)
+                if isinstance(outcome, MarkerPose):
+                    break
+        return outcome
+
+    def _measure(
+        self, marker_id: int, gray: np.ndarray, rough: Floats, expected: Mapping[int, Floats]
+    ) -> MarkerPose | Skip:
+        """Pose of one marker from rough corners (4, 2) [px], or why it has none."""
+        view = MarkerView(self._camera, rough)
+        quad = view.view_px(rough)
         if not np.isfinite(quad).all():
             return Skip.UNCLEAR
         corners = locate_corners(gray, quad, self._search.pattern(marker_id), view)
@@ -251,14 +268,17 @@ class MarkerDetector:
             None if predicted is None else view.in_view(predicted),
             corners.deviation_px,
         )
-        edges = np.roll(corners.points, 1, axis=0) - corners.points
         tolerance = max(
             SQUARE_PX,
-            SQUARE_SHARE * float(np.hypot(*edges.T).mean()),
+            SQUARE_SHARE * side_of(corners.points),
             SQUARE_DEVIATIONS * corners.deviation_px,
         )
         if found is None or not found.error_px < tolerance:
             return Skip.NO_POSE
+        covariance = square_covariance(found.pose, square, view.matrix, corners.covariance)
+        unsure = alike(found.error_px, found.flipped_error_px, corners.deviation_px)
+        if predicted is None and unsure:
+            covariance = either_covariance(covariance, found.pose, found.flipped)
         return MarkerPose(
             marker_id,
             view.in_camera(found.pose),
@@ -266,30 +286,6 @@ class MarkerDetector:
             found.error_px,
             view.in_camera(found.flipped),
             found.flipped_error_px,
-            view.covariance_in_camera(
-                square_covariance(found.pose, square, view.matrix, corners.covariance)
-            ),
+            view.covariance_in_camera(covariance),
             corners.deviation_px,
         )
-
-    def _check(self, frame: np.ndarray, expected: Mapping[int, np.ndarray]) -> None:
-        shape = (self._camera.height, self._camera.width, 3)
-        if not isinstance(frame, np.ndarray) or frame.shape != shape or frame.dtype != np.uint8:
-            was = (
-                f"{frame.dtype} of shape {frame.shape}"
-                if isinstance(frame, np.ndarray)
-                else type(frame).__name__
-            )
-            raise AgentError(
-                f"The camera frame is {was}; it must be a uint8 array of shape {shape}."
-            )
-        for marker_id, pose in expected.items():
-            if marker_id not in self._square_by_id:
-                raise AgentError(
-                    f"A pose is predicted for marker {marker_id}, but expected are only "
-                    f"{sorted(self._square_by_id)}."
-                )
-            if np.shape(pose) != (4, 4) or not np.isfinite(pose).all():
-                raise AgentError(
-                    f"The predicted pose of marker {marker_id} must be finite and of shape (4, 4)."
-                )

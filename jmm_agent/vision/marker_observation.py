@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.stats import chi2
 
 from jmm_agent.types import Floats
-from jmm_agent.vision.pose_covariance import pose_weight
+from jmm_agent.vision.pose_covariance import UNKNOWN, pose_weight
 
 Frames = tuple[str, str | None]
 """Names of a frame and of the frame in which its pose is given; None: world."""
@@ -16,6 +17,11 @@ Frames = tuple[str, str | None]
 
 CONTRADICTION = 6.0
 """Standard deviations by which a joint encoder may be missed by the fit of an observation."""
+UNCERTAIN = 4.0
+"""A pose is uncertain if all that it measures has standard deviations from this multiple of the
+options' noise on [1]."""
+AGREEMENT = 0.999
+"""Share of uncertain poses that agree with the true posture [1]."""
 
 
 class MarkerObservation(NamedTuple):
@@ -75,6 +81,35 @@ def contradicted_joint(found: MarkerObservation, angles: Floats, joint_noise: fl
     missed = np.nan_to_num(np.abs(found.joint_angles - angles), nan=0.0)
     worst = int(missed.argmax())
     return worst if missed[worst] > CONTRADICTION * joint_noise else None
+
+
+def adds_only_noise(
+    found: MarkerObservation,
+    marker_residual: PoseResidual,
+    position_noise: float,
+    rotation_noise: float,
+) -> bool:
+    """Whether an uncertain pose agrees with the estimate, so that only its noise can be learned.
+
+    Nothing is known of how good the estimate is, but that a pose does not contradict it. An
+    observation with joint encoders says more than its pose.
+
+    Args:
+        found: the observation.
+        marker_residual: residual of the marker's pose at a posture.
+        position_noise: standard deviation of what the kinematics miss [m].
+        rotation_noise: standard deviation of what the kinematics miss [rad].
+    """
+    if found.covariance is None or found.joint_angles is not None:
+        return False
+    variances = np.diag(found.covariance)
+    measured = variances < UNKNOWN
+    least = UNCERTAIN**2 * np.repeat([position_noise**2, rotation_noise**2], 3)
+    if np.any(variances[measured] < least[measured]):
+        return False
+    missed = residual_of(found, marker_residual, found.guess)[0]
+    weight = pose_weight(found.covariance, found.pose, position_noise, rotation_noise)
+    return bool(missed @ weight @ missed <= chi2.ppf(AGREEMENT, measured.sum()))
 
 
 class ObservationWeights:

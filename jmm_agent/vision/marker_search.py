@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from difflib import get_close_matches
-from numbers import Integral
 
 import cv2
 import numpy as np
 
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
+from jmm_agent.vision.plain_numbers import is_whole
 
 Candidate = tuple[int, Floats]
 """Id of a marker, and its rough corners (4, 2) [px]."""
@@ -28,6 +28,10 @@ WHOLE_PX = 1000
 """Larger frames are first searched at a reduced size [px]."""
 DARK = 60.0
 """A frame whose lightest parts are darker than this [grey levels] is stretched."""
+SAME_SHARE = 0.04
+"""Rough corners as close as this share of the marker's side lead to the same corners [1]."""
+WIDEST = 16
+"""Widest border of a marker [cells]."""
 ROUGH = 0.06
 """Largest distance of a hidden marker's outline from its polygon, in circumferences."""
 
@@ -43,7 +47,8 @@ class MarkerSearch:
         count: number of markers in the dictionary.
 
     Raises:
-        AgentError: there is no such dictionary, or the border is not a whole number from 1.
+        AgentError: there is no such dictionary, or the border is not a whole number from 1 to
+            `WIDEST`.
     """
 
     def __init__(self, dictionary: str, border: int = 1) -> None:
@@ -53,9 +58,10 @@ class MarkerSearch:
             raise AgentError(
                 f"There is no marker dictionary {dictionary!r}; there are: {', '.join(near)}."
             )
-        if not (is_whole(border) and border >= 1):
+        if not (is_whole(border) and 1 <= border <= WIDEST):
             raise AgentError(
-                f"The border of a marker is {border!r} cells; it must be a whole number from 1."
+                f"The border of a marker is {border!r} cells; it must be a whole number from 1 to "
+                f"{WIDEST}."
             )
         self._dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
         self._border = int(border)
@@ -124,9 +130,20 @@ class MarkerSearch:
         )
 
 
-def is_whole(value: object) -> bool:
-    """Whether a value is a whole number of Python or NumPy."""
-    return isinstance(value, Integral) and not isinstance(value, bool)
+def overlap(quad: Floats, other: Floats) -> bool:
+    """Whether two rough outlines (4, 2) [px] are those of one marker: their middles are close."""
+    apart = float(np.linalg.norm(quad.mean(axis=0) - other.mean(axis=0)))
+    return apart < 0.5 * min(side_of(quad), side_of(other))
+
+
+def close(quad: Floats, other: Floats) -> bool:
+    """Whether two rough outlines (4, 2) [px] lead to the same corners."""
+    return bool(np.abs(quad - other).max() < SAME_SHARE * side_of(other))
+
+
+def side_of(quad: Floats) -> float:
+    """Mean side of an outline (4, 2) [px]."""
+    return float(np.linalg.norm(np.roll(quad, 1, axis=0) - quad, axis=1).mean())
 
 
 def _reduction(gray: np.ndarray) -> int:

@@ -131,6 +131,22 @@ def square_covariance(pose: Floats, square: Floats, matrix: Floats, covariance: 
     return np.asarray(turn @ gain @ covariance @ gain.T @ turn.T)
 
 
+def either_covariance(covariance: Floats, pose: Floats, other: Floats) -> Floats:
+    """Covariance about a pose, if another one is as likely.
+
+    Args:
+        covariance: of each of both (6, 6), see `square_covariance`.
+        pose: (4, 4).
+        other: (4, 4).
+
+    Returns:
+        Second moment (6, 6) about ``pose`` of the mixture of both.
+    """
+    turn = cv2.Rodrigues(other[:3, :3] @ pose[:3, :3].T)[0].ravel()
+    apart = np.concatenate([other[:3, 3] - pose[:3, 3], turn])
+    return covariance + np.outer(apart, apart) / 2
+
+
 def _slopes(pose: Floats, square: Floats, matrix: Floats) -> Floats:
     """Slopes of the corners (8, 6) [px] by offset [m] and rotation vector [rad]."""
     x, y, z = (square @ pose[:3, :3].T + pose[:3, 3]).T

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from kengoro_env.vision.renderer import Renderer
 from kengoro_env.vision.simplified_scene import spooled
 
 Image = NDArray[np.uint8]
@@ -46,7 +47,7 @@ class Canvas(ctypes.Structure):
     )
 
 
-class QuickRenderer(mujoco.Renderer):
+class QuickRenderer(Renderer):
     """A `mujoco.Renderer` for scenes without shadows, reflections, fog and back faces.
 
     Between `update_scene` and `render` geoms may be replaced by others in the same position, and

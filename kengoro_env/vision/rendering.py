@@ -18,6 +18,7 @@ from kengoro_env.errors import RenderingError
 from kengoro_env.stepping.c_compiler import library
 from kengoro_env.vision import gl_backend
 from kengoro_env.vision.quick_renderer import Image, QuickRenderer
+from kengoro_env.vision.renderer import Renderer
 from kengoro_env.vision.simplified_scene import SimpleRenderer
 
 WIDTH, HEIGHT = 640, 480
@@ -85,7 +86,7 @@ def open_renderer(
 
 def _renderer(model: mujoco.MjModel, width: int, height: int, simple: bool) -> mujoco.Renderer:
     """A renderer that has rendered a first, empty image."""
-    kind: Callable[..., mujoco.Renderer] = SimpleRenderer if simple else mujoco.Renderer
+    kind: Callable[..., mujoco.Renderer] = SimpleRenderer if simple else Renderer
     if simple and not model.vis.quality.offsamples and (compiled := library()) is not None:
         kind = partial(QuickRenderer, compiled)
     with warnings.catch_warnings():

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kengoro_env.robot.tendons import spool_joint
+from kengoro_env.vision.renderer import Renderer
 
 _TENDON, _JOINT = int(mujoco.mjtObj.mjOBJ_TENDON), int(mujoco.mjtObj.mjOBJ_JOINT)
 _PLANE, _BOX, _NONE = (
@@ -30,7 +31,7 @@ def spooled(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.array([mujoco.mj_name2id(model, _JOINT, name) >= 0 for name in joints], dtype=bool)
 
 
-class SimpleRenderer(mujoco.Renderer):
+class SimpleRenderer(Renderer):
     """A `mujoco.Renderer` of simplified scenes."""
 
     def __init__(self, model: mujoco.MjModel, *args: Any) -> None:

@@ -65,9 +65,19 @@ def test_what_is_not_reached_is_named() -> None:
         "rotation_error_ratio_median": True,
         "rotation_error_ratio_worst": False,
         "flips": False,
+        "ambiguous_share": True,
     }
     assert found["position_error_ratio_worst"]["condition"] == "c"
-    assert found["flips"]["not_called_ambiguous"] == 2
+    assert found["flips"]["value"] == 2
+
+
+def test_an_ambiguous_pose_is_no_flip_but_few_may_be_ambiguous() -> None:
+    bad = {"ours": tally([1.0, 1.0], flipped=True, unsure=True)}
+    bad |= {"SUBPIX": tally([3.0, 3.0]), "APRILTAG": tally([4.0, 4.0])}
+    found = conclude({"a": bad})
+    assert found["flips"] == {"value": 0, "must": "0", "reached": True, "with_ambiguous": 2}
+    assert found["ambiguous_share"]["value"] == 1.0
+    assert not found["ambiguous_share"]["reached"]
 
 
 def test_a_run_on_photographs_prints_its_table_and_writes_its_summary(

@@ -229,7 +229,7 @@ REFUSED: dict[Callable[[Path], None], str] = {
     text: "cut off or damaged",
     map_only: "its format is jmm-1",
     gone: "there is no such file",
-    folder: "there is no such file",
+    folder: "is a folder; name the file in it",
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,3 +129,14 @@ def test_an_announced_zeroing_opens_all_offsets(
     assert (trial.agent.vision.elongated > 0.0).all()
     assert trial.agent.antagonism.memory.last is None
     assert trial.agent.faults == []
+
+
+@pytest.mark.parametrize(("path", "why"), [(None, "got None"), (".", "is a folder"), (3, "got 3")])
+def test_what_is_no_path_of_a_file_is_refused_in_a_sentence(
+    nominal_map: JointMuscleMap, arm: ArmKinematics, path: Any, why: str
+) -> None:
+    agent = Trial(nominal_map, arm).agent
+    with pytest.raises(CheckpointError, match=why):
+        agent.save(path)
+    with pytest.raises(CheckpointError, match=why):
+        agent.load(path)

@@ -91,3 +91,14 @@ def test_the_last_write_is_waited_for(written: list[int]) -> None:
         saving.step()
     assert written == [1]
     assert cast(object, saving.written) == 1
+
+
+def test_a_folder_that_does_not_exist_is_named_with_the_whole_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Autosave(cast(Agent, LearningAgent(())), "usb/memory.npz"):
+        pass
+    [record] = caplog.records
+    assert str(tmp_path / "usb" / "memory.npz") in record.getMessage()
+    assert f"the folder {tmp_path / 'usb'} does not exist" in record.getMessage()

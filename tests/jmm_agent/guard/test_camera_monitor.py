@@ -37,6 +37,16 @@ def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_pict
     assert not monitor.frozen
 
 
+def test_one_pixel_of_the_last_row_makes_another_frame() -> None:
+    monitor, lengths = FrozenCameraMonitor(CameraMonitorOptions()), np.zeros(2)
+    frame = np.zeros((50, 40, 3), dtype=np.uint8)
+    monitor.is_another(frame, lengths, True)
+    frame[-1, -1, -1] = 1  # the driver writes into the same memory
+    assert monitor.is_another(frame, lengths, True)
+    assert not monitor.is_another(frame, lengths, True)
+    assert monitor.is_another(frame[:48], lengths, True)
+
+
 def test_a_camera_that_turns_without_another_picture_is_frozen() -> None:
     monitor = FrozenCameraMonitor(CameraMonitorOptions())
     frame, lengths = np.zeros((4, 4, 3), dtype=np.uint8), np.zeros(3)

@@ -99,6 +99,15 @@ def test_commands_that_are_100_ms_late_are_noticed_at_any_period(period: float) 
     assert not delayed(1, 2 * second, monitor, period)  # of a loop that writes after it reads
 
 
+@pytest.mark.parametrize("period", [0.03, 0.04, 0.05])
+def test_commands_that_are_one_period_late_are_in_time_however_long_that_is(period: float) -> None:
+    """So does a loop work that writes its command after it has read."""
+    monitor, second = DelayMonitor(MOTORS, DelayMonitorOptions()), round(1.0 / period)
+    assert not delayed(1, 4 * second, monitor, period)
+    assert delayed(2, 4 * second, monitor, period)
+    assert not delayed(1, 4 * second, monitor, period)
+
+
 @pytest.mark.parametrize("period", [0.005, 0.02, 0.03, 0.05])
 def test_a_push_is_noticed_within_the_same_time_at_any_period(period: float) -> None:
     monitor, rng = DisturbanceMonitor(DisturbanceMonitorOptions()), np.random.default_rng(0)

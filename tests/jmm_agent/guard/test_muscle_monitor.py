@@ -24,6 +24,7 @@ class Muscles:
         self.monitor = MuscleMonitor(MUSCLES, MOTORS, MuscleMonitorOptions())
         self.rng, self.steps = np.random.default_rng(0), 0
         self.command = np.zeros(3)
+        self.dt = DT
 
     def run(
         self,
@@ -39,7 +40,7 @@ class Muscles:
             tensions = MOTORS.demanded(lengths, self.command)
             spoil(lengths, tensions)
             estimated = true if expected is None else expected
-            filtered = self.monitor.update(DT, lengths, tensions, self.command, estimated)
+            filtered = self.monitor.update(self.dt, lengths, tensions, self.command, estimated)
         return filtered
 
     @property
@@ -136,6 +137,19 @@ def test_a_fast_muscle_has_not_jumped() -> None:
     muscles.run(10)
     for _ in range(20):
         muscles.command = muscles.command + 0.5 * DT
+        muscles.run(1)
+        assert muscles.found == []
+
+
+@pytest.mark.parametrize("period", [0.02, 0.03, 0.05])
+def test_a_fast_muscle_has_not_jumped_when_stamps_are_closer_than_readings(period: float) -> None:
+    """Readings are one period apart; each of their stamps is off by up to 30 % of it."""
+    muscles, rng = Muscles(), np.random.default_rng(3)
+    muscles.dt = period
+    muscles.run(10)
+    for step in period + np.diff(0.3 * period * rng.uniform(-1.0, 1.0, 200)):
+        muscles.command = muscles.command + 0.4 * period * (-1.0) ** (muscles.steps // 10)
+        muscles.dt = float(step)
         muscles.run(1)
         assert muscles.found == []
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -277,3 +279,17 @@ def test_bad_input_gets_one_sentence(arm: ArmKinematics) -> None:
         arm.point_camera(EYE, (1, 0, 0), q, ("nose",))
     with pytest.raises(KinematicsError, match="in the camera's centre"):
         arm.point_camera(EYE, arm.pose(EYE, q)[:3, 3], q, NECK)
+
+
+@pytest.mark.parametrize("relative_to", [None, "base"])
+def test_a_robot_with_one_joint_has_a_jacobian_of_one_column(
+    tmp_path: Path, relative_to: str | None
+) -> None:
+    model = tmp_path / "finger.xml"
+    model.write_text(
+        '<mujoco><worldbody><site name="base" pos="0 0 1"/><body name="link">'
+        '<joint name="hinge" axis="0 0 1" range="-1 1" limited="true"/><geom size="0.1"/>'
+        '<site name="tip" pos="0.5 0 0"/></body></worldbody></mujoco>'
+    )
+    jacobian = ArmKinematics(model, ["hinge"]).frame_jacobian("tip", [0.3], relative_to)
+    assert np.allclose(jacobian, [[0.0], [0.5], [0.0], [0.0], [0.0], [1.0]])

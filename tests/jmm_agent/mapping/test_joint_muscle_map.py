@@ -1,5 +1,6 @@
 """The mapping: values and Jacobians against closed forms and finite differences."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -56,6 +57,25 @@ def test_lengths_and_jacobian_are_those_of_the_two_alone(jmm, postures):
     lengths, jacobian = jmm.lengths_and_jacobian(postures)
     np.testing.assert_array_equal(lengths, jmm.lengths(postures))
     np.testing.assert_array_equal(jacobian, jmm.jacobian(postures))
+
+
+def test_one_posture_has_the_bits_of_each_group_alone(jmm, postures):
+    for q in postures:
+        lengths, jacobian = jmm.lengths_and_jacobian(q)
+        np.testing.assert_array_equal(jmm.lengths(q), lengths)
+        for group in jmm.groups:
+            hidden = group.hidden(q[None])
+            block = jacobian[group.muscle_index[:, None], group.joint_index]
+            np.testing.assert_array_equal(lengths[group.muscle_index], group.lengths(q[None])[0])
+            np.testing.assert_array_equal(block, group.output_jacobian(hidden)[0])
+
+
+def test_a_copied_map_holds_its_groups_only(jmm, postures):
+    before = set(vars(jmm))
+    lengths = jmm.lengths(postures[0])
+    copied = deepcopy(jmm)
+    assert set(vars(copied)) == before
+    np.testing.assert_array_equal(copied.lengths(postures[0]), lengths)
 
 
 def test_jacobian_is_zero_where_no_group_input_is(jmm, postures):

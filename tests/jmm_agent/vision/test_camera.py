@@ -59,6 +59,10 @@ def test_binning_and_regions_move_pixels_as_the_driver_does() -> None:
     assert (BARREL.binned(3, 1).width, BARREL.binned(3, 1).height) == (213, 480)
     with pytest.raises(AgentError, match=r"Binning by 0 x 2 .* 640 x 480"):
         BARREL.binned(0, 2)
+    with pytest.raises(AgentError, match=r"columns is 1.5; it must be a whole number"):
+        BARREL.binned(1.5, 2)
+    with pytest.raises(AgentError, match=r"left column is 1.5; it must be a whole number"):
+        BARREL.cropped(1.5, 0, 10, 10)
     with pytest.raises(AgentError, match=r"320 x 240 px at \(400, 0\) is not inside"):
         BARREL.cropped(400, 0, 320, 240)
 
@@ -67,6 +71,14 @@ def test_binning_and_regions_move_pixels_as_the_driver_does() -> None:
     ("change", "message"),
     [
         ({"width": 0}, "has no pixels"),
+        ({"width": 640.5}, "width is 640.5; it must be a whole number"),
+        ({"width": "640"}, "width is '640'; it must be a whole number"),
+        ({"height": True}, "height is True; it must be a whole number"),
+        ({"width": 10**400}, "it must be a whole number"),
+        ({"fx": "580"}, "fx is '580'; it must be a number"),
+        ({"cy": None}, "cy is None; it must be a number"),
+        ({"distortion": None}, "distortion is None; it must be a flat list"),
+        ({"distortion": [[0.1, 0.0, 0.0, 0.0]]}, "it must be a flat list of numbers"),
         ({"fx": 0.0}, "fx is 0"),
         ({"fy": float("nan")}, "fy is nan"),
         ({"cx": float("inf")}, "principal point"),
@@ -84,6 +96,13 @@ def test_binning_and_regions_move_pixels_as_the_driver_does() -> None:
 def test_impossible_cameras_are_refused_in_a_sentence(change: dict, message: str) -> None:
     with pytest.raises(AgentError, match=message):
         replace(PLAIN, **change)
+
+
+def test_a_field_of_view_or_a_path_of_another_type_is_refused_in_a_sentence() -> None:
+    with pytest.raises(AgentError, match="vertical view is '45'; it must be a number"):
+        Camera.from_fovy(640, 480, "45")
+    with pytest.raises(AgentError, match="path of a camera file is None"):
+        Camera.from_file(None)
 
 
 def test_extreme_but_possible_cameras_are_accepted() -> None:

@@ -68,7 +68,7 @@ def test_dictionaries_ids_and_borders_that_do_not_exist_are_refused() -> None:
         MarkerDetector(VGA, {0: SIDE}, dictionary="DICT_5x5_100")
     with pytest.raises(AgentError, match=r"id 100 is not in DICT_5X5_100; .* from 0 to 99"):
         MarkerDetector(VGA, {100: SIDE}, dictionary="DICT_5X5_100")
-    for border in (0, 1.5, None):
+    for border in (0, 1.5, None, 10**6):
         with pytest.raises(AgentError, match=f"border of a marker is {border} cells"):
             MarkerDetector(VGA, {0: SIDE}, border=border)
 

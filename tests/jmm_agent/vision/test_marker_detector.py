@@ -181,6 +181,7 @@ def test_frames_of_another_shape_or_type_are_refused_in_one_sentence(detector, f
         ({0: 50.0}, "50.0; it must be a number of metres above 0 and up to 5"),
         ({0: "5cm"}, "side of marker 0 is '5cm'"),
         ({0: None}, "side of marker 0 is None"),
+        ({0: True}, "side of marker 0 is True"),
         ({"0": 0.05}, "id '0' is not in DICT_4X4_50; ids are whole numbers from 0 to 49"),
         ({0.5: 0.05}, "id 0.5 is not in"),
         ({-1: 0.05}, "id -1 is not in"),
@@ -192,10 +193,34 @@ def test_impossible_markers_are_refused(side_by_id, message):
         MarkerDetector(CAMERA, side_by_id)
 
 
-@pytest.mark.parametrize("expected", [{3: np.eye(4)}, {0: np.eye(3)}, {0: np.full((4, 4), np.nan)}])
+@pytest.mark.parametrize(
+    "expected",
+    [
+        {3: np.eye(4)},
+        {0: np.eye(3)},
+        {0: np.full((4, 4), np.nan)},
+        {0: np.full((4, 4), None)},
+        {0: [[1], [1, 2]]},
+        {0: "pose"},
+        {0: np.zeros((4, 4))},
+        {0: 1e300 * np.eye(4)},
+        [np.eye(4)],
+    ],
+)
 def test_impossible_predictions_are_refused(detector, expected):
-    with pytest.raises(AgentError, match="predicted"):
+    with pytest.raises(AgentError, match=r"[Pp]redicted"):
         detector.detect(np.zeros((480, 640, 3), np.uint8), expected)
+
+
+def test_a_marker_predicted_in_the_centre_of_the_camera_is_not_searched(detector):
+    frame = np.full((480, 640, 3), 90, np.uint8)
+    assert detector.detect(frame, {0: np.eye(4)}).skips == {0: Skip.NOT_SEEN}
+    assert detector.detect(frame, {0: np.eye(4).tolist()}).skips == {0: Skip.NOT_SEEN}
+
+
+def test_a_detector_without_a_camera_is_refused():
+    with pytest.raises(AgentError, match="needs a Camera, got NoneType"):
+        MarkerDetector(None, {0: SIDE})
 
 
 @pytest.mark.parametrize("arguments", [(0, 480, 500.0), (640, 480, -1.0), (640, 480, np.inf)])

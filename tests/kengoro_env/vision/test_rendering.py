@@ -223,3 +223,27 @@ def test_a_painter_leaves_the_models_quality_to_others() -> None:
     quality = model.vis.quality
     assert (quality.numslices, quality.offsamples, quality.shadowsize) == (20, 4, 4096)
     assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (800, 480)
+
+
+DELETED_IN_A_THREAD = """
+import gc, threading
+import mujoco
+from kengoro_env.vision.rendering import Painter
+model = mujoco.MjModel.from_xml_string(
+    '<mujoco><worldbody><camera name="eye"/><geom size="0.1" pos="0 0 -1"/></worldbody></mujoco>'
+)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+painters = [Painter(model)]
+painters[0].draw(data, "eye")
+thread = threading.Thread(target=lambda: (painters.clear(), gc.collect()))
+thread.start()
+thread.join()
+print(Painter(model).draw(data, "eye").shape)
+"""
+
+
+def test_a_painter_may_be_deleted_in_another_thread() -> None:
+    ended = python(DELETED_IN_A_THREAD)
+    assert ended.stdout.strip() == "(480, 640, 3)"
+    assert ended.stderr == ""
