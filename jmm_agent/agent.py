@@ -19,6 +19,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -296,11 +297,21 @@ class Agent:
             _log.warning("%s", self.unreachable)
         self._commander.go(points, duration, holds if self.options.feed_forward else ())
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Agent:
+        """An independent agent that continues from the present state, with the same kinematics."""
+        memo[id(self.kinematics)] = self.kinematics
+        other = type(self).__new__(type(self))
+        memo[id(self)] = other
+        other.__dict__.update(
+            {name: deepcopy(value, memo) for name, value in self.__dict__.items()}
+        )
+        return other
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Refuse to pickle: a part of the agent holds what belongs to this process."""
         raise AgentError(
-            "Agent: agents cannot be pickled or copied; write what was learned with `save`, and "
-            "`load` it into a new agent of the same robot."
+            "Agent: agents cannot be pickled; write what was learned with `save`, and `load` it "
+            "into a new agent of the same robot."
         )
 
     def reachable(self, postures: Floats) -> list[Hold]:

@@ -154,6 +154,10 @@ class MarkerDetector:
             marker_id: square_corners(side) for marker_id, side in side_by_id.items()
         }
 
+    def __deepcopy__(self, memo: dict[int, object]) -> MarkerDetector:
+        """This detector itself: it has no state, and OpenCV's dictionaries cannot be copied."""
+        return self
+
     def detect(
         self, frame_rgb: np.ndarray, expected: Mapping[int, np.ndarray] | None = None
     ) -> Detections:

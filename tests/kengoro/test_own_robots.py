@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import pickle  # noqa: TID251  (agents refuse it)
 import re
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.other_robots.models import ROBOTS, SIDES, write_model
-from jmm_agent import Agent, AgentError, AgentOptions, GuardOptions, MotorControl, RobotScales
+from jmm_agent import (
+    Agent,
+    AgentError,
+    AgentOptions,
+    GuardOptions,
+    MotorControl,
+    RobotScales,
+    SensorReadings,
+)
 from kengoro import Recording, UsageError, make_agent, write_study
 from kengoro.agents import scales_of
 from kengoro.robots import sample_postures
@@ -138,8 +147,20 @@ def test_names_of_camera_marker_and_grip_are_options(
 
 
 def test_an_agent_refuses_to_be_pickled_in_one_sentence(finger: Path, maps: Path) -> None:
-    with pytest.raises(AgentError, match="cannot be pickled or copied; write what was learned"):
+    with pytest.raises(AgentError, match="cannot be pickled; write what was learned"):
         pickle.dumps(agent_of(finger, maps))
+
+
+def test_a_copy_of_an_agent_goes_on_by_itself(finger: Path, maps: Path) -> None:
+    agent = agent_of(finger, maps, guard=True)
+    lengths = agent.map.lengths(agent.joint_angles)
+    readings = [SensorReadings(0.02 * i, lengths, np.full(len(lengths), 5.0)) for i in range(20)]
+    for one in readings[:10]:
+        agent.step(one)
+    twin = deepcopy(agent)
+    first = [agent.step(one) for one in readings[10:]]
+    assert twin.estimator is not agent.estimator
+    np.testing.assert_array_equal([twin.step(one) for one in readings[10:]], first)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from experiments.faults.injection import (
     FaultyEnv,
     Injection,
 )
-from experiments.faults.run import QUICK, conclude, run
+from experiments.faults.run import QUICK, FaultyRun, conclude, run
 from experiments.faults.tables import NO_FAULT, metrics, seed_entry, tables
 from experiments.robots.conditions import ACTUAL
 from jmm_agent.guard import faults
@@ -240,6 +240,16 @@ def test_the_agent_watches_and_undoes_what_harms(request: pytest.FixtureRequest)
     agent = make_agent(0, guard=True, cache=Path(request.config.cache.mkdir("maps")))
     assert isinstance(agent.guard, Guard)
     assert agent.vision.hold_out is not None
+
+
+def test_a_copied_run_goes_on_as_the_run_itself_does(request: pytest.FixtureRequest) -> None:
+    first = FaultyRun(0, Path(request.config.cache.mkdir("maps")), QUICK)
+    first.advance(0.2)
+    second = first.copy()
+    for one in (first, second):
+        one.advance(0.2)
+    np.testing.assert_array_equal(first.agent.joint_angles, second.agent.joint_angles)
+    assert first.session.time == second.session.time
 
 
 @pytest.mark.slow
