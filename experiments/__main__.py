@@ -11,6 +11,7 @@ A runner is a module ``experiments/NAME/run.py`` (with "_" for "-") that has:
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -46,6 +47,7 @@ RUNNERS = {
     "all": Runner("every experiment of the paper, and one page of results"),
     "gap-to-skill": Runner("a diagnosis of a minute's motion, as a map", True),
     "gap-bench": Runner("hidden effects: how often the diagnosis is right"),
+    "strangers-bench": Runner("hidden effects in machines of all kinds and sizes"),
     "gap-calibrate": Runner("calibration of the diagnosis's confidence"),
     "record": Runner("a log of a moving robot, as a study for reality_gap"),
     "emps": Runner("a measured drive: force that a mass alone does not explain"),
@@ -100,9 +102,13 @@ def main(arguments: list[str]) -> int:
     from mjcf_sandbox.files import check_links
     from reality_gap.errors import RealityGapError
 
+    expected: tuple[type[Exception], ...]
+    expected = (ExperimentError, AgentError, OutputError, RealityGapError)
     try:
-        from kengoro_env.errors import KengoroError
+        if importlib.util.find_spec("gymnasium"):  # which experiments with robots need
+            from kengoro_env.errors import KengoroError
 
+            expected = (*expected, KengoroError)
         runner = importlib.import_module(f"experiments.{name.replace('-', '_')}.run")
     except RuntimeError as error:
         if "MUJOCO_GL" not in str(error):  # which is checked when the environments are imported
@@ -121,7 +127,7 @@ def main(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         return 130
-    except (ExperimentError, AgentError, KengoroError, OutputError, RealityGapError) as error:
+    except expected as error:
         print(error, file=sys.stderr)
         return 2
     return 0

@@ -1,8 +1,8 @@
 """Reality gap: names what a MuJoCo model gets wrong, from logs of the machine.
 
 A study is a model with logs. A diagnosis compares replays of the model with the logs and has one of
-three verdicts: nothing is wrong, named causes with parameters and confidences, or a difference that
-no known cause explains.
+four verdicts: nothing is wrong, named causes with parameters and confidences, named causes that
+explain a part of the difference, or a difference that no known cause explains.
 
     from reality_gap import diagnose, load_study
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from dataclasses import dataclass
@@ -12,9 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from reality_gap.diagnose_command import Diagnose, considered_causes, options_of
 from reality_gap.errors import RealityGapError, StudyError, one_line
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rich.console import Console
 
     from reality_gap.diagnosis import Diagnosis
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 SCRIPT, DISTRIBUTION = "reality-gap", "kengoro"
 DESCRIPTION = """Find out from logs what a MuJoCo model of a machine gets wrong.
 
-The usual order is: init, check, diagnose. --version prints the version.
+All at once: run. The usual order is: init, check, diagnose. --version prints the version.
 """
 
 
@@ -47,13 +49,15 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Diagnose:
-    """Diagnose a study: write verdict.json, report.html and the extended model."""
+class Run:
+    """From model and logs to a diagnosis: draft a study, correct its columns, check, diagnose."""
 
-    study: tyro.conf.Positional[Path]
-    """STUDY.yaml: the model, the logs and the meaning of their columns."""
+    model: tyro.conf.Positional[Path]
+    """MJCF file of the machine."""
+    logs: tyro.conf.Positional[tuple[Path, ...]]
+    """CSV or Parquet files, or bags and LeRobot datasets as for unpack."""
     out: Path
-    """Folder to write; it must not exist, be empty, or hold an earlier diagnosis."""
+    """Folder to write; a study in it from an earlier run, which may be edited, is used again."""
     jobs: int = os.cpu_count() or 1
     """Number of processes."""
     tolerance: float = 1.0
@@ -87,6 +91,7 @@ Command = (
     Annotated[Init, tyro.conf.subcommand("init")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
+    | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Unpack, tyro.conf.subcommand("unpack")]
     | Annotated[Causes, tyro.conf.subcommand("causes")]
 )
@@ -133,15 +138,11 @@ def diagnose(command: Diagnose, console: Console) -> None:
     from reality_gap import pipeline
     from reality_gap.check import check_study
     from reality_gap.inference.checkpoint import forget
-    from reality_gap.inference.verdict import Options
     from reality_gap.io.loader import load_study
     from reality_gap.report.files import check_out, write_diagnosis
     from reality_gap.simulation.episode import silence
 
-    if command.jobs < 1:
-        raise StudyError(f"--jobs must be at least 1, not {command.jobs}")
-    if not 0.0 < command.tolerance < math.inf:
-        raise StudyError(f"--tolerance must be above 0 and finite, not {command.tolerance}")
+    options, considered = options_of(command), considered_causes(command)
     check_out(command.out)
     silence()
     study = load_study(command.study)
@@ -153,7 +154,8 @@ def diagnose(command: Diagnose, console: Console) -> None:
         diagnosis = pipeline.diagnose(
             study,
             jobs=command.jobs,
-            options=Options(tolerance=command.tolerance),
+            causes=considered,
+            options=options,
             progress=lambda share, text: bar.update(task, completed=share, description=text),
             work=work,
         )
@@ -161,6 +163,43 @@ def diagnose(command: Diagnose, console: Console) -> None:
     forget(work)
     _print_verdict(diagnosis, console)
     _print(console, f"report: {command.out / 'report.html'}")
+
+
+def run(command: Run, console: Console) -> None:
+    """Draft a study, correct its columns and diagnose it."""
+    from reality_gap.first_study import STUDY, correct_columns, write_first_study
+    from reality_gap.simulation.episode import silence
+
+    silence()
+
+    def note(sentence: str) -> None:
+        _print(console, f"note: {sentence}")
+
+    folder = command.out / "study"
+    study = folder / STUDY
+    if study.is_file():
+        note(f"{study} exists and is used; remove {folder} to begin again")
+    else:
+        logs: list[Path] = []
+        for number, log in enumerate(command.logs):
+            logs += _unpacked(log, command.out / f"unpacked_{number + 1}", note)
+        write_first_study(command.model, logs, folder, note)
+        try:
+            correct_columns(study, note)
+        except StudyError as error:
+            raise StudyError(f"{error} (edit {study}, and run the same command again)") from error
+    diagnose(Diagnose(study, command.out / "result", command.jobs, command.tolerance), console)
+
+
+def _unpacked(log: Path, out: Path, note: Callable[[str], None]) -> list[Path]:
+    """Return a log, or the files of a bag or dataset that is unpacked into a folder."""
+    from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
+
+    if log.suffix.lower() in (".csv", ".parquet", ".txt"):
+        return [log]
+    if out.is_dir():
+        return sorted(out.glob("*.csv"))
+    return list(unpack_in_sandbox(log, out, (), False, lambda share: None, note=note))
 
 
 def unpack(command: Unpack, console: Console) -> None:
@@ -207,7 +246,7 @@ def _print_verdict(diagnosis: Diagnosis, console: Console) -> None:
     """Print the sentence of a verdict, and its causes as a table."""
     from rich.table import Table
 
-    from reality_gap.report.formatting import number, probability, shown
+    from reality_gap.report.formatting import number, probability, rounded, shown
 
     _print(console, diagnosis.sentence)
     if not diagnosis.causes:
@@ -215,7 +254,8 @@ def _print_verdict(diagnosis: Diagnosis, console: Console) -> None:
     table = Table("cause", "location", "parameters (95 % interval)", "confidence", "equivalent")
     for cause in diagnosis.causes:
         parameters = []
-        for name, estimate in cause.parameters.items():
+        for name in cause.foremost():
+            estimate = rounded(cause, name)
             factor, unit = shown(estimate.unit, estimate.value)
             value, low, high = (
                 number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
@@ -251,6 +291,8 @@ def _run(command: Command, console: Console) -> None:
             check(command, console)
         case Diagnose():
             diagnose(command, console)
+        case Run():
+            run(command, console)
         case Unpack():
             unpack(command, console)
         case Causes():
@@ -289,7 +331,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"{one_line(str(error))}: {valid}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        advice = "; run the same command to continue" if isinstance(command, Diagnose) else ""
+        continues = isinstance(command, Diagnose | Run)
+        advice = "; run the same command to continue" if continues else ""
         print(f"interrupted{advice}", file=sys.stderr)
         return 130
     return 0

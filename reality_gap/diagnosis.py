@@ -17,13 +17,21 @@ from reality_gap.types import Floats
 class Verdict(Enum):
     """Kind of the result.
 
-    ``NOTHING_WRONG``: the data show no error of the model. ``NAMED``: causes explain the gap.
-    ``UNEXPLAINED``: there is a gap that no known cause explains.
+    ``NOTHING_WRONG``: the data show no error of the model. ``NAMED``: causes explain the gap; what
+    remains is at the noise, given the tolerances. ``PARTLY_NAMED``: causes surely explain a part of
+    the gap; the rest has no name. ``UNEXPLAINED``: there is a gap, and no known cause surely
+    explains a part of it.
     """
 
     NOTHING_WRONG = "nothing_wrong"
     NAMED = "named"
+    PARTLY_NAMED = "partly_named"
     UNEXPLAINED = "unexplained"
+
+    @property
+    def has_names(self) -> bool:
+        """Whether causes are named."""
+        return self in (Verdict.NAMED, Verdict.PARTLY_NAMED)
 
 
 @dataclass(frozen=True)
@@ -34,6 +42,51 @@ class Estimate:
     low: float
     high: float
     unit: str
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Gain on readings to which nothing was fitted, with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one part of the waterfall takes from the error of the report split.
+
+    Attributes:
+        part: the cause at its location, or what else takes it.
+        before, after: RMS of the residual before and after [noise].
+        fraction: share of the power of the error above the noise that it takes; negative if the
+            error grows.
+    """
+
+    part: str
+    before: float
+    after: float
+    fraction: float
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A comparison on which the verdict was decided.
+
+    Attributes:
+        name: name of the measure.
+        value: the measure.
+        threshold: what it is compared with.
+        met: whether it is in favour of the cause, or of all causes.
+        objection: what it means if it is not met, as the end of a sentence about the causes.
+    """
+
+    name: str
+    value: float
+    threshold: float
+    met: bool
+    objection: str
 
 
 @dataclass(frozen=True)
@@ -71,6 +124,9 @@ class NamedCause:
         confidence: calibrated probability that this cause is right.
         equivalent: ids of causes that these data cannot distinguish from it.
         elsewhere: other locations where the same cause has the same effect.
+        gain: gain in log likelihood of held-out readings over the other named causes alone, by
+            cross-validation [nats]; None for a group of causes.
+        share: what it takes from the error of the report split, beside the causes before it.
     """
 
     candidate: Candidate
@@ -78,6 +134,13 @@ class NamedCause:
     confidence: float
     equivalent: tuple[str, ...]
     elsewhere: tuple[Location, ...] = ()
+    gain: Gain | None = None
+    share: Share | None = None
+
+    @property
+    def title(self) -> str:
+        """The cause and its location in words."""
+        return f"{self.candidate.cause.title} at {self.candidate.location}"
 
     def foremost(self, most: int = 8) -> tuple[str, ...]:
         """Return the names of the parameters in their order.
@@ -94,12 +157,21 @@ class NamedCause:
 
 
 @dataclass(frozen=True)
-class Gain:
-    """Gain of an extended model on readings that it was not fitted to, with its 95 % interval."""
+class Rejected:
+    """A cause of the best attempt that is not named.
 
-    value: float
-    low: float
-    high: float
+    Attributes:
+        candidate: the cause and its location.
+        values: fitted parameters in SI units.
+        reason: why it is not named, as the end of a sentence.
+        gain: gain in log likelihood of held-out readings over the other causes of the attempt
+            alone, by cross-validation [nats].
+    """
+
+    candidate: Candidate
+    values: Mapping[str, float]
+    reason: str
+    gain: Gain | None = None
 
 
 @dataclass(frozen=True)
@@ -172,11 +244,11 @@ class Diagnosis:
         verdict: kind of the result.
         sentence: what the verdict means, with advice.
         causes: the named causes, the one that explains most first; empty unless the verdict is
-            "named".
+            "named" or "partly_named".
         fitted_candidates: all candidates that were fitted, best first in each step.
         rms_before, rms_after, noise_floor: RMS of the residual on the report split in units of
             noise, of the nominal model, of the extended model, and of the noise alone. The first
-            two are equal unless the verdict is "named".
+            two are equal if no cause is named.
         gain: (rms_before - rms_after) / (rms_before - noise_floor); None if ``rms_before`` is not
             surely above the floor, or if causes are named whose gain in the RMS is not surely above
             zero.
@@ -192,10 +264,14 @@ class Diagnosis:
         effects: named causes with effects that ``extended_xml`` cannot express, with their values.
         extended_xml: the nominal model with the named causes.
         seconds: duration of the diagnosis [s].
-        measures: numbers on which the verdict was decided.
+        measures: numbers of the search and of its remainder.
+        criteria: comparisons on which the verdict was decided.
+        waterfall: what the tolerances, and then each named cause, take from the error of the report
+            split; the last ``after`` is what remains.
+        rejected: causes of the best attempt that are not named.
         unmodelled: probability that the cause is not in the catalogue; None if no cause was found.
-        likelihood_gain: gain in log likelihood of the report split by the named causes, given the
-            tolerances and the other splits [nats]; None if no single causes are named.
+        likelihood_gain: gain in log likelihood of held-out readings by the named causes together,
+            given the tolerances, by cross-validation [nats]; None if no single causes are named.
     """
 
     study: str
@@ -219,3 +295,6 @@ class Diagnosis:
     measures: Mapping[str, float] = field(default_factory=dict)
     unmodelled: float | None = None
     likelihood_gain: Gain | None = None
+    criteria: tuple[Criterion, ...] = ()
+    waterfall: tuple[Share, ...] = ()
+    rejected: tuple[Rejected, ...] = ()

@@ -17,12 +17,14 @@ from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
-from reality_gap.inference.forward_selection import Search, search
+from reality_gap.inference.forward_selection import search
 from reality_gap.inference.group_fit import BETTER, GroupFit, fit_groups, power
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.outcome import Outcome, groups_outcome
+from reality_gap.inference.paying import Paying
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder
+from reality_gap.inference.roughness import roughness
 from reality_gap.inference.screening import NO_CHECKPOINT, Sensitivity, list_candidates, screen
 from reality_gap.inference.search_outcome import search_outcome
 from reality_gap.inference.tolerances import tolerance_columns
@@ -80,7 +82,7 @@ def diagnose(
         if groups is None or run.searches_too():
             outcome = run.search(groups, watch, work)
         else:
-            outcome = groups_outcome(replayer, null, groups)
+            outcome = groups_outcome(replayer, null, groups, options.left)
         diagnosis = _build(replayer, null, outcome, begin)
     progress(1.0, "done")
     return diagnosis
@@ -135,15 +137,15 @@ class _Run:
         replayer, null, options = self.replayer, self.null_residual, self.options
         screened = self._screen(work)
         watch(replayer, null, screened.sensitivities)
-        result, remainder = self._search(screened)
-        after = result.best.residual
+        paying, remainder = self._search(screened)
+        after = paying.attempt.residual
         if power(replayer.measured, null) < options.many**2:
             groups = self.fit_groups(after, options.large, 0.9)
         rest = power(replayer.measured, after)
         if groups is not None and rest > max(options.large**2, groups.power / BETTER):
-            return groups_outcome(replayer, null, groups)
+            return groups_outcome(replayer, null, groups, options.left)
         self.progress(0.92, "comparing alternatives and choosing the next experiment")
-        return search_outcome(result, remainder, screened.not_judged, options)
+        return search_outcome(paying, remainder, screened.not_judged, options)
 
     def _screen(self, work: Path | None) -> _Screened:
         """Screen all candidates that are not deferred."""
@@ -163,15 +165,21 @@ class _Run:
         judged = tuple(one for one in found if one.change > self.options.visible)
         return _Screened(found, judged, deferred, _not_judged(candidates, first, judged))
 
-    def _search(self, screened: _Screened) -> tuple[Search, Remainder]:
+    def _search(self, screened: _Screened) -> tuple[Paying, Remainder]:
         """Search for single causes, and evaluate what they leave."""
         replayer, null, options = self.replayer, self.null_residual, self.options
         self.progress(0.6, "fitting the likeliest candidates")
-        columns = tolerance_columns(replayer, screened.sensitivities, null)
-        noise_model = independent_noise(replayer.measured, options.tolerance * columns)
+        columns = options.tolerance * tolerance_columns(replayer, screened.sensitivities, null)
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
-        problem = Problem(replayer, null, noise_model)
-        result = search(problem, screened.judged, options.search, deferred)
+        sensitivities, rough = screened.judged, 1.0
+        while True:
+            noise_model = independent_noise(replayer.measured, rough * columns)
+            problem = Problem(replayer, null, noise_model)
+            result = search(problem, sensitivities, options.search, deferred)
+            found = roughness(replayer.measured, columns, result.best.residual)
+            if found <= rough:
+                break
+            sensitivities, rough = result.sensitivities, found
         self.progress(0.8, "evaluating what remains")
         return revise_and_evaluate(result, options)
 
@@ -213,4 +221,7 @@ def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> 
         extended_xml=plant.spec.to_xml(),
         seconds=time.monotonic() - begin,
         measures=outcome.measures,
+        criteria=outcome.criteria,
+        waterfall=outcome.waterfall,
+        rejected=outcome.rejected,
     )

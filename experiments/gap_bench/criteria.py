@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from experiments.gap_bench.scores import (
     AMBIGUOUS,
@@ -25,13 +22,12 @@ from experiments.gap_bench.scores import (
     right_or_equivalent,
     truth,
 )
-from experiments.harness.statistics import bootstrap_interval, interval
+from experiments.harness.criteria import Row, expected_error, middle, share
+from experiments.harness.statistics import bootstrap_interval
 from jmm_agent.types import Floats
 
 RESAMPLES = 2000
 """Number of bootstrap samples of means and calibration errors."""
-BINS = 10
-"""Number of bins of confidences."""
 LIMIT = 60.0
 """Longest acceptable time of a diagnosis of 20 s of the elbow [s]."""
 ERRORS = {
@@ -42,62 +38,6 @@ ERRORS = {
     "moved sites": (1.0, "mm"),
 }
 """Largest acceptable median error, and its unit, by family of parameters."""
-
-
-class Row(NamedTuple):
-    """A number by which the diagnosis is judged.
-
-    Attributes:
-        name: of the number.
-        cases: number of cases.
-        value, low, high: the number with its 95 % interval; None without a case.
-        unit: "%", "mm", ...
-        most, least: thresholds; None without a threshold.
-    """
-
-    name: str
-    cases: int
-    value: float | None
-    low: float | None
-    high: float | None
-    unit: str
-    most: float | None = None
-    least: float | None = None
-
-    @property
-    def reached(self) -> bool | None:
-        """Whether the thresholds are satisfied; None without a threshold or a case."""
-        if self.value is None or (self.most is None and self.least is None):
-            return None
-        above = self.least is None or self.value >= self.least
-        return above and (self.most is None or self.value <= self.most)
-
-    def plain(self) -> dict[str, Any]:
-        """Entries for JSON."""
-        return self._asdict() | {"reached": self.reached}
-
-
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share."""
-    low, high = binomtest(hits, count).proportion_ci(method="wilson")
-    return float(low), float(high)
-
-
-def share(name: str, right: Iterable[bool | None], **must: float) -> Row:
-    """Share of cases [%], without those that are None."""
-    known = [bool(x) for x in right if x is not None]
-    if not known:
-        return Row(name, 0, None, None, None, "%", **must)
-    low, high = wilson(sum(known), len(known))
-    return Row(name, len(known), 100 * float(np.mean(known)), 100 * low, 100 * high, "%", **must)
-
-
-def middle(name: str, values: Iterable[float | None], unit: str, **must: float) -> Row:
-    """Median of some numbers with its bootstrap interval."""
-    known = [float(x) for x in values if x is not None]
-    if not known:
-        return Row(name, 0, None, None, None, unit, **must)
-    return Row(name, len(known), *interval(known), unit, **must)
 
 
 def musts(trials: Sequence[Trial]) -> list[Row]:
@@ -184,18 +124,6 @@ def confidences(trials: Sequence[Trial]) -> tuple[Floats, Floats]:
         for c in t["causes"]
     ]
     return np.array([p for p, _ in pairs], float), np.array([r for _, r in pairs], float)
-
-
-def bins(confidence: Floats) -> NDArray[np.int64]:
-    """Index of the bin of each confidence, shape (k,), among `BINS` of equal width."""
-    return np.minimum((confidence * BINS).astype(int), BINS - 1)
-
-
-def expected_error(confidence: Floats, right: Floats) -> float:
-    """Expected calibration error: mean of abs(share right - mean confidence) of the bins."""
-    where = bins(confidence)
-    gaps = [abs(np.sum(right[where == b] - confidence[where == b])) for b in range(BINS)]
-    return float(np.sum(gaps) / len(confidence))
 
 
 def calibration_error(trials: Sequence[Trial]) -> Row:

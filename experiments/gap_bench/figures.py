@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 
-from experiments.gap_bench.criteria import BINS, bins, confidences, wilson
+from experiments.gap_bench.criteria import confidences
 from experiments.gap_bench.scores import (
     NOTHING,
     UNEXPLAINED,
@@ -21,6 +21,7 @@ from experiments.gap_bench.scores import (
     right_first,
 )
 from experiments.gap_bench.tables import NO_FAULT
+from experiments.harness.criteria import BINS, bins, wilson
 from experiments.harness.report import Picture, png
 from hidden_plants import OUTSIDE
 

@@ -20,10 +20,10 @@ from experiments.gap_bench.tables import (
     causes_table,
     confusion,
     confusion_table,
-    musts_table,
 )
 from experiments.gap_bench.trial import KINDS, Case, compared_trial
 from experiments.harness.common import ROOT, check_jobs, make_summary
+from experiments.harness.criteria import criteria_table
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import print_table, write_report
 from experiments.harness.reported import log_reported
@@ -137,7 +137,7 @@ def conclude(
     """Compute criteria and tables, print them and write the results."""
     rows, matrix = musts(trials), confusion(trials)
     tables = [
-        musts_table(rows),
+        criteria_table(rows),
         baselines_table(trials),
         causes_table(trials),
         confusion_table(matrix),

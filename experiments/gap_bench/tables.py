@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from experiments.gap_bench.criteria import ERRORS, Row
+from experiments.gap_bench.criteria import ERRORS
 from experiments.gap_bench.scores import (
     NOTHING,
     UNEXPLAINED,
@@ -25,21 +25,6 @@ from experiments.harness.report import Table
 NO_FAULT = "(no fault)"
 PASSES = 0.05
 """Share of fault-free logs on which a baseline names a cause."""
-
-
-def musts_table(rows: Sequence[Row]) -> Table:
-    """Table of the criteria."""
-    head = ("", "cases", "value", "95 % interval", "must", "reached")
-    lines = []
-    for r in rows:
-        must = "" if r.most is None else f"at most {r.most:g}"
-        must = must if r.least is None else f"at least {r.least:g}"
-        value = "" if r.value is None else f"{r.value:.3g} {r.unit}"
-        ends = "" if r.low is None or r.high is None else f"{r.low:.3g} to {r.high:.3g}"
-        answer = {True: "yes", False: "NO", None: ""}[r.reached]
-        lines.append((r.name, r.cases, value, ends, must, answer))
-    note = "Shares with Wilson intervals, medians and means with bootstrap intervals over cases."
-    return Table("Criteria", head, lines, note)
 
 
 def confusion(trials: Sequence[Trial]) -> dict[str, dict[str, int]]:

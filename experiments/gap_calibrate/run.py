@@ -21,9 +21,9 @@ from rich.console import Console
 from scipy.optimize import minimize_scalar
 
 from experiments.gap_bench import run
-from experiments.gap_bench.criteria import expected_error
 from experiments.gap_bench.trial import Case, outcome, write_case
 from experiments.harness.common import make_summary
+from experiments.harness.criteria import expected_error
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import Table, print_table
 from experiments.harness.runner import core_seconds, run_tasks

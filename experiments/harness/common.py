@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from experiments.harness.errors import ExperimentError
-from kengoro_env.assets import assets_root
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -118,6 +117,8 @@ def source_digest(*folders: str) -> str:
         folders: of the checkout, in addition to `COMMON`. Files that only present results
             (`SHOWING`) are left out.
     """
+    from kengoro_env.assets import assets_root  # whose package needs Gymnasium
+
     digest = hashlib.sha256()
     paths: list[Path] = []
     for folder in (*COMMON, *folders):

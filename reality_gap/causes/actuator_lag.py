@@ -12,11 +12,14 @@ import math
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
+from reality_gap.causes.delay import LEAST
 from reality_gap.causes.support import elements
 from reality_gap.study.system import System
 
 COMMAND = "of the command"
+SECANTS = (0.04,)
+"""Time constants at which the cause is screened in addition to a small one [s]."""
 
 _NONE = mujoco.mjtDyn.mjDYN_NONE
 _FILTERS = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
@@ -41,7 +44,9 @@ def _can_lag(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("time_constant", "s", 0.004, 0.0001, 0.0, 0.5),)
+    hints = SearchHints(secants=elements.secants(system, location, SECANTS))
+    least = LEAST * system.model.opt.timestep
+    return (Parameter("time_constant", "s", 0.004, 0.0001, 0.0, 0.5, hints=hints, least=least),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

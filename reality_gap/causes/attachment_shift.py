@@ -13,15 +13,17 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import encoder_zero
+from reality_gap.causes.support import encoder_zero, typical_scales
 from reality_gap.study.system import System
 
 EVERY = "every tendon"
 """Note of the location that shifts all sites at once."""
 AXES = ("x", "y", "z")
-AFAR = (-0.02, -0.01, -0.005, 0.005, 0.01, 0.02)
-"""Shifts along one axis from which further fits start [m]. A tendon that goes slack between two
-shifts makes a local minimum on each side."""
+AFAR = (-0.055, -0.028, -0.014, 0.014, 0.028, 0.055)
+"""Shifts along one axis from which further fits start, over the size of the largest link. A tendon
+that goes slack between two shifts makes a local minimum on each side."""
+SCALE, TOLERANCE, LARGEST = 0.0055, 0.0002, 0.08
+"""Typical shift, its tolerance and its bound, over the size of the largest link."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -35,9 +37,12 @@ def _name(location: Location, site: str, axis: str) -> str:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    hints = SearchHints(far_starts=AFAR if len(location.elements) == 1 else ())
+    size = typical_scales.link_size(system)
+    far = tuple(share * size for share in AFAR) if len(location.elements) == 1 else ()
+    sizes = (SCALE * size, TOLERANCE * size, -LARGEST * size, LARGEST * size)
+    hints = SearchHints(far_starts=far)
     return tuple(
-        Parameter(_name(location, site, axis), "m", 0.002, 0.00007, -0.03, 0.03, hints=hints)
+        Parameter(_name(location, site, axis), "m", *sizes, hints=hints)
         for site in location.elements
         for axis in AXES
     )

@@ -14,7 +14,16 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Record, Values
+from reality_gap.causes.base import (
+    Cause,
+    Effects,
+    Hook,
+    Location,
+    Parameter,
+    Record,
+    SearchHints,
+    Values,
+)
 from reality_gap.causes.support import elements, encoders, typical_scales
 from reality_gap.causes.support.encoders import Feedback
 from reality_gap.study.system import System
@@ -28,9 +37,13 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "tendon":
-        return (Parameter("gap", "m", 0.0003, 5e-6, 0.0, 0.03),)
+        travel = typical_scales.tendon_travel(system)
+        hints = SearchHints(secants=elements.secants(system, location, (0.03 * travel,)))
+        sizes = (0.004 * travel, 7e-5 * travel, 0.0, 0.4 * travel)
+        return (Parameter("gap", "m", *sizes, hints=hints),)
     unit, size = typical_scales.joint_travel(system, location)
-    return (Parameter("gap", unit, 0.005 * size, 0.0001 * size, 0.0, 0.3 * size),)
+    hints = SearchHints(secants=elements.secants(system, location, (0.03 * size, 0.1 * size)))
+    return (Parameter("gap", unit, 0.005 * size, 0.0001 * size, 0.0, 0.3 * size, hints=hints),)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:

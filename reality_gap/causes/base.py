@@ -4,36 +4,38 @@ A cause acts in two ways. ``edit`` writes into the model what MuJoCo can express
 the rest as effects on commands, on physics steps and on readings. At the null values of its
 parameters a cause changes nothing, and its effect must be continuous there.
 
-A cause is one file of this folder. The file ``rotor_inertia.py`` could contain:
+A cause is one file of this folder. The file ``heavy_gravity.py`` could contain:
 
     from __future__ import annotations
 
     import mujoco
 
     from reality_gap.causes.base import Cause, Location, Parameter, Values
-    from reality_gap.causes.support import elements
     from reality_gap.study.system import System
 
 
+    def _locations(system: System) -> tuple[Location, ...]:
+        return (Location("model", ("gravity",)),)
+
+
     def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-        return (Parameter("inertia", "kg m^2", scale=0.01, tolerance=1e-4, low=0.0, high=1.0),)
+        return (Parameter("excess", "1", scale=0.01, tolerance=1e-4, low=-0.5, high=0.5),)
 
 
     def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
-        for name in location.elements:
-            spec.joint(name).armature += values["inertia"]
+        spec.option.gravity = spec.option.gravity * (1 + values["excess"])
 
 
     CAUSE = Cause(
-        id="rotor_inertia",
-        title="inertia of a rotor",
-        explanation="The rotor of a motor adds its inertia to a joint.",
-        locations=elements.each_joint,
+        id="heavy_gravity",
+        title="wrong gravity",
+        explanation="Gravity is stronger or weaker than in the model.",
+        locations=_locations,
         parameters=_parameters,
         edit=_edit,
     )
 
-The line ``"rotor_inertia",`` in ``reality_gap.causes.MODULES`` adds it to the catalogue; the tests
+The line ``"heavy_gravity",`` in ``reality_gap.causes.MODULES`` adds it to the catalogue; the tests
 of the catalogue then include it. ``tension_offset.py`` is a short example with ``attach``, and the
 folder ``support`` has functions that several causes share.
 """
@@ -61,16 +63,19 @@ class SearchHints:
     Attributes:
         starts: values from which fits start, such as possible onsets of an event. The prior of a
             parameter with starts is flat.
-        secants: sizes of the only parameter of a cause at which the cause is screened in addition
-            to ``scale``, because large values act differently from small ones.
+        secants: values at which the cause is screened in addition to a small one, because large
+            values act differently from small ones, or because small ones do not act at all.
         far_starts: values from which further fits start if the replays are far from linear in the
             parameter.
+        nearby: differences from a fitted value from which further fits start, because the misfit
+            has minima side by side, as where a machine sticks or is sampled.
         shape: whether the parameter has no effect while the others are at their null values.
     """
 
     starts: tuple[float, ...] = ()
     secants: tuple[float, ...] = ()
     far_starts: tuple[float, ...] = ()
+    nearby: tuple[float, ...] = ()
     shape: bool = False
 
 
@@ -91,6 +96,8 @@ class Parameter:
         usual: value that every machine has although its nominal model lacks it, such as a little
             friction in each tendon [unit]. All replays include it, a fitted value is added to it,
             and ``tolerance`` is the deviation from it.
+        least: deviation up to which it is never named, although the model is not wrong by it, such
+            as a delay of half a time step [unit].
     """
 
     name: str
@@ -102,6 +109,7 @@ class Parameter:
     null: float = 0.0
     hints: SearchHints = SearchHints()
     usual: float = 0.0
+    least: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -185,6 +193,19 @@ class ReadingEffect(Protocol):
         """Edit ``record.sensors`` in place."""
 
 
+class EffortEffect(Protocol):
+    """Effect on efforts, where these are compared by inverse dynamics."""
+
+    def __call__(self, model: mujoco.MjModel, time: Floats, effort: Floats) -> None:
+        """Edit ``effort`` in place.
+
+        Args:
+            model: the model whose inverse dynamics were computed.
+            time: time in the study of each sample, shape (k,) [s].
+            effort: force of each degree of freedom, shape (k, nv) [N or N m].
+        """
+
+
 @dataclass(frozen=True)
 class ScheduledHook:
     """A hook and the time during which it acts.
@@ -213,11 +234,13 @@ class Effects:
         commands: applied to the commands of an episode, in order.
         hooks: called before physics steps.
         readings: applied to the record of an episode, in order.
+        efforts: applied in order to computed efforts; these have no other readings.
     """
 
     commands: list[Command] = field(default_factory=list)
     hooks: list[ScheduledHook] = field(default_factory=list)
     readings: list[ReadingEffect] = field(default_factory=list)
+    efforts: list[EffortEffect] = field(default_factory=list)
 
     def add_hook(
         self,
@@ -229,6 +252,11 @@ class Effects:
     ) -> None:
         """Add a hook; the arguments are those of `ScheduledHook`."""
         self.hooks.append(ScheduledHook(make, start, end, period, wrenches))
+
+
+def even_odds(location: Location) -> float:
+    """Return log odds of 0 nats: the cause is as likely as others."""
+    return 0.0
 
 
 @dataclass(frozen=True)
@@ -249,6 +277,8 @@ class Cause:
             posture explains the data nearly as well.
         sticky: whether large values look different from small ones, as with dry friction. If one
             sticky cause explains much, others are fitted regardless of their screening.
+        prior: returns the log odds of the cause at a location against others [nats]; negative
+            where it explains much by chance.
     """
 
     id: str
@@ -261,3 +291,4 @@ class Cause:
     fine: bool = False
     event: bool = False
     sticky: bool = False
+    prior: Callable[[Location], float] = even_odds

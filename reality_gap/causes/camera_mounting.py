@@ -8,7 +8,6 @@ from reality_gap.causes.base import Cause, Location, Parameter, Values
 from reality_gap.causes.support import frames
 from reality_gap.study.system import System
 
-SHIFT = Parameter("shift", "m", 0.005, 0.0003, -0.2, 0.2)
 TURN = Parameter("turn", "rad", 0.02, 0.0005, -0.6, 0.6)
 
 
@@ -19,7 +18,9 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return frames.pose_parameters(SHIFT, TURN)
+    distance = frames.distance(system, location.elements[0])
+    sizes = (0.005 * distance, 0.0003 * distance, -0.2 * distance, 0.2 * distance)
+    return frames.pose_parameters(Parameter("shift", "m", *sizes), TURN)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

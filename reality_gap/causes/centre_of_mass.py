@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
-from reality_gap.causes.support import links
+from reality_gap.causes.support import links, typical_scales
 from reality_gap.study.system import System
 
 AXES = ("x", "y", "z")
@@ -21,7 +21,9 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return tuple(Parameter(axis, "m", 0.01, 0.0001, -0.1, 0.1) for axis in AXES)
+    size = typical_scales.link_size(system)
+    sizes = (0.03 * size, 0.002 * size, -0.3 * size, 0.3 * size)
+    return tuple(Parameter(axis, "m", *sizes) for axis in AXES)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -4,18 +4,21 @@ MuJoCo delays commands by at least one time step. A shorter delay is an effect o
 which interpolates linearly and equals MuJoCo's delay at one step, so that the replay is a
 continuous function of the delay. Sensors of one kind share a bus and therefore a delay, as do the
 position and the orientation of a marker. The delay of sensors shifts the record, because other
-causes edit the record; MuJoCo's own sensor delay would act before them.
+causes edit the record; MuJoCo's own sensor delay would act before them. Where efforts are compared
+by inverse dynamics, all of them together are late or early against the positions.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import mujoco
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import elements
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
+from reality_gap.causes.support import efforts, elements
 from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
@@ -23,11 +26,27 @@ FRAMES = tuple(
     int(getattr(mujoco.mjtSensor, f"mjSENS_FRAME{part}"))
     for part in ("POS", "QUAT", "XAXIS", "YAXIS", "ZAXIS")
 )
+SECANTS = (0.03, 0.1)
+"""Delays at which the cause is screened in addition to a small one [s]; the slope at zero points
+the wrong way where a delay also changes how a machine sticks."""
+NEARBY = tuple(sign * size for size in (0.0005, 0.001, 0.002, 0.003, 0.005) for sign in (1.0, -1.0))
+"""Differences from a fitted delay that are tried [s]: a machine that sticks stops elsewhere with
+each step of delay more, and a reading is taken before or after the step of a command."""
+ALONE = -3.0
+"""Log odds of a delay of one actuator or sensor [nats]: delays of a whole bus are usual."""
+EFFORTS = "efforts after positions"
+"""Note of the location of all efforts that are compared by inverse dynamics. Positions may also be
+read after them, so that this delay may be negative."""
+LEAST = 0.6
+"""Delay up to which it is not named, in time steps of the model: an integrator may be late or early
+by half a step, more or less for each kind of sensor."""
 LINEAR = 1
 """MuJoCo's value of ``interp`` for linear interpolation."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
+    if system.study.inverse:
+        return (Location("joint", efforts.joints(system), EFFORTS),)
     kinds = dict.fromkeys(_bus(system, name) for name in system.sensed)
     groups = [tuple(name for name in system.sensed if _bus(system, name) == kind) for kind in kinds]
     actuators = elements.each_actuator(system) + elements.all_actuators(system)
@@ -41,7 +60,16 @@ def _bus(system: System, sensor: str) -> int:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("delay", "s", 0.004, 0.00005, 0.0, 0.3),)
+    if location.note == EFFORTS:
+        both = (*(-s for s in SECANTS), *SECANTS)
+        return (Parameter("delay", "s", 0.004, 0.0001, -0.5, 0.5, hints=SearchHints(secants=both)),)
+    hints = SearchHints(secants=elements.secants(system, location, SECANTS), nearby=NEARBY)
+    least = LEAST * system.model.opt.timestep
+    return (Parameter("delay", "s", 0.004, 0.00005, 0.0, 0.5, hints=hints, least=least),)
+
+
+def _prior(location: Location) -> float:
+    return ALONE if len(location.elements) == 1 and location.note != EFFORTS else 0.0
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
@@ -57,6 +85,9 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     delay = values["delay"]
+    if location.note == EFFORTS:
+        effects.efforts.append(partial(_late_efforts, location.elements, delay))
+        return
     if location.kind == "sensor":
         effects.readings.append(lambda record: _late(record, location.elements, delay))
         return
@@ -70,6 +101,15 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
     if delay < system.model.opt.timestep:
         effects.commands.append(command)
+
+
+def _late_efforts(
+    joints: tuple[str, ...], delay: float, model: mujoco.MjModel, time: Floats, effort: Floats
+) -> None:
+    dofs = [int(model.joint(name).dofadr[0]) for name in joints]
+    then = np.clip(time - delay, time[0], time[-1])
+    # The samples are too far apart for linear interpolation.
+    effort[:, dofs] = CubicSpline(time, effort[:, dofs])(then)
 
 
 def _late(record: Record, sensors: tuple[str, ...], delay: float) -> None:
@@ -88,4 +128,5 @@ CAUSE = Cause(
     parameters=_parameters,
     edit=_edit,
     attach=_attach,
+    prior=_prior,
 )

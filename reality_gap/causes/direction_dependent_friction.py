@@ -38,12 +38,14 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     available = lugre.is_available(system)
     presliding = (lugre.presliding_parameter(system, location),) if available else ()
     if location.kind == "tendon":
+        size = typical_scales.tendon_force(system, location)
+        sizes = (0.03 * size, 0.001 * size, 0.0, 2.0 * size)
         names = ("forward", "backward")
-        return tuple(Parameter(name, "N", 3.0, 0.05, 0.0, 200.0) for name in names) + presliding
+        return tuple(Parameter(name, "N", *sizes) for name in names) + presliding
     unit, size = typical_scales.joint_force(system, location)
-    dry = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
+    dry = (unit, 0.02 * size, 0.001 * size, 0.0, 2.0 * size)
     unit, size = typical_scales.joint_damping(system, location)
-    viscous = (unit, 0.02 * size, 0.0002 * size, 0.0, 2.0 * size)
+    viscous = (unit, 0.02 * size, 0.001 * size, 0.0, 2.0 * size)
     return (
         Parameter("forward", *dry),
         Parameter("backward", *dry),

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import links
+from reality_gap.causes.support import links, typical_scales
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -23,6 +23,8 @@ EDGE = 0.025
 """Time constant of the rise and the fall of the force [s]."""
 STARTS = 48
 """Largest number of onsets from which fits start; there are two per second up to this number."""
+ODDS = -4.0
+"""Log odds of an external force [nats]: it explains a little of anything for some time."""
 EACH = "in each episode"
 """Note of a location where the force acts in each episode."""
 
@@ -45,13 +47,18 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     count = min(STARTS, max(1, round(2 * total)))
     starts = tuple(total * (i + 0.25) / count for i in range(count))
     duration = max(0.4, 0.75 * total / count)
+    size = typical_scales.end_force(system, location.elements[0])
     return (
-        *(Parameter(axis, "N", 5.0, 0.0, -200.0, 200.0) for axis in ("x", "y", "z")),
+        *(Parameter(axis, "N", 0.15 * size, 0.0, -6 * size, 6 * size) for axis in ("x", "y", "z")),
         Parameter("start", "s", 0.2, 0.0, 0.0, total, null=starts[0], hints=SearchHints(starts)),
         Parameter(
             "duration", "s", 0.2, 0.0, 0.05, total, null=duration, hints=SearchHints((duration,))
         ),
     )
+
+
+def _prior(location: Location) -> float:
+    return ODDS
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -110,4 +117,5 @@ CAUSE = Cause(
     parameters=_parameters,
     attach=_attach,
     event=True,
+    prior=_prior,
 )

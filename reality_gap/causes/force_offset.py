@@ -35,9 +35,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         return
     for name in location.elements:
         actuator = spec.actuator(name)
-        if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
-            actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-            actuator.biasprm[:] = 0.0
+        actuators.make_affine(actuator)
         actuator.biasprm[0] += values["force"]
         if np.any(actuator.forcerange):
             actuator.forcerange += values["force"]

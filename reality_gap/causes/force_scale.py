@@ -5,8 +5,11 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
-from reality_gap.causes.support import actuators, elements
+from reality_gap.causes.support import actuators, elements, joint_motors
 from reality_gap.study.system import System
+
+OF_JOINT, OF_TENDON = 0.006, 0.004
+"""Relative standard deviations of the forces of motors of joints and of tendons."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -15,7 +18,9 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("excess", "1", 0.05, 0.002, -0.9, 2.0),)
+    of_joint = joint_motors.is_motor(system.model, system.model.actuator(location.elements[0]).id)
+    tolerance = OF_JOINT if of_joint else OF_TENDON
+    return (Parameter("excess", "1", 0.05, tolerance, -0.9, 2.0),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

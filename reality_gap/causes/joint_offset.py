@@ -3,7 +3,8 @@
 Encoders of tendons are relative and are zeroed at ``qpos0``. Let ``l(d)`` be the nominal length of
 a tendon with the joint displaced by ``d`` from there. If the joint stood at ``-offset`` when the
 encoders were zeroed, a tendon of length ``l`` reads ``l + l(0) - l(-offset)``, which is about its
-length with the joint displaced by ``offset``. The encoder of a joint reads ``offset`` too much.
+length with the joint displaced by ``offset``. The encoder of a joint reads ``offset`` too much; if
+only the zero of the log is wrong, its servo is not affected.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import elements, encoders, lever_arms, servos
+from reality_gap.causes.encoder_scale import READING, has_both
+from reality_gap.causes.support import elements, encoders, lever_arms, servos, typical_scales
 from reality_gap.study.system import System
 
 EVERY = "every joint"
@@ -27,7 +29,9 @@ def _locations(system: System) -> tuple[Location, ...]:
     by_tendons = _joints_with_tendons(system)
     every = by_tendons or tuple(p.elements[0] for p in own)
     group = (Location("model", every, EVERY),) if len(every) > 1 else ()
-    return tuple(own) + tuple(Location("joint", (name,), TENDONS) for name in by_tendons) + group
+    both = [Location("joint", p.elements, READING) for p in own if has_both(system, p)]
+    tendons = [Location("joint", (name,), TENDONS) for name in by_tendons]
+    return (*own, *both, *tendons, *group)
 
 
 def _joints_with_tendons(system: System) -> tuple[str, ...]:
@@ -52,7 +56,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _parameter(system: System, name: str, joint: str) -> Parameter:
     if int(system.model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE):
-        return Parameter(name, "m", 0.003, 0.00003, -0.1, 0.1)
+        _, travel = typical_scales.joint_travel(system, Location("joint", (joint,)))
+        return Parameter(name, "m", 0.03 * travel, 0.0003 * travel, -travel, travel)
     return Parameter(name, "rad", 0.05, 0.0005, -0.6, 0.6)
 
 
@@ -71,7 +76,7 @@ def _errors(
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for encoder, error in _errors(system, location, values):
-        if encoder.actuator:
+        if encoder.actuator and location.note != READING:
             servos.add_reading_error(spec, encoder.actuator, error)
 
 

@@ -1,4 +1,8 @@
-"""Joint stiffness: a spring in a joint, such as that of a cover, a cable loom or a seal."""
+"""Joint stiffness: a spring in a joint, such as that of a cover, a cable loom or a seal.
+
+A spring that the nominal model has may also be too stiff or too soft by a factor, with its own rest
+position.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,23 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import elements, typical_scales
+from reality_gap.causes.support.shared_amounts import BEYOND
 from reality_gap.study.system import System
+
+NOMINAL = "spring of the model"
+"""Note of a location where the stiffness of the nominal spring is wrong."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return elements.each_joint(system)
+    each, stiffness = elements.each_joint(system), system.model.jnt_stiffness
+    sprung = tuple(name for name in system.joints if stiffness[system.model.joint(name).id].any())
+    groups = [(name,) for name in sprung] + ([sprung] if len(sprung) > 1 else [])
+    return each + tuple(Location("joint", names, NOMINAL) for names in groups)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    if location.note == NOMINAL:
+        return (Parameter("excess", "1", 0.2, 0.02, -BEYOND, 20.0),)
     model, joint = system.model, system.model.joint(location.elements[0])
     force, size = typical_scales.joint_force(system, location)
     unit, travel = typical_scales.joint_travel(system, location)
@@ -39,6 +52,11 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     """Combine the new spring and that of the model into one."""
+    if location.note == NOMINAL:
+        for name in location.elements:
+            joint = spec.joint(name)
+            joint.stiffness = joint.stiffness * abs(1 + values["excess"])
+        return
     added = values["stiffness"]
     if not added:
         return

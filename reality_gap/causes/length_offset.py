@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import elements
+from reality_gap.causes.support import elements, typical_scales
 from reality_gap.study.system import System
 
 
@@ -14,7 +14,10 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("offset", "m", 0.001, 0.00003, -0.1, 0.1),)
+    travel = typical_scales.tendon_travel(system)
+    return (
+        Parameter("offset", "m", 0.0133 * travel, 0.0004 * travel, -1.4 * travel, 1.4 * travel),
+    )
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

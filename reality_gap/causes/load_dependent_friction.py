@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
-from reality_gap.causes.support import elements, lugre
+from reality_gap.causes.support import elements, lugre, typical_scales
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -32,17 +32,14 @@ PERIOD = 0.006
 ANGLE_PERIOD = 0.01
 """Time between computations of the bend angles [s]."""
 
-USUAL = 100.0
-"""Typical tension of a tendon under load [N]."""
-
 PULLEY = -2
 """Value of ``wrap_obj`` of a point on a pulley."""
 
 TOUCHING = 1e-9
 """Distance below which two points of a path are one [m]."""
 
-CREEP = 1e-3
-"""Velocity from which on the direction of a tendon's motion is clear [m/s]."""
+CREEP = 0.01
+"""Velocity from which on the direction of a tendon's motion is clear, over its typical velocity."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
@@ -70,15 +67,17 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["coefficient"]:
-        usual, distance = values["coefficient"] * USUAL, lugre.presliding(values, system, location)
+        usual = values["coefficient"] * typical_scales.tendon_force(system, location)
+        distance = lugre.presliding(values, system, location)
         lugre.add_friction(spec, system, CAUSE.id, location, usual, distance)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     names = tuple(system.tendon(name).actuator for name in location.elements)
-    mu = values["coefficient"]
+    mu, usual = values["coefficient"], typical_scales.tendon_force(system, location)
     if not mu:
         return
+    creep = CREEP * typical_scales.tendon_speed(system)
 
     def make(model: mujoco.MjModel) -> Hook:
         tendons = np.array([model.tendon(name).id for name in location.elements])
@@ -90,12 +89,12 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         def hook(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             tension = np.maximum(-gear * data.actuator_force[actuators], 0.0)
             if bends is None:
-                friction.scale(mu * USUAL, tension / USUAL)
+                friction.scale(mu * usual, tension / usual)
                 return
             angle = mu * bends.angle(data)
-            outward = friction.directions(data, data.ten_velocity[tendons], CREEP)
+            outward = friction.directions(data, data.ten_velocity[tendons], creep)
             share = np.sinh(angle) + outward * (np.cosh(angle) - 1)
-            friction.scale(mu * USUAL, share * tension / (mu * USUAL))
+            friction.scale(mu * usual, share * tension / (mu * usual))
 
         return hook
 

@@ -9,11 +9,10 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
-from reality_gap.causes.support import frames
+from reality_gap.causes.support import frames, typical_scales
 from reality_gap.causes.support.new_elements import add_site
 from reality_gap.study.system import System
 
-SHIFT = Parameter("shift", "m", 0.003, 0.0001, -0.1, 0.1)
 TURN = Parameter("turn", "rad", 0.03, 0.0005, -0.6, 0.6)
 
 _OBJ = mujoco.mjtObj
@@ -38,7 +37,9 @@ def _marker(system: System, sensor: str) -> Location | None:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     turned = any(_marker(system, s) == location for s in frames.orientation_sensors(system))
-    return frames.pose_parameters(SHIFT, TURN if turned else None)
+    size = typical_scales.link_size(system)
+    shift = Parameter("shift", "m", 0.0085 * size, 0.0003 * size, -0.3 * size, 0.3 * size)
+    return frames.pose_parameters(shift, TURN if turned else None)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -18,7 +18,13 @@ from functools import partial
 import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import encoder_zero, lever_arms, obstacles, tendon_paths
+from reality_gap.causes.support import (
+    encoder_zero,
+    lever_arms,
+    obstacles,
+    tendon_paths,
+    typical_scales,
+)
 from reality_gap.causes.support.new_elements import add_geom, add_site
 from reality_gap.causes.support.obstacles import Obstacle
 from reality_gap.study.system import System
@@ -29,8 +35,9 @@ SIDE = 1.5
 SHARES = (0.15, 0.4, 1.0)
 """Radii from which fits start, as shares between the touching (0) and the typical radius (1). The
 effect is not linear: a larger object touches the tendon at more postures."""
-LENGTH = 0.01
-"""Half of a cylinder's length in pictures [m]; for tendons it is infinitely long."""
+LENGTH = 0.28
+"""Half of a cylinder's length in pictures over the lever arm of tendons; for tendons it is
+infinitely long."""
 
 
 def _location(obstacle: Obstacle) -> Location:
@@ -69,7 +76,7 @@ def _geometry(spec: mujoco.MjSpec, system: System, location: Location, values: V
         type=SHAPES[over.shape],
         pos=over.pos,
         quat=over.quat,
-        size=[radius, LENGTH, 0.0],
+        size=[radius, LENGTH * typical_scales.lever_arm(system), 0.0],
         mass=0.0,
         contype=0,
         conaffinity=0,

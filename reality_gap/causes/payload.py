@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
-from reality_gap.causes.support import links
+from reality_gap.causes.support import links, machine_size, typical_scales
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
-RADIUS = 0.01
-"""Radius of the ball [m], which determines its inertia only."""
+RADIUS = 0.03
+"""Radius of the ball over the size of the largest link; it determines the ball's inertia only."""
 
 _WRAP = mujoco.mjtWrap
 
@@ -68,7 +68,8 @@ def _point(system: System, location: Location) -> Floats:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("mass", "kg", 0.1, 0.001, 0.0, 20.0),)
+    size = typical_scales.end_force(system, location.elements[0]) / machine_size.GRAVITY
+    return (Parameter("mass", "kg", 0.03 * size, 0.0003 * size, 0.0, 6 * size),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
@@ -77,7 +78,8 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
     holder = spec.body(location.elements[0])
     ball = holder.add_body(name=f"payload_of_{holder.name}", pos=_point(system, location))
     ball.mass, ball.ipos = values["mass"], np.zeros(3)
-    ball.inertia = np.full(3, 0.4 * values["mass"] * RADIUS**2)
+    radius = RADIUS * typical_scales.link_size(system)
+    ball.inertia = np.full(3, 0.4 * values["mass"] * radius**2)
     ball.explicitinertial = True
 
 

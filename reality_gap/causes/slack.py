@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
-from reality_gap.causes.support import actuators, elements, encoders
+from reality_gap.causes.support import actuators, elements, encoders, typical_scales
 from reality_gap.study.system import ActuatedTendon, System
 from reality_gap.types import Floats
 
@@ -30,9 +30,22 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    travel = typical_scales.tendon_travel(system)
+    force = typical_scales.tendon_force(system, location)
+    usual = 0.6 * force
+    hints = SearchHints(secants=elements.secants(system, location, (0.07 * travel,)))
     return (
-        Parameter("slack", "m", 0.001, 1e-5, 0.0, 0.05),
-        Parameter("tension", "N", 20.0, 0.0, 5.0, 300.0, null=60.0, hints=SearchHints((60.0,))),
+        Parameter("slack", "m", 0.0133 * travel, 0.00013 * travel, 0.0, 0.7 * travel, hints=hints),
+        Parameter(
+            "tension",
+            "N",
+            0.2 * force,
+            0.0,
+            0.05 * force,
+            3.0 * force,
+            null=usual,
+            hints=SearchHints((usual,)),
+        ),
     )
 
 

@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import actuators, elements
+from reality_gap.causes.support import actuators, elements, typical_scales
 from reality_gap.study.system import ActuatedTendon, System, column
 from reality_gap.types import Floats
 
@@ -34,7 +34,8 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("compliance", "m/N", 3e-6, 5e-8, 0.0, 2e-4),)
+    soft = typical_scales.tendon_travel(system) / typical_scales.tendon_force(system, location)
+    return (Parameter("compliance", "m/N", 0.004 * soft, 7e-5 * soft, 0.0, 0.27 * soft),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import elements
+from reality_gap.causes.support import elements, typical_scales
 from reality_gap.study.system import System
 
 
@@ -12,7 +12,8 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("offset", "N", 5.0, 0.2, -200.0, 200.0),)
+    size = typical_scales.tendon_force(system, location)
+    return (Parameter("offset", "N", 0.05 * size, 0.002 * size, -2.0 * size, 2.0 * size),)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:

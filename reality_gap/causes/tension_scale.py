@@ -14,7 +14,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("scale", "1", 0.05, 0.001, -0.9, 2.0),)
+    return (Parameter("scale", "1", 0.05, 0.003, -0.9, 2.0),)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:

@@ -1,11 +1,13 @@
-"""Viscous friction of a tendon or joint."""
+"""Viscous friction of a tendon or joint; a negative value takes away what the nominal model has."""
 
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
-from reality_gap.causes.support import elements, typical_scales
+from reality_gap.causes.support import elements, shared_amounts, typical_scales
+from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
 from reality_gap.study.system import System
 
 NOMINAL_ERROR = 0.04
@@ -13,22 +15,40 @@ NOMINAL_ERROR = 0.04
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return elements.each_tendon(system) + elements.all_tendons(system) + elements.each_joint(system)
+    of_tendons = elements.each_tendon(system) + elements.all_tendons(system)
+    every = shared_amounts.all_joints(system, system.model.dof_damping)
+    return of_tendons + elements.each_joint(system) + every
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    if location.note == FACTOR:
+        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -BEYOND, 20.0),)
     if location.kind == "tendon":
-        return (Parameter("damping", "N s/m", 20.0, 1.5, 0.0, 5000.0),)
-    unit, size = typical_scales.joint_damping(system, location)
-    nominal = float(system.model.joint(location.elements[0]).damping[0])
+        force = typical_scales.tendon_force(system, location)
+        size = force / typical_scales.tendon_speed(system)
+        ids = [system.model.tendon(name).id for name in location.elements]
+        low = -BEYOND * float(np.min(system.model.tendon_damping[ids]))
+        return (Parameter("damping", "N s/m", 0.02 * size, 0.0015 * size, low, 5.0 * size),)
+    unit, size = min(
+        typical_scales.joint_damping(system, Location("joint", (name,)))
+        for name in location.elements
+    )
+    nominal = shared_amounts.least(system, location, system.model.dof_damping)
     tolerance = max(0.001 * size, NOMINAL_ERROR * nominal)
-    return (Parameter("damping", unit, 0.02 * size, tolerance, 0.0, 2.0 * size),)
+    return (Parameter("damping", unit, 0.02 * size, tolerance, -BEYOND * nominal, 2.0 * size),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
-    for name in location.elements:
-        element = spec.tendon(name) if location.kind == "tendon" else spec.joint(name)
-        element.damping[0] += values["damping"]
+    if location.kind == "tendon":
+        for name in location.elements:
+            tendon = spec.tendon(name)
+            tendon.damping[0] = abs(tendon.damping[0] + values["damping"])
+        return
+    nominal = system.model.dof_damping
+    added = shared_amounts.amounts(system, location, nominal, "damping", values)
+    for name, amount in added.items():
+        joint = spec.joint(name)
+        joint.damping[0] = max(0.0, joint.damping[0] + amount)
 
 
 CAUSE = Cause(

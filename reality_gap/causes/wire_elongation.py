@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
-from reality_gap.causes.support import elements, encoders
+from reality_gap.causes.support import elements, encoders, typical_scales
 from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
@@ -33,12 +33,13 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    total = system.study.duration
+    total, travel = system.study.duration, typical_scales.tendon_travel(system)
     if location.note == SLOWLY:
-        return (Parameter("rate", "m/s", 0.001 / total, 1e-5 / total, -0.02 / total, 0.05 / total),)
+        per = travel / total
+        return (Parameter("rate", "m/s", 0.0133 * per, 1.3e-4 * per, -0.3 * per, 0.7 * per),)
     starts = tuple(total * (i + 0.5) / STARTS for i in range(STARTS))
     return (
-        Parameter("elongation", "m", 0.001, 0.0, -0.02, 0.05),
+        Parameter("elongation", "m", 0.0133 * travel, 0.0, -0.3 * travel, 0.7 * travel),
         Parameter("time", "s", 0.1, 0.0, 0.0, total, null=starts[0], hints=SearchHints(starts)),
     )
 

@@ -18,16 +18,20 @@ from reality_gap.types import Floats
 
 TEMPER = 3.2
 """T, by which evidence is divided: result of `gap-calibrate --trials 50 --seed 0`."""
+MIMICRY = 0.5
+"""Probability that a cause is wrong beside unknown causes with much more evidence."""
 
 
-def probabilities(base: float, fits: Sequence[Fit]) -> Floats:
+def probabilities(base: float, fits: Sequence[Fit], misfit: float = 1.0) -> Floats:
     """Return the probability of each fit against the others and against ``base``, shape (k,).
 
     Args:
         base: evidence of the hypothesis without any of the candidates [nats].
         fits: fits of that hypothesis with one candidate more each.
+        misfit: mean square of what the best hypothesis leaves [noise^2]. The likelihood of errors
+            that are larger than the noise is narrower than it should be, by this factor.
     """
-    return tempered(np.array([f.evidence for f in fits]) - base, TEMPER)
+    return tempered(np.array([f.evidence for f in fits]) - base, TEMPER * max(1.0, misfit))
 
 
 def unmodelled(named: float, learned: float) -> float:
@@ -40,6 +44,23 @@ def unmodelled(named: float, learned: float) -> float:
         learned: evidence of the learned residual in their place [nats].
     """
     return float(tempered(np.array([learned - named]), TEMPER)[0])
+
+
+def doubt_of_partial(named: float, left: float, instead: float) -> float:
+    """Return the probability that causes are wrong that leave a part of the gap.
+
+    They are wrong if an unknown cause has the whole effect, so that what is learned of the whole
+    gap is compared with the causes and what is learned of their remainder. An unknown cause that
+    certainly exists, since it leaves errors, may also have a part of the effect of a named one. The
+    more it leaves, the likelier that is.
+
+    Args:
+        named: evidence of the named causes [nats].
+        left: evidence of the learned residual of their remainder [nats].
+        instead: evidence of the learned residual in their place [nats].
+    """
+    share = left / (named + left) if named + left > 0.0 else 1.0
+    return max(unmodelled(named + left, instead), MIMICRY * share)
 
 
 def tempered(evidence: Floats, temper: float) -> Floats:

@@ -45,7 +45,11 @@ class Alternatives:
 
 
 def alternatives(
-    result: Search, settings: Settings, retry: bool = True
+    result: Search,
+    settings: Settings,
+    retry: bool = True,
+    refused: Sequence[Candidate] = (),
+    misfit: float = 1.0,
 ) -> tuple[Alternatives, ...]:
     """Try other candidates in the place of each cause of the best hypothesis.
 
@@ -53,6 +57,8 @@ def alternatives(
         result: the result of the search.
         settings: thresholds of the search.
         retry: whether to fit candidates beside causes beside which the search tried none.
+        refused: candidates that are no alternatives, for they were dropped.
+        misfit: see `probabilities`.
     """
     problem, best = result.problem, result.best
     found = []
@@ -66,9 +72,9 @@ def alternatives(
             tried = fit_next(problem, result.sensitivities, without, settings.refits)
         else:
             without, tried = null_fit(problem), ()
-        fits = _with_best(problem, tried, best, candidate)
+        fits = _with_best(problem, tried, best, [candidate, *refused])
         floor = rescore(problem, without).evidence
-        chances = probabilities(floor, fits)
+        chances = probabilities(floor, fits, misfit)
         found.append(
             Alternatives(
                 candidate=candidate,
@@ -84,10 +90,21 @@ def alternatives(
 
 
 def _with_best(
-    problem: Problem, tried: Sequence[Fit], best: Fit, candidate: Candidate
+    problem: Problem, tried: Sequence[Fit], best: Fit, excluded: Sequence[Candidate]
 ) -> tuple[Fit, ...]:
-    """Return the fits with the best hypothesis in place of its own earlier fit, best first."""
-    others = [rescore(problem, f) for f in tried if not f.candidates[-1].matches(candidate)]
+    """Return the best hypothesis and the fits of other candidates, each once, best first.
+
+    Args:
+        problem: what is to be explained.
+        tried: fits with one candidate more each.
+        best: the best hypothesis.
+        excluded: its own candidate, of which there may be an earlier fit, and others to leave out.
+    """
+    others = list[Fit]()
+    for one in sorted((rescore(problem, f) for f in tried), key=lambda f: -f.evidence):
+        last, known = one.candidates[-1], [other.candidates[-1] for other in others]
+        if not any(last.matches(other) for other in (*excluded, *known)):
+            others.append(one)
     return tuple(sorted([rescore(problem, best), *others], key=lambda f: -f.evidence))
 
 

@@ -22,8 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from reality_gap.causes.base import Record
+from reality_gap.causes.support import typical_scales
+from reality_gap.causes.support.machine_size import dof, machine_size
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.unmodelled_forces import FORCE, unmodelled_force
+from reality_gap.inference.unmodelled_forces import unit_force, unmodelled_force
 from reality_gap.simulation.hypothesis import Hypothesis, build
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
@@ -37,8 +39,10 @@ BUMPS = 8
 """Number of positions along the range at which the direction of motion may matter."""
 EDGES = (0.8, 0.9, 0.96)
 """Shares of the range from which on there may be an obstacle, from either end."""
-PITCH = 0.003
-"""Shortest wave over the length of a tendon [m]."""
+PITCH = 0.0415
+"""Shortest wave over the length of a tendon, over the typical travel of tendons."""
+STILL = 1e-3
+"""Travel of a joint that stands still, over half of its range."""
 MOST = 200
 """Largest number of replays; with many joints there are fewer waves."""
 MOST_CHANNELS = 20
@@ -128,7 +132,8 @@ def _errors(replayer: Replayer, records: Sequence[Record]) -> list[Bank]:
 
 
 def _moving(system: System, records: Sequence[Record]) -> list[str]:
-    return [name for name in system.joints if _travel(records, name) > 1e-3]
+    half = machine_size(system).travel
+    return [n for n in system.joints if _travel(records, n) > STILL * half[dof(system, n)]]
 
 
 def _wave_count(moving: Sequence[str]) -> int:
@@ -145,15 +150,15 @@ def _forces(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> 
     moving = _moving(system, records)
     forces = {
         f"position of {name}": [
-            unmodelled_force("joint", name, records, series)
+            unmodelled_force(system, "joint", name, records, series)
             for series in _functions(records, name, _wave_count(moving))
         ]
         for name in moving
     }
-    along = {tendon: _by_length(records, tendon, len(system.tendons)) for tendon in system.tendons}
+    along = {tendon: _by_length(system, records, tendon) for tendon in system.tendons}
     for tendon, series in along.items():
         forces[f"length of {tendon.name}"] = [
-            unmodelled_force("tendon", tendon.name, records, one) for one in series
+            unmodelled_force(system, "tendon", tendon.name, records, one) for one in series
         ]
     trials = [[*quick, (one, {"size": 1.0})] for some in forces.values() for one in some]
     moved = iter(replayer.residuals(trials, replayer.coarse))
@@ -173,13 +178,14 @@ def _bank(name: str, columns: Sequence[Floats]) -> Bank:
 
 
 def _by_length(
-    records: Sequence[Record], tendon: ActuatedTendon, tendons: int
+    system: System, records: Sequence[Record], tendon: ActuatedTendon
 ) -> list[list[Floats]]:
-    """Return series of force by episode, in units of `FORCE`: waves over the length of a tendon."""
+    """Return series of force by episode, in units of `unit_force`: waves over a tendon's length."""
     at = records[0].model.tendon(tendon.name).id
     length = [r.length[:, at] for r in records]
     travel = float(np.ptp(np.concatenate(length)))
-    count = min(int(travel / PITCH), MOST // (2 * tendons))
+    shortest = PITCH * typical_scales.tendon_travel(system)
+    count = min(int(travel / shortest), MOST // (2 * len(system.tendons)))
     if count < 2:
         return []
     phase = [2 * np.pi * x / travel for x in length]
@@ -191,7 +197,7 @@ def _tension_readings(
 ) -> Floats:
     """Return what a force on a tendon adds to the readings of its tension (n,) [noise]."""
     measured, study = replayer.measured, replayer.system.study
-    force = FORCE["tendon"] * np.concatenate(series)
+    force = unit_force(replayer.system, "tendon", tendon.name) * np.concatenate(series)
     time = np.concatenate([r.time for r in records])
     start = np.array([r.time[0] for r in records])[measured.episode]
     added = np.interp(measured.time + start, time, force)
@@ -207,7 +213,7 @@ def _travel(records: Sequence[Record], joint: str) -> float:
 
 
 def _functions(records: Sequence[Record], joint: str, waves: int) -> list[list[Floats]]:
-    """Return series of torque by episode, in units of `FORCE`.
+    """Return series of torque by episode, in units of `unit_force`.
 
     They are waves over the range of the joint, ramps near its ends, and bumps whose sign is that of
     the direction of motion.

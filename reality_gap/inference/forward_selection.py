@@ -57,6 +57,10 @@ class Settings:
         """
         return replace(self, further=self.further * max(1.0, seconds / LONG))
 
+    def needed(self, evidence: float) -> float:
+        """Return what a further cause must add to causes of this evidence [nats]."""
+        return max(self.further, self.root * max(evidence, 0.0) ** 0.5)
+
 
 @dataclass(frozen=True)
 class Step:
@@ -183,7 +187,7 @@ def _accept(base: Fit, best: Fit, settings: Settings) -> bool:
     if base.is_null:
         return best.evidence > settings.threshold
     more = best.evidence - base.evidence
-    return more > max(settings.further, settings.root * base.evidence**0.5)
+    return more > settings.needed(base.evidence)
 
 
 def revise(result: Search, settings: Settings) -> Search:

@@ -22,6 +22,7 @@ from reality_gap.inference.evidence import complexity
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import (
     free_parameters,
+    is_tolerable,
     prior_weights,
     theta_bounds,
     to_theta,
@@ -259,8 +260,13 @@ def _is_finite(residual: Floats) -> bool:
 
 
 def start_penalty(candidate: Candidate) -> float:
-    """Return the penalty for selecting one of several starts, as the time of an event [nats]."""
-    return float(sum(np.log(len(p.hints.starts)) for p in candidate.parameters if p.hints.starts))
+    """Return the penalty of a candidate before any data [nats].
+
+    It is that for selecting one of several starts, as the time of an event, and the log odds
+    against the cause.
+    """
+    starts = (p.hints.starts for p in candidate.parameters if p.hints.starts)
+    return float(sum(np.log(len(s)) for s in starts) - candidate.cause.prior(candidate.location))
 
 
 def rescore(problem: Problem, fitted: Fit) -> Fit:
@@ -274,4 +280,6 @@ def rescore(problem: Problem, fitted: Fit) -> Fit:
     flat = np.array([bool(p.hints.starts) for _, p in free], dtype=bool)
     penalty = complexity(columns.T @ columns, fitted.theta, cause, flat)
     evidence = quality - penalty - sum(start_penalty(one) for one in fitted.candidates)
+    if any(is_tolerable(candidate, values) for candidate, values in fitted.hypothesis):
+        evidence = min(evidence, 0.0)
     return replace(fitted, evidence=evidence)

@@ -15,9 +15,9 @@ import numpy as np
 from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Estimate, FittedCandidate, NamedCause
 from reality_gap.inference.groups import Group, find_groups, noise_at_rest, positions_at
-from reality_gap.inference.held_out import pays, score
+from reality_gap.inference.held_out import score
+from reality_gap.inference.paying import at_bound
 from reality_gap.inference.static_fit import ROUNDS, StaticFit, fit_at_rest
-from reality_gap.inference.verdict import at_bound
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.simulation.statics import Statics
@@ -108,7 +108,8 @@ def fit_groups(
     after = power(replayer.measured, residual)
     if not after < BETTER * before or at_bound(found.hypothesis):
         return None
-    if not pays(score(replayer.system.study, replayer.measured, best, residual).improvement):
+    scored = score(replayer.system.study, replayer.measured, best, residual)
+    if scored.improvement.low <= 0.0:
         return None
     evidence = [_evidence(fitter, found, group, after) for group in groups]
     named = [_name(g, found, nats) for g, nats in zip(groups, evidence, strict=True)]
@@ -190,7 +191,7 @@ def _fitted_candidates(
 ) -> tuple[FittedCandidate, ...]:
     values: dict[Candidate, dict[str, float]] = {s: dict(v) for s, v in found.hypothesis}
     return tuple(
-        FittedCandidate(candidate, values[candidate], nats, _confidence(nats), step, chosen=True)
+        FittedCandidate(candidate, values[candidate], nats, _confidence(nats), step, True, nats)
         for step, (group, nats) in enumerate(zip(groups, evidence, strict=True))
         for candidate in group.candidates
     )

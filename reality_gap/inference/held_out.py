@@ -10,7 +10,6 @@ from reality_gap.diagnosis import Gain
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import prior_weights
-from reality_gap.inference.whitening import explained_by_tolerances
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, rough_noise
 from reality_gap.study.splits import BLOCK, REPORT, split
@@ -51,7 +50,7 @@ def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Sc
         before, after: residuals without and with an extension in units of noise, shape (n,).
     """
     use = split(measured) == REPORT
-    floor = np.minimum(1.0, rough_noise(study) / _noise(study, measured))[measured.channel[use]]
+    floor = np.minimum(1.0, rough_noise(study)[measured.channel] / measured.noise)[use]
     block = _blocks(measured, use)
     sums: Floats = np.column_stack(
         [
@@ -71,44 +70,6 @@ def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Sc
     unexplained = float(np.clip((last**2 - low**2) / power, 0.0, 1.0)) if power > 0 else 0.0
     improvement = _with_interval(first - last, samples[:, 0] - samples[:, 1])
     return Score(first, last, low, gain, unexplained, improvement)
-
-
-def likelihood_gain(problem: Problem, after: Floats) -> Gain:
-    """Return the gain in log likelihood of the report split, given the other splits [nats].
-
-    Both residuals are compared after subtracting what the tolerances of the nominal model explain,
-    as inferred from the other splits: the RMS of a faint fault is often below that of tolerances.
-
-    Args:
-        problem: what is to be explained; its noise model holds the tolerances.
-        after: residual with the extension in units of sensor noise, shape (n,).
-    """
-    measured, noise_model = problem.measured, problem.noise_model
-    use = split(measured) == REPORT
-
-    def remaining(residual: Floats) -> Floats:
-        return residual - explained_by_tolerances(
-            noise_model.tolerances, noise_model.inflation, ~use, residual
-        )
-
-    before = remaining(problem.null_residual)
-    gain = 0.5 * (before**2 - remaining(after) ** 2) / noise_model.inflation
-    sums = np.bincount(_blocks(measured, use), gain[use])
-    return _with_interval(float(sums.sum()), sums[_resamples(len(sums))].sum(axis=1))
-
-
-def pays(improvement: Gain, likelihood: Gain | None = None) -> bool:
-    """Return whether an extension surely predicts held-out readings better than the study's model.
-
-    The interval of the RMS or of the likelihood must lie above zero, and the RMS must not surely be
-    worse.
-
-    Args:
-        improvement: decrease of the RMS; see `Score`.
-        likelihood: gain in log likelihood [nats], if known.
-    """
-    better = improvement.low > 0.0 or (likelihood is not None and likelihood.low > 0.0)
-    return better and improvement.high > 0.0
 
 
 def selection_score(problem: Problem, fitted: Fit) -> float:
@@ -157,12 +118,3 @@ def _rms(sums: Floats) -> tuple[float, float, float]:
         float(np.sqrt(after / count)),
         float(np.sqrt(floor / count)),
     )
-
-
-def _noise(study: Study, measured: Measured) -> Floats:
-    noise = np.ones(len(study.channels))
-    for c in range(len(study.channels)):
-        at = measured.channel == c
-        if at.any():
-            noise[c] = measured.noise[at][0]
-    return noise

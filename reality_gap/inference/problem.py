@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from reality_gap.inference.likelihood import NoiseModel
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
@@ -38,3 +40,8 @@ class Problem:
     def inflated(self, remainder: Floats) -> Problem:
         """Return the problem with the noise model inflated; see `NoiseModel.inflated`."""
         return replace(self, noise_model=self.noise_model.inflated(remainder))
+
+    def reinflated(self, remainder: Floats) -> Problem:
+        """Return the problem with the noise model inflated by this remainder alone."""
+        plain = replace(self.noise_model, inflation=np.ones(len(remainder)))
+        return replace(self, noise_model=plain.inflated(remainder))

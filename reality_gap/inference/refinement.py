@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from reality_gap.inference.event_times import search_times
 from reality_gap.inference.gauss_newton import (
     Fit,
     Stepwise,
@@ -40,6 +41,8 @@ FAINT = 0.02
 """Share of the best evidence below which far starts are not tried."""
 FAR_FITS = 2
 """How many of the far starts are fitted."""
+NEARBY_FITS = 2
+"""How many of the nearby values are fitted."""
 WORTH = 0.4
 """Share of the best evidence from which on a candidate is fitted fully."""
 MORE_STICKY = 5
@@ -74,8 +77,7 @@ def fit_next(
     least = floor + FAINT * _most(quick, floor)
     quick = run_together(problem.replayer, [_fit_far(problem, one, least) for one in quick])
     least = floor + WORTH * _most(quick, floor)
-    first = len(base.hypothesis)
-    done = run_together(problem.replayer, [_finish(problem, one, least, first) for one in quick])
+    done = run_together(problem.replayer, [_finish(problem, one, least, base) for one in quick])
     return tuple(sorted(done, key=lambda f: -f.evidence))
 
 
@@ -149,7 +151,8 @@ def _quick_fit(problem: Problem, chosen: Ranked, base: Fit) -> Stepwise[_QuickFi
     change = fitted.theta - np.r_[base.theta, np.zeros(len(parameters))]
     linear = base.residual - slopes @ change
     misfit = 0.5 * float(np.sum(whiten(fitted.residual - linear) ** 2))
-    return _QuickFit(fitted, len(sensitivity.names) == len(parameters), misfit)
+    known = {*sensitivity.names, *(p.name for p in parameters if p.hints.shape)}
+    return _QuickFit(fitted, len(known) == len(parameters), misfit)
 
 
 def _fit_far(problem: Problem, quick: _QuickFit, least: float) -> Stepwise[_QuickFit]:
@@ -171,13 +174,40 @@ def _fit_far(problem: Problem, quick: _QuickFit, least: float) -> Stepwise[_Quic
     return quick._replace(fit=best)
 
 
-def _finish(problem: Problem, quick: _QuickFit, least: float, first: int) -> Stepwise[Fit]:
+def _finish(problem: Problem, quick: _QuickFit, least: float, base: Fit) -> Stepwise[Fit]:
     """Return the full fit, or the quick one if its evidence is below ``least``."""
     if quick.fit.evidence < least:
         return quick.fit
+    if quick.candidate.cause.event:
+        full = yield from fit_stepwise(problem, quick.fit.hypothesis)
+        return (yield from search_times(problem, full, base))
     if quick.complete:
-        return (yield from resize_stepwise(problem, quick.fit, first))
-    return (yield from fit_stepwise(problem, quick.fit.hypothesis))
+        full = yield from resize_stepwise(problem, quick.fit, len(base.hypothesis))
+    else:
+        full = yield from fit_stepwise(problem, quick.fit.hypothesis)
+    return (yield from _fit_nearby(problem, full))
+
+
+def _fit_nearby(problem: Problem, old: Fit) -> Stepwise[Fit]:
+    """Return the fit, or a better one from nearby values of the last candidate."""
+    *rest, (candidate, values) = old.hypothesis
+    starts: list[Hypothesis] = [
+        [
+            *rest,
+            (candidate, dict(values) | {p.name: float(np.clip(values[p.name] + d, p.low, p.high))}),
+        ]
+        for p in candidate.parameters
+        for d in p.hints.nearby
+    ]
+    if not starts:
+        return old
+    residuals = yield starts
+    costs = [_cost(problem, residual) for residual in residuals]
+    best = old
+    for i in np.argsort(costs)[:NEARBY_FITS]:
+        other = yield from fit_stepwise(problem, starts[i])
+        best = max(best, other, key=lambda f: f.evidence)
+    return best
 
 
 def _cost(problem: Problem, residual: Floats) -> float:
@@ -206,9 +236,10 @@ def _start(problem: Problem, chosen: Ranked, base: Fit) -> Stepwise[Hypothesis]:
     if costs[0] < min(limit, costs[1]):
         return trials[0]
     more = [beside_base(sensitivity.values(size * theta)) for size in OTHER_SIZES]
-    if len(candidate.parameters) == 1:
-        [p] = candidate.parameters
-        more += [beside_base({p.name: x}) for x in (*p.hints.starts, *p.hints.secants)]
+    for p in candidate.parameters:
+        alone = p.hints.starts if len(candidate.parameters) == 1 else ()
+        values = sensitivity.fixed | {p.name: p.null}
+        more += [beside_base(values | {p.name: x}) for x in (*alone, *p.hints.secants)]
     costs += [_cost(problem, residual) for residual in (yield more)]
     return [*trials, *more][int(np.argmin(costs))]
 

@@ -38,6 +38,7 @@ class Remainder:
         depends_on: single quantities that explain most of the remainder, strongest first.
         before, after: RMS on the report split of the residuals of the nominal model and of the
             hypothesis, without what tolerances explain, in units of noise.
+        explained: RMS of what tolerances explain of the hypothesis's residual there [noise].
     """
 
     learned: Learned
@@ -45,6 +46,7 @@ class Remainder:
     depends_on: tuple[Dependence, ...]
     before: float
     after: float
+    explained: float = 0.0
 
 
 def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
@@ -73,7 +75,8 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
 
     before, after = remaining(problem.null_residual), remaining(fitted.residual)
     depends_on = dependences(problem.replayer, after, records)
-    return Remainder(learned, instead, depends_on, rms(before), rms(after))
+    explained = rms(fitted.residual - after)
+    return Remainder(learned, instead, depends_on, rms(before), rms(after), explained)
 
 
 def dependences(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause
+from reality_gap.causes.base import Cause, Parameter
 from reality_gap.inference.checkpoint import Checkpoint, Columns
 from reality_gap.inference.theta import theta_bounds
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
@@ -159,12 +159,13 @@ def _trials(candidate: Candidate) -> list[_Trial]:
     """Return which parameters to change, and at which values of the others.
 
     A parameter with starts is fixed at each of them while the others change. If it is the only one,
-    the secants to its starts are taken. Secants of an only parameter are taken in addition.
+    the secants to its starts are taken. The secants of a parameter are taken in addition, with the
+    first start of each other one.
     """
     with_starts = [p for p in candidate.parameters if p.hints.starts]
     free = [p for p in candidate.parameters if not p.hints.starts]
     if len(candidate.parameters) == len(with_starts) == 1:
-        return _secants(candidate, with_starts[0].hints.starts)
+        return _secants(candidate, with_starts[0], with_starts[0].hints.starts)
     if not free:
         free, with_starts = with_starts, []
     names, values = tuple(p.name for p in free), tuple(p.null + STEP * p.scale for p in free)
@@ -173,12 +174,13 @@ def _trials(candidate: Candidate) -> list[_Trial]:
     for starts in product(*(p.hints.starts for p in with_starts)):
         fixed = dict(zip((p.name for p in with_starts), starts, strict=True))
         trials.append(_Trial(candidate, nulls | fixed, names, values))
-    if len(candidate.parameters) == 1:
-        trials += _secants(candidate, candidate.parameters[0].hints.secants)
+    for p in candidate.parameters:
+        trials += _secants(candidate, p, p.hints.secants)
     return trials
 
 
-def _secants(candidate: Candidate, values: Sequence[float]) -> list[_Trial]:
-    """Return trials of the only parameter of a candidate at some values."""
-    [p] = candidate.parameters
-    return [_Trial(candidate, {p.name: p.null}, (p.name,), (value,)) for value in values]
+def _secants(candidate: Candidate, p: Parameter, values: Sequence[float]) -> list[_Trial]:
+    """Return trials of one parameter of a candidate at some values."""
+    first = {q.name: q.hints.starts[0] for q in candidate.parameters if q.hints.starts}
+    fixed = candidate.null_values() | first | {p.name: p.null}
+    return [_Trial(candidate, fixed, (p.name,), (value,)) for value in values]

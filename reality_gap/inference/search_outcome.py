@@ -7,23 +7,34 @@ from dataclasses import replace
 
 import numpy as np
 
-from reality_gap.diagnosis import Experiment, FittedCandidate, NamedCause, Verdict
-from reality_gap.inference.confidence import unmodelled
+from reality_gap.diagnosis import (
+    Criterion,
+    Experiment,
+    FittedCandidate,
+    NamedCause,
+    Rejected,
+    Share,
+    Verdict,
+)
+from reality_gap.inference.confidence import doubt_of_partial, unmodelled
 from reality_gap.inference.equivalence import Alternatives, alternatives
 from reality_gap.inference.forward_selection import Search
-from reality_gap.inference.held_out import likelihood_gain, pays, score, selection_score
+from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.held_out import Score, score, selection_score
 from reality_gap.inference.intervals import intervals
 from reality_gap.inference.next_experiment import next_experiment
 from reality_gap.inference.outcome import Outcome
+from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder
-from reality_gap.inference.verdict import Options, decide, objection
+from reality_gap.inference.verdict import Options, decide, judge
+from reality_gap.inference.waterfall import waterfall
 from reality_gap.study.splits import REPORT, split
 from reality_gap.types import Floats
 
 
 def search_outcome(
-    result: Search,
+    paying: Paying,
     remainder: Remainder,
     not_judged: tuple[tuple[str, str], ...],
     options: Options,
@@ -33,55 +44,99 @@ def search_outcome(
     Causes that are not named are not built into a model.
 
     Args:
-        result: the causes that were found.
+        paying: the causes that were found and pay.
         remainder: what they leave.
         not_judged: ids of causes that were not judged, each with the reason.
         options: thresholds.
     """
+    judged = judge(paying, remainder, options)
+    verdict = decide(paying, judged)
+    named = verdict.has_names
+    result = paying.result if named else replace(paying.result, best=paying.attempt)
     problem, best = result.problem, result.best
     study, measured, null = problem.system.study, problem.measured, problem.null_residual
     tried = score(study, measured, null, best.residual)
-    likelihood = likelihood_gain(problem, best.residual)
-    paying = pays(tried.improvement, likelihood)
-    verdict = decide(result, remainder, paying, options)
-    named = verdict is Verdict.NAMED
-    doubt = None if best.is_null else unmodelled(best.evidence, remainder.instead.evidence)
+    doubt = None if best.is_null else _doubt(best, remainder, verdict)
+    refused = [one.candidate for one in paying.dropped] if named else []
+    misfit = remainder.after**2 if verdict is Verdict.PARTLY_NAMED else 1.0
     fitted = tuple(
         replace(one, confidence=(1.0 - (doubt or 0.0)) * one.confidence)
-        for one in alternatives(result, options.search, named)
+        for one in alternatives(result, options.search, named, refused, misfit)
     )
     scored = tried if named else score(study, measured, null, null)
+    causes = _named_causes(paying, fitted) if named else ()
+    steps = _waterfall(paying, causes, scored) if named else ()
     return Outcome(
         verdict=verdict,
         hypothesis=best.hypothesis if named else [],
         residual=best.residual if named else null,
         score=scored,
-        causes=_named_causes(result, fitted) if named else (),
+        causes=tuple(replace(c, share=s) for c, s in zip(causes, steps[1:], strict=True)),
         fitted_candidates=_fitted_candidates(problem, fitted),
         gain=scored.gain if tried.improvement.low > 0.0 or not named else None,
         unexplained_fraction=tried.unexplained,
         explainable_fraction=_explainable_fraction(problem, best.residual, remainder),
         depends_on=remainder.depends_on,
         not_judged=not_judged,
-        measures=_measures(result, remainder),
+        measures=_measures(paying, remainder),
         unmodelled=doubt,
-        objection=objection(result, remainder, paying, options),
-        likelihood_gain=likelihood if named else None,
+        objection=next((one.objection for one in judged if not one.met), None),
+        likelihood_gain=paying.tested.total.folds if named else None,
         next_experiment=_advice(result, fitted, doubt or 0.0)
         if named and options.suggest
         else None,
+        criteria=(*_search_criteria(result, options), *held_out_criteria(paying), *judged),
+        waterfall=steps,
+        rejected=_rejected(paying, judged, named),
     )
+
+
+def _waterfall(paying: Paying, causes: Sequence[NamedCause], scored: Score) -> tuple[Share, ...]:
+    order = [cause.candidate for cause in causes]
+    return waterfall(paying.result, paying.tested, order, scored.floor)
+
+
+def _rejected(paying: Paying, judged: Sequence[Criterion], named: bool) -> tuple[Rejected, ...]:
+    """Return the causes of the best attempt that are not named, each with the reason."""
+    found = [
+        Rejected(one, values, reason, gains.folds) for one, values, gains, reason in paying.dropped
+    ]
+    if named:
+        return tuple(found)
+    reason = next((one.objection for one in judged if not one.met), NO_GAIN)
+    rest = zip(paying.result.best.hypothesis, paying.tested.each, strict=True)
+    refuted = [Rejected(one, dict(values), reason, gains.folds) for (one, values), gains in rest]
+    return (*refuted, *found)
+
+
+def _search_criteria(result: Search, options: Options) -> tuple[Criterion, ...]:
+    """Return the criteria by which the search accepted its causes."""
+    settings, found = options.search, list[Criterion]()
+    for i, step in enumerate(result.steps):
+        best, base = step.tried[0].evidence, step.base.evidence
+        needed = settings.threshold if i == 0 else settings.needed(base)
+        text = "explains no more than chance would"
+        found.append(Criterion(f"evidence_{i + 1}", best - base, needed, step.accepted, text))
+    return tuple(found)
+
+
+def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
+    """Return the probability that unknown causes have the effect of the best causes."""
+    named, instead = best.evidence, remainder.instead.evidence
+    if verdict is Verdict.PARTLY_NAMED:
+        return doubt_of_partial(named, remainder.learned.evidence, instead)
+    return unmodelled(named, instead)
 
 
 def _advice(result: Search, fitted: Sequence[Alternatives], doubt: float) -> Experiment | None:
     return next_experiment(result.problem, fitted, result.sensitivities, doubt)
 
 
-def _named_causes(result: Search, fitted: Sequence[Alternatives]) -> tuple[NamedCause, ...]:
+def _named_causes(paying: Paying, fitted: Sequence[Alternatives]) -> tuple[NamedCause, ...]:
     """Return the causes with intervals, the one that explains most first."""
-    estimates = intervals(result.problem, result.best)
+    estimates = intervals(paying.result.problem, paying.result.best)
     named = list[tuple[float, NamedCause]]()
-    for one, parameters in zip(fitted, estimates, strict=True):
+    for one, parameters, gains in zip(fitted, estimates, paying.tested.each, strict=True):
         # The best hypothesis keeps the order of its causes; other fits have the new one last.
         right = [
             fit.candidates[-1].cause.id == one.candidate.cause.id
@@ -91,8 +146,10 @@ def _named_causes(result: Search, fitted: Sequence[Alternatives]) -> tuple[Named
         confidence = float(one.confidence[np.array(right)].sum())
         name = one.candidate.cause.id
         ids = dict.fromkeys(s.cause.id for s in one.equivalent if s.cause.id != name)
-        elsewhere = tuple(s.location for s in one.equivalent if s.cause.id == name)
-        cause = NamedCause(one.candidate, parameters, confidence, tuple(ids), elsewhere)
+        others = dict.fromkeys(s.location for s in one.equivalent if s.cause.id == name)
+        cause = NamedCause(
+            one.candidate, parameters, confidence, tuple(ids), tuple(others), gains.folds
+        )
         named.append((one.own, cause))
     return tuple(cause for _, cause in sorted(named, key=lambda item: -item[0]))
 
@@ -120,15 +177,24 @@ def _fitted_candidates(
     return tuple(listed)
 
 
-def _measures(result: Search, remainder: Remainder) -> dict[str, float]:
-    """Return the numbers on which the verdict was decided."""
+def _measures(paying: Paying, remainder: Remainder) -> dict[str, float]:
+    """Return numbers of the search and of the remainder."""
+    result, tested = paying.result, paying.attempted
     return {
         "evidence": result.best.evidence,
         "causes": float(len(result.best.hypothesis)),
         "first": result.steps[0].tried[0].evidence if result.steps else 0.0,
         "refused": _refused(result),
-        "learned": remainder.learned.evidence,
-        "instead": remainder.instead.evidence,
+        "learned": float(remainder.learned.evidence),
+        "instead": float(remainder.instead.evidence),
+        "left_before": remainder.before,
+        "left": remainder.after,
+        "attempt": paying.attempt.evidence,
+        "attempt_causes": float(len(paying.attempt.hypothesis)),
+        "attempt_folds_gain": tested.total.folds.value,
+        "attempt_folds_gain_low": tested.total.folds.low,
+        "attempt_report_gain": tested.total.report.value,
+        "attempt_rms_gain_high": tested.improvement.high,
     }
 
 

@@ -10,10 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from reality_gap.causes.base import Parameter
+from reality_gap.causes.base import Parameter, Values
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.types import Floats
+
+GOOD = 2.0
+"""Deviation up to which a nominal model is good, in tolerances; it is not named as a cause."""
 
 
 def free_parameters(hypothesis: Hypothesis) -> list[tuple[int, Parameter]]:
@@ -46,4 +49,17 @@ def prior_weights(hypothesis: Hypothesis) -> Floats:
     """Return 1 / prior deviation of theta, shape (p,); 0 for a flat prior (one with starts)."""
     return np.array(
         [0.0 if p.hints.starts else 1.0 / PRIOR for _, p in free_parameters(hypothesis)]
+    )
+
+
+def is_tolerable(candidate: Candidate, values: Values) -> bool:
+    """Return whether a candidate's deviation is one that every good model may have.
+
+    Args:
+        candidate: a cause at a location.
+        values: values of its parameters.
+    """
+    known = [p for p in candidate.parameters if p.tolerance > 0.0]
+    return bool(known) and all(
+        abs(values[p.name] - p.null) <= max(GOOD * p.tolerance, p.least) for p in known
     )

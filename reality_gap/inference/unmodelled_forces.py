@@ -9,28 +9,44 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.support import typical_scales
 from reality_gap.causes.support.new_elements import add_actuator
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
-FORCE = {"joint": 0.1, "tendon": 1.0}
-"""Size of an unmodelled force [N m or N], small compared with the forces of a machine."""
+SMALL = 0.01
+"""Size of an unmodelled force over the typical force of its joint or tendon."""
+
+
+def unit_force(system: System, kind: str, name: str) -> float:
+    """Return the size of an unmodelled force on a joint or tendon [N m or N].
+
+    Args:
+        system: the machine.
+        kind: "joint" or "tendon".
+        name: name of the joint or tendon.
+    """
+    location = Location(kind, (name,))
+    if kind == "tendon":
+        return SMALL * typical_scales.tendon_force(system, location)
+    return SMALL * typical_scales.joint_force(system, location)[1]
 
 
 def unmodelled_force(
-    kind: str, name: str, records: Sequence[Record], series: list[Floats]
+    system: System, kind: str, name: str, records: Sequence[Record], series: list[Floats]
 ) -> Candidate:
     """Return a candidate that exerts a force with a given time series.
 
     Args:
+        system: the machine.
         kind: "joint" or "tendon".
         name: name of the joint or tendon.
         records: replays of the episodes, at whose times the series is given.
-        series: the force in each episode in units of `FORCE`, shape (k,) each.
+        series: the force in each episode in units of `unit_force`, shape (k,) each.
     """
     time = np.concatenate([r.time for r in records])
-    force = FORCE[kind] * np.concatenate(series)
+    force = unit_force(system, kind, name) * np.concatenate(series)
     attach = partial(_add_command, time, force)
     cause = Cause("", "", "", _no_locations, _no_parameters, _add_force_actuator, attach)
     return Candidate(cause, Location(kind, (name,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))

@@ -1,24 +1,31 @@
-"""Verdict: decides whether the causes that a search found are named."""
+"""Verdict: decides whether the causes that a search found are named, and whether that is all.
+
+Only causes that pay on held-out readings are named (`reality_gap.inference.paying`). A learned
+residual, which stands for unknown causes, is the rival of all of them: where it explains more in
+their place than they and what can be learned of their remainder do together, none is named. What
+the named causes leave decides between ``NAMED`` and ``PARTLY_NAMED``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from reality_gap.diagnosis import Verdict
+from reality_gap.diagnosis import Criterion, Verdict
 from reality_gap.inference.forward_selection import Search, Settings, revise
+from reality_gap.inference.paying import Paying, keep_paying
 from reality_gap.inference.remainder import Remainder, evaluate_remainder
-from reality_gap.simulation.hypothesis import Hypothesis
 
-BEATEN = 1.1
-"""Ratio of the evidence of a learned residual in place of the causes to theirs, above which the
-causes are not named."""
-LEFT = 5.0
-"""Ratio of the evidence of what is learned of the remainder to what is allowed, likewise."""
-NEAR = 0.01
-"""Distance of a parameter from its bound, relative to that of the bound from the null value, below
-which the parameter counts as at its bound."""
+REFUTING = ("learned_instead", "report_rms", "learned_of_event")
+"""Criteria without which no cause is named at all."""
+LEARNED = "explains less than errors learned from the motion do"
+WORSE = "predicts the readings that were not used to find it worse than the model alone"
+EVENT = "is an event, although the error comes back with the motion"
+FOLLOWS = "leaves errors that follow the motion"
+ABOVE = "leaves errors above the noise"
+NO_CAUSE = "explains too little of errors that follow the motion"
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,8 @@ class Options:
         by_chance: share of an event's evidence that may be learned without its time.
         worse: RMS on the report split, without what tolerances explain, that named causes may
             leave even if it was lower without them [noise].
+        left: the same RMS above which the causes are not all that is wrong [noise].
+        form: relative error of what tolerances explain, because large deviations are not linear.
         tolerance: factor of all tolerances of the nominal model.
         visible: change of the readings by three typical faults from which on a cause is judged
             [noise].
@@ -54,6 +63,8 @@ class Options:
     better: float = 6.0
     by_chance: float = 0.5
     worse: float = 1.2
+    left: float = 1.5
+    form: float = 0.03
     tolerance: float = 1.0
     visible: float = 3.0
     suggest: bool = True
@@ -62,89 +73,109 @@ class Options:
     search_after_groups: bool | None = None
 
 
-def revise_and_evaluate(result: Search, options: Options) -> tuple[Search, Remainder]:
-    """Revise the causes, and evaluate what they leave.
+def revise_and_evaluate(result: Search, options: Options) -> tuple[Paying, Remainder]:
+    """Revise the causes, drop those that do not pay, and evaluate what the others leave.
 
-    Causes that a learned residual beats by far, in their place or beside them, will not be named;
-    they are not revised.
+    Causes that a learned residual refutes will not be named; they are not revised.
 
     Args:
         result: the result of the search.
         options: thresholds.
 
     Returns:
-        The result with revised causes, and their remainder.
+        The causes that pay, and their remainder; that of the best attempt if none pays.
     """
     remainder = evaluate_remainder(result.problem, result.best)
-    if result.best.is_null:
-        return result, remainder
-    named = result.best.evidence
-    beaten = remainder.instead.evidence > max(BEATEN * named, named + options.better)
-    if beaten or remainder.learned.evidence > LEFT * _allowed(named, options):
-        return result, remainder
-    revised = revise(result, options.search)
-    if revised.best is result.best:
-        return revised, remainder
-    return revised, evaluate_remainder(revised.problem, revised.best)
+    if result.best.is_null or is_refuted(result.best.evidence, remainder, options):
+        return keep_paying(result), remainder
+    paying = keep_paying(revise(result, options.search))
+    last = paying.attempt if paying.result.best.is_null else paying.result.best
+    if last.hypothesis == result.best.hypothesis:
+        return paying, remainder
+    return paying, evaluate_remainder(paying.result.problem, last)
 
 
-def decide(result: Search, remainder: Remainder, pays: bool, options: Options) -> Verdict:
-    """Decide on the verdict.
-
-    Causes are named if little can be learned of what they leave and if they predict readings that
-    they were not fitted to.
+def is_refuted(named: float, remainder: Remainder, options: Options) -> bool:
+    """Return whether a learned residual in place of causes explains more than they do with theirs.
 
     Args:
-        result: the causes.
+        named: evidence of the causes [nats].
         remainder: what they leave.
-        pays: whether the causes surely predict the report split better than the nominal model.
         options: thresholds.
     """
-    if result.best.is_null or not pays:
-        # Without causes, ``learned`` and ``instead`` are both of the whole gap.
-        unexplained = remainder.instead.evidence > options.certain
-        return Verdict.UNEXPLAINED if unexplained else Verdict.NOTHING_WRONG
-    return (
-        Verdict.NAMED
-        if objection(result, remainder, pays, options) is None
-        else Verdict.UNEXPLAINED
-    )
+    return bool(remainder.instead.evidence > _beside(named, remainder, options))
 
 
-def objection(result: Search, remainder: Remainder, pays: bool, options: Options) -> str | None:
-    """Return why the best causes are not named, as the end of a sentence; None if they are.
+def _beside(named: float, remainder: Remainder, options: Options) -> float:
+    """Return the evidence of a learned residual in place of causes that refutes them [nats].
 
-    The arguments are those of `decide`.
+    Where they leave little, they are preferred as long as it is not surely better. Where much can
+    be learned of what they leave, they are named only if they surely add to a learned residual.
     """
-    best = result.best
+    learned = remainder.learned.evidence
+    if learned <= _allowed(named, options):
+        return named + options.better
+    return max(named + learned - options.search.threshold, 0.0)
+
+
+def decide(paying: Paying, criteria: Sequence[Criterion]) -> Verdict:
+    """Decide on the verdict.
+
+    Args:
+        paying: the causes that pay.
+        criteria: see `judge`.
+    """
+    if paying.result.best.is_null:
+        fine = all(one.met for one in criteria) and not paying.attempted.pays
+        return Verdict.NOTHING_WRONG if fine else Verdict.UNEXPLAINED
+    missed = [one for one in criteria if not one.met]
+    if any(one.name in REFUTING for one in missed):
+        return Verdict.UNEXPLAINED
+    return Verdict.PARTLY_NAMED if missed else Verdict.NAMED
+
+
+def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Criterion, ...]:
+    """Compare the remainder of the causes that pay with the thresholds.
+
+    Args:
+        paying: the causes that pay.
+        remainder: what they leave.
+        options: thresholds.
+
+    Returns:
+        The criteria, those first that refute all causes.
+    """
+    best, instead = paying.result.best, remainder.instead.evidence
     if best.is_null:
-        return None
-    if not pays:
-        return "does not surely predict better the readings that were not used to find it"
-    if at_bound(best.hypothesis):
-        return "has a parameter at its bound"
-    if remainder.learned.evidence > _allowed(best.evidence, options):
-        return "leaves errors that follow the motion"
-    if remainder.instead.evidence > best.evidence + options.better:
-        return "explains less than errors learned from the motion do"
-    if remainder.after > max(remainder.before, options.worse):
-        return "predicts the readings that were not used to find it worse than the model alone"
+        most = options.certain * _form(remainder, options) ** 2
+        return (_at_most("learned_evidence", instead, most, NO_CAUSE),)
+    named, learned = best.evidence, remainder.learned.evidence
+    form = _form(remainder, options)
+    found = [
+        _at_most("learned_instead", instead, _beside(named, remainder, options), LEARNED),
+        _at_most("report_rms", remainder.after, max(remainder.before, options.worse), WORSE),
+    ]
     # A hard stop that the machine touches in each episode looks like an event.
-    events = all(candidate.cause.event for candidate in best.candidates)
-    if events and remainder.instead.evidence > options.by_chance * best.evidence:
-        return "is an event, although the error comes back with the motion"
-    return None
-
-
-def at_bound(hypothesis: Hypothesis) -> bool:
-    """Return whether a parameter is at its bound, which shows that the cause is another one."""
-    return any(
-        abs(values[p.name] - bound) <= NEAR * abs(bound - p.null)
-        for candidate, values in hypothesis
-        for p in candidate.parameters
-        for bound in (p.low, p.high)
-        if bound != p.null and np.isfinite(bound)
+    if all(candidate.cause.event for candidate in best.candidates):
+        found.append(_at_most("learned_of_event", instead, options.by_chance * named, EVENT))
+    return (
+        *found,
+        _at_most("learned_remainder", learned, _allowed(named, options) * form**2, FOLLOWS),
+        _at_most("report_noises", remainder.after, options.left * form, ABOVE),
     )
+
+
+def _at_most(name: str, value: float, threshold: float, objection: str) -> Criterion:
+    """Return a criterion that is met by values up to the threshold."""
+    return Criterion(name, float(value), float(threshold), bool(value <= threshold), objection)
+
+
+def _form(remainder: Remainder, options: Options) -> float:
+    """Return the deviation of a reading, with the error of what tolerances explain of it [noise].
+
+    The columns of tolerances are derivatives, and large deviations are not linear.
+    """
+    return float(np.hypot(1.0, options.form * remainder.explained))
 
 
 def _allowed(named: float, options: Options) -> float:

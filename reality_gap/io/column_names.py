@@ -15,7 +15,7 @@ HINTS: dict[str, frozenset[str]] = {
     for kind, words in {
         "command": "target action command cmd ctrl control ref reference desired des setpoint "
         "goal u",
-        "position": "length len l pos position angle q theta encoder enc measured meas",
+        "position": "length len l pos position angle q theta encoder enc measured meas state",
         "rate": "vel velocity speed rate dq qd omega gyro",
         "force": "tension force torque load effort f tau current",
         "time": "t time timestamp stamp clock sec seconds",
@@ -31,6 +31,7 @@ KINDS = {"m": "position", "rad": "position", "N": "force", "N m": "force"} | {
 
 _THRESHOLD = 1.5  # smallest similarity of a guess
 _COMPONENT = re.compile(r"(.*?)[_. ]?([wxyz])$")
+_NUMBERED = re.compile(r"(.*?)[_. \[]?(\d+)\]?")
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ def guess(elements: Sequence[Element], columns: Sequence[str]) -> dict[str, tupl
         found[element.name] = group
         for column in group:
             del free[column]
+    found |= _numbered(elements, found, list(free))
+    free = {c: None for c in free if not any(c in group for group in found.values())}
     return found | _remaining_pairs(elements, found, list(free))
 
 
@@ -94,6 +97,24 @@ def named_unit(column: str, units: Iterable[str]) -> str | None:
     except StudyError:
         return None
     return unit.symbol if unit.si in units and unit.symbol in symbols_of(unit.si) else None
+
+
+def _numbered(
+    elements: Sequence[Element], found: dict[str, tuple[str, ...]], free: list[str]
+) -> dict[str, tuple[str, ...]]:
+    """Pair elements of a kind in their order with columns such as action.0, action.1, ..."""
+    pairs: dict[str, tuple[str, ...]] = {}
+    for kind in dict.fromkeys(element.kind for element in elements if element.kind):
+        left = [e.name for e in elements if e.kind == kind and e.count == 1 and e.name not in found]
+        lists: dict[str, list[tuple[int, str]]] = {}
+        for column in free:
+            match = _NUMBERED.fullmatch(column)
+            if match and _kind(match[1]) == kind:
+                lists.setdefault(match[1], []).append((int(match[2]), column))
+        fitting = [sorted(columns) for columns in lists.values() if len(columns) == len(left)]
+        if len(fitting) == 1:
+            pairs |= {name: (c,) for name, (_, c) in zip(left, fitting[0], strict=True)}
+    return pairs
 
 
 def _remaining_pairs(

@@ -12,6 +12,8 @@ from reality_gap.study.data import Study
 from reality_gap.study.system import commanded
 from reality_gap.types import Floats
 
+SMALL = 0.2
+"""Largest angle of a model that may have been meant in radians but read as degrees [rad]."""
 SAMPLES = 200
 """Number of postures, sampled uniformly from the ranges of the joints."""
 
@@ -137,7 +139,9 @@ def _compare(what: str, unit: str, values: Floats, possible: Floats) -> ScaleWar
     limit = 10.0 if unit == "rad" else 100.0
     text = f"{what} is {size:.3g} {unit}, but between {low:.3g} and {high:.3g} in the model"
     if size > limit * high:
-        return ScaleWarning(f"{text}: the log seems to be in {large}, not in {small}", True)
+        model = " (or the model's ranges are in radians, without compiler angle=radian)"
+        also = model if unit == "rad" and high < SMALL else ""
+        return ScaleWarning(f"{text}: the log seems to be in {large}, not in {small}{also}", True)
     if unit == "m" and 0.0 < size < low / limit:
         return ScaleWarning(f"{text}: the log seems to be in {small}, not in {large}", True)
     if size > 2.0 * high or (unit == "m" and size < low / 2.0):

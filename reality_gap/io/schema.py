@@ -151,8 +151,11 @@ def _line(part: Part) -> Line:
     if scale == 0.0:
         raise part.fault("scale must not be 0; leave it out for 1")
     noise = part.number("noise", 1.0) if given.get("noise") is not None else None
-    if noise is not None and noise <= 0.0:
-        raise part.fault("noise must be above 0; leave it out to estimate it from the log")
+    if noise is not None and noise < 0.0:
+        raise part.fault(
+            "noise must not be negative; 0 is for computed values, and without it, it is "
+            "estimated from the log"
+        )
     return Line(columns, _unit(part), scale, part.number("offset", 0.0), noise)
 
 

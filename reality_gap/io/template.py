@@ -77,8 +77,8 @@ def draft_study(
         found[part] = guess(elements, free)
         free = [c for c in free if not any(c in group for group in found[part].values())]
     lines = [
-        HEAD + f"name: {_text(path.stem)}",
-        f"model: {_text(_relative(path, folder))}",
+        HEAD + f"name: {yaml_text(path.stem)}",
+        f"model: {yaml_text(_relative(path, folder))}",
         *_episodes(logs, found["actuators"], folder),
         _time(logs, clock),
     ]
@@ -126,13 +126,13 @@ def _lines(
         key = "column" if element.count == 1 else "columns"
         if element.name in found:
             group = found[element.name]
-            shown = ", ".join(map(_text, group))
+            shown = ", ".join(map(yaml_text, group))
             shown = shown if element.count == 1 else f"[{shown}]"
             unit, scale = _unit(logs, group, units), _scale(model, logs, part, element.name, group)
-            lines.append(f"  {_text(element.name)}: {{{key}: {shown}, unit: {unit}{scale}}}")
+            lines.append(f"  {yaml_text(element.name)}: {{{key}: {shown}, unit: {unit}{scale}}}")
         else:
             shown = "?" if element.count == 1 else f"[{', '.join('?' * element.count)}]"
-            lines.append(f"  # {_text(element.name)}: {{{key}: {shown}, unit: {units[0]}}}")
+            lines.append(f"  # {yaml_text(element.name)}: {{{key}: {shown}, unit: {units[0]}}}")
     if part == "sensors" and not elements:
         lines.append(
             '  # the model has no sensors; add some, such as <tendonpos name=".." tendon=".."/>'
@@ -183,7 +183,7 @@ def _time(logs: Sequence[_Log], clock: str | None) -> str:
     if unit is None and cells is not None and len(cells) > 1:
         step = float(np.median(np.diff(cells)))
         unit = next((u for u, top in (("s", 0.5), ("ms", 500.0), ("us", 5e5)) if step < top), "ns")
-    return f"time: {{column: {_text(clock)}, unit: {unit or 's'}}}"
+    return f"time: {{column: {yaml_text(clock)}, unit: {unit or 's'}}}"
 
 
 def _episodes(
@@ -198,11 +198,11 @@ def _episodes(
     for log in logs:
         if log not in driven:
             k = seen.setdefault(log.columns, 0)
-            further[min(k, len(driven) - 1)].append(_text(_relative(log.path, folder)))
+            further[min(k, len(driven) - 1)].append(yaml_text(_relative(log.path, folder)))
             seen[log.columns] += 1
     lines = ["episodes:"]
     for log, readings in zip(driven, further, strict=True):
-        lines.append(f"  - commands: {_text(_relative(log.path, folder))}")
+        lines.append(f"  - commands: {yaml_text(_relative(log.path, folder))}")
         lines += [f"    readings: [{', '.join(readings)}]"] if readings else []
     return lines
 
@@ -211,7 +211,7 @@ def _initial(model: mujoco.MjModel, sensors: dict[str, tuple[str, ...]]) -> str:
     jointpos = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
     if any(int(model.sensor(name).type[0]) == jointpos for name in sensors):
         return "initial: {joints: first_reading, settle: 0}"
-    names = ", ".join(f"{_text(name)}: 0.0" for name in simple_joints(model)[:3])
+    names = ", ".join(f"{yaml_text(name)}: 0.0" for name in simple_joints(model)[:3])
     return f"initial: {{settle: 1.0}}  # or {{joints: {{{names}}}, settle: 0}} in rad and m"
 
 
@@ -222,7 +222,7 @@ def _relative(path: Path, folder: Path) -> str:
     return relative.as_posix()
 
 
-def _text(text: str) -> str:
+def yaml_text(text: str) -> str:
     """Return a name as YAML: without quotes only if YAML cannot load it as another type."""
     words = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
     plain = re.fullmatch(r"[A-Za-z_][\w./-]*", text) and text.lower() not in words

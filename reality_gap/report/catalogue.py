@@ -1,7 +1,8 @@
 """Catalogue: descriptions of all causes, with their parameters and units.
 
 The locations and the parameters of a cause depend on the model. They are those of a small reference
-model here: a hinge joint that two tendons with length servos move, a camera and a marker.
+model here: a hinge joint that two tendons with length servos move, another with a position servo, a
+camera and a marker.
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ REFERENCE = """
       <site name="insertion_front" pos="0.03 0 -0.1"/>
       <site name="insertion_back" pos="-0.03 0 -0.1"/>
       <site name="marker" pos="0 0 -0.3"/>
+      <body name="end" pos="0 0 -0.3">
+        <joint name="wrist" axis="0 -1 0" range="-20 20" limited="true"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.1" mass="0.2"/>
+      </body>
     </body>
   </worldbody>
   <tendon>
@@ -38,6 +43,7 @@ REFERENCE = """
   <actuator>
     <general name="front" tendon="front" gainprm="5000" biastype="affine" biasprm="0 -5000 0"/>
     <general name="back" tendon="back" gainprm="5000" biastype="affine" biasprm="0 -5000 0"/>
+    <position name="wrist" joint="wrist" kp="20" kv="1" forcerange="-5 5"/>
   </actuator>
   <sensor>
     <tendonpos name="length_front" tendon="front"/>
@@ -45,6 +51,8 @@ REFERENCE = """
     <actuatorfrc name="tension_front" actuator="front"/>
     <actuatorfrc name="tension_back" actuator="back"/>
     <jointpos name="angle" joint="joint"/>
+    <jointpos name="angle_wrist" joint="wrist"/>
+    <actuatorfrc name="torque_wrist" actuator="wrist"/>
     <framepos name="position" objtype="site" objname="marker" reftype="camera" refname="eye"/>
     <framequat name="orientation" objtype="site" objname="marker" reftype="camera" refname="eye"/>
   </sensor>

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+from reality_gap.diagnosis import Estimate, NamedCause
 
 READABLE = {
     "m": (1e3, "mm"),
@@ -16,6 +19,8 @@ READABLE = {
     "1": (1.0, ""),
 }
 """Factor and unit in which a quantity is shown, by SI unit; other units are shown as they are."""
+ROUNDING = 1e-6
+"""Share of the scale of a parameter below which a number is a rounding error."""
 
 
 def shown(unit: str, size: float = 0.0) -> tuple[float, str]:
@@ -34,7 +39,9 @@ def shown(unit: str, size: float = 0.0) -> tuple[float, str]:
 
 def number(value: float, digits: int = 3) -> str:
     """Return a number with some significant digits, without an exponent if it is readable so."""
-    if value == 0.0 or not math.isfinite(value):
+    if value == 0.0:
+        return "0"
+    if not math.isfinite(value):
         return f"{value:g}"
     decimals = digits - 1 - math.floor(math.log10(abs(value)))
     if -2 <= decimals <= 5:
@@ -44,8 +51,18 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{digits - 1}e}"
 
 
+def rounded(cause: NamedCause, name: str) -> Estimate:
+    """Return the estimate of a parameter, with 0 in place of numbers that are rounding errors."""
+    estimate = cause.parameters[name]
+    least = ROUNDING * abs(cause.candidate.parameter(name).scale)
+    value, low, high = (
+        0.0 if abs(x) < least else x for x in (estimate.value, estimate.low, estimate.high)
+    )
+    return replace(estimate, value=value, low=low, high=high)
+
+
 def percent(share: float) -> str:
-    """Return a share in percent; only exactly 0 and 1 are shown as 0 % and 100 %."""
+    """Return a counted share in percent; only exactly 0 and 1 are shown as 0 % and 100 %."""
     value = 100.0 * share
     if 0.0 < value < 1.0:
         return "< 1 %"
@@ -55,10 +72,10 @@ def percent(share: float) -> str:
 
 
 def probability(value: float) -> str:
-    """Return an estimated probability in percent, which is never shown as 0 % or 100 %."""
+    """Return an estimated probability or share in percent, which is never shown as 0 or 100 %."""
     if value < 0.01:
         return "< 1 %"
-    return "> 99 %" if value > 0.99 else percent(value)
+    return "> 99 %" if value > 0.99 else f"{100.0 * value:.0f} %"
 
 
 def joined(words: list[str], last: str = "and") -> str:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 import matplotlib
@@ -16,18 +16,20 @@ import numpy as np
 import scipy
 from matplotlib.figure import Figure
 
-from reality_gap.diagnosis import Diagnosis, Verdict
+from reality_gap.diagnosis import Diagnosis, NamedCause, Rejected, Verdict
 from reality_gap.report import words
 from reality_gap.report.formatting import (
+    ROUNDING,
     capital,
     human,
     joined,
     number,
     percent,
     probability,
+    rounded,
     shown,
 )
-from reality_gap.report.plots.candidates import candidate_scores
+from reality_gap.report.plots.candidates import candidate_evidence
 from reality_gap.report.plots.canvas import SPLITS, png
 from reality_gap.report.plots.commands import commands, left_out
 from reality_gap.report.plots.comparison import against, constant_share
@@ -42,6 +44,7 @@ from reality_gap.report.plots.signals import (
     starts,
     time_traces,
 )
+from reality_gap.report.plots.waterfall import waterfall
 from reality_gap.simulation.replayer import USUAL
 from reality_gap.study.data import Study
 
@@ -66,7 +69,12 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"percent": percent, "number": number, "capital": capital}
+    environment.filters |= {
+        "percent": percent,
+        "probability": probability,
+        "number": number,
+        "capital": capital,
+    }
     found = signals(diagnosis.traces)
     return environment.from_string(source).render(
         diagnosis=diagnosis,
@@ -74,7 +82,9 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         kind=words.kind(diagnosis.verdict),
         figures=words.figures(diagnosis),
         why=words.why(diagnosis),
-        rows=parameter_rows(diagnosis),
+        rows=[row for cause in diagnosis.causes for row in parameter_rows(cause)],
+        sections=_sections(diagnosis),
+        attempt=attempt_rows(diagnosis.rejected),
         pictures=_pictures(diagnosis, study, found),
         rows_left=max(0, len(found) - MOST_ROWS),
         worst=found[0].name if found else "",
@@ -91,28 +101,65 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
     )
 
 
-def parameter_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def parameter_rows(cause: NamedCause) -> list[tuple[str, ...]]:
     """Return rows of cause, location, parameter, value, interval, confidence and equivalents."""
     rows: list[tuple[str, ...]] = []
-    for cause in diagnosis.causes:
-        for name in cause.foremost():
-            estimate = cause.parameters[name]
-            factor, unit = shown(estimate.unit, estimate.value)
-            value, low, high = (
-                number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
+    for name in cause.foremost():
+        estimate = rounded(cause, name)
+        factor, unit = shown(estimate.unit, estimate.value)
+        value, low, high = (
+            number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
+        )
+        rows.append(
+            (
+                capital(cause.candidate.cause.title),
+                str(cause.candidate.location),
+                human(name),
+                f"{value} {unit}".strip(),
+                f"{low} to {high} {unit}".strip(),
+                probability(cause.confidence),
+                ", ".join(human(id_) for id_ in cause.equivalent) or "none",
             )
-            rows.append(
-                (
-                    capital(cause.candidate.cause.title),
-                    str(cause.candidate.location),
-                    human(name),
-                    f"{value} {unit}".strip(),
-                    f"{low} to {high} {unit}".strip(),
-                    probability(cause.confidence),
-                    ", ".join(human(id_) for id_ in cause.equivalent) or "none",
-                )
-            )
+        )
     return rows
+
+
+def attempt_rows(rejected: Sequence[Rejected]) -> list[tuple[str, ...]]:
+    """Return rows of cause, location, values and the reason why the cause is not named."""
+    rows: list[tuple[str, ...]] = []
+    for one in rejected:
+        values = []
+        for p in one.candidate.parameters:
+            value = one.values[p.name]
+            value = 0.0 if abs(value) < ROUNDING * abs(p.scale) else value
+            factor, unit = shown(p.unit, value)
+            values.append(f"{human(p.name)} {number(factor * value)} {unit}".strip())
+        title = capital(one.candidate.cause.title)
+        rows.append((title, str(one.candidate.location), ", ".join(values), f"it {one.reason}"))
+    return rows
+
+
+class Section(NamedTuple):
+    """What the page says about one named cause.
+
+    Attributes:
+        title: the cause and its location.
+        why: sentences.
+        rows: see `parameter_rows`.
+        number: by which its pictures are named.
+    """
+
+    title: str
+    why: list[str]
+    rows: list[tuple[str, ...]]
+    number: int
+
+
+def _sections(diagnosis: Diagnosis) -> list[Section]:
+    return [
+        Section(capital(c.title), words.why_named(diagnosis, c), parameter_rows(c), i)
+        for i, c in enumerate(diagnosis.causes)
+    ]
 
 
 def xml_difference(study: Study, extended: str) -> list[tuple[str, str]]:
@@ -154,10 +201,13 @@ def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[s
         made["against"] = lambda: against(found[0], found)
         total = (diagnosis.rms_before, diagnosis.rms_after)
         made["gain"] = lambda: channel_gain(found, total, diagnosis.noise_floor)
-    if diagnosis.fitted_candidates:
-        made["candidates"] = lambda: candidate_scores(diagnosis.fitted_candidates, diagnosis.causes)
-    if diagnosis.causes:
-        made["parameters"] = lambda: intervals(diagnosis.causes)
+    if diagnosis.waterfall:
+        steps, others = diagnosis.waterfall, len(diagnosis.waterfall) - len(diagnosis.causes)
+        made["waterfall"] = lambda: waterfall(steps, diagnosis.noise_floor, others)
+    if diagnosis.fitted_candidates and not diagnosis.causes:
+        made["candidates"] = lambda: candidate_evidence(diagnosis.fitted_candidates, ())
+    for i, cause in enumerate(diagnosis.causes):
+        made |= _cause_pictures(diagnosis, cause, i)
     if diagnosis.verdict is not Verdict.NOTHING_WRONG:
         made["remainder"] = lambda: remainder(
             "named causes" if diagnosis.causes else "known causes (too little)",
@@ -171,3 +221,14 @@ def _pictures(diagnosis: Diagnosis, study: Study, found: list[Signal]) -> dict[s
         made["experiment"] = lambda: commands(experiment, model)
     with matplotlib.rc_context({"text.parse_math": False}):  # names may contain dollars
         return {name: png(draw()) for name, draw in made.items()}
+
+
+def _cause_pictures(
+    diagnosis: Diagnosis, cause: NamedCause, i: int
+) -> dict[str, Callable[[], Figure]]:
+    """Return the pictures of one named cause."""
+    step = tuple(words.step_of(diagnosis, cause))
+    made: dict[str, Callable[[], Figure]] = {f"parameters_{i}": lambda: intervals((cause,))}
+    if step:
+        made[f"candidates_{i}"] = lambda: candidate_evidence(step, (cause,))
+    return made

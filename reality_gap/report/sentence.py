@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reality_gap.diagnosis import NamedCause, Verdict
 from reality_gap.inference.outcome import Outcome
-from reality_gap.report.formatting import capital, human, percent, probability
+from reality_gap.report.formatting import capital, human, probability, rounded
 
 MANY = 8
 """Number of elements above which a location is described by its note."""
@@ -18,7 +18,7 @@ def sentence(outcome: Outcome) -> str:
             "within the noise and the tolerances of a nominal model."
         )
     if outcome.verdict is Verdict.UNEXPLAINED:
-        left = percent(outcome.unexplained_fraction)
+        left = probability(outcome.unexplained_fraction)
         attempt = f"{left} of the difference remains after the best of them"
         if outcome.objection is not None:
             attempt = (
@@ -28,14 +28,21 @@ def sentence(outcome: Outcome) -> str:
             f"Something is wrong that none of the known causes explains: {attempt}. "
             f"{_dependence(outcome)}"
         )
-    return " ".join(_cause(cause) for cause in outcome.causes) + _gain(outcome)
+    causes = " ".join(_cause(cause) for cause in outcome.causes)
+    if outcome.verdict is Verdict.NAMED:
+        return causes + _gain(outcome)
+    one = len(outcome.causes) == 1
+    return (
+        f"{'This cause pays' if one else 'These causes pay'} on held-out data, but the machine has "
+        f"more that is wrong: {causes}{_gain(outcome)} {_rest(outcome)}"
+    )
 
 
 def _cause(cause: NamedCause) -> str:
     foremost = cause.foremost()
     numbers = ", ".join(
         f"{human(name)} {e.value:.4g} {e.unit} [{e.low:.4g}, {e.high:.4g}]"
-        for name, e in ((name, cause.parameters[name]) for name in foremost)
+        for name, e in ((name, rounded(cause, name)) for name in foremost)
     )
     more = len(cause.parameters) - len(foremost)
     if more:
@@ -57,13 +64,28 @@ def _gain(outcome: Outcome) -> str:
         if likelihood is None or likelihood.low <= 0.0:
             return ""
         return (
-            " With it in the model, the log likelihood of readings that were not used to find it "
+            f" With {_them(outcome)} in the model, the log likelihood of held-out readings "
             f"is higher by {likelihood.value:.0f} nats "
             f"[{likelihood.low:.0f}, {likelihood.high:.0f}]."
         )
     return (
-        f" With it in the model, {percent(outcome.gain.value)} of the avoidable error is gone on "
-        "readings that were not used to find it."
+        f" With {_them(outcome)} in the model, {probability(outcome.gain.value)} of the avoidable "
+        "error is gone on held-out readings."
+    )
+
+
+def _them(outcome: Outcome) -> str:
+    return "it" if len(outcome.causes) == 1 else "them"
+
+
+def _rest(outcome: Outcome) -> str:
+    """Return what the rest of the error depends on."""
+    if not outcome.depends_on:
+        return "The rest depends on none of the simulated quantities and has no name."
+    first = outcome.depends_on[0]
+    return (
+        f"The rest depends most on the {first.quantity}, shows most in {first.channel} and has "
+        "no name."
     )
 
 

@@ -2,9 +2,10 @@
 
 Keys of the file, which are part of the interface:
 
-    verdict               "nothing_wrong", "named" or "unexplained"
+    verdict               "nothing_wrong", "named", "partly_named" or "unexplained"
     sentence              the verdict in words
-    causes                named causes, the one that explains most first; empty unless "named":
+    causes                named causes, the one that explains most first; empty unless "named" or
+                          "partly_named":
         cause             id in the catalogue
         kind, elements, note
                           location: kind of the model elements, their names, and a note that
@@ -14,13 +15,25 @@ Keys of the file, which are part of the interface:
         equivalent        ids of causes that these data cannot distinguish from it
         elsewhere         list of other locations (kind, elements, note) where the same cause would
                           have the same effect
+        held_out_gain     increase of the log likelihood of readings to which it was not fitted,
+                          over the other named causes alone [nats]: value, low, high; or null
+        share             what it takes from the error of held-out data, beside the causes before
+                          it, as in "waterfall"; or null
+    waterfall             what tolerances and causes take from the error of held-out data, one after
+                          the other: part, before, after [noise deviations], fraction of the power
+                          above the noise
+    rejected              causes of the best attempt that are not named: cause, kind, elements,
+                          note, values by name, reason, held_out_gain
+    criteria              comparisons on which the verdict was decided: name, value, threshold, met,
+                          objection
+    measures              numbers of the search and of what its causes leave, by name
     unmodelled            probability that none of the known causes is right; null if none was found
     rms_before            RMS of the residual of the model on held-out data, in noise deviations
     rms_after             the same for the extended model
     noise_floor           RMS that the noise alone would leave
     gain                  (before - after) / (before - floor): value, low, high; null if uncertain
-    likelihood_gain       increase of the log likelihood of held-out data [nats]: value, low, high;
-                          or null
+    likelihood_gain       increase of the log likelihood of readings to which the causes were not
+                          fitted [nats]: value, low, high; or null
     unexplained_fraction  share of the error above the noise that the causes leave, 0 to 1
     explainable_fraction  share that a learned residual would explain, 0 to 1
     depends_on            what the remaining error depends on: quantity, channel, fraction
@@ -29,7 +42,7 @@ Keys of the file, which are part of the interface:
     not_judged            causes that this log says nothing about: cause, reason
     candidates            all fitted candidates, best first in each step of the search: cause, kind,
                           elements, note, values by name, score [nats] or null if the replay
-                          diverges, confidence, step, chosen
+                          diverges, evidence [nats], confidence, step, chosen
     study                 name of the study
     seconds               computing time [s]
 """
@@ -40,7 +53,17 @@ import math
 from typing import Any
 
 from reality_gap.causes.base import Location
-from reality_gap.diagnosis import Diagnosis, Estimate, Experiment, FittedCandidate, Gain, NamedCause
+from reality_gap.diagnosis import (
+    Criterion,
+    Diagnosis,
+    Estimate,
+    Experiment,
+    FittedCandidate,
+    Gain,
+    NamedCause,
+    Rejected,
+    Share,
+)
 
 Json = dict[str, Any]
 
@@ -55,6 +78,10 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
         "verdict": diagnosis.verdict.value,
         "sentence": diagnosis.sentence,
         "causes": [_cause(cause) for cause in diagnosis.causes],
+        "waterfall": [_share(step) for step in diagnosis.waterfall],
+        "rejected": [_rejected(one) for one in diagnosis.rejected],
+        "criteria": [_criterion(one) for one in diagnosis.criteria],
+        "measures": dict(diagnosis.measures),
         "unmodelled": diagnosis.unmodelled,
         "rms_before": diagnosis.rms_before,
         "rms_after": diagnosis.rms_after,
@@ -96,6 +123,37 @@ def _cause(cause: NamedCause) -> Json:
         "confidence": cause.confidence,
         "equivalent": list(cause.equivalent),
         "elsewhere": [location_json(location) for location in cause.elsewhere],
+        "held_out_gain": _gain(cause.gain),
+        "share": None if cause.share is None else _share(cause.share),
+    }
+
+
+def _share(step: Share) -> Json:
+    return {
+        "part": step.part,
+        "before": step.before,
+        "after": step.after,
+        "fraction": step.fraction,
+    }
+
+
+def _rejected(one: Rejected) -> Json:
+    return {
+        "cause": one.candidate.cause.id,
+        **location_json(one.candidate.location),
+        "values": dict(one.values),
+        "reason": one.reason,
+        "held_out_gain": _gain(one.gain),
+    }
+
+
+def _criterion(one: Criterion) -> Json:
+    return {
+        "name": one.name,
+        "value": one.value,
+        "threshold": one.threshold,
+        "met": one.met,
+        "objection": one.objection,
     }
 
 
@@ -114,6 +172,7 @@ def _candidate(fitted: FittedCandidate) -> Json:
         **location_json(fitted.candidate.location),
         "values": dict(fitted.values),
         "score": fitted.score if math.isfinite(fitted.score) else None,
+        "evidence": fitted.evidence,
         "confidence": fitted.confidence,
         "step": fitted.step,
         "chosen": fitted.chosen,

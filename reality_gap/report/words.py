@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from reality_gap.diagnosis import Diagnosis, FittedCandidate, NamedCause, Verdict
-from reality_gap.report.formatting import capital, human, joined, number, percent, probability
-from reality_gap.report.plots.candidates import by_step, equivalents
+from reality_gap.report.formatting import capital, human, joined, number, probability
+from reality_gap.report.plots.candidates import as_likely, by_step
 
 DOUBT = 0.05
 """Smallest probability of an unknown cause that the report mentions."""
 KINDS = {
     Verdict.NOTHING_WRONG: "Nothing wrong was found",
     Verdict.NAMED: "Cause named",
+    Verdict.PARTLY_NAMED: "A part of the error has a name",
     Verdict.UNEXPLAINED: "Something is wrong, and no known cause explains it",
 }
 
@@ -42,57 +43,85 @@ def figures(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         found.append(
             (
                 "Gain",
-                percent(gain.value),
+                probability(gain.value),
                 "of the error above the floor is removed; 95 % interval "
-                f"{percent(gain.low)} to {percent(gain.high)}",
+                f"{probability(gain.low)} to {probability(gain.high)}",
             )
         )
     return found
 
 
 def why(diagnosis: Diagnosis) -> list[str]:
-    """Return the reasons of the verdict, one sentence for each named cause."""
+    """Return the reasons of the verdict: why causes are named in part only, or not at all."""
+    if diagnosis.verdict.has_names:
+        found = _unmodelled(diagnosis)
+        missed = [one.objection for one in diagnosis.criteria if not one.met]
+        if diagnosis.verdict is Verdict.PARTLY_NAMED and missed:
+            found.insert(0, f"More is wrong than that: the extended model {missed[-1]}.")
+        return found
     steps = by_step(diagnosis.fitted_candidates)
-    if diagnosis.verdict is Verdict.NAMED:
-        others = "" if len(steps) == 1 else ", in addition to the other causes of the verdict,"
-        return [_winner(step, diagnosis.causes, others) for step in steps] + _unmodelled(diagnosis)
     return [_no_winner(diagnosis, steps[0])] if steps else []
+
+
+def why_named(diagnosis: Diagnosis, cause: NamedCause) -> list[str]:
+    """Return why a cause is named, as sentences."""
+    found = [cause.candidate.cause.explanation]
+    others = "" if len(diagnosis.causes) == 1 else ", in addition to the other named causes,"
+    if cause.share is not None:
+        taken = f"takes {probability(cause.share.fraction)} of the error above the noise"
+        if cause.share.fraction < 0.0:
+            taken = "does not make the RMS smaller, which the tolerances dominate"
+        before = "" if cause is diagnosis.causes[0] else ", beside the causes before it"
+        found.append(f"On the report split it {taken}{before}.")
+    if cause.gain is not None:
+        found.append(
+            f"It{others} makes readings to which it was not fitted more probable by "
+            f"{number(cause.gain.value)} nats (95 % interval {number(cause.gain.low)} to "
+            f"{number(cause.gain.high)})."
+        )
+    step = step_of(diagnosis, cause)
+    rest = [f for f in step if not f.chosen and f.candidate.cause.id not in cause.equivalent]
+    if rest and step[0].chosen:
+        margin = step[0].evidence - rest[0].evidence
+        nearly = as_likely(rest[0], step)
+        found.append(
+            f"{capital(_name(rest[0]))} is about as likely."
+            if nearly
+            else f"All data together make it more probable than the next candidate, "
+            f"{_name(rest[0])}, by {number(margin)} nats."
+        )
+    if cause.equivalent:
+        names = joined([human(id_) for id_ in sorted(cause.equivalent)], "or")
+        found.append(f"These data cannot distinguish it from {names}.")
+    if cause.elsewhere:
+        elsewhere = joined([str(location) for location in cause.elsewhere], "or")
+        found.append(f"It would have the same effect at {elsewhere}.")
+    return found
+
+
+def step_of(diagnosis: Diagnosis, cause: NamedCause) -> list[FittedCandidate]:
+    """Return the candidates that were tried in the place of a named cause, the cause first."""
+    for step in by_step(diagnosis.fitted_candidates):
+        if step[0].chosen and step[0].candidate.matches(cause.candidate):
+            return step
+    return []
 
 
 def _no_winner(diagnosis: Diagnosis, step: list[FittedCandidate]) -> str:
     best = step[0]
     sentence = (
-        f"Of {len(step)} candidates that were fitted, {_name(best)} has the best score, "
-        f"{number(best.score)} nats. "
+        f"Of {len(step)} candidates that were fitted, {_name(best)} has the most evidence, "
+        f"{number(best.evidence)} nats. "
     )
     if diagnosis.verdict is Verdict.NOTHING_WRONG:
         return sentence + (
-            "Logs of a machine without a fault have such scores by chance, so that it is not named."
+            "Logs of a machine without a fault have as much by chance, or it does not predict "
+            "held-out data better, so that it is not named."
         )
     return sentence + (
-        "It explains a part of the error, as a wrong cause can, and leaves too much of it to be "
+        "It explains a part of the error, as a wrong cause can, but not in a way that it could be "
         "named."
     )
-
-
-def _winner(step: list[FittedCandidate], causes: tuple[NamedCause, ...], others: str) -> str:
-    winner = next((fitted for fitted in step if fitted.chosen), step[0])
-    alike = equivalents(step, causes)
-    sentence = (
-        f"{capital(_name(winner))}{others} predicts data to which it was not fitted better than "
-        f"your model does, by {number(winner.score)} nats"
-    )
-    rest = [f for f in step if not f.chosen and f.candidate.cause.id not in alike]
-    if rest:
-        margin = winner.score - rest[0].score
-        better = f"{number(margin)} nats better than" if margin > 0.0 else "not better than"
-        sentence += f", and {better} the next candidate, {_name(rest[0])}"
-        if margin <= 0.0:
-            sentence += "; all data together still make it more probable"
-    if alike:
-        names = joined([human(id_) for id_ in sorted(alike)], "or")
-        sentence += f". These data cannot distinguish it from {names}"
-    return sentence + "."
 
 
 def _unmodelled(diagnosis: Diagnosis) -> list[str]:

@@ -63,7 +63,7 @@ class Plant:
     edits: tuple[Hashable, ...] = ()
 
 
-def build(system: System, hypothesis: Hypothesis) -> Plant:
+def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None = None) -> Plant:
     """Build a plant from the study's model and a hypothesis.
 
     Candidates are added in the order of the catalogue, in which effects on readings come last.
@@ -72,11 +72,13 @@ def build(system: System, hypothesis: Hypothesis) -> Plant:
     Args:
         system: the study's model and its elements.
         hypothesis: candidates with their values.
+        nominal: a model with the same elements in place of the study's; it is not changed.
 
     Returns:
         A plant with a copy of the model.
     """
-    spec, effects, edits = system.study.spec(), Effects(), []
+    spec = system.study.spec() if nominal is None else nominal.copy()
+    effects, edits = Effects(), []
     order = {name: i for i, name in enumerate(CATALOGUE)}
     for candidate, values in sorted(hypothesis, key=lambda part: order.get(part[0].cause.id, 0)):
         if all(values[p.name] == p.null for p in candidate.parameters):
@@ -99,4 +101,4 @@ def has_effects(system: System, candidate: Candidate, values: Values) -> bool:
         values: values of its parameters.
     """
     effects = build(system, [(candidate, values)]).effects
-    return bool(effects.commands or effects.hooks or effects.readings)
+    return bool(effects.commands or effects.hooks or effects.readings or effects.efforts)

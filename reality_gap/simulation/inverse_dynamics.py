@@ -5,6 +5,8 @@ efforts show it. The method is that of identification with the inverse dynamic m
 and Vandanjon, IEEE Trans. Control Systems Technology 21(2), 2013): positions are low-pass filtered
 with zero phase and differentiated by central differences; measured and computed efforts pass the
 same low-pass filter (parallel filtering); as many samples are kept as are independent after it.
+Noise of the positions becomes noise of the computed efforts. Its size is found by adding the same
+noise once more.
 """
 
 from __future__ import annotations
@@ -17,9 +19,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt, welch
 
-from reality_gap.causes.base import Hook, Record
+from reality_gap.causes.base import Effects, Hook, Record
 from reality_gap.errors import StudyError
 from reality_gap.simulation.hypothesis import Plant
+from reality_gap.simulation.light_model import light_spec
 from reality_gap.simulation.replay import Replay
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import Measured, channel_noise
@@ -89,24 +92,39 @@ def prepare(study: Study) -> Study:
     Raises:
         StudyError: a joint of the model is not measured, or a log is too short or too slow.
     """
-    model = study.spec().compile()
+    plant = Plant(light_spec(study.spec()), Effects())
+    model = plant.spec.compile()
+    _stiffen_dry_friction(model)
     columns = _position_channels(study, model)
     efforts = [c for c, channel in enumerate(study.channels) if channel.kind == "effort"]
     noise = channel_noise(study)
     period = max(_period(e.readings[c]) for e in study.episodes for c in [*columns, *efforts])
     cutoff = _cutoff(study, efforts, period)
-    episodes = []
+    dofs = [_dof(model, study.channels[c]) for c in efforts]
+    rng = np.random.default_rng(0)
+    episodes, changes = [], []
     for episode in study.episodes:
         motion = _motion(model, columns, episode, cutoff, period)
         still = _standing_still(motion, noise[columns], period)
         readings = tuple(
-            _effort(motion, episode.readings[c], still[:, _dof(model, study.channels[c])], period)
-            for c in efforts
+            _effort(motion, episode.readings[c], still[:, dof], period)
+            for c, dof in zip(efforts, dofs, strict=True)
         )
+        again = _motion(model, columns, _noisy(episode, columns, noise, rng), cutoff, period)
+        before, after = (
+            _filtered(_inverse_dynamics(plant, model, m, 0.0)[0], m, dofs) for m in (motion, again)
+        )
+        used = np.stack([np.isin(motion.time, reading.time) for reading in readings], axis=1)
+        changes.append(np.where(used, after - before, np.nan))
         kept = {f.name: getattr(episode, f.name) for f in fields(Episode)}
         episodes.append(PreparedEpisode(**kept | {"readings": readings}, motion=motion))
     reduction = np.sqrt(2 * cutoff * period)
-    channels = tuple(replace(study.channels[c], noise=float(noise[c] * reduction)) for c in efforts)
+    computed = np.sqrt(np.nanmean(np.concatenate(changes) ** 2, axis=0))
+    whole = np.hypot(noise[efforts] * reduction, computed)
+    channels = tuple(
+        replace(study.channels[c], noise=float(size))
+        for c, size in zip(efforts, whole, strict=True)
+    )
     return replace(study, channels=channels, episodes=tuple(episodes))
 
 
@@ -126,7 +144,7 @@ def inverse_replay(plant: Plant, study: Study, measured: Measured) -> Replay:
     """
     model = plant.spec.compile()
     _stiffen_dry_friction(model)
-    dofs = np.array([_dof(model, channel) for channel in study.channels])
+    dofs = [_dof(model, channel) for channel in study.channels]
     prediction = np.full(len(measured.value), np.nan)
     records = []
     start = 0.0
@@ -135,7 +153,9 @@ def inverse_replay(plant: Plant, study: Study, measured: Measured) -> Replay:
             raise StudyError(f"the study {study.name} compares efforts and was not prepared")
         motion = episode.motion
         effort, record = _inverse_dynamics(plant, model, motion, start)
-        filtered = _low_pass(effort[:, dofs], motion.cutoff, _step(motion.time))
+        for effect in plant.effects.efforts:
+            effect(model, record.time, effort)
+        filtered = _filtered(effort, motion, dofs)
         for c in range(len(study.channels)):
             at = (measured.episode == e) & (measured.channel == c)
             prediction[at] = np.interp(measured.time[at], motion.time, filtered[:, c])
@@ -173,6 +193,22 @@ def _inverse_dynamics(
         if model.ntendon:
             record.length[k], record.velocity[k] = data.ten_length, data.ten_velocity
     return effort, record
+
+
+def _filtered(effort: Floats, motion: Motion, dofs: Sequence[int]) -> Floats:
+    """Return efforts (k, nv) at some degrees of freedom, low-passed as the measured ones."""
+    return _low_pass(effort[:, dofs], motion.cutoff, _step(motion.time))
+
+
+def _noisy(
+    episode: Episode, columns: Sequence[int], noise: Floats, rng: np.random.Generator
+) -> Episode:
+    """Return an episode with more noise on the readings of some channels."""
+    readings = list(episode.readings)
+    for c in columns:
+        errors = noise[c] * rng.standard_normal(len(readings[c].value))
+        readings[c] = replace(readings[c], value=readings[c].value + errors)
+    return replace(episode, readings=tuple(readings))
 
 
 def _applied_force(model: mujoco.MjModel, data: mujoco.MjData, hooks: Sequence[Hook]) -> Floats:

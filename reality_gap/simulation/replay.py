@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import mujoco
 import numpy as np
@@ -41,7 +41,7 @@ class RecordCache:
     Many candidates change the readings or one episode only, so that simulations repeat.
 
     Args:
-        size: how much memory the sensor values may take [bytes].
+        size: how much memory the records may take [bytes].
     """
 
     def __init__(self, size: float = 2e8) -> None:
@@ -53,12 +53,18 @@ class RecordCache:
         if key not in self._records:
             record = make()
             self._records[key] = record
-            self._free -= record.sensors.nbytes
+            self._free -= _bytes(record)
             while self._free < 0 and len(self._records) > 1:
-                self._free += self._records.popitem(last=False)[1].sensors.nbytes
+                self._free += _bytes(self._records.popitem(last=False)[1])
         self._records.move_to_end(key)
         record = self._records[key]
         return replace(record, sensors=record.sensors.copy())
+
+
+def _bytes(record: Record) -> int:
+    """Return the memory of a record with its model [bytes]."""
+    signals = (getattr(record, field.name) for field in fields(record) if field.name != "model")
+    return sum(int(signal.nbytes) for signal in signals) + int(record.model.nbuffer)
 
 
 def replay(

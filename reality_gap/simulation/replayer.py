@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property, partial
 from types import TracebackType
 
+import mujoco
 import numpy as np
 
 from mjcf_sandbox.parent_watchdog import end_with_parent
@@ -18,6 +19,7 @@ from reality_gap.errors import StudyError
 from reality_gap.simulation.episode import silence
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, Plant, build
 from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
+from reality_gap.simulation.light_model import light_spec
 from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured
@@ -92,7 +94,7 @@ class Replayer:
         """
         study = self.system.study
         try:
-            plant = self.plant(hypothesis)
+            plant = self.light_plant(hypothesis)
             if study.inverse:
                 return inverse_replay(plant, study, self.measured)
             if coarse:
@@ -127,13 +129,21 @@ class Replayer:
 
     def _at_step(self, share: float) -> Floats:
         """Return the nominal prediction at a share of the model's time step, shape (n,)."""
-        plant = self.plant([])
+        plant = self.light_plant([])
         plant.spec.option.timestep *= share
         return replay(plant, self.system.study, self.measured).prediction
 
     def plant(self, hypothesis: Hypothesis) -> Plant:
         """Build the study's model with the usual effects and a hypothesis."""
         return build(self.system, [*self.usual, *hypothesis])
+
+    def light_plant(self, hypothesis: Hypothesis) -> Plant:
+        """Build the same plant without visual elements; see `light_spec`."""
+        return build(self.system, [*self.usual, *hypothesis], self._light)
+
+    @cached_property
+    def _light(self) -> mujoco.MjSpec:
+        return light_spec(self.system.study.spec())
 
     @cached_property
     def usual(self) -> Hypothesis:
@@ -227,4 +237,4 @@ def _predict_study(
     """Predict the readings of another study in units of noise, by default in a worker."""
     found = replayer or _replayer
     assert found is not None
-    return replay(found.plant(hypothesis), study, readings).prediction / readings.noise
+    return replay(found.light_plant(hypothesis), study, readings).prediction / readings.noise

@@ -41,7 +41,7 @@ def simulate_study(
             signals.append(Reading(reading.time, noisy[at]))
         episodes.append(replace(episode, readings=tuple(signals)))
     channels = tuple(
-        replace(channel, noise=float(readings.noise[readings.channel == c][0]))
+        replace(channel, noise=float(readings.noise[readings.channel == c].min()))
         for c, channel in enumerate(study.channels)
     )
     return replace(study, channels=channels, episodes=tuple(episodes))

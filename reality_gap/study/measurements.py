@@ -1,4 +1,9 @@
-"""Measurements as one vector: all readings of all channels in all episodes."""
+"""Measurements as one vector: all readings of all channels in all episodes.
+
+The error of a sensor has two parts: noise, and rounding to the step of its converter. Rounding has
+a variance of step^2 / 12, but is the same in all readings of a run of equal values, which together
+count as one reading.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,14 @@ import numpy as np
 
 from reality_gap.study.data import Reading, Study
 from reality_gap.types import Floats, Ints
+
+MULTIPLE, MOSTLY = 0.1, 0.95
+"""Distance from a multiple of the step, in steps, up to which differences between the values of a
+channel count as multiples; share of them that must be."""
+USUAL_STEPS = 20.0
+"""Median of these differences in steps; a larger one shows no converter."""
+FEW = 4
+"""Number of different values below which no step is recognised."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +64,7 @@ class Measured:
 def measured(study: Study) -> Measured:
     """Concatenate the study's readings."""
     values, channels, episodes, times, noises, quaternions = [], [], [], [], [], []
-    noise = channel_noise(study)
+    noise, step = channel_noise(study), rounding_steps(study)
     four = _quaternion_sensors(study)
     start = 0
     for e, episode in enumerate(study.episodes):
@@ -62,7 +75,8 @@ def measured(study: Study) -> Measured:
             times.append(reading.time)
             channels.append(np.full(count, c))
             episodes.append(np.full(count, e))
-            noises.append(np.full(count, noise[c]))
+            rounding = (_run_lengths(reading.value) - 1) * step[c] ** 2 / 12.0
+            noises.append(np.sqrt(noise[c] ** 2 + rounding))
             if study.channels[c].sensor in four:
                 first.setdefault(study.channels[c].sensor, []).append(start)
             start += count
@@ -83,11 +97,42 @@ def measured(study: Study) -> Measured:
 def channel_noise(study: Study) -> Floats:
     """Return the standard deviation of one reading of each channel in SI units, shape (c,).
 
-    It is the study's value if there is one, and else an estimate from the log.
+    It is the study's value if there is one, and else an estimate from the log; but at least the
+    error by rounding.
     """
     stated = [channel.noise for channel in study.channels]
     rough = rough_noise(study)
-    return np.array([r if n is None else n for n, r in zip(stated, rough, strict=True)])
+    known = [r if n is None else n for n, r in zip(stated, rough, strict=True)]
+    least = [_least(tuple(e.readings[c] for e in study.episodes)) for c in range(len(known))]
+    return np.maximum.reduce([known, rounding_steps(study) / np.sqrt(12.0), least])
+
+
+def rounding_steps(study: Study) -> Floats:
+    """Return the step to which each channel is rounded in SI units, shape (c,); 0 if to none."""
+    count = range(len(study.channels))
+    return np.array([_step(tuple(e.readings[c] for e in study.episodes)) for c in count])
+
+
+def _step(readings: tuple[Reading, ...]) -> float:
+    """Return the step of which nearly all differences between the values are multiples, or 0."""
+    values = np.unique(np.concatenate([reading.value for reading in readings]))
+    if len(values) < FEW:
+        return 0.0
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-9 * (values[-1] - values[0])]  # equal but for the conversion of units
+    steps = gaps / gaps.min()
+    multiple = np.abs(steps - np.round(steps)) < MULTIPLE
+    rounded = np.mean(multiple) > MOSTLY and np.median(steps) < USUAL_STEPS
+    return float(np.median(gaps / np.round(steps))) if rounded else 0.0
+
+
+def _run_lengths(values: Floats) -> Floats:
+    """Return the number of equal values in a row that each value is one of, shape (k,)."""
+    if not len(values):
+        return np.zeros(0)
+    starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    lengths = np.diff(starts, append=len(values))
+    return np.repeat(lengths, lengths).astype(np.float64)
 
 
 def rough_noise(study: Study) -> Floats:
@@ -102,12 +147,16 @@ def _rough(readings: tuple[Reading, ...]) -> float:
     Third differences suppress the motion; those of white noise have 20 times its variance.
     """
     thirds = [np.diff(r.value, 3) for r in readings if len(r.value) > 8]
-    values = np.concatenate([r.value for r in readings])
-    floor = 1e-6 * float(np.ptp(values)) + 1e-12
     if not thirds:
-        return max(0.01 * float(np.std(values)), floor)
+        values = np.concatenate([r.value for r in readings])
+        return max(0.01 * float(np.std(values)), _least(readings))
     deviation = 1.4826 * float(np.median(np.abs(np.concatenate(thirds)))) / np.sqrt(20.0)
-    return max(deviation, floor)
+    return max(deviation, _least(readings))
+
+
+def _least(readings: tuple[Reading, ...]) -> float:
+    """Return the least noise of a channel: computed values have none, and residuals need some."""
+    return 1e-6 * float(np.ptp(np.concatenate([r.value for r in readings]))) + 1e-12
 
 
 def _quaternion_sensors(study: Study) -> dict[str, list[int]]:

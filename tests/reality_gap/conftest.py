@@ -14,6 +14,7 @@ import yaml
 
 from reality_gap.causes import find_cause
 from reality_gap.diagnosis import (
+    Criterion,
     Dependence,
     Diagnosis,
     Estimate,
@@ -21,6 +22,8 @@ from reality_gap.diagnosis import (
     FittedCandidate,
     Gain,
     NamedCause,
+    Rejected,
+    Share,
     Trace,
     Verdict,
 )
@@ -183,12 +186,20 @@ def diagnosed(lever_study: Study) -> Callable[[Verdict], Diagnosis]:
     return partial(_diagnosis, lever_study)
 
 
+STEPS = (
+    Share("small deviations within the tolerances", 12.0, 11.0, 0.16),
+    Share("Coulomb friction at flexor", 11.0, 4.0, 0.73),
+    Share("length offset at extensor", 4.0, 1.5, 0.1),
+)
+"""Waterfall of the made-up diagnosis."""
+
+
 def _diagnosis(study: Study, verdict: Verdict) -> Diagnosis:
     system, readings = compile_system(study), measured(study)
     friction = _candidate(system, "coulomb_friction", "flexor")
     offset = _candidate(system, "length_offset", "extensor")
     values = {"friction": 3.0}, {"offset": 0.0025}
-    named = verdict is Verdict.NAMED
+    named = verdict.has_names
     parts = list(zip((friction, offset), values, strict=True)) if named else []
     before, after = (
         replay(build(system, found), study, readings).prediction for found in ([], parts)
@@ -197,20 +208,19 @@ def _diagnosis(study: Study, verdict: Verdict) -> Diagnosis:
         {"friction": Estimate(3.0, 2.5, 3.5, "N")},
         {"offset": Estimate(0.0025, 0.002, 0.003, "m")},
     )
+    objection = "leaves errors above the noise"
+    reason = "has a parameter at its bound"
     return Diagnosis(
         study=study.name,
         verdict=verdict,
         sentence=f"The verdict is {verdict.value}.",
         causes=(
-            NamedCause(friction, estimates[0], 0.93, ()),
-            NamedCause(offset, estimates[1], 0.88, ("length_scale",)),
+            NamedCause(friction, estimates[0], 0.93, (), (), Gain(50.0, 30.0, 70.0), STEPS[1]),
+            NamedCause(
+                offset, estimates[1], 0.88, ("length_scale",), (), Gain(9.0, 1.0, 17.0), STEPS[2]
+            ),
         )[: 2 * named],
-        fitted_candidates=(
-            FittedCandidate(friction, values[0], 40.0, 0.9, 0, named),
-            FittedCandidate(offset, values[1], 12.0, 0.1, 0),
-            FittedCandidate(offset, values[1], 60.0, 0.9, 1, named),
-            FittedCandidate(friction, values[0], -np.inf, 0.0, 1),
-        ),
+        fitted_candidates=_fitted_candidates((friction, offset), values, named),
         rms_before=12.0,
         rms_after=1.5 if named else 12.0,
         noise_floor=1.0,
@@ -224,6 +234,25 @@ def _diagnosis(study: Study, verdict: Verdict) -> Diagnosis:
         effects=((offset, values[1]),) if named else (),
         extended_xml=build(system, parts).spec.to_xml(),
         seconds=12.5,
+        criteria=(Criterion("report_noises", 1.5, 1.2, verdict is Verdict.NAMED, objection),),
+        waterfall=STEPS if named else (),
+        rejected=()
+        if verdict in (Verdict.NAMED, Verdict.NOTHING_WRONG)
+        else (Rejected(offset, {"offset": -1.154e-18}, reason, Gain(3.0, -1.0, 7.0)),),
+    )
+
+
+def _fitted_candidates(
+    candidates: tuple[Candidate, Candidate],
+    values: tuple[dict[str, float], dict[str, float]],
+    named: bool,
+) -> tuple[FittedCandidate, ...]:
+    friction, offset = candidates
+    return (
+        FittedCandidate(friction, values[0], 40.0, 0.9, 0, True, 95.0),
+        FittedCandidate(offset, values[1], 52.0, 0.1, 0, False, 20.0),
+        FittedCandidate(offset, values[1], 60.0, 0.9, 1, named, 80.0),
+        FittedCandidate(friction, values[0], -np.inf, 0.0, 1),
     )
 
 

@@ -42,7 +42,7 @@ def test_centimetres_as_metres(study_folder: Any) -> None:
 
 def test_radians_as_degrees(study_folder: Any) -> None:
     study_folder.content["sensors"]["angle_elbow"]["unit"] = "deg"
-    assert "angle_elbow moves by" in sentences_of(study_folder)
+    assert "angle_elbow moves 0.0174 times as far" in sentences_of(study_folder)
 
 
 def test_wrong_sign(study_folder: Any) -> None:

@@ -14,8 +14,10 @@ import pytest
 
 from reality_gap.__main__ import main
 from reality_gap.causes import CATALOGUE, find_cause
+from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
 from reality_gap.inference.checkpoint import Checkpoint
+from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.verdict import Options
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.data import Study
@@ -61,6 +63,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     def diagnose(
         study: Study,
         jobs: int,
+        causes: list[Cause],
         options: Options,
         progress: Callable[[float, str], None],
         work: Path,
@@ -69,7 +72,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         Checkpoint(work, "k").get(0, lambda: [np.zeros((1, 1), dtype=np.float32)])
         if called.get("interrupt"):
             raise KeyboardInterrupt
-        called.update(study=study, jobs=jobs, options=options)
+        called.update(study=study, jobs=jobs, causes=causes, options=options)
         return diagnosis_of(study)
 
     def write(diagnosis: Diagnosis, study: Study, out: Path) -> None:
@@ -138,6 +141,49 @@ def test_a_rough_model_can_have_larger_tolerances(
     out = str(tmp_path / "d")
     assert main(["diagnose", str(study_folder.path), "--out", out, "--tolerance", "3"]) == 0
     assert found["options"] == Options(tolerance=3.0)
+
+
+def test_without_options_a_diagnosis_has_the_defaults_of_the_library(
+    study_folder: Any, found: dict[str, Any], tmp_path: Path
+) -> None:
+    assert main(["diagnose", str(study_folder.path), "--out", str(tmp_path / "d")]) == 0
+    assert found["options"] == Options()
+    assert found["causes"] == list(CATALOGUE.values())
+
+
+def test_thresholds_catalogue_and_depth_are_options(
+    study_folder: Any, found: dict[str, Any], tmp_path: Path
+) -> None:
+    chosen = ["--causes", "payload", "delay", "slack", "--without", "delay", "--depth", "1"]
+    limits = ["--thresholds.left", "2", "--thresholds.threshold", "9", "--thresholds.root", "1"]
+    more = ["--thresholds.root-learned", "4"]
+    out = str(tmp_path / "d")
+    assert main(["diagnose", str(study_folder.path), "--out", out, *chosen, *limits, *more]) == 0
+    assert [cause.id for cause in found["causes"]] == ["payload", "slack"]
+    search = Settings(threshold=9.0, root=1.0, most=1)
+    assert found["options"] == Options(search=search, left=2.0, root=4.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--depth", "0"], "--depth must be at least 1, not 0"),
+        (["--thresholds.left", "-1"], "--thresholds.left must be at least 0 and finite, not -1.0"),
+        (["--thresholds.more-refits", "0"], "--thresholds.more-refits must be at least 1, not 0"),
+        (["--causes", "magic"], "unknown cause 'magic'; known: "),
+        (["--causes", "slack", "--without", "slack"], "--without leaves out all causes"),
+    ],
+)
+def test_options_out_of_range_are_refused(
+    arguments: list[str],
+    text: str,
+    study_folder: Any,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = str(tmp_path / "d")
+    assert main(["diagnose", str(study_folder.path), "--out", out, *arguments]) == 2
+    assert capsys.readouterr().err.startswith(text)
 
 
 def test_an_interrupted_diagnosis_continues_from_its_checkpoint(

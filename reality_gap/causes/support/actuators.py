@@ -17,6 +17,13 @@ def is_linear(model: mujoco.MjModel, actuator: int) -> bool:
     return gain in gains and bias in biases
 
 
+def make_affine(actuator: mujoco.MjsActuator) -> None:
+    """Give an actuator without bias an affine bias of 0."""
+    if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
+        actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        actuator.biasprm[:] = 0.0
+
+
 def pull(record: Record, tendon: ActuatedTendon) -> Floats:
     """Return the tension that a tendon's actuator exerts, shape (k,) [N]."""
     i = record.model.actuator(tendon.actuator).id

@@ -13,6 +13,9 @@ from reality_gap.study.system import ActuatedTendon, System, commanded
 Sensed = Literal["length", "tension", None]
 """Quantity of a tendon that must be measured; None for no condition."""
 
+MANY = 8
+"""Number of actuators from which on single elements are screened at small sizes only."""
+
 Suits = Callable[[mujoco.MjModel, int], bool]
 """Whether a cause can act on an actuator of this id."""
 
@@ -42,6 +45,16 @@ def all_actuators(system: System, suits: Suits | None = None) -> tuple[Location,
     """Return a location of all actuators together; none if there are fewer than two."""
     names = _actuators(system, suits)
     return (Location("actuator", names),) if len(names) > 1 else ()
+
+
+def secants(system: System, location: Location, values: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the sizes at which a cause is screened in addition.
+
+    In machines with many actuators, single elements are screened at small sizes only: each size is
+    one more replay for each element.
+    """
+    alone = len(location.elements) == 1 and location.kind != "sensor"
+    return () if alone and len(commanded(system.model)) >= MANY else values
 
 
 def tension_signs(system: System, location: Location) -> dict[str, float]:

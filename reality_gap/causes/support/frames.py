@@ -50,6 +50,28 @@ def camera_locations(system: System, sensors: tuple[str, ...]) -> tuple[Location
     return tuple(Location("camera", (name,)) for name in names if name)
 
 
+def distance(system: System, camera: str) -> float:
+    """Return the mean distance of the frames that a camera measures, at ``qpos0`` [m]."""
+    model = system.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+    eye, far = data.cam_xpos[model.camera(camera).id], list[float]()
+    origins = {
+        int(mujoco.mjtObj.mjOBJ_SITE): data.site_xpos,
+        int(mujoco.mjtObj.mjOBJ_XBODY): data.xpos,
+        int(mujoco.mjtObj.mjOBJ_BODY): data.xipos,
+        int(mujoco.mjtObj.mjOBJ_GEOM): data.geom_xpos,
+    }
+    for name in position_sensors(system) + orientation_sensors(system):
+        measures = model.sensor(name)
+        if camera_of(system, name) == camera and int(measures.objtype[0]) in origins:
+            at = origins[int(measures.objtype[0])][int(measures.objid[0])]
+            far.append(float(np.linalg.norm(at - eye)))
+    return float(np.mean(far)) if far else 1.0
+
+
 def pose_parameters(shift: Parameter, turn: Parameter | None) -> tuple[Parameter, ...]:
     """Return the parameters x, y, z like ``shift``, and rx, ry, rz like ``turn`` if it is given."""
     alike = [(shift, name) for name in SHIFT]

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 
 import mujoco
 import numpy as np
 
+from reality_gap.causes.support import machine_size
 from reality_gap.study.system import System
-from reality_gap.types import Bools, Floats
+from reality_gap.types import Floats
 
 PROBE = 0.1
-"""Displacement of a joint to find the tendons that cross it [rad or m]."""
-NEGLIGIBLE = 1e-5
-"""Largest change of length of a tendon that does not cross a joint [m]."""
+"""Displacement of a joint to find the lever arms of its tendons, over half of its range."""
+NEGLIGIBLE = 1e-4
+"""Largest change of length of a tendon that does not cross a joint, over the travel of tendons."""
 
 
 def lengthening(system: System, joints: Mapping[str, float]) -> dict[str, float]:
@@ -30,9 +30,13 @@ def lengthening(system: System, joints: Mapping[str, float]) -> dict[str, float]
 
 def actuated_joints(system: System) -> tuple[str, ...]:
     """Return the joints that actuated tendons cross, in the order of the system's joints."""
-    crossed = _crossed_tendons(system.model, system.joints)
+    size = machine_size.machine_size(system)
     ids = [system.model.tendon(t.name).id for t in system.tendons]
-    return tuple(name for name, row in zip(system.joints, crossed, strict=True) if row[ids].any())
+    if not ids:
+        return ()
+    moved = size.arms[ids].max(axis=0) * size.travel
+    least = NEGLIGIBLE * float(np.median(size.tendon_travel[ids]))
+    return tuple(name for name in system.joints if moved[machine_size.dof(system, name)] > least)
 
 
 def lever_arms(system: System, tendon: str) -> dict[str, float]:
@@ -41,25 +45,17 @@ def lever_arms(system: System, tendon: str) -> dict[str, float]:
     A positive lever arm means that the tendon becomes longer if the joint's position increases.
     """
     model, index = system.model, system.model.tendon(tendon).id
+    travel = machine_size.machine_size(system).travel
     middle = {name: _middle(model, name) for name in system.joints}
     arms = {}
     for name in actuated_joints(system):
+        step = PROBE * float(travel[machine_size.dof(system, name)])
         far, near = (
-            _tendon_lengths(model, middle | {name: middle[name] + side * PROBE})[index]
+            _tendon_lengths(model, middle | {name: middle[name] + side * step})[index]
             for side in (0.5, -0.5)
         )
-        arms[name] = float(far - near) / PROBE
+        arms[name] = float(far - near) / step
     return arms
-
-
-@lru_cache(maxsize=4)
-def _crossed_tendons(model: mujoco.MjModel, joints: tuple[str, ...]) -> Bools:
-    """Return whether each joint changes each tendon's length, shape (joints, ntendon)."""
-    changes = [
-        [_tendon_lengths(model, {name: side * PROBE}) - model.tendon_length0 for side in (-1, 1)]
-        for name in joints
-    ]
-    return np.abs(changes).max(axis=1) > NEGLIGIBLE if changes else np.zeros((0, 0), bool)
 
 
 def _tendon_lengths(model: mujoco.MjModel, joints: Mapping[str, float]) -> Floats:

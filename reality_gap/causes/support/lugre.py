@@ -39,6 +39,8 @@ DAMPED = 1.25
 MuJoCo applies it one step late."""
 SLOW = 1e-3
 """Stribeck velocity [m/s or rad/s]; it has no effect, as static and sliding friction are equal."""
+RELATIVE = 1.4
+"""Travel in which presliding is measured, over the typical travel of tendons."""
 SUMS = (int(mujoco.mjtSensor.mjSENS_TENDONACTFRC), int(mujoco.mjtSensor.mjSENS_JOINTACTFRC))
 """Sensors of the sum of all actuator forces on an element."""
 SLIDING, RESTING = 3, 4
@@ -58,18 +60,17 @@ def is_available(system: System) -> bool:
 def presliding_parameter(system: System, location: Location) -> Parameter:
     """Return the parameter of the distance that an element moves before it slips [m or rad]."""
     if location.kind == "tendon":
-        unit, size, low, high = "m", 3e-5, 3e-6, 1e-3
+        unit, travel = "m", RELATIVE * typical_scales.tendon_travel(system)
     else:
         unit, travel = typical_scales.joint_travel(system, location)
-        size = 3e-4 * travel
-        low, high = 0.1 * size, 30 * size
+    size = 3e-4 * travel
     return Parameter(
         "presliding",
         unit,
         scale=size,
         tolerance=0.0,
-        low=low,
-        high=high,
+        low=0.1 * size,
+        high=30 * size,
         null=size,
         hints=SearchHints(shape=True),
     )

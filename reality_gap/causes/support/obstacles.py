@@ -17,27 +17,30 @@ import mujoco
 import numpy as np
 from scipy.stats.qmc import Halton
 
+from reality_gap.causes.support import typical_scales
 from reality_gap.study.system import ActuatedTendon, System
 from reality_gap.types import Bools, Floats
 
 POSTURES = 64
 """Number of sampled postures."""
-NEAR = 0.025
-"""Largest distance of a straight tendon from the surface of a bone that is an obstacle [m]."""
-THICK = 0.04
-"""Largest distance of a straight tendon from the axis of a joint that is an obstacle [m]."""
+NEAR = 0.72
+"""Largest distance of a straight tendon from the surface of a bone that is an obstacle, over the
+typical lever arm of tendons."""
+THICK = 1.15
+"""Largest distance of a straight tendon from the axis of a joint that is an obstacle, likewise."""
 OFTEN = 0.1
 """Smallest share of the postures in which a tendon must pass an obstacle."""
 OTHER_SIDE = 0.05
 """Largest share of the postures in which a tendon may pass an obstacle on the other side."""
 CLEAR = 0.95
 """Largest radius over the distance of the nearer end of the segment; ends must lie outside."""
-MOST, LIFT = 0.8, 0.003
-"""A typical radius lifts the tendon by `LIFT` [m] in the share `MOST` of the postures, or reaches
-`MOST` of the way to the largest radius if that is smaller."""
+MOST, LIFT = 0.8, 0.085
+"""A typical radius lifts the tendon by `LIFT` lever arms in the share `MOST` of the postures, or
+reaches `MOST` of the way to the largest radius if that is smaller."""
 
-TWIN = 0.001
-"""Obstacles are the same if their radii differ by less, as of a bone about a joint's axis [m]."""
+TWIN = 0.028
+"""Obstacles are the same if their radii differ by less, as of a bone about a joint's axis, over the
+typical lever arm of tendons."""
 
 _GEOM = mujoco.mjtGeom
 _ROUND = {
@@ -99,11 +102,15 @@ class Obstacle:
 
 def obstacles(system: System) -> tuple[Obstacle, ...]:
     """Return all obstacles of a system's tendons."""
-    return _obstacles(system.model, system.tendons)
+    if not system.tendons:
+        return ()
+    return _obstacles(system.model, system.tendons, typical_scales.lever_arm(system))
 
 
 @lru_cache(maxsize=4)
-def _obstacles(model: mujoco.MjModel, tendons: tuple[ActuatedTendon, ...]) -> tuple[Obstacle, ...]:
+def _obstacles(
+    model: mujoco.MjModel, tendons: tuple[ActuatedTendon, ...], lever: float
+) -> tuple[Obstacle, ...]:
     postures = _Postures(model)
     joints, bones = list(_joints(model)), list(_bones(model))
     found: list[Obstacle] = []
@@ -115,16 +122,16 @@ def _obstacles(model: mujoco.MjModel, tendons: tuple[ActuatedTendon, ...]) -> tu
             near = [axis for axis in joints if axis.name in crossed] + bones
             of_segment: list[Obstacle] = []
             for over in near:
-                new = _obstacle(model, postures, tendon.name, between, over)
-                if new is not None and not any(_are_twins(old, new) for old in of_segment):
+                new = _obstacle(model, postures, tendon.name, between, over, lever)
+                if new is not None and not any(_are_twins(old, new, lever) for old in of_segment):
                     of_segment.append(new)
             found += of_segment
     return tuple(found)
 
 
-def _are_twins(one: Obstacle, other: Obstacle) -> bool:
+def _are_twins(one: Obstacle, other: Obstacle, lever: float) -> bool:
     apart = max(abs(one.touching - other.touching), abs(one.largest - other.largest))
-    return one.over.shape == other.over.shape and apart < TWIN
+    return one.over.shape == other.over.shape and apart < TWIN * lever
 
 
 class _Postures:
@@ -223,6 +230,7 @@ def _obstacle(
     tendon: str,
     between: tuple[str, str],
     over: RoundBody,
+    lever: float,
 ) -> Obstacle | None:
     """Return a round body as an obstacle of a segment; None if the segment rarely passes it.
 
@@ -237,7 +245,7 @@ def _obstacle(
     distance = np.linalg.norm(point, axis=1)
     largest = CLEAR * float(np.min(np.linalg.norm([a, b], axis=2)))
     passing = (share > 0) & (share < 1)
-    limit = THICK if over.kind == "joint" else over.radius + NEAR
+    limit = THICK * lever if over.kind == "joint" else over.radius + NEAR * lever
     along = (ends[0] + share[:, None] * (ends[1] - ends[0])) @ _axis(over)
     acting = passing & (distance < largest) & (distance < limit) & (np.abs(along) < over.reach)
     if np.mean(acting) < OFTEN:
@@ -248,7 +256,7 @@ def _obstacle(
         return None
     touching = float(distance[passing].min())
     typical = min(
-        float(np.quantile(distance[passing], MOST)) + LIFT,
+        float(np.quantile(distance[passing], MOST)) + LIFT * lever,
         touching + MOST * (largest - touching),
     )
     return Obstacle(tendon, between, over, side, touching, typical, largest)

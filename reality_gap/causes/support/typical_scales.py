@@ -1,4 +1,8 @@
-"""Typical scales of forces, velocities and positions, from which causes derive their parameters."""
+"""Typical scales of forces, velocities and positions, from which causes derive their parameters.
+
+What the log measures comes first; what it does not measure comes from the model, see
+`reality_gap.causes.support.machine_size`.
+"""
 
 from __future__ import annotations
 
@@ -8,83 +12,149 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Location
+from reality_gap.causes.support import machine_size
 from reality_gap.study.data import Channel, Reading
 from reality_gap.study.system import System
 
-TENDON_SPEED = 0.1
-"""Typical velocity of a tendon [m/s]."""
+RATE = 1.35
+"""Typical velocity of a tendon over its travel [1/s]."""
+
+SHORT = 0.25
+"""Largest typical change of length of tendons, over the size of the largest link."""
+SMALL = 0.1
+"""Lever arm of a tendon, over its largest one, below which it does not matter for the force."""
 
 SPEED_PERIOD = 0.02
 """Interval over which a measured velocity is averaged [s]."""
 
 
 def joint_force(system: System, location: Location) -> tuple[str, float]:
-    """Return unit and typical size of a joint's force: RMS of its effort, or 10 N or N m."""
+    """Return unit and typical size of a joint's force: RMS of its effort, or that of the model."""
     joint = location.elements[0]
     efforts = [
         np.sqrt(np.mean(reading.value**2))
         for channel, reading in _readings(system)
         if channel.kind == "effort" and channel.sensor == joint
     ]
-    size = max(efforts, default=0.0)
-    return ("N" if _slides(system, joint) else "N m"), float(size) or 10.0
+    size = float(max(efforts, default=0.0))
+    load = float(machine_size.machine_size(system).load[machine_size.dof(system, joint)])
+    return ("N" if slides(system, joint) else "N m"), size or load
+
+
+def weakest_force(system: System, location: Location) -> tuple[str, float]:
+    """Return unit and typical size of the force of the weakest of a location's joints."""
+    return min(joint_force(system, Location("joint", (name,))) for name in location.elements)
 
 
 def joint_speed(system: System, location: Location) -> float:
-    """Return the typical velocity of a joint: the measured RMS, or else 0.1 m/s or 1 rad/s."""
-    squares = []
-    for reading in _positions(system, location.elements[0]):
+    """Return the typical velocity of a joint: the measured RMS, or else half its range a second."""
+    joint, squares = location.elements[0], list[float]()
+    for reading in _positions(system, joint):
         period = (reading.time[-1] - reading.time[0]) / (len(reading.time) - 1)
         stride = max(1, round(SPEED_PERIOD / period))
         time, value = reading.time[::stride], reading.value[::stride]
-        squares.append(np.mean((np.diff(value) / np.diff(time)) ** 2))
+        squares.append(float(np.mean((np.diff(value) / np.diff(time)) ** 2)))
     speed = float(np.sqrt(np.mean(squares))) if squares else 0.0
-    return speed or (0.1 if _slides(system, location.elements[0]) else 1.0)
+    return speed or _half_range(system, joint)
 
 
 def joint_damping(system: System, location: Location) -> tuple[str, float]:
     """Return unit and size of the damping that gives a joint's typical force at its speed."""
     unit, force = joint_force(system, location)
-    per = "s/m" if _slides(system, location.elements[0]) else "s/rad"
+    per = "s/m" if slides(system, location.elements[0]) else "s/rad"
     return f"{unit} {per}", force / joint_speed(system, location)
 
 
 def joint_travel(system: System, location: Location) -> tuple[str, float]:
-    """Return unit and typical size of a joint's motion: the measured one, or 0.1 m or 1 rad."""
+    """Return unit and typical size of a joint's motion: the measured one, or half its range."""
     joint = location.elements[0]
     travels = [float(np.ptp(reading.value)) for reading in _positions(system, joint)]
-    slides = _slides(system, joint)
-    return ("m" if slides else "rad"), max(travels, default=0.0) or (0.1 if slides else 1.0)
+    unit = "m" if slides(system, joint) else "rad"
+    return unit, max(travels, default=0.0) or _half_range(system, joint)
+
+
+def joint_inertia(system: System, joint: str) -> float:
+    """Return the inertia that moves with a joint [kg m^2 or kg]."""
+    return float(machine_size.machine_size(system).inertia[machine_size.dof(system, joint)])
 
 
 def actuator_force(system: System, location: Location) -> tuple[str, float]:
-    """Return unit and typical size of an actuator's force.
-
-    The size is half of the actuator's limit, but at most 100. Without a limit it is 100 N for an
-    actuator of a tendon, and 10 N or N m for others.
-    """
-    actuator = system.model.actuator(location.elements[0])
-    if any(tendon.actuator == actuator.name for tendon in system.tendons):
-        unit, size = "N", 100.0
-    else:
-        joint = int(actuator.trntype[0]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        on = system.model.joint(int(actuator.trnid[0])).name if joint else ""
-        unit, size = ("N" if on and _slides(system, on) else "N m"), 10.0
-    if actuator.forcelimited[0]:
-        size = min(100.0, 0.5 * float(np.max(np.abs(actuator.forcerange))))
-    return unit, size
+    """Return unit and typical size of an actuator's force before its gear."""
+    model, size = system.model, machine_size.machine_size(system)
+    actuator = model.actuator(location.elements[0])
+    limit, gear = float(size.limit[actuator.id]), abs(float(actuator.gear[0])) or 1.0
+    kind, target = int(actuator.trntype[0]), int(actuator.trnid[0])
+    if kind == int(mujoco.mjtTrn.mjTRN_TENDON):
+        return "N", machine_size.TENSION * limit if limit else _load(system, target) / gear
+    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+        joint = model.joint(target).name
+        load = float(size.load[model.jnt_dofadr[target]]) / gear
+        load = min(load, machine_size.MOTOR * limit) if limit else load
+        return ("N" if joint and slides(system, joint) else "N m"), load
+    return "N m", machine_size.MOTOR * limit if limit else 1.0
 
 
 def tendon_force(system: System, location: Location) -> float:
     """Return the typical force of the weakest of a location's tendons [N]."""
-    actuators = [
-        Location("actuator", (system.tendon(name).actuator,)) for name in location.elements
-    ]
-    return min(actuator_force(system, actuator)[1] for actuator in actuators)
+    motors = {t.name: t.actuator for t in system.tendons}
+    return min(
+        actuator_force(system, Location("actuator", (motors[name],)))[1]
+        if name in motors
+        else _load(system, system.model.tendon(name).id)
+        for name in location.elements
+    )
 
 
-def _slides(system: System, joint: str) -> bool:
+def _load(system: System, tendon: int) -> float:
+    """Return the force of a tendon that exerts the typical force of one of its joints [N]."""
+    size = machine_size.machine_size(system)
+    arms = size.arms[tendon]
+    on = arms > SMALL * arms.max(initial=0.0)
+    return float(np.max(size.load[on] / arms[on], initial=0.0)) or 1.0
+
+
+def tendon_travel(system: System) -> float:
+    """Return the typical change of length of the machine's tendons, actuated if it has any [m].
+
+    It is at most `SHORT` times the largest link, for joints whose range is not limited.
+    """
+    size = machine_size.machine_size(system)
+    ids = [system.model.tendon(t.name).id for t in system.tendons]
+    travels = size.tendon_travel[ids] if ids else size.tendon_travel
+    return min(float(np.median(travels)), SHORT * size.link) if travels.any() else size.link
+
+
+def lever_arm(system: System) -> float:
+    """Return the typical largest lever arm of the machine's actuated tendons at hinges [m]."""
+    size, model = machine_size.machine_size(system), system.model
+    hinges = [machine_size.dof(system, j) for j in system.joints if not slides(system, j)]
+    ids = [model.tendon(t.name).id for t in system.tendons]
+    arms = size.arms[np.ix_(ids, hinges)].max(axis=1, initial=0.0)
+    return float(np.median(arms)) if arms.any() else size.link
+
+
+def tendon_speed(system: System) -> float:
+    """Return the typical velocity of the machine's tendons [m/s]."""
+    return RATE * tendon_travel(system)
+
+
+def link_size(system: System) -> float:
+    """Return the size of the machine's largest link [m]."""
+    return machine_size.machine_size(system).link
+
+
+def end_force(system: System, body: str) -> float:
+    """Return a typical force on a body [N]; see `machine_size.end_force`."""
+    return machine_size.end_force(system, body)
+
+
+def slides(system: System, joint: str) -> bool:
+    """Return whether a joint is a slide."""
     return int(system.model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def _half_range(system: System, joint: str) -> float:
+    return float(machine_size.machine_size(system).travel[machine_size.dof(system, joint)]) or 1.0
 
 
 def _readings(system: System) -> Iterator[tuple[Channel, Reading]]:

@@ -1,10 +1,9 @@
-"""Scores of the fitted candidates."""
+"""Evidence of the fitted candidates."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -15,17 +14,19 @@ from reality_gap.report.plots.canvas import AFTER, QUIET, figure, label_rows
 
 MOST = 12
 """Largest number of bars in a chart."""
+CLOSE = 1.0
+"""Evidence below that of the chosen candidate down to which another one is as likely [nats]."""
 LONGEST = 40
 """Largest number of characters of a location that is written out."""
 
 
 def by_step(fitted_candidates: tuple[FittedCandidate, ...]) -> list[list[FittedCandidate]]:
-    """Return the candidates of each step of the search, the best first."""
+    """Return the candidates of each step of the search, the chosen one first, then the best."""
     steps = sorted({fitted.step for fitted in fitted_candidates})
     return [
         sorted(
             (r for r in fitted_candidates if r.step == step),
-            key=lambda r: (-_finite(r.score), str(r)),
+            key=lambda r: (not r.chosen, -r.evidence, str(r)),
         )
         for step in steps
     ]
@@ -42,10 +43,21 @@ def equivalents(step: list[FittedCandidate], causes: tuple[NamedCause, ...]) -> 
     }
 
 
-def candidate_scores(
+def as_likely(fitted: FittedCandidate, step: list[FittedCandidate]) -> bool:
+    """Return whether a candidate that was not chosen is about as likely as the chosen one.
+
+    Args:
+        fitted: a candidate.
+        step: all candidates of its step.
+    """
+    chosen = [other.evidence for other in step if other.chosen]
+    return bool(chosen) and not fitted.chosen and fitted.evidence >= chosen[0] - CLOSE
+
+
+def candidate_evidence(
     fitted_candidates: tuple[FittedCandidate, ...], causes: tuple[NamedCause, ...]
 ) -> Figure:
-    """Plot a bar for the score of each candidate, in one chart for each step of the search."""
+    """Plot a bar for the evidence of each candidate, in one chart for each step of the search."""
     steps = [step[:MOST] for step in by_step(fitted_candidates)]
     heights = [0.7 + 0.24 * max(len(step), 2) for step in steps]
     made, axes = figure(11, sum(heights) + 0.5, len(steps), 1, height_ratios=heights)
@@ -54,32 +66,35 @@ def candidate_scores(
         if len(steps) > 1:
             title = f"instead of cause {rank}, with the others in the model"
             ax.set_title(title, loc="left", fontsize=10)
-    axes[-1, 0].set_xlabel("score: log odds over your model, on held-out data [nats]", fontsize=9)
-    alike = Patch(
-        facecolor="white", edgecolor=AFTER, hatch="////", label="equivalent on these data"
-    )
+    axes[-1, 0].set_xlabel("evidence: log odds over the model without it [nats]", fontsize=9)
+    alike = Patch(facecolor="white", edgecolor=AFTER, hatch="////", label="as likely on these data")
     patches = [
-        Patch(color=AFTER, label="in the verdict" if causes else "best"),
-        *([alike] if any(equivalents(step, causes) for step in steps) else []),
+        Patch(color=AFTER, label="in the verdict" if causes else "best attempt"),
+        *([alike] if any(_alike(step, causes) for step in steps) else []),
         Patch(color=QUIET, label="rejected"),
     ]
     made.legend(handles=patches, loc="outside upper left", ncols=3, fontsize=8)
     return made
 
 
+def _alike(step: list[FittedCandidate], causes: tuple[NamedCause, ...]) -> bool:
+    """Return whether a step has candidates that are as likely as the chosen one."""
+    same = equivalents(step, causes)
+    return any(as_likely(one, step) or one.candidate.cause.id in same for one in step)
+
+
 def _bars(ax: Axes, step: list[FittedCandidate], equivalent: set[str]) -> None:
-    scores = [_finite(fitted.score) for fitted in step]
-    widest = max(max(scores), 1.0)
-    low = max(min(min(scores), 0.0), -0.15 * widest)
-    for row, (fitted, score) in enumerate(zip(step, scores, strict=True)):
-        width = max(score, low)
+    widest = max(1.0, *(fitted.evidence for fitted in step))
+    low = max(min(0.0, *(fitted.evidence for fitted in step)), -0.15 * widest)
+    for row, fitted in enumerate(step):
+        width = max(fitted.evidence, low)
         if fitted.chosen:
             ax.barh(row, width, color=AFTER)
-        elif fitted.candidate.cause.id in equivalent:
+        elif fitted.candidate.cause.id in equivalent or as_likely(fitted, step):
             ax.barh(row, width, color="white", edgecolor=AFTER, hatch="////")
         else:
             ax.barh(row, width, color=QUIET)
-        text = number(fitted.score) if math.isfinite(fitted.score) else "diverges"
+        text = number(fitted.evidence) if math.isfinite(fitted.score) else "diverges"
         ax.annotate(
             f" {text}   (confidence {probability(fitted.confidence)})",
             (max(width, 0.0), row),
@@ -95,9 +110,6 @@ def _bars(ax: Axes, step: list[FittedCandidate], equivalent: set[str]) -> None:
 def _name(fitted: FittedCandidate) -> str:
     location = fitted.candidate.location
     text = str(location)
-    short = text if len(text) <= LONGEST else f"{len(location.elements)} elements"
+    note = f" ({location.note})" if location.note else ""
+    short = text if len(text) <= LONGEST else f"{len(location.elements)} elements{note}"
     return f"{human(fitted.candidate.cause.id)} · {short}"
-
-
-def _finite(score: float) -> float:
-    return score if np.isfinite(score) else -np.finfo(float).max

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reality_gap.diagnosis import Dependence
-from reality_gap.report.formatting import percent
+from reality_gap.report.formatting import probability
 from reality_gap.report.plots.canvas import AFTER, LEARNED, QUIET, figure, label_rows
 
 MOST = 8
@@ -32,7 +32,7 @@ def remainder(
         ax = axes[1, 0]
         for row, dependence in enumerate(listed):
             ax.barh(row, 100.0 * dependence.fraction, color=LEARNED)
-            text = f" {percent(dependence.fraction)}, in {dependence.channel}"
+            text = f" {probability(dependence.fraction)}, in {dependence.channel}"
             ax.annotate(text, (100.0 * dependence.fraction, row), va="center", fontsize=8)
         ax.set_xlim(0.0, 100.0)
         ax.set_xlabel(
@@ -52,7 +52,7 @@ def _shares(ax: Axes, causes: str, named: float, explainable: float) -> None:
     )
     left = 0.0
     for share, colour, label in parts:
-        ax.barh(0, 100.0 * share, left=left, color=colour, label=f"{label}: {percent(share)}")
+        ax.barh(0, 100.0 * share, left=left, color=colour, label=f"{label}: {probability(share)}")
         left += 100.0 * share
     ax.set_xlim(0.0, 100.0)
     ax.set_yticks([])

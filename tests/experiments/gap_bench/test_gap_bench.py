@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from experiments.gap_bench import run
-from experiments.gap_bench.criteria import Row, bins, expected_error, musts, share, wilson
+from experiments.gap_bench.criteria import musts
 from experiments.gap_bench.figures import pictures
 from experiments.gap_bench.run import SHARES, Args, cases, conclude
 from experiments.gap_bench.tables import baselines_table, causes_table, confusion
+from experiments.harness.criteria import Row, bins, expected_error, share, wilson
 from experiments.harness.errors import ExperimentError
 from tests.experiments.gap_bench.trials import FRICTION, make_trial
 

@@ -16,12 +16,12 @@ from hidden_plants import Effect, Secret
 from hidden_plants.detection_limits import rows
 from hidden_plants.mechanisms import mechanism_of
 from hidden_plants.sampling import ONLY_ON_ARM
-from reality_gap import CATALOGUE, Diagnosis, Options, Verdict, diagnose, load_study
+from reality_gap import Diagnosis, Options, Verdict, diagnose, load_study
 
 SECONDS = {"elbow": 12.0, "arm": 5.0}
 LARGE = 10.0
 """Amplitude relative to the detection limit of the oracle."""
-ON_ELBOW = tuple(id for id in CATALOGUE if id not in ONLY_ON_ARM)
+ON_ELBOW = tuple(id for id in hidden_plants.CATALOGUE if id not in ONLY_ON_ARM)
 ON_ARM = (
     "force_offset",
     pytest.param("tension_scale", marks=pytest.mark.slow),

@@ -28,6 +28,13 @@ def test_the_first_name_counts() -> None:
     assert first_name(make_trial(verdict="unexplained")) == "unexplained"
 
 
+def test_names_of_a_part_count_as_names() -> None:
+    partly = make_trial(named=(FRICTION,), verdict="partly_named")
+    assert right_first(partly)
+    assert exact_set(partly)
+    assert first_name(partly) == "coulomb_friction"
+
+
 def test_a_declared_equivalent_is_counted_apart() -> None:
     other: Named = ("viscous_friction", ["biceps"], {"damping": 5.0})
     trial = make_trial(named=(other,), equivalent=["coulomb_friction"])

@@ -91,6 +91,47 @@ SCREW = """
 """
 
 
+ARM = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <default><joint armature="0.01" damping="0.4" frictionloss="0.1" stiffness="0.5"/></default>
+  <worldbody>
+    <body name="upper">
+      <joint name="shoulder" axis="0 1 0" range="-90 90" limited="true"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0.3 0 0" mass="1.5"/>
+      <body name="lower" pos="0.3 0 0">
+        <joint name="elbow" axis="0 1 0" range="-90 90" limited="true"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0.25 0 0" mass="0.6"/>
+        <site name="grip" pos="0.25 0 0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="shoulder" joint="shoulder" kp="60" kv="2" forcerange="-8 8"/>
+    <position name="elbow" joint="elbow" kp="30" kv="1" forcerange="-2 2"/>
+  </actuator>
+  <sensor>
+    <jointpos name="position_shoulder" joint="shoulder"/>
+    <jointpos name="position_elbow" joint="elbow"/>
+    <jointvel name="velocity_elbow" joint="elbow"/>
+    <actuatorfrc name="force_shoulder" actuator="shoulder"/>
+    <actuatorfrc name="force_elbow" actuator="elbow"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def arm_study(folder: Path, duration: float = 1.5, model: str = ARM) -> Study:
+    """A log of two position servos that swing a heavy arm, one of them up to its limit."""
+    path = folder / "arm.xml"
+    path.write_text(model)
+    channels = sensed(mujoco.MjModel.from_xml_path(str(path)))
+    time = np.arange(0.0, duration, 0.02)
+    command = np.stack([0.8 * np.sin(5.0 * time), 0.3 + 0.9 * np.sin(8.0 * time)], axis=1)
+    episode = Episode("swing", time, command, silent(channels, duration))
+    return Study("arm", path, channels, (episode,), Initial(settle=0.3))
+
+
 def elbow_study(folder: Path, duration: float = 1.5) -> Study:
     """Two logs of an elbow that swings, with tensions between their limits."""
     path = folder / "elbow.xml"

@@ -47,6 +47,15 @@ IDS = (
     "marker_offset",
     "camera_mounting",
     "camera_focal",
+    "position_gain",
+    "velocity_gain",
+    "command_gain",
+    "armature",
+    "gravity_compensation",
+    "encoder_scale",
+    "force_limit",
+    "effort_scale",
+    "effort_offset",
 )
 """Ids that are part of the interface: verdicts and extended models contain them."""
 
@@ -79,11 +88,11 @@ def test_the_example_of_the_documentation_is_a_cause(systems: dict[str, System])
     code = [line for line in base.__doc__.splitlines() if line.startswith("    ") or not line]
     namespace: dict[str, Any] = {}
     exec(textwrap.dedent("\n".join(code)), namespace)
-    cause, system = namespace["CAUSE"], systems["screw"]
+    cause, system = namespace["CAUSE"], systems["elbow"]
     (location,) = cause.locations(system)
     candidate = Candidate(cause, location, cause.parameters(system, location))
-    model = build(system, [(candidate, {"inertia": 0.5})]).spec.compile()
-    assert model.dof_armature - system.model.dof_armature == pytest.approx([0.5])
+    model = build(system, [(candidate, {"excess": 0.5})]).spec.compile()
+    assert model.opt.gravity == pytest.approx(1.5 * system.model.opt.gravity)
 
 
 @pytest.mark.parametrize("id", CATALOGUE)
@@ -103,10 +112,11 @@ def test_a_null_leaves_the_model_identical(systems: dict[str, System], id: str) 
 
 @pytest.mark.parametrize("id", CATALOGUE)
 def test_towards_null_the_replay_converges(systems: dict[str, System], id: str) -> None:
-    system = systems["elbow"]
-    null = predict(system)
     shown = 0.0
-    for candidate in candidates_of(system, id):
+    nulls = {name: predict(systems[name]) for name in ("elbow", "arm")}
+    found = [(name, c) for name in nulls for c in candidates_of(systems[name], id)]
+    for name, candidate in found:
+        system, null = systems[name], nulls[name]
         far, near, nearer, none = (
             float(np.sqrt(np.mean((predict(system, (candidate, values)) - null) ** 2)))
             for values in (towards_null(candidate, share) for share in (1.0, 0.1, 0.01, 0.0))

@@ -190,7 +190,10 @@ FAULTS: dict[str, tuple[Spoil, tuple[str, ...]]] = {
         _set("efforts", value={"elbow": {"column": "tension_flexor", "unit": "N m"}}),
         ("both actuators and efforts",),
     ),
-    "negative noise": (_set("sensors", "length_flexor", "noise", value=-1), ("above 0",)),
+    "negative noise": (
+        _set("sensors", "length_flexor", "noise", value=-1),
+        ("must not be negative",),
+    ),
     "noise in words": (_set("sensors", "length_flexor", "noise", value="low"), ("a number", "low")),
     "zero scale": (_set("sensors", "length_flexor", "scale", value=0), ("scale must not be 0",)),
     "huge scale": (_set("sensors", "length_flexor", "scale", value=1e31), ("scale", "1e+30")),

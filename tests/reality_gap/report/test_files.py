@@ -104,6 +104,39 @@ def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
     assert found["gain"] == {"value": 0.955, "low": 0.93, "high": 0.97}
 
 
+def test_the_verdict_has_each_measure_it_was_decided_on_and_what_each_cause_takes(
+    diagnosed: Make,
+) -> None:
+    found = verdict_json(diagnosed(Verdict.PARTLY_NAMED))
+
+    assert found["criteria"] == [
+        {
+            "name": "report_noises",
+            "value": 1.5,
+            "threshold": 1.2,
+            "met": False,
+            "objection": "leaves errors above the noise",
+        }
+    ]
+    assert [step["after"] for step in found["waterfall"]] == [11.0, 4.0, 1.5]
+    assert [cause["share"] for cause in found["causes"]] == found["waterfall"][1:]
+    assert found["causes"][0]["held_out_gain"] == {"value": 50.0, "low": 30.0, "high": 70.0}
+    [rejected] = found["rejected"]
+    assert rejected["reason"] == "has a parameter at its bound"
+    assert set(rejected["values"]) == {"offset"}
+
+
+@pytest.mark.usefixtures("plain_page")
+def test_the_extended_model_holds_what_is_named_of_a_part(
+    diagnosed: Make, lever_study: Study, tmp_path: Path
+) -> None:
+    write_diagnosis(diagnosed(Verdict.PARTLY_NAMED), lever_study, tmp_path / "out")
+
+    assert "coulomb_friction/flexor" in (tmp_path / "out" / "extended.xml").read_text()
+    effects = json.loads((tmp_path / "out" / "extended.json").read_text())["effects"]
+    assert [effect["cause"] for effect in effects] == ["length_offset"]
+
+
 def test_without_gain_and_experiment_both_are_null(diagnosed: Make) -> None:
     found = verdict_json(replace(diagnosed(Verdict.NOTHING_WRONG), next_experiment=None))
 

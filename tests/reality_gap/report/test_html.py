@@ -13,10 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reality_gap.diagnosis import Diagnosis, Verdict
+from reality_gap.diagnosis import Diagnosis, Gain, Share, Verdict
 from reality_gap.report.html import page
+from reality_gap.report.plots.candidates import as_likely, by_step
 from reality_gap.report.plots.canvas import png
 from reality_gap.report.plots.signals import residual_map, signals
+from reality_gap.report.plots.waterfall import waterfall
 from reality_gap.study.data import Study
 
 Make = Callable[[Verdict], Diagnosis]
@@ -86,7 +88,7 @@ def test_a_named_cause_has_readable_units(diagnosed: Make, lever_study: Study) -
     assert "Length offset extensor offset 2.50 mm 2.00 to 3.00 mm 88 % length scale" in found
     assert "Coulomb friction flexor friction 3.00 N 2.50 to 3.50 N 93 % none" in found
     assert re.search(r'\+ *<general name="coulomb_friction/flexor"[^>]*biasprm="0 0 0 3 3', found)
-    assert "removes 96 % of the error above the floor (95 % interval 93 to 97 %)" in found
+    assert "removes 96 % of the error above the floor (95 % interval 93 % to 97 %)" in found
     assert "camera focal nothing to act on" in found
 
 
@@ -100,6 +102,87 @@ def test_the_probability_of_an_unknown_cause_is_mentioned(
     found = read(page(diagnosis, lever_study)).text
 
     assert ("with a probability of 31 % none of the known causes is right" in found) is mentioned
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize("verdict", [Verdict.NAMED, Verdict.PARTLY_NAMED])
+def test_a_page_with_names_opens_with_the_waterfall_and_has_a_section_a_cause(
+    verdict: Verdict, diagnosed: Make, lever_study: Study
+) -> None:
+    found = read(page(diagnosed(verdict), lever_study)).text
+
+    opening, first, second, rest = (
+        found.index(text)
+        for text in (
+            "from top to bottom: what deviations within the tolerances take",
+            "Coulomb friction at flexor",
+            "Length offset at extensor",
+            "What your model gets wrong",
+        )
+    )
+    assert opening < first < second < rest
+    assert "takes 73 % of the error above the noise" in found[first:second]
+    assert "by 50.0 nats (95 % interval 30.0 to 70.0)" in found[first:second]
+    partly = "More is wrong than that: the extended model leaves errors above the noise" in found
+    assert partly is (verdict is Verdict.PARTLY_NAMED)
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize("verdict", [Verdict.PARTLY_NAMED, Verdict.UNEXPLAINED])
+def test_an_attempt_is_shown_with_its_values_and_is_no_change(
+    verdict: Verdict, diagnosed: Make, lever_study: Study
+) -> None:
+    found = read(page(diagnosed(verdict), lever_study)).text
+
+    text = "Length offset extensor offset 0 mm it has a parameter at its bound"
+    assert text in found
+    assert ("The best attempt" in found) is (verdict is Verdict.UNEXPLAINED)
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_no_share_is_all(diagnosed: Make, lever_study: Study) -> None:
+    diagnosis = diagnosed(Verdict.NAMED)
+    share = Share("all", 12.0, 1.0, 1.0)
+    causes = tuple(replace(cause, confidence=1.0, share=share) for cause in diagnosis.causes)
+    sure = replace(diagnosis, causes=causes, gain=Gain(1.0, 0.999, 1.001))
+
+    found = read(page(sure, lever_study)).text
+
+    assert "> 99 %" in found
+    assert "100 %" not in found
+
+
+def test_no_rejected_candidate_stands_above_the_chosen_one(diagnosed: Make) -> None:
+    """The other candidate has a higher score on the selection split alone."""
+    diagnosis = diagnosed(Verdict.NAMED)
+
+    for step in by_step(diagnosis.fitted_candidates):
+        assert step[0].chosen
+        rejected = [one for one in step[1:] if not as_likely(one, step)]
+        assert all(one.evidence < step[0].evidence for one in rejected)
+
+
+def test_a_candidate_that_is_as_likely_is_not_marked_as_rejected(diagnosed: Make) -> None:
+    first, second, *_ = diagnosed(Verdict.NAMED).fitted_candidates
+    step = [first, replace(second, evidence=first.evidence + 0.5)]
+
+    assert by_step(tuple(step))[0][0] is first
+    assert as_likely(step[1], step)
+
+
+def test_the_waterfall_shows_what_each_part_takes(diagnosed: Make) -> None:
+    steps = diagnosed(Verdict.NAMED).waterfall
+
+    texts = [text.get_text().strip() for text in waterfall(steps, 1.0, 1).axes[0].texts]
+
+    assert texts == [
+        "12.0",
+        "12.0 to 11.0, 16 %",
+        "11.0 to 4.00, 73 %",
+        "4.00 to 1.50, 10 %",
+        "1.50",
+        "1.00",
+    ]
 
 
 @pytest.mark.usefixtures("blank_pictures")

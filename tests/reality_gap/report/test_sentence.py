@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from reality_gap.diagnosis import Diagnosis, Gain, Verdict
+from reality_gap.diagnosis import Diagnosis, Estimate, Gain, Verdict
 from reality_gap.inference.held_out import Score
 from reality_gap.inference.outcome import Outcome
 from reality_gap.report.sentence import sentence
@@ -28,8 +28,8 @@ def test_a_named_cause_has_its_parameters_and_its_confidence(diagnosed: Make) ->
     assert sentence(outcome_of(diagnosed(Verdict.NAMED))) == (
         "Coulomb friction at flexor: friction 3 N [2.5, 3.5] (confidence 93 %). "
         "Length offset at extensor: offset 0.0025 m [0.002, 0.003] (confidence 88 %; these data "
-        "cannot distinguish it from length_scale). With it in the model, 96 % of the avoidable "
-        "error is gone on readings that were not used to find it."
+        "cannot distinguish it from length_scale). With them in the model, 96 % of the avoidable "
+        "error is gone on held-out readings."
     )
 
 
@@ -67,3 +67,31 @@ def test_the_best_attempt_is_not_named_for_a_reason(diagnosed: Make) -> None:
 
 def test_nothing_wrong_does_not_claim_that_the_model_is_right(diagnosed: Make) -> None:
     assert "as far as these data can show" in sentence(outcome_of(diagnosed(Verdict.NOTHING_WRONG)))
+
+
+def test_causes_that_are_not_all_have_a_rest_without_a_name(diagnosed: Make) -> None:
+    found = sentence(outcome_of(diagnosed(Verdict.PARTLY_NAMED)))
+
+    assert found.startswith("These causes pay on held-out data, but the machine has more that is")
+    assert "Coulomb friction at flexor: friction 3 N" in found
+    assert "The rest depends most on the velocity sign of elbow, shows most in length_f" in found
+    assert found.endswith("has no name.")
+
+
+def test_rounding_errors_are_zero(diagnosed: Make) -> None:
+    diagnosis = diagnosed(Verdict.NAMED)
+    zero = Estimate(-1.154e-18, -1.154e-18, 0.002, "m")
+    cause = replace(diagnosis.causes[1], parameters={"offset": zero})
+
+    found = sentence(outcome_of(replace(diagnosis, causes=(cause,))))
+
+    assert "offset 0 m [0, 0.002]" in found
+
+
+def test_a_gain_is_never_all(diagnosed: Make) -> None:
+    diagnosis = replace(diagnosed(Verdict.NAMED), gain=Gain(1.0, 0.998, 1.004))
+
+    found = sentence(outcome_of(diagnosis))
+
+    assert "> 99 % of the avoidable error is gone" in found
+    assert "100 %" not in found

@@ -1,0 +1,59 @@
+"""Mechanisms of hidden effects that act on a machine of any kind and size."""
+
+from __future__ import annotations
+
+import mujoco
+
+from hidden_plants.secret import Effect
+from hidden_plants.strangers.mechanisms import (
+    drives,
+    encoders,
+    friction,
+    joints,
+    loads,
+    outside,
+    readings,
+    tendons,
+)
+from hidden_plants.strangers.mechanisms.mechanism import Mechanism, Structure
+from hidden_plants.strangers.mismatch import Mismatch
+from hidden_plants.strangers.plant import Plant, assemble
+from hidden_plants.strangers.stranger import Stranger
+
+_INSIDE = (friction, joints, loads, drives, encoders, tendons, readings)
+
+MECHANISMS: dict[str, Mechanism] = {
+    mechanism.id: mechanism for module in (*_INSIDE, outside) for mechanism in module.MECHANISMS
+}
+OUTSIDE = tuple(mechanism.id for mechanism in outside.MECHANISMS)
+"""Effects that no single cause of a catalogue expresses."""
+
+
+def mechanism_of(effect: Effect | Structure) -> Mechanism:
+    """Return the mechanism of an effect.
+
+    Raises:
+        ValueError: the id is unknown.
+    """
+    if effect.id not in MECHANISMS:
+        raise ValueError(f"unknown effect {effect.id!r}; valid are: {', '.join(MECHANISMS)}")
+    return MECHANISMS[effect.id]
+
+
+def build(
+    stranger: Stranger, mismatch: Mismatch, effects: tuple[Effect, ...], step: float
+) -> Plant:
+    """Build the real machine that hidden effects act on.
+
+    Args:
+        stranger: nominal machine.
+        mismatch: small differences from it.
+        effects: hidden effects; those of amplitude 0 change nothing.
+        step: physics step [s].
+    """
+    plant = assemble(stranger, mismatch, step)
+    for effect in effects:
+        if effect.amplitude != 0.0:
+            mechanism_of(effect).tune(plant, effect)
+    mujoco.mj_setConst(plant.model, mujoco.MjData(plant.model))
+    return plant

@@ -1,0 +1,82 @@
+"""Encoder scale: a joint's encoder reads its motion times a factor, as with a wrong gear ratio.
+
+At the position ``q`` it reads ``q0 + (1 + scale) (q - q0)``, where ``q0`` is the position at the
+model's ``qpos0``. A servo feeds the wrong position and velocity back. If only the conversion of the
+log is wrong, the reading alone is.
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.support import elements, encoders, servos
+from reality_gap.study.system import System
+
+READING = "reading only"
+"""Note of a location where the servo's feedback is right."""
+
+
+def _locations(system: System) -> tuple[Location, ...]:
+    each = elements.each_joint(system)
+    used = [p for p in each if encoders.is_used(*encoders.encoders(system, p))]
+    return tuple(used) + tuple(
+        Location(p.kind, p.elements, READING) for p in used if has_both(system, p)
+    )
+
+
+def has_both(system: System, location: Location) -> bool:
+    """Return whether a joint's encoder is read, and feeds a servo."""
+    [encoder] = encoders.encoders(system, location)
+    return bool(encoder.sensors and encoder.actuator)
+
+
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    return (Parameter("scale", "1", 0.02, 0.0003, -0.9, 2.0),)
+
+
+def _zero(system: System, joint: str) -> float:
+    return float(system.model.qpos0[system.model.joint(joint).qposadr[0]])
+
+
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    [encoder] = encoders.encoders(system, location)
+    if encoder.actuator and location.note != READING:
+        about = _zero(system, encoder.element)
+        servos.add_reading_error(spec, encoder.actuator, 0.0, values["scale"], about)
+
+
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    [encoder] = encoders.encoders(system, location)
+    about = _zero(system, encoder.element)
+    speeds = _speed_sensors(system, encoder.element)
+
+    def stretch(record: Record) -> None:
+        travel = encoders.true_position(record, encoder) - about
+        encoders.add_to_reading(record, encoder, values["scale"] * travel)
+        for sensor in speeds:
+            record.sensors[:, record.column(sensor)] *= 1.0 + values["scale"]
+
+    effects.readings.append(stretch)
+
+
+def _speed_sensors(system: System, joint: str) -> list[str]:
+    """Return the measured sensors of a joint's velocity, which come from the same encoder."""
+    model = system.model
+    return [
+        name
+        for name in system.sensed
+        if int(model.sensor(name).type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTVEL)
+        and int(model.sensor(name).objid[0]) == model.joint(joint).id
+    ]
+
+
+CAUSE = Cause(
+    id="encoder_scale",
+    title="scale of a joint encoder",
+    explanation="An encoder reads a joint's motion times a factor, as with a wrong gear ratio.",
+    locations=_locations,
+    parameters=_parameters,
+    edit=_edit,
+    attach=_attach,
+)

@@ -1,0 +1,42 @@
+"""Position gain: the gain kp of a joint's position servo differs from that of the model.
+
+The servo exerts ``kp (command - position) - kd velocity``. A firmware counts kp in its own unit, so
+that a conversion factor is wrong for one servo, or for all of a kind.
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
+from reality_gap.causes.support import joint_motors
+from reality_gap.study.system import System
+
+SECANTS = (-0.5,)
+"""Relative errors at which the cause is screened in addition to a small one."""
+
+
+def _locations(system: System) -> tuple[Location, ...]:
+    return joint_motors.each_and_all(system, joint_motors.is_servo)
+
+
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    return (Parameter("excess", "1", 0.1, 0.006, -0.97, 9.0, hints=SearchHints(secants=SECANTS)),)
+
+
+def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    for name in location.elements:
+        actuator = spec.actuator(name)
+        joint_motors.fix_damping(actuator, system.model)
+        actuator.gainprm[0] *= 1 + values["excess"]
+        actuator.biasprm[1] *= 1 + values["excess"]
+
+
+CAUSE = Cause(
+    id="position_gain",
+    title="wrong position gain",
+    explanation="The position gain (kp) of a servo is too large or too small by a constant factor.",
+    locations=_locations,
+    parameters=_parameters,
+    edit=_edit,
+)

@@ -1,0 +1,52 @@
+"""Efforts: measured forces of joint motors, as sensors or as efforts for inverse dynamics."""
+
+from __future__ import annotations
+
+import mujoco
+
+from reality_gap.causes.base import Location
+from reality_gap.causes.support import joint_motors, typical_scales
+from reality_gap.study.system import System
+
+_SENSOR = mujoco.mjtSensor
+
+
+def each(system: System) -> tuple[Location, ...]:
+    """Return each sensor of a joint motor's force, or each joint with a measured effort."""
+    if system.study.inverse:
+        return tuple(Location("joint", (name,)) for name in joints(system))
+    return tuple(Location("sensor", (name,)) for name in _sensors(system))
+
+
+def each_and_all(system: System) -> tuple[Location, ...]:
+    """Return each measured force, and all together if there are several."""
+    found = each(system)
+    names = tuple(location.elements[0] for location in found)
+    return (*found, Location(found[0].kind, names)) if len(found) > 1 else found
+
+
+def joints(system: System) -> tuple[str, ...]:
+    """Return the joints whose efforts are compared by inverse dynamics."""
+    found = (c.sensor for c in system.study.channels if c.kind == "effort")
+    return tuple(dict.fromkeys(found))
+
+
+def typical(system: System, sensor: str) -> tuple[str, float]:
+    """Return unit and typical size of what a sensor of a joint motor's force measures."""
+    model, measures = system.model, system.model.sensor(sensor)
+    target = int(measures.objid[0])
+    if int(measures.type[0]) == int(_SENSOR.mjSENS_ACTUATORFRC):
+        location = Location("actuator", (model.actuator(target).name,))
+        return typical_scales.actuator_force(system, location)
+    return typical_scales.joint_force(system, Location("joint", (model.joint(target).name,)))
+
+
+def _sensors(system: System) -> tuple[str, ...]:
+    """Return the measured sensors of the force of a joint motor."""
+    model, found = system.model, list[str]()
+    for name in system.sensed:
+        kind, target = int(model.sensor(name).type[0]), int(model.sensor(name).objid[0])
+        of_motor = kind == int(_SENSOR.mjSENS_ACTUATORFRC) and joint_motors.is_motor(model, target)
+        if of_motor or kind == int(_SENSOR.mjSENS_JOINTACTFRC):
+            found.append(name)
+    return tuple(found)

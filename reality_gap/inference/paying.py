@@ -1,0 +1,225 @@
+"""Paying causes: those that predict held-out readings better, jointly and each beside the others.
+
+Evidence assumes that one of the candidates has exactly the right form, and pays for anything where
+none has. Each cause of the final set is therefore tested on readings that its parameters were not
+fitted to: the set must predict them better than the set without the cause, fitted again, and than
+the nominal model. In cross-validation over all folds, the 95 % interval of the gain must lie above
+zero; on the report split, which had no part in the choice of the cause either, the gain must be
+positive. The cause that fails most is dropped, until all of the rest pay. A cause with a parameter
+at its bound is dropped before: the fit shows that it stands for another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from reality_gap.diagnosis import Criterion, Gain
+from reality_gap.inference.folds import Folds
+from reality_gap.inference.forward_selection import SWAP, Search
+from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore
+from reality_gap.inference.held_out import score
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
+
+NEAR = 0.01
+"""Distance of a parameter from its bound, relative to that of the bound from the null value, below
+which the parameter counts as at its bound."""
+AT_BOUND = "has a parameter at its bound"
+NO_GAIN = "does not surely predict better the readings that were not used to find it"
+
+
+class Gains(NamedTuple):
+    """What causes gain on held-out readings.
+
+    Attributes:
+        folds: gain in log likelihood of all folds, each predicted from the others [nats].
+        report: gain in log likelihood of the report split [nats].
+    """
+
+    folds: Gain
+    report: Gain
+
+    @property
+    def pays(self) -> bool:
+        """Whether the gain of all folds is surely above zero, and that of the report split is."""
+        return self.folds.low > 0.0 and self.report.value > 0.0
+
+
+@dataclass(frozen=True)
+class Tested:
+    """Test of causes on held-out readings.
+
+    Attributes:
+        total: gains over the nominal model.
+        each: gains over the other causes alone, fitted again, by cause.
+        without: these fits of the other causes.
+        improvement: decrease of the RMS of the residual on the report split [noise].
+    """
+
+    total: Gains
+    each: tuple[Gains, ...]
+    without: tuple[Fit, ...]
+    improvement: Gain
+
+    @property
+    def pays(self) -> bool:
+        """Whether all causes together predict held-out readings better than the nominal model."""
+        return self.total.pays and self.improvement.high > 0.0
+
+
+class Dropped(NamedTuple):
+    """A cause that was dropped.
+
+    Attributes:
+        candidate: the cause and its location.
+        values: its parameters in SI units.
+        gains: its gains over the other causes of that time.
+        reason: why it was dropped, as the end of a sentence.
+    """
+
+    candidate: Candidate
+    values: Mapping[str, float]
+    gains: Gains
+    reason: str
+
+
+@dataclass(frozen=True)
+class Paying:
+    """The causes of a search that pay.
+
+    Attributes:
+        result: the search, whose best hypothesis has these causes only.
+        tested: their test.
+        attempt: the best hypothesis before causes were dropped.
+        attempted: the test of that hypothesis.
+        dropped: the causes that were dropped, in this order.
+    """
+
+    result: Search
+    tested: Tested
+    attempt: Fit
+    attempted: Tested
+    dropped: tuple[Dropped, ...] = ()
+
+
+def keep_paying(result: Search) -> Paying:
+    """Drop the causes of a search that do not pay.
+
+    Args:
+        result: a search.
+    """
+    attempt, attempted = result.best, held_out_test(result)
+    tested, dropped = attempted, list[Dropped]()
+    while not result.best.is_null:
+        worst = _worst(result.best, tested)
+        if worst is None:
+            break
+        i, reason = worst
+        candidate, values = result.best.hypothesis[i]
+        dropped.append(Dropped(candidate, dict(values), tested.each[i], reason))
+        result = _reduced(result, tested.without[i], [one.candidate for one in dropped])
+        tested = held_out_test(result)
+    return Paying(result, tested, attempt, attempted, tuple(dropped))
+
+
+def held_out_test(result: Search) -> Tested:
+    """Test the best causes of a search on held-out readings."""
+    problem, best = result.problem, result.best
+    folds, null = Folds(problem), null_fit(problem)
+    without = tuple(_without(result, i) for i in range(len(best.hypothesis)))
+
+    def gains(one: Fit) -> Gains:
+        return Gains(folds.cross_validated(one, best), folds.report(one, best))
+
+    scored = score(problem.system.study, problem.measured, null.residual, best.residual)
+    each = tuple(gains(one) for one in without)
+    total = each[0] if len(each) == 1 else gains(null)
+    return Tested(total, each, without, scored.improvement)
+
+
+def held_out_criteria(paying: Paying) -> tuple[Criterion, ...]:
+    """Return the criteria by which causes were kept or dropped."""
+    kept = zip(paying.result.best.hypothesis, paying.tested.each, strict=True)
+    all_parts: list[tuple[Part, Gains]] = [
+        *kept,
+        *(((one.candidate, one.values), one.gains) for one in paying.dropped),
+    ]
+    found = list[Criterion]()
+    for part, gains in all_parts:
+        low, value, near = gains.folds.low, gains.report.value, distance_to_bound(part)
+        found += [
+            Criterion(f"folds_gain_low: {part[0]}", low, 0.0, low > 0.0, NO_GAIN),
+            Criterion(f"report_gain: {part[0]}", value, 0.0, value > 0.0, NO_GAIN),
+            Criterion(f"distance_to_bound: {part[0]}", near, NEAR, near > NEAR, AT_BOUND),
+        ]
+    return tuple(found)
+
+
+def at_bound(hypothesis: Hypothesis) -> bool:
+    """Return whether a parameter is at its bound, which shows that the cause is another one."""
+    return any(distance_to_bound(part) <= NEAR for part in hypothesis)
+
+
+def distance_to_bound(part: Part) -> float:
+    """Return the least distance of a parameter from a bound, as a share of that of the null value.
+
+    It is 1 without bounds, and for parameters at their null values.
+    """
+    candidate, values = part
+    return min(
+        (
+            min(1.0, abs(values[p.name] - bound) / abs(bound - p.null))
+            for p in candidate.parameters
+            for bound in (p.low, p.high)
+            if bound != p.null and np.isfinite(bound)
+        ),
+        default=1.0,
+    )
+
+
+def _worst(best: Fit, tested: Tested) -> tuple[int, str] | None:
+    """Return the index of the cause to drop, and why; None if all of them pay."""
+    lows = [min(gains.folds.low, gains.report.value) for gains in tested.each]
+    bounded = [i for i, part in enumerate(best.hypothesis) if at_bound([part])]
+    if bounded:
+        return min(bounded, key=lows.__getitem__), AT_BOUND
+    if tested.pays and all(gains.pays for gains in tested.each):
+        return None
+    return int(np.argmin(lows)), NO_GAIN
+
+
+def _without(result: Search, i: int) -> Fit:
+    """Return the best causes without one of them, fitted again."""
+    rest = [part for j, part in enumerate(result.best.hypothesis) if j != i]
+    if not rest:
+        return null_fit(result.problem)
+    step = result.step_beside(rest)
+    return rescore(result.problem, step.base) if step else fit(result.problem, rest)
+
+
+def _reduced(result: Search, best: Fit, dropped: Sequence[Candidate]) -> Search:
+    """Return the search with fewer causes, and the noise model that these leave.
+
+    Where the search tried as many causes that are likelier, these take their place, unless they
+    are dropped ones or have a parameter at its bound.
+    """
+    if best.is_null:
+        return replace(result, best=best)
+    problem = result.problem.reinflated(best.residual)
+    best = rescore(problem, best)
+    for step in (*result.steps, *result.revised):
+        for other in step.tried:
+            alike = len(other.hypothesis) == len(best.hypothesis)
+            if not alike or at_bound(other.hypothesis) or _has_any(other, dropped):
+                continue
+            other = rescore(problem, other)
+            if other.evidence > best.evidence + SWAP:
+                best = other
+    return replace(result, problem=problem, best=best)
+
+
+def _has_any(fitted: Fit, candidates: Sequence[Candidate]) -> bool:
+    return any(one.matches(other) for one in fitted.candidates for other in candidates)

@@ -1,0 +1,43 @@
+"""Roughness: by how much a model exceeds its tolerances everywhere.
+
+Tolerances are those of a careful drawing. Other models are rougher in all of their numbers. With
+the columns N of the tolerances, residuals in units of sensor noise have the covariance
+C = I + s^2 N N', and the roughness s is the one that makes what the best causes leave most likely
+(empirical Bayes). The search for causes is then repeated with tolerances of s times their size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reality_gap.study.measurements import Measured
+from reality_gap.study.splits import SELECT, split
+from reality_gap.types import Floats
+
+SCALES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""Values of s that are compared."""
+DOUBT = 5.0
+"""Evidence that each doubling of s needs [nats]."""
+
+
+def roughness(measured: Measured, tolerances: Floats, remainder: Floats) -> float:
+    """Return the likeliest roughness s of `SCALES`.
+
+    Args:
+        measured: the readings.
+        tolerances: N, shape (n, p).
+        remainder: residual that causes leave, in units of sensor noise, shape (n,).
+    """
+    use = split(measured) <= SELECT
+    columns = tolerances[use]
+    power, vectors = np.linalg.eigh(columns.T @ columns)
+    large = power > 1e-6 * max(1.0, float(power.max(initial=0.0)))
+    power, vectors = power[large], vectors[:, large]
+    along = (vectors.T @ (columns.T @ remainder[use])) ** 2 / power
+    evidence = [
+        0.5 * float(np.sum(along * s**2 * power / (1.0 + s**2 * power)))
+        - 0.5 * float(np.sum(np.log1p(s**2 * power)))
+        - DOUBT * float(np.log2(s))
+        for s in SCALES
+    ]
+    return SCALES[int(np.argmax(evidence))]

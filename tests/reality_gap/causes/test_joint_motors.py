@@ -1,0 +1,298 @@
+"""Causes of position servos and joints: each is the model that a person would edit by hand."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap.causes import CATALOGUE
+from reality_gap.causes.base import Location
+from reality_gap.causes.encoder_scale import READING
+from reality_gap.causes.joint_stiffness import NOMINAL
+from reality_gap.causes.support.shared_amounts import FACTOR
+from reality_gap.simulation.hypothesis import Candidate, build
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.measurements import measured
+from reality_gap.study.system import System, compile_system
+from reality_gap.types import Floats
+from tests.reality_gap.causes.machines import predict
+
+BOTH = ("shoulder", "elbow")
+ELBOW = Location("actuator", ("elbow",))
+MOTORS = Location("actuator", BOTH)
+AT_ELBOW = Location("joint", ("elbow",))
+COUNT = itertools.count()
+Edit = Callable[[mujoco.MjSpec], None]
+
+
+def candidate(system: System, id: str, location: Location) -> Candidate:
+    cause = CATALOGUE[id]
+    assert location in cause.locations(system), f"{id} has {cause.locations(system)}"
+    return Candidate(cause, location, cause.parameters(system, location))
+
+
+def with_cause(system: System, id: str, location: Location, **values: float) -> Floats:
+    """The replay with one cause, in units of noise."""
+    one = candidate(system, id, location)
+    return predict(system, (one, one.null_values() | values))
+
+
+def edited(system: System, edit: Edit) -> System:
+    """The same study with a model that was edited by hand."""
+    spec = system.study.spec()
+    edit(spec)
+    path = system.study.model.with_name(f"by-hand-{next(COUNT)}.xml")
+    spec.compile()
+    path.write_text(spec.to_xml())
+    return compile_system(replace(system.study, model=path))
+
+
+def scale_gain(*names: str, kp: float = 1.0, kd: float = 1.0, command: float = 1.0) -> Edit:
+    def edit(spec: mujoco.MjSpec) -> None:
+        for name in names:
+            actuator = spec.actuator(name)
+            actuator.gainprm[0] *= kp * command
+            actuator.biasprm[1] *= kp
+            actuator.biasprm[2] *= kd
+
+    return edit
+
+
+def scale_joint(attribute: str, factor: float, *names: str) -> Edit:
+    def edit(spec: mujoco.MjSpec) -> None:
+        for name in names:
+            setattr(spec.joint(name), attribute, factor * getattr(spec.joint(name), attribute))
+
+    return edit
+
+
+def limit(factor: float, *names: str) -> Edit:
+    def edit(spec: mujoco.MjSpec) -> None:
+        for name in names:
+            spec.actuator(name).forcerange = factor * np.array(spec.actuator(name).forcerange)
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ("id", "location", "values", "edit"),
+    [
+        ("position_gain", ELBOW, {"excess": -0.4}, scale_gain("elbow", kp=0.6)),
+        ("position_gain", MOTORS, {"excess": -0.4}, scale_gain(*BOTH, kp=0.6)),
+        ("velocity_gain", ELBOW, {"excess": 0.8}, scale_gain("elbow", kd=1.8)),
+        ("velocity_gain", MOTORS, {"excess": -1.0}, scale_gain(*BOTH, kd=0.0)),
+        ("command_gain", ELBOW, {"excess": 0.1}, scale_gain("elbow", command=1.1)),
+        ("force_limit", ELBOW, {"limit": 1.0}, limit(0.5, "elbow")),
+        ("force_limit", MOTORS, {"excess": -0.5}, limit(0.5, *BOTH)),
+        ("armature", AT_ELBOW, {"inertia": 0.02}, scale_joint("armature", 3.0, "elbow")),
+        ("armature", AT_ELBOW, {"inertia": -0.01}, scale_joint("armature", 0.0, "elbow")),
+        ("armature", Location("joint", BOTH), {"inertia": 0.01}, scale_joint("armature", 2, *BOTH)),
+        ("viscous_friction", AT_ELBOW, {"damping": -0.4}, scale_joint("damping", 0.0, "elbow")),
+        (
+            "viscous_friction",
+            Location("joint", BOTH),
+            {"damping": -0.2},
+            scale_joint("damping", 0.5, *BOTH),
+        ),
+        ("coulomb_friction", AT_ELBOW, {"friction": -0.1}, scale_joint("frictionloss", 0, "elbow")),
+        (
+            "joint_stiffness",
+            Location("joint", ("elbow",), NOMINAL),
+            {"excess": 4.0},
+            scale_joint("stiffness", 5.0, "elbow"),
+        ),
+    ],
+)
+def test_a_cause_is_the_model_edited_by_hand(
+    systems: dict[str, System], id: str, location: Location, values: dict[str, float], edit: Edit
+) -> None:
+    system = systems["arm"]
+    found = with_cause(system, id, location, **values)
+
+    assert np.abs(found - predict(system)).max() > 1.0
+    np.testing.assert_allclose(found, predict(edited(system, edit)), atol=1e-3)
+
+
+def test_joints_with_different_values_are_wrong_by_one_factor(systems: dict[str, System]) -> None:
+    system = edited(systems["arm"], scale_joint("damping", 3.0, "shoulder"))
+    both = Location("joint", BOTH, FACTOR)
+    found = with_cause(system, "viscous_friction", both, excess=-0.5)
+
+    expected = predict(edited(system, scale_joint("damping", 0.5, *BOTH)))
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_what_is_absent_is_not_at_a_bound(systems: dict[str, System]) -> None:
+    """Damping of 0.4 may be absent; the bound lies beyond, where more is worse again."""
+    system = systems["arm"]
+    [p] = candidate(system, "viscous_friction", AT_ELBOW).parameters
+    more, less = (
+        with_cause(system, "viscous_friction", AT_ELBOW, damping=d) for d in (-0.44, -0.36)
+    )
+
+    assert p.low < -1.1 * 0.4
+    np.testing.assert_allclose(more, less, atol=1e-6)
+
+
+def test_gravity_compensation_of_all_is_that_of_mujoco(systems: dict[str, System]) -> None:
+    """Positions are those of a model whose bodies weigh 60 % less; efforts include the share."""
+    system = edited(systems["arm"], limit(10.0, *BOTH))
+
+    def lighten(spec: mujoco.MjSpec) -> None:
+        for name in ("upper", "lower"):
+            spec.body(name).gravcomp = 0.6
+
+    found = with_cause(system, "gravity_compensation", MOTORS, share=0.6)
+    expected = predict(edited(system, lighten))
+    readings = measured(system.study)
+    positions = np.isin(readings.channel, (0, 1))
+    before = np.abs(predict(system) - expected)[positions].max()
+
+    assert np.abs(found - expected)[positions].max() < 0.01 * before
+    assert np.abs(found - expected)[readings.channel == 3].max() > 1.0, "part of the motor's force"
+
+
+def test_a_compensation_of_the_model_may_be_absent(systems: dict[str, System]) -> None:
+    def lighten(spec: mujoco.MjSpec) -> None:
+        for name in ("upper", "lower"):
+            spec.body(name).gravcomp = 1.0
+
+    system = edited(systems["arm"], lighten)
+    [with_it] = candidate(system, "gravity_compensation", ELBOW).parameters
+    [without] = candidate(systems["arm"], "gravity_compensation", ELBOW).parameters
+
+    assert with_it.low < -1.0
+    assert without.low == 0.0
+
+
+@pytest.mark.parametrize(("id", "values"), [("encoder_scale", 0.05), ("joint_offset", 0.05)])
+def test_an_error_of_the_log_moves_nothing(
+    systems: dict[str, System], id: str, values: float
+) -> None:
+    system = systems["arm"]
+    name = candidate(system, id, AT_ELBOW).parameters[0].name
+    own, log = (
+        np.abs(with_cause(system, id, location, **{name: values}) - predict(system))
+        for location in (AT_ELBOW, Location("joint", ("elbow",), READING))
+    )
+    force = measured(system.study).channel == 4
+
+    assert own[force].max() > 0.5
+    assert log[force].max() < 1e-9
+    assert log.max() > 0.05
+
+
+def test_a_servo_with_a_wrong_gear_ratio_reads_its_command(systems: dict[str, System]) -> None:
+    """The servo reaches the command in its own reading, whatever its encoder's scale is."""
+    system = systems["arm"]
+    one = candidate(system, "encoder_scale", AT_ELBOW)
+    plant = build(system, [(one, {"scale": 0.2})])
+    model = plant.spec.compile()
+
+    assert model.actuator("elbow").biasprm[1] == pytest.approx(-30 * 1.2)
+    assert model.actuator("elbow").gainprm[0] == pytest.approx(30)
+
+
+def test_a_stiffer_servo_with_a_damping_ratio_keeps_its_damping(
+    systems: dict[str, System],
+) -> None:
+    system = systems["arm"]
+    spec = system.study.spec()
+    spec.actuator("elbow").biasprm[2] = 0.7  # MuJoCo's dampratio
+    nominal = spec.copy().compile()
+    position = CATALOGUE["position_gain"]
+    assert position.edit is not None
+    position.edit(spec, replace(system, model=nominal), ELBOW, {"excess": 3.0})
+
+    found = spec.compile().actuator("elbow").biasprm
+    assert found[1] == pytest.approx(4 * nominal.actuator("elbow").biasprm[1])
+    assert found[2] == pytest.approx(nominal.actuator("elbow").biasprm[2])
+
+
+def test_a_motor_without_a_limit_may_have_one(systems: dict[str, System]) -> None:
+    def unlimit(spec: mujoco.MjSpec) -> None:
+        spec.actuator("elbow").forcelimited = 0
+
+    system = edited(systems["arm"], unlimit)
+    [p] = candidate(system, "force_limit", ELBOW).parameters
+
+    null = with_cause(system, "force_limit", ELBOW, limit=0.99 * p.null)
+    np.testing.assert_allclose(null, predict(system), atol=1e-9)
+    expected = predict(edited(system, lambda spec: set_limit(spec, 1.0)))
+    found = with_cause(system, "force_limit", ELBOW, limit=1.0)
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def set_limit(spec: mujoco.MjSpec, size: float) -> None:
+    spec.actuator("elbow").forcelimited = 1
+    spec.actuator("elbow").forcerange = (-size, size)
+
+
+def test_measured_efforts_may_have_a_scale_and_an_offset(systems: dict[str, System]) -> None:
+    system = systems["arm"]
+    at = Location("sensor", ("force_elbow",))
+    readings = measured(system.study)
+    own, before = readings.channel == 4, predict(system)
+
+    scaled = with_cause(system, "effort_scale", at, scale=0.5)
+    shifted = with_cause(system, "effort_offset", at, offset=0.3)
+
+    np.testing.assert_allclose(scaled, np.where(own, 1.5 * before, before), atol=1e-9)
+    np.testing.assert_allclose(shifted, before + np.where(own, 0.3 / readings.noise, 0), atol=1e-9)
+
+
+def effort_study(system: System, late: float) -> Study:
+    """A log of efforts of a carriage with a mass of 90 kg, which are late."""
+    time = np.arange(0.0, 12.0, 0.005)
+    motion = 0.1 * np.sin(4.0 * time) + 0.05 * np.sin(7.0 * time)
+
+    def effort(t: Floats) -> Floats:
+        speed = 0.4 * np.cos(4.0 * t) + 0.35 * np.cos(7.0 * t)
+        return 200 * speed - 90 * (1.6 * np.sin(4.0 * t) + 2.45 * np.sin(7.0 * t))
+
+    channels = (
+        Channel("position", "position", unit="m", noise=1e-6),
+        Channel("effort", "screw", unit="N", noise=0.1, kind="effort"),
+    )
+    readings = (Reading(time, motion), Reading(time, effort(time - late)))
+    episode = Episode("waves", time, np.zeros((len(time), 1)), readings)
+    return Study("screw", system.study.model, channels, (episode,))
+
+
+@pytest.mark.parametrize("late", [0.03, -0.03])
+def test_efforts_may_be_later_than_positions_or_earlier(
+    systems: dict[str, System], late: float
+) -> None:
+    with Replayer(effort_study(systems["screw"], late)) as replayer:
+        [location] = CATALOGUE["delay"].locations(replayer.system)
+        one = candidate(replayer.system, "delay", location)
+        before, after = replayer.residuals([[], [(one, {"delay": late})]])
+
+    assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
+
+
+def test_a_scale_of_efforts_scales_what_inverse_dynamics_compute(
+    systems: dict[str, System],
+) -> None:
+    one = candidate(systems["effort"], "effort_scale", Location("joint", ("screw",)))
+    with Replayer(effort_study(systems["screw"], 0.0)) as replayer:
+        plain, scaled = (
+            replayer.replay(parts).prediction for parts in ([], [(one, {"scale": 0.5})])
+        )
+
+    np.testing.assert_allclose(scaled, 1.5 * plain)
+
+
+def test_replays_of_the_same_arm_are_the_same(systems: dict[str, System]) -> None:
+    """Hooks of gravity compensation write into a copy of the model."""
+    system = systems["arm"]
+    one = candidate(system, "gravity_compensation", MOTORS)
+    first, again = (predict(system, (one, {"share": 0.5})) for _ in range(2))
+
+    np.testing.assert_array_equal(first, again)

@@ -1,0 +1,131 @@
+"""Scales of causes follow the size of the machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reality_gap.causes import CATALOGUE, find_cause
+from reality_gap.causes.base import Location, Parameter
+from reality_gap.causes.support import machine_size
+from reality_gap.study.system import System
+from tests.reality_gap.causes.plants import system_of
+
+ARM = """
+<mujoco>
+  <option timestep="0.001" {option}/>
+  <worldbody>
+    <camera name="eye" pos="0 {far} 0"/>
+    <body name="upper">
+      <joint name="shoulder" axis="0 1 0" range="-90 90" limited="true"/>
+      <geom type="capsule" size="{thin}" fromto="0 0 0 {long} 0 0" mass="{mass}"/>
+      <site name="tip" pos="{long} 0 0"/>
+    </body>
+  </worldbody>
+  <actuator>{motor}</actuator>
+  <sensor><framepos name="seen" objtype="site" objname="tip" reftype="camera" refname="eye"/>
+  </sensor>
+</mujoco>
+"""
+LIMITED = '<motor name="motor" joint="shoulder" forcelimited="true" forcerange="-{0} {0}"/>'
+
+
+def arm(folder: Path, long: float, mass: float, motor: str, option: str = "") -> System:
+    """One link with a motor."""
+    path = folder / f"arm-{long}-{mass}.xml"
+    path.write_text(
+        ARM.format(long=long, thin=0.1 * long, far=-2 * long, mass=mass, motor=motor, option=option)
+    )
+    return system_of(path)
+
+
+def friction(system: System) -> Parameter:
+    cause = find_cause("coulomb_friction")
+    return cause.parameters(system, Location("joint", ("shoulder",)))[0]
+
+
+@pytest.mark.parametrize(("limit", "long", "mass"), [(0.1, 0.06, 0.02), (2500.0, 2.0, 60.0)])
+def test_friction_of_a_hundredth_of_the_limit_is_seen(
+    tmp_path: Path, limit: float, long: float, mass: float
+) -> None:
+    found = friction(arm(tmp_path, long, mass, LIMITED.format(limit)))
+
+    assert 0.1 * found.scale < 0.01 * limit < found.high
+    assert found.tolerance < 0.001 * limit
+
+
+def test_a_limit_that_limits_nothing_is_no_scale(tmp_path: Path) -> None:
+    """A motor of 1000 N m on a finger: the load by gravity is 0.006 N m."""
+    found = friction(arm(tmp_path, 0.06, 0.02, LIMITED.format(1000.0)))
+
+    assert found.scale < 0.01
+
+
+def test_without_limits_gravity_is_the_scale(tmp_path: Path) -> None:
+    system = arm(tmp_path, 1.0, 4.0, '<motor name="motor" joint="shoulder"/>')
+    size = machine_size.machine_size(system)
+
+    assert size.gravity == pytest.approx([0.5 * 4.0 * 9.81], rel=0.05)
+    assert size.gravity[0] <= size.load[0] < 3 * size.gravity[0]
+
+
+def test_without_gravity_inertia_is_the_scale(tmp_path: Path) -> None:
+    heavy, light = (
+        friction(arm(tmp_path, 1.0, m, '<motor name="motor" joint="shoulder"/>', 'gravity="0 0 0"'))
+        for m in (4.0, 0.4)
+    )
+
+    assert heavy.scale == pytest.approx(10 * light.scale, rel=1e-3)
+
+
+def test_the_elbow_has_the_scales_that_thresholds_were_set_with(elbow: System) -> None:
+    """Documented values: friction of 3 N per tendon at 500 N, 0.2 N m, 2 mm, and others."""
+    spec = elbow.study.spec()
+    for actuator in spec.actuators:
+        actuator.forcelimited, actuator.forcerange = True, np.array([-500.0, -30.0])
+    path = elbow.study.model.with_name("limited.xml")
+    path.write_text(spec.to_xml())
+    system = system_of(path)
+    expected = {
+        ("coulomb_friction", "tendon"): 3.0,
+        ("coulomb_friction", "joint"): 0.2,
+        ("viscous_friction", "tendon"): 20.0,
+        ("attachment_shift", "site"): 0.0024,
+        ("payload", "body"): 0.1,
+        ("tendon_elasticity", "tendon"): 3e-6,
+        ("length_offset", "tendon"): 0.001,
+        ("backlash", "tendon"): 0.0003,
+        ("wire_elongation", "tendon"): 0.001,
+        ("slack", "tendon"): 0.001,
+    }
+    for (id, kind), scale in expected.items():
+        location = next(p for p in find_cause(id).locations(system) if p.kind == kind)
+        found = find_cause(id).parameters(system, location)[0]
+        assert found.scale == pytest.approx(scale, rel=0.15), id
+
+
+NO_SIZE = {"1", "rad", "s"}
+"""Units of parameters whose scale does not depend on the size of a machine."""
+
+
+def test_all_scales_are_those_of_the_machine(tmp_path: Path) -> None:
+    """Two machines that differ in nothing but their unit of length, with the same density.
+
+    Lengths are 10 times as large, masses 1000 times and torques 10 000 times.
+    """
+    small, large = (
+        arm(tmp_path, long, mass, LIMITED.format(limit), 'gravity="0 0 -9.81"')
+        for long, mass, limit in ((0.1, 0.05, 0.5), (1.0, 50.0, 5000.0))
+    )
+    powers = {"m": 1, "kg": 3, "N": 3, "N m": 4, "N m s/rad": 4, "N m/rad": 4, "kg m^2": 5}
+    for cause in CATALOGUE.values():
+        for one, other in zip(cause.locations(small), cause.locations(large), strict=True):
+            pairs = zip(cause.parameters(small, one), cause.parameters(large, other), strict=True)
+            for p, q in pairs:
+                if p.unit not in NO_SIZE:
+                    expected = 10.0 ** powers[p.unit]
+                    assert q.scale / p.scale == pytest.approx(expected, rel=0.02), (cause.id, p)
+                    assert q.tolerance == pytest.approx(expected * p.tolerance, rel=0.02)
+                    assert q.high == pytest.approx(expected * p.high, rel=0.02)

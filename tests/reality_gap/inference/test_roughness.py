@@ -1,0 +1,48 @@
+"""Roughness: a model that exceeds all its tolerances, and faults that do not make it rough."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reality_gap.inference.roughness import roughness
+from reality_gap.study.measurements import Measured
+from reality_gap.types import Floats
+
+COUNT, TOLERANCES = 4000, 25
+
+
+def measured() -> Measured:
+    time = 0.01 * np.arange(COUNT)
+    zeros = np.zeros(COUNT, dtype=np.int64)
+    none = np.zeros((0, 4), dtype=np.int64)
+    return Measured(np.zeros(COUNT), np.ones(COUNT), zeros, zeros, time, none)
+
+
+def columns(rng: np.random.Generator) -> Floats:
+    """Smooth effects of 25 tolerances, of 0.05 to 5 noises each."""
+    time = np.linspace(0.0, 40.0, COUNT)[:, None]
+    shapes = np.sin(time * rng.uniform(0.3, 3.0, TOLERANCES) + rng.uniform(0.0, 6.0, TOLERANCES))
+    return np.asarray(shapes * np.geomspace(0.05, 5.0, TOLERANCES))
+
+
+@pytest.mark.parametrize("true", [0.5, 1.0, 4.0, 16.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_scale_of_all_deviations_is_found(true: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    effects = columns(rng)
+    deviations = true * rng.standard_normal(TOLERANCES)
+    found = roughness(measured(), effects, effects @ deviations + rng.standard_normal(COUNT))
+    assert max(1.0, true) / 2.0 <= found <= 2.0 * max(1.0, true)
+
+
+@pytest.mark.parametrize("size", [5.0, 20.0])
+def test_a_fault_that_is_explained_leaves_no_roughness(size: float) -> None:
+    rng = np.random.default_rng(0)
+    effects = columns(rng)
+    deviations = rng.standard_normal(TOLERANCES)
+    deviations[18] = size
+    remainder = effects @ deviations + rng.standard_normal(COUNT)
+    assert roughness(measured(), effects, remainder) <= size / 2.0
+    without = remainder - effects[:, 18] * size
+    assert roughness(measured(), effects, without) == 1.0

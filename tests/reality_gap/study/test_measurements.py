@@ -1,0 +1,84 @@
+"""Noise of readings: estimated, stated, rounded to the step of a converter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.measurements import channel_noise, measured, rounding_steps
+from reality_gap.types import Floats
+
+MODEL = """<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>
+<sensor><jointpos name="angle" joint="j"/></sensor></mujoco>"""
+BITS_12 = 2.0 * np.pi / 4096
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    path = tmp_path / "model.xml"
+    path.write_text(MODEL)
+    return path
+
+
+def study(model: Path, values: Floats, noise: float | None = None) -> Study:
+    time = 0.001 * np.arange(len(values))
+    channel = Channel("angle", "angle", unit="rad", noise=noise)
+    episode = Episode("log", time, np.zeros((len(time), 0)), (Reading(time, values),))
+    return Study("test", model, (channel,), (episode,))
+
+
+def sweep(count: int = 2000) -> Floats:
+    return 0.7 * np.sin(np.linspace(0.0, 6.0, count))
+
+
+def rounded(values: Floats, step: float) -> Floats:
+    return step * np.round(values / step)
+
+
+@pytest.mark.parametrize("step", [BITS_12, 2.0 * np.pi / 256, 1e-4, np.deg2rad(0.088)])
+def test_the_step_of_a_converter_is_found(model: Path, step: float) -> None:
+    moving = study(model, rounded(sweep(), step))
+    assert rounding_steps(moving) == pytest.approx([step], rel=1e-6)
+    assert channel_noise(moving)[0] == pytest.approx(step / np.sqrt(12.0), rel=0.3)
+
+
+def test_a_converter_at_rest_has_the_noise_of_its_rounding(model: Path) -> None:
+    still = np.r_[rounded(sweep(200), BITS_12), np.full(2000, 3 * BITS_12)]
+    assert channel_noise(study(model, still)) == pytest.approx([BITS_12 / np.sqrt(12.0)])
+
+
+@pytest.mark.parametrize("decimals", [3, 4, 5])
+def test_a_log_with_few_decimals_is_rounded_too(model: Path, decimals: int) -> None:
+    coarse = study(model, np.round(sweep(), decimals))
+    assert channel_noise(coarse)[0] >= 10.0**-decimals / np.sqrt(12.0) * (1 - 1e-9)
+
+
+def test_smooth_and_noisy_readings_have_no_step(model: Path) -> None:
+    noisy = sweep() + 1e-3 * np.random.default_rng(0).standard_normal(2000)
+    for values in (sweep(), noisy, np.round(noisy, 9), np.linspace(0.0, 1.0, 2000) ** 2):
+        assert rounding_steps(study(model, values)) == [0.0]
+    assert channel_noise(study(model, noisy)) == pytest.approx([1e-3], rel=0.1)
+
+
+def test_a_stated_noise_below_that_of_rounding_is_raised(model: Path) -> None:
+    values = rounded(sweep(), BITS_12)
+    raised = channel_noise(study(model, values, noise=1e-6))
+    assert raised == pytest.approx([BITS_12 / np.sqrt(12.0)])
+    assert channel_noise(study(model, values, noise=0.01)) == [0.01]
+    assert channel_noise(study(model, sweep(), noise=0.0))[0] > 0.0
+
+
+def test_equal_readings_in_a_row_count_as_one(model: Path) -> None:
+    """A thousand readings of one rounded value do not measure it better than one of them."""
+    values = np.r_[rounded(sweep(), BITS_12), np.full(1000, 50 * BITS_12)]
+    found = measured(study(model, values)).noise[-1000:]
+    assert np.sum(found**-2) ** -0.5 == pytest.approx(BITS_12 / np.sqrt(12.0), rel=0.01)
+
+
+def test_noise_above_the_step_averages_out(model: Path) -> None:
+    noise = 3.0 * BITS_12 * np.random.default_rng(0).standard_normal(2000)
+    found = study(model, rounded(noise, BITS_12), noise=3.0 * BITS_12)
+    assert measured(found).noise == pytest.approx(np.full(2000, 3.0 * BITS_12), rel=0.05)
