@@ -13,10 +13,9 @@ import tyro
 
 from reality_gap.diagnose_command import Diagnose, considered_causes, options_of
 from reality_gap.errors import RealityGapError, StudyError, one_line
+from reality_gap.run_command import Run, diagnosis_of, study_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from rich.console import Console
 
     from reality_gap.diagnosis import Diagnosis
@@ -46,22 +45,6 @@ class Check:
 
     study: tyro.conf.Positional[Path]
     """STUDY.yaml: the model, the logs and the meaning of their columns."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """From model and logs to a diagnosis: draft a study, correct its columns, check, diagnose."""
-
-    model: tyro.conf.Positional[Path]
-    """MJCF file of the machine."""
-    logs: tyro.conf.Positional[tuple[Path, ...]]
-    """CSV or Parquet files, or bags and LeRobot datasets as for unpack."""
-    out: Path
-    """Folder to write; a study in it from an earlier run, which may be edited, is used again."""
-    jobs: int = os.cpu_count() or 1
-    """Number of processes."""
-    tolerance: float = 1.0
-    """Factor of all tolerances of the model; larger for a rough model, such as 3."""
 
 
 @dataclass(frozen=True)
@@ -167,39 +150,8 @@ def diagnose(command: Diagnose, console: Console) -> None:
 
 def run(command: Run, console: Console) -> None:
     """Draft a study, correct its columns and diagnose it."""
-    from reality_gap.first_study import STUDY, correct_columns, write_first_study
-    from reality_gap.simulation.episode import silence
-
-    silence()
-
-    def note(sentence: str) -> None:
-        _print(console, f"note: {sentence}")
-
-    folder = command.out / "study"
-    study = folder / STUDY
-    if study.is_file():
-        note(f"{study} exists and is used; remove {folder} to begin again")
-    else:
-        logs: list[Path] = []
-        for number, log in enumerate(command.logs):
-            logs += _unpacked(log, command.out / f"unpacked_{number + 1}", note)
-        write_first_study(command.model, logs, folder, note)
-        try:
-            correct_columns(study, note)
-        except StudyError as error:
-            raise StudyError(f"{error} (edit {study}, and run the same command again)") from error
-    diagnose(Diagnose(study, command.out / "result", command.jobs, command.tolerance), console)
-
-
-def _unpacked(log: Path, out: Path, note: Callable[[str], None]) -> list[Path]:
-    """Return a log, or the files of a bag or dataset that is unpacked into a folder."""
-    from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
-
-    if log.suffix.lower() in (".csv", ".parquet", ".txt"):
-        return [log]
-    if out.is_dir():
-        return sorted(out.glob("*.csv"))
-    return list(unpack_in_sandbox(log, out, (), False, lambda share: None, note=note))
+    study = study_of(command, lambda sentence: _print(console, f"note: {sentence}"))
+    diagnose(diagnosis_of(command, study), console)
 
 
 def unpack(command: Unpack, console: Console) -> None:

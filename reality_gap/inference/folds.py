@@ -27,17 +27,15 @@ import numpy as np
 
 from reality_gap.diagnosis import Gain
 from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.held_out import LEAST_WEIGHT
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import prior_weights
-from reality_gap.study.splits import BLOCK, REPORT, TURN
+from reality_gap.inference.whitening import directions
+from reality_gap.study.splits import REPORT, TURN, blocks, turn
 from reality_gap.types import Floats, Ints
 
 WIDE = 1.96
 """Half of a 95 % interval, in standard deviations."""
-LEAST_POWER = 1e-6
-"""Smallest power of a direction of the tolerances, relative to the largest, that is whitened."""
-LEAST_WEIGHT = 0.1
-"""Least prior weight of a parameter in a refit to some folds, which may not show it at all."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +66,12 @@ class Folds:
     @cached_property
     def fold(self) -> Ints:
         """Number of the fold of each reading, shape (n,)."""
-        measured = self.problem.measured
-        block = np.floor(measured.time / BLOCK).astype(int) + measured.episode
-        return np.asarray(block % len(TURN))
+        return turn(self.problem.measured)
 
     @cached_property
     def _block(self) -> Ints:
         """Number of the block of each reading, shape (n,)."""
-        measured = self.problem.measured
-        block = np.column_stack([measured.episode, np.floor(measured.time / BLOCK)])
-        return np.unique(block, axis=0, return_inverse=True)[1].ravel()
+        return blocks(self.problem.measured)
 
     @cached_property
     def _grams(self) -> list[Floats]:
@@ -178,7 +172,5 @@ def _removal(gram: Floats) -> Floats:
     Args:
         gram: N'N of the readings in use, in units of the inflated noise, shape (p, p).
     """
-    power, vectors = np.linalg.eigh(gram)
-    large = power > LEAST_POWER * max(1.0, float(power.max(initial=0.0)))
-    power, vectors = power[large], vectors[:, large]
+    power, vectors = directions(gram)
     return np.asarray((vectors * ((1.0 - 1.0 / np.sqrt(1.0 + power)) / power)) @ vectors.T)

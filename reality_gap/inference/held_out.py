@@ -12,8 +12,8 @@ from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import prior_weights
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, rough_noise
-from reality_gap.study.splits import BLOCK, REPORT, split
-from reality_gap.types import Bools, Floats, Ints
+from reality_gap.study.splits import REPORT, blocks, split
+from reality_gap.types import Floats, Ints
 
 SAMPLES = 1000
 """Number of bootstrap samples of an interval."""
@@ -51,7 +51,7 @@ def score(study: Study, measured: Measured, before: Floats, after: Floats) -> Sc
     """
     use = split(measured) == REPORT
     floor = np.minimum(1.0, rough_noise(study)[measured.channel] / measured.noise)[use]
-    block = _blocks(measured, use)
+    block = np.unique(blocks(measured)[use], return_inverse=True)[1]
     sums: Floats = np.column_stack(
         [
             np.bincount(block, weights)
@@ -93,12 +93,6 @@ def selection_score(problem: Problem, fitted: Fit) -> float:
         return float(both - np.sum(noise_model.whiten_fit(residual) ** 2))
 
     return 0.5 * (power(problem.null_residual) - power(fitted.residual - fitted.jacobian @ step))
-
-
-def _blocks(measured: Measured, use: Bools) -> Ints:
-    """Return the number of the time block of each reading in use."""
-    block = np.column_stack([measured.episode[use], np.floor(measured.time[use] / BLOCK)])
-    return np.unique(block, axis=0, return_inverse=True)[1].ravel()
 
 
 def _resamples(count: int) -> Ints:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from reality_gap.inference.whitening import directions
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import SELECT, split
 from reality_gap.types import Floats
@@ -30,9 +31,7 @@ def roughness(measured: Measured, tolerances: Floats, remainder: Floats) -> floa
     """
     use = split(measured) <= SELECT
     columns = tolerances[use]
-    power, vectors = np.linalg.eigh(columns.T @ columns)
-    large = power > 1e-6 * max(1.0, float(power.max(initial=0.0)))
-    power, vectors = power[large], vectors[:, large]
+    power, vectors = directions(columns.T @ columns)
     along = (vectors.T @ (columns.T @ remainder[use])) ** 2 / power
     evidence = [
         0.5 * float(np.sum(along * s**2 * power / (1.0 + s**2 * power)))

@@ -1,8 +1,8 @@
 """Verdict: decides whether the causes that a search found are named, and whether that is all.
 
-Only causes that pay on held-out readings are named (`reality_gap.inference.paying`). A learned
-residual, which stands for unknown causes, is the rival of all of them: where it explains more in
-their place than they and what can be learned of their remainder do together, none is named. What
+Only causes that pay on held-out readings are named (`reality_gap.inference.paying`). They are
+compared with a learned residual, which stands for unknown causes. None is named if the learned
+residual alone explains more than the causes together with what is learned of their remainder. What
 the named causes leave decides between ``NAMED`` and ``PARTLY_NAMED``.
 """
 

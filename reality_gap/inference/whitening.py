@@ -16,6 +16,9 @@ import numpy as np
 
 from reality_gap.types import Bools, Floats, Ints
 
+LEAST_POWER = 1e-6
+"""Smallest power of a direction of the tolerances, relative to the largest."""
+
 
 @dataclass(frozen=True)
 class Whitening:
@@ -50,11 +53,20 @@ def whitening(tolerances: Floats, inflation: Floats, use: Bools) -> Whitening:
     """
     weight = 1.0 / np.sqrt(inflation[use])
     scaled = tolerances[use] * weight[:, None]
-    power, vectors = np.linalg.eigh(scaled.T @ scaled)
-    large = power > 1e-6 * max(1.0, float(power.max(initial=0.0)))
-    power, vectors = power[large], vectors[:, large]
+    power, vectors = directions(scaled.T @ scaled)
     basis = scaled @ (vectors / np.sqrt(power))
     return Whitening(use, weight, basis, 1.0 - 1.0 / np.sqrt(1.0 + power))
+
+
+def directions(gram: Floats) -> tuple[Floats, Floats]:
+    """Return power (k,) and orthonormal vectors (p, k) of the directions that tolerances have.
+
+    Args:
+        gram: N'N, shape (p, p).
+    """
+    power, vectors = np.linalg.eigh(gram)
+    large = power > LEAST_POWER * max(1.0, float(power.max(initial=0.0)))
+    return power[large], vectors[:, large]
 
 
 def variance_inflation(remainder: Floats, channels: Ints, limit: int = 100) -> Floats:

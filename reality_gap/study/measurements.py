@@ -64,7 +64,8 @@ class Measured:
 def measured(study: Study) -> Measured:
     """Concatenate the study's readings."""
     values, channels, episodes, times, noises, quaternions = [], [], [], [], [], []
-    noise, step = channel_noise(study), rounding_steps(study)
+    step = rounding_steps(study)
+    noise = _channel_noise(study, step)
     four = _quaternion_sensors(study)
     start = 0
     for e, episode in enumerate(study.episodes):
@@ -100,11 +101,18 @@ def channel_noise(study: Study) -> Floats:
     It is the study's value if there is one, and else an estimate from the log; but at least the
     error by rounding.
     """
-    stated = [channel.noise for channel in study.channels]
-    rough = rough_noise(study)
-    known = [r if n is None else n for n, r in zip(stated, rough, strict=True)]
-    least = [_least(tuple(e.readings[c] for e in study.episodes)) for c in range(len(known))]
-    return np.maximum.reduce([known, rounding_steps(study) / np.sqrt(12.0), least])
+    return _channel_noise(study, rounding_steps(study))
+
+
+def _channel_noise(study: Study, steps: Floats) -> Floats:
+    """Return the noise of each channel, given the steps (c,) to which they are rounded."""
+    found = []
+    for c, channel in enumerate(study.channels):
+        readings = tuple(episode.readings[c] for episode in study.episodes)
+        found.append(
+            _rough(readings) if channel.noise is None else channel.noise or _least(readings)
+        )
+    return np.maximum(found, steps / np.sqrt(12.0))
 
 
 def rounding_steps(study: Study) -> Floats:

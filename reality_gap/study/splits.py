@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.study.measurements import Measured
+from reality_gap.types import Ints
 
 FIT, SELECT, REPORT = 0, 1, 2
 TURN = (FIT, FIT, SELECT, REPORT)
@@ -23,5 +24,16 @@ BLOCK = 0.25
 
 def split(measured: Measured) -> NDArray[np.int64]:
     """Return the role of each reading, shape (n,): `FIT`, `SELECT` or `REPORT`."""
+    return np.array(TURN)[turn(measured)]
+
+
+def turn(measured: Measured) -> Ints:
+    """Return the position of each reading's block in `TURN`, shape (n,)."""
     block = np.floor(measured.time / BLOCK).astype(int) + measured.episode
-    return np.array(TURN)[block % len(TURN)]
+    return np.asarray(block % len(TURN))
+
+
+def blocks(measured: Measured) -> Ints:
+    """Return the number of the block of each reading, from 0 on, shape (n,)."""
+    block = np.column_stack([measured.episode, np.floor(measured.time / BLOCK)])
+    return np.unique(block, axis=0, return_inverse=True)[1].ravel()

@@ -164,3 +164,12 @@ def test_run_writes_study_and_result(
     assert (out / "study" / "STUDY.yaml").is_file()
     assert main(["run", str(model), str(log), "--out", str(out), "--jobs", "1"]) == 0
     assert "exists and is used" in capsys.readouterr().out
+
+
+def test_a_wrong_option_is_refused_before_anything_is_written(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(model), "log.csv", "--out", str(out), "--tolerance", "0"]) == 2
+    assert "--tolerance must be above 0" in capsys.readouterr().err
+    assert not out.exists()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 from reality_gap.__main__ import main
 from reality_gap.causes import CATALOGUE, find_cause
 from reality_gap.causes.base import Cause
+from reality_gap.diagnose_command import Thresholds
 from reality_gap.diagnosis import Diagnosis, Estimate, NamedCause, Verdict
 from reality_gap.inference.checkpoint import Checkpoint
 from reality_gap.inference.forward_selection import Settings
@@ -149,6 +151,16 @@ def test_without_options_a_diagnosis_has_the_defaults_of_the_library(
     assert main(["diagnose", str(study_folder.path), "--out", str(tmp_path / "d")]) == 0
     assert found["options"] == Options()
     assert found["causes"] == list(CATALOGUE.values())
+
+
+def test_each_threshold_is_an_option() -> None:
+    names = {"root_learned"}
+    for record, others in (
+        (Settings, {"most"}),
+        (Options, {"search", "root", "tolerance", "suggest", "search_after_groups"}),
+    ):
+        names |= {option.name for option in fields(record)} - others
+    assert {option.name for option in fields(Thresholds)} == names
 
 
 def test_thresholds_catalogue_and_depth_are_options(
