@@ -25,23 +25,13 @@ from jmm_agent.observation import SensorReadings
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set
 
 START, FIRST, SECOND, THIRD = posture_set()[:4]
 MISTAKE = np.radians([1, -1, 1, 4, -4, 3, 4, -8, 7, 8, -7, 3, -3, 2])
 FRAME = np.full((480, 640, 3), 90, dtype=np.uint8)
 CAMERA = Camera.from_fovy(640, 480, radians(45.0))
 CALM = np.full(36, 50.0)
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 class Detector:

@@ -22,20 +22,10 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.observation import SensorReadings
 from jmm_agent.vision.marker_detector import Detections, Skip
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import posture_set
 from tests.jmm_agent.test_agent import CALM, CAMERA, Trial
 
 FIRST, SECOND, THIRD, FOURTH = posture_set()[1:5]
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 class Clocked(Trial):

@@ -11,20 +11,10 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.vision.camera_clock import CameraClock
 from tests.jmm_agent.moving_arm import MovingArm
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import JOINTS, posture_set
 
 POSTURES = posture_set()[1:6]
 LATE = 0.12
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
 
 
 def learned(

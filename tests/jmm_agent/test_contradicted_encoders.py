@@ -5,26 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from jmm_agent.guard.faults import JOINT_CONTRADICTED, Fault
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from tests.jmm_agent.moving_arm import MovingArm
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import JOINTS, posture_set
 
 ELBOW = JOINTS.index("elbow")
 BENT = np.where(np.arange(14) == ELBOW, 0.9, posture_set()[1])
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
 
 
 class EncodedElbow(MovingArm):

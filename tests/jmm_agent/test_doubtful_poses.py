@@ -9,20 +9,10 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.updaters.observation_check import UNCERTAIN, UNREACHED
 from jmm_agent.vision.pose_clock import PoseClock
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import posture_set
 from tests.jmm_agent.tracked_arm import MOCAP, TrackedArm
 
 POSTURES = posture_set()[1:6]
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 def test_a_covariance_with_little_information_does_not_make_the_map_worse(

@@ -8,7 +8,7 @@ import pytest
 from jmm_agent.errors import AgentError
 from jmm_agent.grasping import GraspOptions, GraspPlan, GraspPlanner
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from tests.jmm_agent.nominal_arm import ARM, GROUPS, JOINTS
+from tests.jmm_agent.nominal_arm import GROUPS
 
 OPTIONS = GraspOptions()
 Q = np.radians([-15, 10, 0, -8, 0, -3, 0, 5, -32, -50, 95, 0, 0, 0])
@@ -22,11 +22,6 @@ def can(x: float, y: float, z: float = TOP, turn: float = 0.7) -> np.ndarray:
     pose[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
     pose[:3, 3] = x, y, z
     return pose
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from jmm_agent.kalman_filter_options import EstimatorError, EstimatorOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from tests.jmm_agent.moving_arm import MovingArm
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import JOINTS, posture_set
 from tests.jmm_agent.test_updaters import MIDDLE, UpdaterTrial
 
 POSTURES = posture_set()[1:7]
@@ -26,16 +26,6 @@ ARMS[:, 2] *= 1e-2  # a joint that the muscles hardly show
 class Linear:
     def lengths_and_jacobian(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return ARMS @ q, ARMS
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
 
 
 class EncodedArm(MovingArm):

@@ -14,20 +14,10 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.learning_monitor import LearningMonitorOptions
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from tests.jmm_agent.moving_arm import PERIOD, MovingArm
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import posture_set
 from tests.jmm_agent.tracked_arm import MOCAP, TrackedArm
 
 POSTURES = posture_set()[1:6]
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 def test_motion_capture_teaches_as_much_as_frames(

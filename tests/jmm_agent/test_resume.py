@@ -12,20 +12,10 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import posture_set
 from tests.jmm_agent.test_agent import Trial
 
 POSTURES = posture_set()[:10]
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 @pytest.mark.parametrize("hold_out", [None, HoldOutOptions(every=2)])

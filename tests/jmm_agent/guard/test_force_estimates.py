@@ -15,15 +15,10 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set
 
 START, TARGET = posture_set()[:2]
 CAMERA = Camera(640, 480, 580.0, 580.0, 319.5, 239.5)
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
 
 
 class Forces:

@@ -22,22 +22,12 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.observation import SensorReadings
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerPose, Skip
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import posture_set
 
 START, FIRST, SECOND, THIRD = posture_set()[:4]
 MISTAKE = np.radians([1, -1, 1, 4, -4, 3, 4, -8, 7, 8, -7, 3, -3, 2])
 MOTORS = MotorControl()
 MUSCLE = 14
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 class Trial:

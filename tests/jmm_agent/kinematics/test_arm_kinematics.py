@@ -15,11 +15,6 @@ NECK = GROUPS["neck"]
 MARKER, EYE = "marker_hand", "eye"
 
 
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
-
-
 def postures(arm: ArmKinematics, count: int, seed: int = 0, inside: float = 1.0) -> np.ndarray:
     middle, half = arm.limits.mean(axis=1), 0.5 * np.ptp(arm.limits, axis=1)
     return middle + inside * half * np.random.default_rng(seed).uniform(-1, 1, (count, 14))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import pytest
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.vision.hand_marker import HandMarker
 from jmm_agent.vision.marker_detector import Detections, MarkerPose, Skip
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set
+from tests.jmm_agent.nominal_arm import posture_set
 
 HAND, CAN = 0, 1
 Q = posture_set()[0]
@@ -33,11 +32,6 @@ class FixedDetector:
 
 def marker(number: int) -> MarkerPose:
     return MarkerPose(number, np.eye(4), np.zeros((4, 2)), 0.1, np.eye(4), 9.0)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 def test_the_predicted_pose_is_that_of_the_site_in_the_camera(arm: ArmKinematics) -> None:

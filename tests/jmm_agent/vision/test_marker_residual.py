@@ -9,14 +9,9 @@ import pytest
 from jmm_agent.errors import AgentError
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.vision.marker_residual import MarkerResidual
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set
+from tests.jmm_agent.nominal_arm import posture_set
 
 SITES = ("marker_hand", "grip")
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 @pytest.mark.parametrize("site", SITES)

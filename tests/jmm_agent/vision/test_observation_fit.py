@@ -17,21 +17,11 @@ from jmm_agent.vision.observation_fit import (
     fit_alone,
     fit_observations,
 )
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, Tendons, posture_set, trained_map
+from tests.jmm_agent.nominal_arm import Tendons, posture_set
 
 COUNT = 10
 MISTAKE = np.radians([2, -2, 1, 8, -7, 6, 7, -15, 14, 16, -14, 6, -6, 5])
 """Posture (14,) [rad] at which the lengths were zeroed."""
-
-
-@pytest.fixture(scope="module")
-def nominal_map(request: pytest.FixtureRequest) -> JointMuscleMap:
-    return trained_map(request)
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,12 @@ from jmm_agent.vision.marker_observation import (
 )
 from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.pose_covariance import checked_covariance, checked_pose, pose_weight
-from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set
+from tests.jmm_agent.nominal_arm import posture_set
 
 Q = posture_set()[5]
 ROOT = np.random.default_rng(1).normal(size=(6, 6)) * np.repeat([2e-3, 1e-2], 3)[:, None]
 COVARIANCE = ROOT @ ROOT.T
 """Of position [m] and rotation [rad], all six correlated."""
-
-
-@pytest.fixture(scope="module")
-def arm() -> ArmKinematics:
-    return ArmKinematics(ARM, JOINTS)
 
 
 @pytest.fixture(scope="module")
