@@ -96,8 +96,8 @@ class Parameter:
         usual: value that every machine has although its nominal model lacks it, such as a little
             friction in each tendon [unit]. All replays include it, a fitted value is added to it,
             and ``tolerance`` is the deviation from it.
-        least: deviation up to which it is never named, although the model is not wrong by it, such
-            as a delay of half a time step [unit].
+        least: deviations up to this size are never named, because a correct model shows them, too,
+            such as a delay of half a time step [unit].
     """
 
     name: str

@@ -33,7 +33,8 @@ NEARBY = tuple(sign * size for size in (0.0005, 0.001, 0.002, 0.003, 0.005) for 
 """Differences from a fitted delay that are tried [s]: a machine that sticks stops elsewhere with
 each step of delay more, and a reading is taken before or after the step of a command."""
 ALONE = -3.0
-"""Log odds of a delay of one actuator or sensor [nats]: delays of a whole bus are usual."""
+"""Log odds of a delay of one actuator [nats]: delays of a whole bus are usual. Sensors of one kind
+are on one bus."""
 EFFORTS = "efforts after positions"
 """Note of the location of all efforts that are compared by inverse dynamics. Positions may also be
 read after them, so that this delay may be negative."""
@@ -69,7 +70,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 
 def _prior(location: Location) -> float:
-    return ALONE if len(location.elements) == 1 and location.note != EFFORTS else 0.0
+    return ALONE if len(location.elements) == 1 and location.kind == "actuator" else 0.0
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

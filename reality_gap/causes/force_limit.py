@@ -31,9 +31,15 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _limit(system: System, actuator: str) -> float:
-    """Return the nominal limit of an actuator's force; 0 without."""
-    index = system.model.actuator(actuator).id
-    return float(machine_size.machine_size(system).limit[index])
+    """Return the nominal limit of an actuator's force, or that of its joint if lower; 0 without."""
+    model, index = system.model, system.model.actuator(actuator).id
+    joint, limits = int(model.actuator_trnid[index, 0]), list[float]()
+    if own := float(machine_size.machine_size(system).limit[index]):
+        limits.append(own)
+    if model.jnt_actfrclimited[joint]:
+        most = float(np.max(np.abs(model.jnt_actfrcrange[joint])))
+        limits.append(most / abs(float(model.actuator_gear[index, 0])))
+    return min(limits, default=0.0)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -58,6 +64,11 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         limit = _limit(system, name)
         new = limit * (1 + values["excess"]) if "excess" in values else values["limit"]
         actuator = spec.actuator(name)
+        joint = system.model.joint(int(system.model.actuator(name).trnid[0]))
+        if limit and system.model.jnt_actfrclimited[joint.id]:
+            range_ = system.model.jnt_actfrcrange[joint.id]
+            widest = new * abs(float(system.model.actuator(name).gear[0]))
+            spec.joint(joint.name).actfrcrange = range_ * (widest / float(np.max(np.abs(range_))))
         if limit and system.model.actuator(name).forcelimited[0]:
             actuator.forcerange = actuator.forcerange * (new / limit)
         elif new < (limit or _parameters(system, location)[0].null):

@@ -13,7 +13,13 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.encoder_scale import READING, has_both
-from reality_gap.causes.support import elements, encoders, lever_arms, servos, typical_scales
+from reality_gap.causes.support import (
+    elements,
+    encoders,
+    lever_arms,
+    machine_size,
+    servos,
+)
 from reality_gap.study.system import System
 
 EVERY = "every joint"
@@ -56,7 +62,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _parameter(system: System, name: str, joint: str) -> Parameter:
     if int(system.model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE):
-        _, travel = typical_scales.joint_travel(system, Location("joint", (joint,)))
+        size = machine_size.machine_size(system)
+        travel = float(size.travel[machine_size.dof(system, joint)])
         return Parameter(name, "m", 0.03 * travel, 0.0003 * travel, -travel, travel)
     return Parameter(name, "rad", 0.05, 0.0005, -0.6, 0.6)
 

@@ -68,7 +68,8 @@ def _point(system: System, location: Location) -> Floats:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    size = typical_scales.end_force(system, location.elements[0]) / machine_size.GRAVITY
+    force = typical_scales.end_force(system, location.elements[0])
+    size = force / machine_size.weight(system.model, 1.0)
     return (Parameter("mass", "kg", 0.03 * size, 0.0003 * size, 0.0, 6 * size),)
 
 

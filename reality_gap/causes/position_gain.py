@@ -9,7 +9,7 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import joint_motors
+from reality_gap.causes.support import elements, joint_motors
 from reality_gap.study.system import System
 
 SECANTS = (-0.5,)
@@ -21,13 +21,13 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return (Parameter("excess", "1", 0.1, 0.006, -0.97, 9.0, hints=SearchHints(secants=SECANTS)),)
+    hints = SearchHints(secants=elements.secants(system, location, SECANTS))
+    return (Parameter("excess", "1", 0.1, 0.006, -0.97, 9.0, hints=hints),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for name in location.elements:
         actuator = spec.actuator(name)
-        joint_motors.fix_damping(actuator, system.model)
         actuator.gainprm[0] *= 1 + values["excess"]
         actuator.biasprm[1] *= 1 + values["excess"]
 

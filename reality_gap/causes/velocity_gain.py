@@ -25,7 +25,6 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for name in location.elements:
         actuator = spec.actuator(name)
-        joint_motors.fix_damping(actuator, system.model)
         actuator.biasprm[2] *= abs(1 + values["excess"])
 
 

@@ -44,24 +44,30 @@ class Folds:
 
     Attributes:
         problem: what is to be explained.
+        fitted: the fit whose gain is to be known.
     """
 
     problem: Problem
+    fitted: Fit
 
-    def cross_validated(self, without: Fit, fitted: Fit) -> Gain:
-        """Return the gain in log likelihood of all folds by a fit over another one [nats].
+    def cross_validated(self, without: Fit) -> Gain:
+        """Return the gain in log likelihood of all folds over another fit [nats].
 
         Args:
             without: the fit to compare with, such as the nominal model.
-            fitted: the fit whose gain is to be known.
         """
-        pairs = zip(self._refitted(without), self._refitted(fitted), strict=True)
+        pairs = zip(self._refitted(without), self._own, strict=True)
         return _gain([self._compare(one, other, fold) for fold, (one, other) in enumerate(pairs)])
 
-    def report(self, without: Fit, fitted: Fit) -> Gain:
+    def report(self, without: Fit) -> Gain:
         """Return the gain in log likelihood of the report split, to which nothing was fitted."""
         fold = TURN.index(REPORT)
-        return _gain([self._compare(without.residual, fitted.residual, fold)])
+        return _gain([self._compare(without.residual, self.fitted.residual, fold)])
+
+    @cached_property
+    def _own(self) -> list[Floats]:
+        """Residual of the fit, refitted without each fold, shape (n,) each."""
+        return self._refitted(self.fitted)
 
     @cached_property
     def fold(self) -> Ints:

@@ -128,11 +128,11 @@ def keep_paying(result: Search) -> Paying:
 def held_out_test(result: Search) -> Tested:
     """Test the best causes of a search on held-out readings."""
     problem, best = result.problem, result.best
-    folds, null = Folds(problem), null_fit(problem)
+    folds, null = Folds(problem, best), null_fit(problem)
     without = tuple(_without(result, i) for i in range(len(best.hypothesis)))
 
     def gains(one: Fit) -> Gains:
-        return Gains(folds.cross_validated(one, best), folds.report(one, best))
+        return Gains(folds.cross_validated(one), folds.report(one))
 
     scored = score(problem.system.study, problem.measured, null.residual, best.residual)
     each = tuple(gains(one) for one in without)

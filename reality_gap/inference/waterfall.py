@@ -59,7 +59,7 @@ def shares(names: Sequence[str], sizes: Sequence[float], floor: float) -> tuple[
         sizes: RMS before the first step and after each of them [noise].
         floor: RMS of the noise [noise].
     """
-    whole = max(sizes[0] ** 2 - floor**2, 1e-12)
+    whole = max(sizes[0] ** 2 - floor**2, sizes[0] ** 2 - min(sizes) ** 2, 1e-12)
     return tuple(
         Share(name, before, after, (before**2 - after**2) / whole)
         for name, before, after in zip(names, sizes[:-1], sizes[1:], strict=True)

@@ -78,6 +78,7 @@ def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None 
         A plant with a copy of the model.
     """
     spec = system.study.spec() if nominal is None else nominal.copy()
+    _fix_damping(spec, system.model)
     effects, edits = Effects(), []
     order = {name: i for i, name in enumerate(CATALOGUE)}
     for candidate, values in sorted(hypothesis, key=lambda part: order.get(part[0].cause.id, 0)):
@@ -90,6 +91,18 @@ def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None 
         if cause.attach is not None:
             cause.attach(effects, system, location, values)
     return Plant(spec, effects, tuple(edits))
+
+
+def _fix_damping(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Replace the damping ratios of servos by their velocity gains in the nominal model.
+
+    The compiler computes such a gain from stiffness and inertia, so that causes that change these
+    would change the damping as well; and it keeps the ratio itself where a gain is not its usual
+    one, as positive feedback.
+    """
+    for index, actuator in enumerate(spec.actuators):
+        if actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE and actuator.biasprm[2] > 0.0:
+            actuator.biasprm[2] = float(model.actuator_biasprm[index, 2])
 
 
 def has_effects(system: System, candidate: Candidate, values: Values) -> bool:

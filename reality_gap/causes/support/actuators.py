@@ -8,6 +8,9 @@ from reality_gap.causes.base import Record
 from reality_gap.study.system import ActuatedTendon
 from reality_gap.types import Bools, Floats
 
+JOINT_TRANSMISSIONS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""Kinds of transmission of actuators that move a joint."""
+
 
 def is_linear(model: mujoco.MjModel, actuator: int) -> bool:
     """Return whether an actuator's force is linear in ctrl, position and velocity."""

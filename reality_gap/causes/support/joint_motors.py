@@ -8,13 +8,12 @@ from reality_gap.causes.base import Location
 from reality_gap.causes.support import actuators, elements
 from reality_gap.study.system import System
 
-_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _SIMPLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 def is_motor(model: mujoco.MjModel, actuator: int) -> bool:
     """Return whether an actuator moves a hinge or slide with a force linear in its command."""
-    if int(model.actuator_trntype[actuator]) not in _JOINT:
+    if int(model.actuator_trntype[actuator]) not in actuators.JOINT_TRANSMISSIONS:
         return False
     joint = int(model.actuator_trnid[actuator, 0])
     fixed = int(model.actuator_gaintype[actuator]) == int(mujoco.mjtGain.mjGAIN_FIXED)
@@ -43,13 +42,3 @@ def each_and_all(system: System, suits: elements.Suits) -> tuple[Location, ...]:
 def joint_of(system: System, actuator: str) -> str:
     """Return the joint that an actuator moves."""
     return system.model.joint(int(system.model.actuator(actuator).trnid[0])).name
-
-
-def fix_damping(element: mujoco.MjsActuator, model: mujoco.MjModel) -> None:
-    """Replace a damping ratio by its velocity gain, which then is independent of other edits.
-
-    MuJoCo's ``dampratio`` is a positive entry of the spec, from which the compiler computes the
-    gain with the stiffness and the inertia of the compiled model.
-    """
-    if element.biastype == mujoco.mjtBias.mjBIAS_AFFINE and element.biasprm[2] > 0.0:
-        element.biasprm[2] = float(model.actuator(element.name).biasprm[2])

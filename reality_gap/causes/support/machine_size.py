@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from scipy.stats.qmc import Halton
 
+from reality_gap.causes.support import actuators
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
@@ -93,7 +94,12 @@ def end_force(system: System, body: str) -> float:
             elif int(model.jnt_type[j]) == _SLIDE:
                 forces.append(load)
         at = int(model.body_parentid[at])
-    return min(forces, default=GRAVITY * float(model.body_mass.sum()))
+    return min(forces, default=weight(model, float(model.body_mass.sum())))
+
+
+def weight(model: mujoco.MjModel, mass: float) -> float:
+    """Return the weight of a mass [N], on Earth if the model has no gravity."""
+    return mass * (float(np.linalg.norm(model.opt.gravity)) or GRAVITY)
 
 
 @lru_cache(maxsize=4)
@@ -126,10 +132,10 @@ def _largest_link(model: mujoco.MjModel) -> float:
     origin = np.array([data.xpos[weld[b]] for b in range(model.nbody)])
     reach = [0.0]
     for b in range(1, model.nbody):
-        if weld[b] == 0 and weld[model.body_parentid[b]] == 0:
-            continue
-        # The origin of a body belongs to its parent, too: it is where the next joint is.
-        reach.append(float(np.linalg.norm(data.xpos[b] - origin[model.body_parentid[b]])))
+        # The origin of a body belongs to its parent, too: it is where the next joint is. The world
+        # is no link: where a machine stands is no size of it.
+        if weld[model.body_parentid[b]]:
+            reach.append(float(np.linalg.norm(data.xpos[b] - origin[model.body_parentid[b]])))
         reach.append(float(np.linalg.norm(data.xipos[b] - origin[b])) if weld[b] else 0.0)
     for s in range(model.nsite):
         if weld[model.site_bodyid[s]]:
@@ -192,7 +198,7 @@ def _actuated_load(model: mujoco.MjModel, size: MachineSize) -> Floats:
         force = float(size.limit[i] * abs(model.actuator_gear[i, 0]))
         if kind == int(mujoco.mjtTrn.mjTRN_TENDON):
             load += TENSION * force * size.arms[target]
-        elif kind == int(mujoco.mjtTrn.mjTRN_JOINT):
+        elif kind in actuators.JOINT_TRANSMISSIONS:
             load[model.jnt_dofadr[target]] += MOTOR * force
     for j in np.flatnonzero(model.jnt_actfrclimited):
         at = int(model.jnt_dofadr[j])

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Location
-from reality_gap.causes.support import machine_size
+from reality_gap.causes.support import actuators, machine_size
 from reality_gap.study.data import Channel, Reading
 from reality_gap.study.system import System
 
@@ -86,7 +86,7 @@ def actuator_force(system: System, location: Location) -> tuple[str, float]:
     kind, target = int(actuator.trntype[0]), int(actuator.trnid[0])
     if kind == int(mujoco.mjtTrn.mjTRN_TENDON):
         return "N", machine_size.TENSION * limit if limit else _load(system, target) / gear
-    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+    if kind in actuators.JOINT_TRANSMISSIONS:
         joint = model.joint(target).name
         load = float(size.load[model.jnt_dofadr[target]]) / gear
         load = min(load, machine_size.MOTOR * limit) if limit else load

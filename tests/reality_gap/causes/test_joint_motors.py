@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -22,6 +23,7 @@ from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, compile_system
 from reality_gap.types import Floats
 from tests.reality_gap.causes.machines import predict
+from tests.reality_gap.causes.plants import system_of
 
 BOTH = ("shoulder", "elbow")
 ELBOW = Location("actuator", ("elbow",))
@@ -199,20 +201,67 @@ def test_a_servo_with_a_wrong_gear_ratio_reads_its_command(systems: dict[str, Sy
     assert model.actuator("elbow").gainprm[0] == pytest.approx(30)
 
 
-def test_a_stiffer_servo_with_a_damping_ratio_keeps_its_damping(
+@pytest.mark.parametrize(
+    ("id", "location", "values", "factor"),
+    [
+        ("position_gain", ELBOW, {"excess": 3.0}, 1.0),
+        ("command_gain", ELBOW, {"excess": 1e-6}, 1.0),
+        ("encoder_scale", AT_ELBOW, {"scale": 1e-6}, 1.0),
+        ("armature", AT_ELBOW, {"inertia": 0.01}, 1.0),
+        ("force_scale", ELBOW, {"excess": 0.05}, 1.05),
+    ],
+)
+def test_a_damping_ratio_is_a_gain_that_other_causes_do_not_change(
     systems: dict[str, System],
+    id: str,
+    location: Location,
+    values: dict[str, float],
+    factor: float,
 ) -> None:
-    system = systems["arm"]
-    spec = system.study.spec()
-    spec.actuator("elbow").biasprm[2] = 0.7  # MuJoCo's dampratio
-    nominal = spec.copy().compile()
-    position = CATALOGUE["position_gain"]
-    assert position.edit is not None
-    position.edit(spec, replace(system, model=nominal), ELBOW, {"excess": 3.0})
+    def set_ratio(spec: mujoco.MjSpec) -> None:
+        spec.actuator("elbow").biasprm[2] = 0.7  # MuJoCo's dampratio
 
-    found = spec.compile().actuator("elbow").biasprm
-    assert found[1] == pytest.approx(4 * nominal.actuator("elbow").biasprm[1])
-    assert found[2] == pytest.approx(nominal.actuator("elbow").biasprm[2])
+    system = edited(systems["arm"], set_ratio)
+    one = candidate(system, id, location)
+    found = build(system, [(one, one.null_values() | values)]).spec.compile()
+
+    damping = system.model.actuator("elbow").biasprm[2]
+    assert damping < 0.0
+    assert found.actuator("elbow").biasprm[2] == pytest.approx(factor * damping, rel=1e-5)
+
+
+@pytest.mark.parametrize(("kind", "axis"), [("hinge", "0 1 0"), ("slide", "0 0 1")])
+def test_compensation_of_all_gravity_carries_the_load(tmp_path: Path, kind: str, axis: str) -> None:
+    path = tmp_path / "one.xml"
+    path.write_text(f'''<mujoco><worldbody><body><joint name="j" type="{kind}" axis="{axis}"/>
+      <geom size="0.05" pos="0.3 0 0" mass="2"/></body></worldbody>
+      <actuator><motor name="m" joint="j" gear="50"/></actuator>
+      <sensor><jointpos joint="j"/></sensor></mujoco>''')
+    system = system_of(path)
+    one = candidate(system, "gravity_compensation", Location("actuator", ("m",)))
+    plant = build(system, [(one, {"share": 1.0})])
+    model = plant.spec.compile()
+    data = mujoco.MjData(model)
+    plant.effects.hooks[0].make(model)(model, data)
+    mujoco.mj_forward(model, data)
+
+    np.testing.assert_allclose(data.qfrc_actuator, data.qfrc_bias)
+
+
+def test_the_limit_of_a_joint_limits_its_motor(systems: dict[str, System]) -> None:
+    def limit(spec: mujoco.MjSpec) -> None:
+        spec.joint("elbow").actfrclimited, spec.joint("elbow").actfrcrange = 1, (-0.5, 0.5)
+
+    system = edited(systems["arm"], limit)
+    one = candidate(system, "force_limit", ELBOW)
+    [parameter] = one.parameters
+    elbow = system.model.joint("elbow").id
+
+    gear = abs(system.model.actuator("elbow").gear[0])
+    assert parameter.null == pytest.approx(0.5 / gear)
+    for value in (0.2, 2.0):
+        found = build(system, [(one, {"limit": value})]).spec.compile()
+        np.testing.assert_allclose(found.jnt_actfrcrange[elbow], [-value * gear, value * gear])
 
 
 def test_a_motor_without_a_limit_may_have_one(systems: dict[str, System]) -> None:

@@ -56,6 +56,28 @@ def test_friction_of_a_hundredth_of_the_limit_is_seen(
     assert found.tolerance < 0.001 * limit
 
 
+def test_where_a_machine_stands_is_no_size_of_it(tmp_path: Path) -> None:
+    here = arm(tmp_path, 0.06, 0.02, LIMITED.format(0.1))
+    text = here.study.model.read_text().replace('name="upper"', 'name="upper" pos="5 0 1"')
+    away = tmp_path / "away.xml"
+    away.write_text(text)
+    sizes = [machine_size.machine_size(one).link for one in (here, system_of(away))]
+
+    assert sizes[1] == pytest.approx(sizes[0])
+
+
+def test_a_motor_of_a_joint_in_its_parent_limits_the_load_too(tmp_path: Path) -> None:
+    loads = [
+        machine_size.machine_size(arm(tmp_path, long, 0.02, motor)).load[0]
+        for long, motor in (
+            (0.06, LIMITED.format(0.01)),
+            (0.0600001, LIMITED.format(0.01).replace("joint=", "jointinparent=")),
+        )
+    ]
+
+    assert loads[1] == pytest.approx(loads[0], rel=1e-3)
+
+
 def test_a_limit_that_limits_nothing_is_no_scale(tmp_path: Path) -> None:
     """A motor of 1000 N m on a finger: the load by gravity is 0.006 N m."""
     found = friction(arm(tmp_path, 0.06, 0.02, LIMITED.format(1000.0)))

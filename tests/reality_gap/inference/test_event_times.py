@@ -9,7 +9,7 @@ import pytest
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.forward_selection import polish
-from reality_gap.inference.gauss_newton import Fit, null_fit, rescore
+from reality_gap.inference.gauss_newton import Fit, null_fit, rescore, start_penalty
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
@@ -113,3 +113,4 @@ def test_causes_that_explain_anything_a_little_need_more_evidence(tmp_path: Path
     odds = [one.cause.prior(one.location) for one in (push, single, both)]
 
     assert odds[0] <= odds[1] < odds[2] == 0.0
+    assert start_penalty(single) == pytest.approx(-odds[1])

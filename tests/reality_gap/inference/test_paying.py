@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from reality_gap.diagnosis import Gain
 from reality_gap.inference.confidence import doubt_of_partial
 from reality_gap.inference.equivalence import alternatives
-from reality_gap.inference.folds import Folds
+from reality_gap.inference.folds import Folds, _gain, _Part
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.gauss_newton import fit, null_fit
 from reality_gap.inference.paying import (
@@ -20,6 +22,7 @@ from reality_gap.inference.paying import (
     held_out_criteria,
     keep_paying,
 )
+from reality_gap.inference.waterfall import shares
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.splits import REPORT, split
 from tests.reality_gap.inference.imperfect_models import (
@@ -61,7 +64,7 @@ def test_the_gain_of_a_cause_is_that_of_the_readings_it_explains(tmp_path: Path)
     case = Case(tmp_path, 0.6 * SHAPES[:, 2], crowd(3))
     result = case.search()
 
-    found = Folds(result.problem).cross_validated(null_fit(result.problem), result.best)
+    found = Folds(result.problem, result.best).cross_validated(null_fit(result.problem))
 
     expected = 0.5 * float(np.sum((0.6 * SHAPES[:, 2]) ** 2))
     wide = 1.96 * np.sqrt(2.0 * expected)
@@ -119,7 +122,7 @@ def test_an_event_in_one_block_of_the_report_split_pays(tmp_path: Path) -> None:
     case = Case(tmp_path, 2.0 * event, [candidate("event", event)])
     result = case.search()
 
-    found = Folds(result.problem).report(null_fit(result.problem), result.best)
+    found = Folds(result.problem, result.best).report(null_fit(result.problem))
 
     assert found.low > 0.0
 
@@ -131,9 +134,9 @@ def test_tolerances_that_all_folds_share_widen_the_interval(tmp_path: Path) -> N
     problem = case.problem_with(tolerance)
     fitted = case.fit(crowd(3)[2])
 
-    gain = Folds(problem).cross_validated(null_fit(problem), fitted)
+    gain = Folds(problem, fitted).cross_validated(null_fit(problem))
 
-    alone = Folds(case.problem).cross_validated(null_fit(case.problem), fitted)
+    alone = Folds(case.problem, fitted).cross_validated(null_fit(case.problem))
     assert gain.value < alone.value
     assert (gain.high - gain.low) / gain.value > 2.0 * (alone.high - alone.low) / alone.value
 
@@ -203,3 +206,42 @@ def test_evidence_counts_for_less_where_errors_above_the_noise_are_left(tmp_path
 
     assert usual.confidence[0] > 0.95
     assert rough.confidence[0] < usual.confidence[0]
+
+
+def test_the_interval_of_a_gain_is_the_wider_one_of_two_estimates() -> None:
+    """That by noise grows with what is left; that by blocks allows for errors of another form."""
+    shared = np.array([2.0])
+
+    def half(noise: float, robust: float, spread: float) -> float:
+        found = _gain([_Part(10.0, noise, shared, robust, spread)])
+        assert found.value == 10.0
+        return found.high - found.value
+
+    assert half(5.0, 0.0, 1.0) == pytest.approx(1.96 * 3.0)
+    assert half(5.0, 0.0, 9.0) == pytest.approx(1.96 * 9.0)
+    assert half(5.0, 100.0, 1.0) == pytest.approx(1.96 * 10.0)
+
+
+def test_a_fold_does_not_know_its_own_tolerances(tmp_path: Path) -> None:
+    case = Case(tmp_path, np.zeros(len(TIME)), crowd(2))
+    folds = Folds(case.problem, null_fit(case.problem))
+    grams = folds._grams
+    for fold, covariance in enumerate(folds._covariances):
+        others = sum(gram for k, gram in enumerate(grams) if k != fold)
+        np.testing.assert_allclose(covariance, np.linalg.inv(others + np.eye(len(covariance))))
+
+
+def test_causes_that_make_the_report_split_worse_do_not_pay(tmp_path: Path) -> None:
+    case = Case(tmp_path, 1.0 * SHAPES[:, 4], crowd(6))
+    tested = keep_paying(case.search()).tested
+
+    assert tested.pays
+    assert not replace(tested, improvement=Gain(-2.0, -3.0, -1.0)).pays
+
+
+@pytest.mark.parametrize("sizes", [[0.995, 0.99, 0.98], [1.001, 1.0005, 0.99], [9.0, 4.0, 1.0]])
+def test_no_share_of_a_waterfall_is_above_the_whole(sizes: list[float]) -> None:
+    found = shares(["tolerances", "cause"], sizes, 1.0)
+
+    assert [(one.before, one.after) for one in found] == list(pairwise(sizes))
+    assert 0.0 < sum(one.fraction for one in found) <= 1.0 + 1e-12
