@@ -20,7 +20,8 @@ from jmm_agent.trajectory import Trajectory
 from jmm_agent.types import Floats
 
 BEYOND = 0.1
-"""How far beyond its limits a joint may be sent without a warning [rad]."""
+"""How far beyond its limits a joint may be sent without a warning [rad], [m], or as a share of its
+range [1], whichever is less."""
 
 
 class Commander:
@@ -107,14 +108,14 @@ class Commander:
         """
         points = np.atleast_2d(np.asarray(postures, dtype=float))
         low, high = self._limits.T
-        over = np.maximum(low - points, points - high)
+        over = np.maximum(low - points, points - high) - BEYOND * np.minimum(1.0, high - low)
         posture, joint = divmod(int(over.argmax()), len(joints))
-        if over[posture, joint] <= BEYOND:
+        if over[posture, joint] <= 0.0:
             return ""
-        ends = f"{np.degrees(low[joint]):.4g} to {np.degrees(high[joint]):.4g} deg"
         return (
-            f"Joint {joints[joint]!r} goes to its limit: {np.degrees(points[posture, joint]):.4g} "
-            f"deg was asked for, and its range is {ends}; postures are in radians."
+            f"Joint {joints[joint]!r} goes to its limit: {points[posture, joint]:.4g} was asked "
+            f"for, and its range is {low[joint]:.4g} to {high[joint]:.4g}; postures are in rad "
+            "or m."
         )
 
     def go(self, points: Floats, duration: float, holds: Sequence[Hold]) -> None:

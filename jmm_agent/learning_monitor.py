@@ -18,11 +18,12 @@ from jmm_agent.guard.faults import (
     Fault,
 )
 from jmm_agent.settling import SettlingDetector
+from jmm_agent.updaters.observation_check import UNCERTAIN
 from jmm_agent.vision.hand_pose import MOVING, REPEATED
 
-USUAL = ("too close to the last update", MOVING, REPEATED)
-"""Reasons not to learn from an observation that show no fault: the posture is known already, or a
-tracker measures the hand's pose all the time."""
+USUAL = ("too close to the last update", UNCERTAIN, MOVING, REPEATED)
+"""Reasons not to learn from an observation that show no fault: the posture is known already, a
+coarse pose agrees with the map, or a tracker measures the hand's pose all the time."""
 
 
 @dataclass(frozen=True)

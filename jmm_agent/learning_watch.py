@@ -14,7 +14,7 @@ from jmm_agent.settling import SettlingDetector
 from jmm_agent.updaters import VisionUpdater
 
 LEARNED = 8
-"""Number of updates by observations of the hand after which the map is trusted."""
+"""Number of observations of the hand in the map from which on it is trusted."""
 UNLEARNED = 0.5
 """Error of a joint angle that is usual before [rad]."""
 
@@ -43,7 +43,7 @@ class StepState(NamedTuple):
     why_unobserved: str
     why_not_learned: str
     contradicted: Mapping[str, float]
-    clock_problem: str = ""
+    clock_problem: str
 
 
 class LearningWatch:
@@ -107,7 +107,8 @@ class LearningWatch:
 
         Before the map is learned it may be wrong by some degrees, and only more is named.
         """
-        least = 0.0 if self._vision.fired >= LEARNED else UNLEARNED
+        learned = len(self._vision.memory.observations) >= LEARNED
+        least = 0.0 if learned else UNLEARNED
         self._contradicted = {
             joint: self._contradicted.get(joint) or _contradiction(joint, away, step.time)
             for joint, away in step.contradicted.items()

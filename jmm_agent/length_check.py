@@ -29,6 +29,22 @@ RESTS = 2
 """Number of rests in a row with such tensions, from which on they are named."""
 
 
+def beyond_map(lengths: Floats, low: Floats, high: Floats) -> Floats:
+    """How far lengths are from those of a map, as a share of `FAR` ranges (m,) [1]; above 1: wrong.
+
+    Args:
+        lengths: measured (m,) [m].
+        low: shortest length of each muscle between the joint limits, by the map (m,) [m].
+        high: longest length of each muscle (m,) [m].
+
+    Returns:
+        Minus infinity for a length that is no number.
+    """
+    beyond = np.maximum(low - lengths, lengths - high)
+    share = beyond / (FAR * float((high - low).max()))
+    return np.asarray(np.nan_to_num(share, nan=-np.inf, posinf=np.inf, neginf=-np.inf))
+
+
 class LengthCheck:
     """Names lengths of the wrong unit or sign.
 
@@ -43,7 +59,6 @@ class LengthCheck:
         lengths = jmm.lengths(postures)
         self._muscles = jmm.muscles
         self._low, self._high = lengths.min(axis=0), lengths.max(axis=0)
-        self._margin = FAR * float((self._high - self._low).max())
         self.reset()
 
     def reset(self) -> None:
@@ -76,8 +91,8 @@ class LengthCheck:
 
     def _check_range(self, readings: SensorReadings) -> None:
         """Compare the lengths with those that the map gives between the joint limits."""
-        beyond = np.maximum(self._low - readings.lengths, readings.lengths - self._high)
-        far = beyond > self._margin
+        beyond = beyond_map(readings.lengths, self._low, self._high)
+        far = beyond > 1.0
         if not far.any() or far.mean() < MOST:
             self._far = None
         elif self._far is None:

@@ -125,7 +125,7 @@ def write_memory(
     Raises:
         CheckpointError: the path is none of a file.
     """
-    _check_path(path)
+    check_path(path)
     vision, antagonism, hold_out = memory.vision, memory.antagonism, memory.hold_out
     joints, muscles = len(nominal.joints), len(nominal.muscles)
     held_out = Pairs.none(joints, muscles) if hold_out is None else hold_out.pairs
@@ -166,7 +166,7 @@ def read_memory(
         CheckpointError: the file is missing, cut off or damaged, of another format, robot or
             nominal map, or an array has another shape or a number that is not finite.
     """
-    _check_path(path)
+    check_path(path)
     try:
         content = read_arrays(path, MAX_BYTES)
         _check_robot(content, nominal)
@@ -180,7 +180,15 @@ def read_memory(
         ) from error
 
 
-def _check_path(path: object) -> None:
+def check_path(path: object) -> None:
+    """Refuse what is no path of a file.
+
+    Args:
+        path: of the file, which need not exist.
+
+    Raises:
+        CheckpointError: it is no path, or that of a folder.
+    """
     if not isinstance(path, str | os.PathLike):
         raise CheckpointError(
             f"A memory is kept in a file; its path must be a str or a Path, got {path!r}."

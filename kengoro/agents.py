@@ -150,7 +150,9 @@ def _check_types(**given: object) -> None:
     }
     for name, value in given.items():
         if value is not None and not isinstance(value, types[name]):
-            hint = "; AgentOptions(camera=...) names a camera of the model" * (name == "camera")
+            hint = ""
+            if name == "camera":
+                hint = "; AgentOptions(camera=...) names a camera of the model"
             raise UsageError(f"{name} is {value!r}, but must be a {types[name].__name__}{hint}.")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from jmm_agent.driving.short_pauses import short_pauses
 from jmm_agent.errors import AgentError
 from jmm_agent.gap_detector import GapDetector
 from jmm_agent.guard.null_guard import NullGuard
+from jmm_agent.memory_file import check_path
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
 
@@ -127,15 +128,16 @@ def drive(
         What happened, such as the number of lost readings.
 
     Raises:
-        AgentError: driver, duration or readings cannot be used; the robot was stopped.
+        AgentError: driver, duration, memory or readings cannot be used; the robot was stopped.
         SystemExit: a signal asked the process to end; the robot was stopped.
     """
     stop, emergency_stop = RobotStop(driver), emergency_stop or EmergencyStop()
-    with endings_raised(), short_pauses(), _autosaved(agent, memory) as autosave:
+    with endings_raised(), short_pauses(), ExitStack() as saving:
         try:
             check_methods(driver)
             _check_duration(seconds)
             emergency_stop.check()
+            autosave = saving.enter_context(_autosaved(agent, memory))
             options = options or DriveOptions()
             with (
                 _limited(agent, options.limits),
@@ -159,7 +161,10 @@ def _autosaved(
     agent: Agent, memory: str | os.PathLike[str] | None
 ) -> AbstractContextManager[Autosave | None]:
     """What is learned within this context is saved, if there is a file for it."""
-    return nullcontext() if memory is None else Autosave(agent, memory)
+    if memory is None:
+        return nullcontext()
+    check_path(memory)
+    return Autosave(agent, memory)
 
 
 def _check_duration(seconds: float) -> None:

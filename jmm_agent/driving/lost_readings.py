@@ -37,11 +37,12 @@ def why_lost(readings: object, gaps: bool) -> str:
     finite = np.isfinite(_floats("lengths", readings.lengths))
     if not finite.any():
         return "no length is finite"
+    tensions = _floats("tensions", readings.tensions)
     if gaps:
         return ""
     if not finite.all():
         return "a length is not finite (without a guard all must be)"
-    if not np.isfinite(_floats("tensions", readings.tensions)).all():
+    if not np.isfinite(tensions).all():
         return "a tension is not finite (without a guard all must be)"
     return ""
 

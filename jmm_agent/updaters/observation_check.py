@@ -19,7 +19,7 @@ from jmm_agent.vision.pose_covariance import measures_rotation
 
 UNREACHED = "inverse kinematics did not converge"
 """The pose is far from that of the fitted posture."""
-UNCERTAIN = "the pose says less than the estimate: both agree within its large covariance"
+UNCERTAIN = "the pose's covariance is too large to improve the estimate, and both agree"
 """Only the noise of the pose would be learned."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -145,7 +146,7 @@ class Camera:
         return cls(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
 
     @classmethod
-    def from_file(cls, path: str | Path) -> Camera:
+    def from_file(cls, path: str | os.PathLike[str]) -> Camera:
         """Camera of a calibration file of OpenCV (YAML, XML) or of ROS (YAML).
 
         Args:
@@ -154,7 +155,7 @@ class Camera:
         Raises:
             AgentError: the file cannot be read, or a value is missing or wrong.
         """
-        if not isinstance(path, str | Path):
+        if not isinstance(path, str | os.PathLike):
             raise AgentError(f"The path of a camera file is {path!r}; it must be a path.")
         return cls(*read_camera_file(Path(path)))
 

@@ -93,6 +93,7 @@ class DelayEstimator:
         self._delays = np.arange(-max(early, BELOW), longest + step, step)
         self._noise, self._early, self._step = noise, early, step
         self._costs: deque[Floats] = deque(maxlen=MOST_MOVEMENTS)
+        self._estimate = self._evaluated()
         self.reset()
 
     def reset(self) -> None:
@@ -140,17 +141,23 @@ class DelayEstimator:
         late = np.array([stamp for stamp, _ in used]) - self._delays[:, None]  # (D, N)
         shifted = np.stack([np.interp(late, times, column) for column in expected.T], axis=-1)
         least = MOTION * self._noise
-        moved = np.array([_size(positions) >= least for positions in shifted])
+        moved = _size(shifted) >= least
         # Far from the delay the hand may have been at rest, which explains no motion.
         if _size(seen) >= least and (moved.any() if self._early else moved.all()):
             shifted = shifted * moved[:, None, None]
             squares = _remaining_squares(seen, shifted) + len(used) * (0.01 * self._noise) ** 2
             self._costs.append((1.5 * len(used) - FREE) * np.log(squares))
+            self._estimate = self._evaluated()
+
+    @property
+    def estimate(self) -> DelayEstimate:
+        """The delay as estimated so far."""
+        return self._estimate
 
     @property
     def precise(self) -> bool:
         """Whether more movements would not make the estimate much better."""
-        return len(self._costs) >= ENOUGH and not self.estimate.reason
+        return len(self._costs) >= ENOUGH and not self._estimate.reason
 
     def _averaged(self) -> tuple[Floats, Floats]:
         """Times (T,) [s] and expected positions (T, 3) [m], both averaged over some steps."""
@@ -164,9 +171,8 @@ class DelayEstimator:
         positions = np.lib.stride_tricks.sliding_window_view(expected, steps, axis=0)
         return windows.mean(axis=1), positions.mean(axis=2)
 
-    @property
-    def estimate(self) -> DelayEstimate:
-        """The delay as estimated so far."""
+    def _evaluated(self) -> DelayEstimate:
+        """The delay by the movements that are kept."""
         count = len(self._costs)
         if count < FEWEST_MOVEMENTS:
             reason = f"{count} movements were seen in frames, and {FEWEST_MOVEMENTS} are needed"
@@ -196,9 +202,10 @@ class DelayEstimator:
         return delay, max(2.0 * float(curvature), EVEN)
 
 
-def _size(positions: Floats) -> float:
-    """Largest distance (N, 3) [m] from the mean."""
-    return float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
+def _size(positions: Floats) -> Floats:
+    """Largest distance (...) [m] of positions (..., N, 3) [m] from their mean."""
+    away = positions - positions.mean(axis=-2, keepdims=True)
+    return np.asarray(np.linalg.norm(away, axis=-1).max(axis=-1))
 
 
 def _remaining_squares(seen: Floats, expected: Floats) -> Floats:

@@ -92,8 +92,7 @@ class HandPoses:
     def __init__(self, kinematics: ArmKinematics, window: float, noise: float) -> None:
         self._kinematics, self._window = kinematics, window
         self._known: set[Frames] = set()
-        self._clock = PoseClock(noise)
-        self.clock_problem = ""
+        self._noise = noise
         self._followed: Frames | None = None
         self.reset()
 
@@ -104,7 +103,8 @@ class HandPoses:
         self._waiting: deque[HandPose] = deque()
         self._dropped: deque[str] = deque()
         self._newest = self._used = -np.inf
-        self._clock.reset()
+        self._clock = PoseClock(self._noise)
+        self.clock_problem = ""
 
     def map_changed(self) -> None:
         """Forget expected positions: those of another map cannot be compared with the next ones."""
@@ -151,14 +151,14 @@ class HandPoses:
         else:
             self._waiting.append(found)
             self._followed = self._followed or frames
-            if frames == self._followed and not self._clock.known:
+            if frames == self._followed:
                 self._clock.add(found.time, found.pose[:3, 3])
 
     def record(self, sample: ArmSample) -> None:
         """Keep the state of the arm in a control step."""
         self._samples.append(sample)
         late = sample.time - self._newest
-        if self._followed is not None and late <= HISTORY and not self._clock.known:
+        if self._followed is not None and late <= HISTORY:
             expected = self._kinematics.pose(self._followed[0], sample.estimate, self._followed[1])
             self._clock.expect(sample.time, expected[:3, 3])
         begin = sample.time - HISTORY - self._window

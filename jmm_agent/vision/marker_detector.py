@@ -151,7 +151,7 @@ class MarkerDetector:
         check_markers(side_by_id, dictionary, self._search.count)
         self._camera = camera
         self._square_by_id = {
-            marker_id: square_corners(side) for marker_id, side in side_by_id.items()
+            marker_id: square_corners(float(side)) for marker_id, side in side_by_id.items()
         }
 
     def __deepcopy__(self, memo: dict[int, object]) -> MarkerDetector:

@@ -10,7 +10,7 @@ import numpy as np
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.plain_numbers import is_whole
+from jmm_agent.vision.plain_numbers import is_real, is_whole
 
 LARGEST_SIDE = 5.0
 """Largest side of a marker [m]; a larger number is one in millimetres."""
@@ -41,7 +41,7 @@ def check_markers(side_by_id: Mapping[int, float], dictionary: str, count: int) 
                 f"Marker id {marker_id!r} is not in {dictionary}; ids are whole numbers from 0 "
                 f"to {count - 1}."
             )
-        is_number = isinstance(side, int | float | np.number) and not isinstance(side, bool)
+        is_number = is_real(side)
         if not (is_number and 0 < side <= LARGEST_SIDE):
             raise AgentError(
                 f"The side of marker {marker_id} is {side!r}; it must be a number of metres "

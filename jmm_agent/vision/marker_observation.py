@@ -91,8 +91,8 @@ def adds_only_noise(
 ) -> bool:
     """Whether an uncertain pose agrees with the estimate, so that only its noise can be learned.
 
-    Nothing is known of how good the estimate is, but that a pose does not contradict it. An
-    observation with joint encoders says more than its pose.
+    The accuracy of the estimate is unknown; it is only known that the pose does not contradict it.
+    With joint encoders an observation also holds measured angles, so it is kept.
 
     Args:
         found: the observation.

@@ -16,6 +16,11 @@ def is_whole(value: object) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
+def is_real(value: object) -> TypeGuard[Real]:
+    """Whether a value is a real number, and not a truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+
+
 def whole(value: object, name: str) -> int:
     """A whole number; one like 640.0 is one.
 
@@ -26,7 +31,7 @@ def whole(value: object, name: str) -> int:
     Raises:
         AgentError: the value is none.
     """
-    number = _float(value) if _is_real(value) else float("nan")
+    number = _float(value) if is_real(value) else float("nan")
     if not number.is_integer():
         raise AgentError(f"{name} is {short(value)}; it must be a whole number.")
     return int(number)
@@ -42,7 +47,7 @@ def real(value: object, name: str) -> float:
     Raises:
         AgentError: the value is none.
     """
-    if not _is_real(value):
+    if not is_real(value):
         raise AgentError(f"{name} is {short(value)}; it must be a number.")
     return _float(value)
 
@@ -62,11 +67,6 @@ def reals(values: Any, name: str) -> tuple[float, ...]:
         return tuple(real(value, name) for value in flat)
     except (TypeError, AgentError):
         raise AgentError(f"{name} is {short(values)}; it must be a flat list of numbers.") from None
-
-
-def _is_real(value: object) -> TypeGuard[Real]:
-    """Whether a value is a real number, and not a truth value."""
-    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
 
 
 def _float(value: Real) -> float:

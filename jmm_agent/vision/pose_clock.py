@@ -2,7 +2,8 @@
 
 A tracker that stamps its poses by a clock of its own pairs them with muscle lengths of another
 time. The offset is estimated from movements as the delay of a camera is (`DelayEstimator`), but of
-either sign, because each movement ends at rest.
+either sign, because each movement ends at rest. The newest movements alone count, so that a clock
+that is set right or wrong later is noticed.
 """
 
 from __future__ import annotations
@@ -40,11 +41,6 @@ class PoseClock:
         self._estimator.reset()
         self._newest = -np.inf
 
-    @property
-    def known(self) -> bool:
-        """Whether more movements would not make the estimate much better."""
-        return self._estimator.precise
-
     def add(self, time: float, position: Floats) -> None:
         """Add a measured position; one soon after another is left out.
 
@@ -67,8 +63,7 @@ class PoseClock:
 
     def end_movement(self) -> None:
         """Evaluate the last movement, when the hand has come to rest."""
-        if not self.known:
-            self._estimator.end_movement()
+        self._estimator.end_movement()
 
     def problem(self) -> str:
         """By how much the stamps are wrong, in a sentence; empty if they are right or unknown."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from jmm_agent.driving.driver import Driver
 from jmm_agent.guard.faults import MotorControl
+from jmm_agent.length_check import beyond_map
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.statics import Statics
 from jmm_agent.types import Floats
@@ -36,9 +37,6 @@ TAUT = 0.3
 """Least tension of a muscle that is pulled, as a share of T_bias [1]."""
 GAIN = 1.5
 """Largest ratio of measured to given gains [1]."""
-FAR = 3.0
-"""Largest distance of a length from those of the nominal model, as a share of the largest range of
-a muscle's length [1]."""
 HELD = 0.5
 """Least share of typical postures that the muscles must be able to hold [1]."""
 
@@ -238,7 +236,7 @@ def _pulled(
 
 
 def length_problems(lengths: Floats, nominal: Floats, muscles: Sequence[str]) -> list[str]:
-    """Whether lengths are about those of the nominal model, in metres.
+    """Whether lengths are numbers, and about those of the nominal model, in metres.
 
     Args:
         lengths: measured (m,) [m].
@@ -246,14 +244,19 @@ def length_problems(lengths: Floats, nominal: Floats, muscles: Sequence[str]) ->
         muscles: names of the m muscles.
     """
     low, high = nominal.min(axis=0), nominal.max(axis=0)
-    beyond = np.maximum(low - lengths, lengths - high)
+    problems = []
+    if dead := [
+        muscle for muscle, length in zip(muscles, lengths, strict=True) if np.isnan(length)
+    ]:
+        problems.append(f"The length of {', '.join(dead)} is no number: is the encoder connected?")
+    beyond = beyond_map(lengths, low, high)
     worst = int(beyond.argmax())
-    if beyond[worst] <= FAR * (high - low).max():
-        return []
-    return [
-        f"{muscles[worst]} has a length of {lengths[worst]:.3g} m, but {low[worst]:.3g} to "
-        f"{high[worst]:.3g} m by the nominal model: are lengths in metres, and zeroed?"
-    ]
+    if beyond[worst] > 1.0:
+        problems.append(
+            f"{muscles[worst]} has a length of {lengths[worst]:.3g} m, but {low[worst]:.3g} to "
+            f"{high[worst]:.3g} m by the nominal model: are lengths in metres, and zeroed?"
+        )
+    return problems
 
 
 def limit_problems(statics: Statics, postures: Floats, motors: MotorControl) -> list[str]:

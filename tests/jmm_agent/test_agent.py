@@ -158,8 +158,8 @@ def test_the_command_is_the_maps_length_of_the_target(
     beyond = np.full(14, 9.0)
     trial.agent.go(beyond, 0.5)
     np.testing.assert_array_equal(trial.agent.target, arm.limits[:, 1])
-    assert "515.7 deg was asked for" in trial.agent.unreachable
-    assert "radians" in trial.agent.unreachable
+    assert "9 was asked for" in trial.agent.unreachable
+    assert "postures are in rad or m" in trial.agent.unreachable
     trial.agent.go(SECOND, 0.5)
     assert trial.agent.unreachable == ""
 

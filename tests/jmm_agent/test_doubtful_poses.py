@@ -1,4 +1,4 @@
-"""Poses of the hand that say little, are of another time, or that no posture reaches."""
+"""Poses with large covariances, poses of another time, and poses that no posture reaches."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.updaters.observation_check import UNCERTAIN, UNREACHED
+from jmm_agent.vision.marker_observation import MarkerObservation, adds_only_noise
 from jmm_agent.vision.pose_clock import PoseClock
 from tests.jmm_agent.nominal_arm import posture_set
 from tests.jmm_agent.tracked_arm import MOCAP, TrackedArm
@@ -25,6 +26,16 @@ def test_a_covariance_with_little_information_does_not_make_the_map_worse(
     assert tracked.agent.vision.fired == 0
     assert tracked.error <= before
     assert tracked.agent.vision.dropped[UNCERTAIN] == 4
+
+
+@pytest.mark.parametrize("angles", [None, np.array([0.1, np.nan])])
+def test_an_uncertain_pose_with_joint_encoders_is_kept(angles: np.ndarray | None) -> None:
+    def agrees(q: np.ndarray, *of: object) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(6), np.zeros((6, 2))
+
+    noise = np.diag(np.repeat([0.1, 0.3], 3) ** 2)
+    found = MarkerObservation(np.eye(4), np.zeros(3), np.zeros(2), None, noise, angles)
+    assert adds_only_noise(found, agrees, 0.003, 0.01) is (angles is None)
 
 
 def test_an_uncertain_pose_that_contradicts_the_estimate_is_learned_from(

@@ -8,6 +8,7 @@ import pytest
 from jmm_agent.guard.faults import HAND_NOT_FREE, NEVER_SETTLED, NO_FRAME, NOTHING_LEARNED
 from jmm_agent.learning_monitor import LearningMonitor, LearningMonitorOptions
 from jmm_agent.settling import SettlingDetector, SettlingOptions
+from jmm_agent.updaters.observation_check import UNCERTAIN
 
 MUSCLES = ("one", "two", "three")
 
@@ -86,9 +87,10 @@ def test_observations_that_are_all_dropped_are_named_with_their_reasons(robot: R
     assert robot.run(0.1, "resting") == []
 
 
-def test_a_posture_that_is_known_already_is_no_fault(robot: Robot) -> None:
+@pytest.mark.parametrize("reason", ["too close to the last update", UNCERTAIN])
+def test_a_posture_that_is_known_already_is_no_fault(robot: Robot, reason: str) -> None:
     for k in range(30):
-        robot.dropped["too close to the last update"] = k
+        robot.dropped[reason] = k
         assert robot.run(0.1, "resting") == []
 
 

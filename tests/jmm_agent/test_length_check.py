@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from jmm_agent.guard.faults import Fault, MotorControl
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.length_check import LengthCheck
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.observation import SensorReadings
+from tests.jmm_agent.moving_arm import MovingArm
 from tests.jmm_agent.small_map import LIMITS, make_map
 
 MOTORS = MotorControl()
@@ -68,3 +71,24 @@ def test_one_encoder_that_reads_anything_is_another_fault() -> None:
     lengths = rests.map.lengths(LIMITS.mean(axis=1)) + np.array([40.0, 0.0, 0.0, 0.0, 0.0])
     rests.check.update(SensorReadings(0.0, lengths, np.full(5, 30.0)), lengths, None, np.inf)
     assert rests.check.faults == []
+
+
+def test_an_agent_names_lengths_in_millimetres_until_the_next_episode(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = MovingArm(nominal_map, arm, sees=False)
+    trial.step(trial.q, lengths=1000.0 * trial.lengths(trial.q))
+    assert "lengths_wrong" in [fault.kind for fault in trial.agent.faults]
+    trial.agent.begin_episode()
+    assert list(trial.agent.faults) == []
+
+
+def test_one_rest_counts_once() -> None:
+    rests = Rests()
+    lengths = rests.map.lengths(LIMITS.mean(axis=1))
+    for number in range(5):
+        readings = SensorReadings(float(number), lengths, np.full(5, 400.0))
+        rests.check.update(readings, lengths, MOTORS, since=0.0)
+    assert rests.check.faults == []
+    rests.check.update(readings, lengths, MOTORS, since=5.0)
+    assert [fault.kind for fault in rests.check.faults] == ["lengths_wrong"]

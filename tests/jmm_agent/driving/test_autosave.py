@@ -12,6 +12,7 @@ import pytest
 from jmm_agent.agent import Agent
 from jmm_agent.driving import autosave
 from jmm_agent.driving.autosave import Autosave, AutosaveError
+from jmm_agent.errors import AgentError
 from tests.jmm_agent.driving.robots import EchoAgent, Robot, driven
 
 
@@ -102,3 +103,11 @@ def test_a_folder_that_does_not_exist_is_named_with_the_whole_path(
     [record] = caplog.records
     assert str(tmp_path / "usb" / "memory.npz") in record.getMessage()
     assert f"the folder {tmp_path / 'usb'} does not exist" in record.getMessage()
+
+
+def test_what_is_no_path_of_a_file_stops_the_robot_before_it_moves(tmp_path: Path) -> None:
+    for memory, why in ((5, "must be a str or a Path, got 5"), (tmp_path, "is a folder")):
+        robot = Robot()
+        with pytest.raises(AgentError, match=why):
+            driven(LearningAgent((3,)), robot, memory=memory)
+        assert (robot.commands, robot.stopped) == ([], 1)

@@ -51,3 +51,26 @@ def test_an_error_ends_it() -> None:
         raise KeyError
     assert gc.get_freeze_count() == 0
     assert sys.getswitchinterval() == interval
+
+
+def test_contexts_that_overlap_share_the_settings_until_the_last_ends() -> None:
+    interval = sys.getswitchinterval()
+    first, second = short_pauses(), short_pauses()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert sys.getswitchinterval() == pytest.approx(5e-4, rel=0.02)
+    assert gc.get_freeze_count() > 0
+    second.__exit__(None, None, None)
+    assert sys.getswitchinterval() == interval
+    assert gc.get_freeze_count() == 0
+
+
+def test_what_the_caller_has_frozen_stays_so() -> None:
+    gc.freeze()
+    try:
+        with short_pauses():
+            pass
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()

@@ -53,6 +53,16 @@ def test_a_guard_takes_readings_of_which_some_are_not_finite() -> None:
     assert driven(agent, Robot({4: LOSSES["no length is finite"]})).lost == 1
 
 
+@pytest.mark.parametrize("name", ["lengths", "tensions"])
+def test_readings_that_are_no_numbers_are_refused_with_a_guard(name: str) -> None:
+    agent: Any = EchoAgent()
+    agent.guard = object()
+    robot = Robot({4: lambda readings: readings._replace(**{name: ["high", "low"]})})
+    with pytest.raises(AgentError, match=f"readings with {name} that are no numbers"):
+        driven(agent, robot)
+    assert robot.stopped == 1
+
+
 @pytest.mark.parametrize("reason", LOSSES)
 @pytest.mark.parametrize("tolerated", [1, 5])
 def test_too_many_of_them_stop_the_robot(reason: str, tolerated: int) -> None:

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jmm_agent.errors import AgentError
+from jmm_agent.vision import camera_delay
 from jmm_agent.vision.camera_clock import CameraClock, ExposureClock
 from jmm_agent.vision.camera_delay import DelayEstimator
 
@@ -126,3 +127,10 @@ def test_a_hand_that_still_moves_is_blurred(speed: float, blurred: bool) -> None
 def test_numbers_that_no_camera_has_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(AgentError, match=f"CameraClock: {next(iter(wrong))} is"):
         CameraClock(**wrong)
+
+
+def test_an_estimate_is_computed_once_in_a_movement(monkeypatch: pytest.MonkeyPatch) -> None:
+    estimator = estimated(0.12)
+    monkeypatch.setattr(camera_delay, "np", None)  # nothing can be computed any more
+    assert estimator.precise
+    assert estimator.estimate.movements == 6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -65,6 +66,13 @@ def test_a_file_of_ros_is_read(tmp_path: Path) -> None:
     assert Camera.from_file(path) == CAMERA
     path.write_text(ROS.replace("plumb_bob", "equidistant").replace(", 0]", "]", 1))
     assert Camera.from_file(str(path)).model == "fisheye"
+
+
+def test_any_path_of_a_file_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "head.yaml"
+    path.write_text(ROS)
+    [entry] = os.scandir(tmp_path)
+    assert Camera.from_file(entry) == CAMERA
 
 
 @pytest.mark.parametrize(

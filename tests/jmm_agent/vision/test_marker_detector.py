@@ -182,6 +182,7 @@ def test_frames_of_another_shape_or_type_are_refused_in_one_sentence(detector, f
         ({0: "5cm"}, "side of marker 0 is '5cm'"),
         ({0: None}, "side of marker 0 is None"),
         ({0: True}, "side of marker 0 is True"),
+        ({0: np.complex128(0.05)}, "side of marker 0 is .*0.05.*; it must be a number"),
         ({"0": 0.05}, "id '0' is not in DICT_4X4_50; ids are whole numbers from 0 to 49"),
         ({0.5: 0.05}, "id 0.5 is not in"),
         ({-1: 0.05}, "id -1 is not in"),

@@ -121,6 +121,13 @@ def test_lengths_in_millimetres_are_named() -> None:
     assert "are lengths in metres" in sentence
 
 
+def test_a_length_that_is_no_number_hides_no_other() -> None:
+    nominal = np.array([[0.0, 0.0, 0.0], [0.03, -0.02, 0.01]])
+    dead, far = length_problems(np.array([np.nan, -30.0, 0.02]), nominal, MUSCLES)
+    assert dead == "The length of a is no number: is the encoder connected?"
+    assert far.startswith("b has a length of -30 m")
+
+
 def test_without_increasing_stamps_the_file_has_no_period(tmp_path: Path) -> None:
     checks = RobotChecks(Muscles(steps=(0.0,)), MUSCLES, MOTORS, lambda _: None)
     assert checks.clock() == ["The time stamps do not increase; they must be seconds."]
