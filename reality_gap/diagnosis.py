@@ -18,9 +18,9 @@ class Verdict(Enum):
     """Kind of the result.
 
     ``NOTHING_WRONG``: the data show no error of the model. ``NAMED``: causes explain the gap; what
-    remains is at the noise, given the tolerances. ``PARTLY_NAMED``: causes surely explain a part of
-    the gap; the rest has no name. ``UNEXPLAINED``: there is a gap, and no known cause surely
-    explains a part of it.
+    remains is at the noise, given the tolerances. ``PARTLY_NAMED``: causes explain a part of the
+    gap, also on held-out data; the rest has no name. ``UNEXPLAINED``: there is a gap, and no known
+    cause explains a part of it.
     """
 
     NOTHING_WRONG = "nothing_wrong"
@@ -55,12 +55,12 @@ class Gain:
 
 @dataclass(frozen=True)
 class Share:
-    """What one part of the waterfall takes from the error of the report split.
+    """What one part of the waterfall removes from the error of the report split.
 
     Attributes:
-        part: the cause at its location, or what else takes it.
+        part: the cause at its location, or what else removes it.
         before, after: RMS of the residual before and after [noise].
-        fraction: share of the power of the error above the noise that it takes; negative if the
+        fraction: share of the power of the error above the noise that it removes; negative if the
             error grows.
     """
 
@@ -126,7 +126,7 @@ class NamedCause:
         elsewhere: other locations where the same cause has the same effect.
         gain: gain in log likelihood of held-out readings over the other named causes alone, by
             cross-validation [nats]; None for a group of causes.
-        share: what it takes from the error of the report split, beside the causes before it.
+        share: what it removes from the error of the report split, beside the causes before it.
     """
 
     candidate: Candidate

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,10 @@ import yaml
 
 from mjcf_sandbox.files import write_text
 from reality_gap.errors import StudyError
-from reality_gap.io.column_names import Element, guess
+from reality_gap.io.column_names import Element, guess, named_share
 from reality_gap.io.completed_model import complete_model
 from reality_gap.io.loader import load_study
-from reality_gap.io.new_folder import new_folder
+from reality_gap.io.new_folder import check_new, new_folder
 from reality_gap.io.recordings import Run, read_runs, write_run
 from reality_gap.io.template import draft_study, yaml_text
 from reality_gap.report.model_assets import write_model
@@ -26,6 +25,10 @@ from reality_gap.study.data import Study, load_untrusted_spec
 
 STUDY, MODEL = "STUDY.yaml", "model.xml"
 """Names of the files in the folder of a study."""
+DRAFT = "DRAFT"
+"""Name of a file that lies in the folder until the columns have been corrected."""
+ROUNDS = 3
+"""Largest number of replays; each corrects what the one before it found."""
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed, changed or left out."""
@@ -47,14 +50,16 @@ def write_first_study(model: Path, logs: Sequence[Path], folder: Path, note: Not
         Path of STUDY.yaml.
 
     Raises:
-        StudyError: the model or a log cannot be read, or the logs contain no long enough run.
+        StudyError: the model or a log cannot be read, the logs contain no long enough run, or
+            ``folder`` exists.
     """
+    check_new(folder)
     spec, added = complete_model(load_untrusted_spec(model, model.parent))
-    runs = [run for log in logs for run in read_runs(log, note)]
-    if not runs:
+    files = [runs for runs in (read_runs(log, note) for log in logs) if runs]
+    if not files:
         raise StudyError("the logs contain no run that is long enough for a study")
+    runs = [run for file in _begin_together(files, note) for run in file]
     _check_names(runs)
-    _begin_together(runs, note)
     columns = tuple(dict.fromkeys(name for run in runs for name in run.columns))
     _without_commands(spec, columns, note)
     with new_folder(folder) as new:
@@ -62,7 +67,8 @@ def write_first_study(model: Path, logs: Sequence[Path], folder: Path, note: Not
         paths = [new / f"{run.name}.csv" for run in runs]
         for run, path in zip(runs, paths, strict=True):
             write_run(run, path)
-        write_text(new / STUDY, draft_study(new / MODEL, paths, new))
+        write_text(new / STUDY, draft_study(new / MODEL, paths, new, model.stem))
+        write_text(new / DRAFT, f"The columns in {STUDY} have not been corrected by a replay.\n")
     if added:
         note(f"{MODEL} has further sensors, for what the logs may contain: {', '.join(added)}")
     return folder / STUDY
@@ -81,69 +87,105 @@ def correct_columns(path: Path, note: Note) -> Study:
     Raises:
         StudyError: the study cannot be loaded, because the draft lacks columns, for example.
     """
-    study = load_study(path)
-    errors = _errors(study)
-    if not errors:
-        return study
-    lines = _Lines(path)
-    before = {i: lines.column(c.sensor) for i, c in enumerate(study.channels)}
-    for error in errors:
-        sensor = study.channels[error.channel].sensor
-        line = lines.found.get(sensor)
-        if line is None or study.channels[error.channel].kind == "effort":
-            note(error.sentence)
-            continue
-        if error.other is not None:
-            line["column"] = before[error.other]
-        elif error.factor != 1.0:
-            line["scale"] = float(line.get("scale", 1.0)) * error.factor
-        lines.reasons[sensor] = error.sentence
-        note(f"corrected in {path.name}: {error.sentence}")
-    lines.write()
+    noted: set[tuple[str, int]] = set()
+    reasons: dict[str, list[str]] = {}
+    for _ in range(ROUNDS):
+        study = load_study(path)
+        lines = _Lines(path, reasons)
+        for error in _errors(study, note):
+            new = (error.kind, error.channel) not in noted
+            noted.add((error.kind, error.channel))
+            if lines.correct(study, error):
+                note(f"corrected in {path.name}: {error.sentence}")
+            elif new:
+                note(error.sentence)
+        if not lines.changed:
+            break
+        lines.write()
+    (path.parent / DRAFT).unlink(missing_ok=True)
     return load_study(path)
 
 
-def _errors(study: Study) -> tuple[ColumnError, ...]:
+def _errors(study: Study, note: Note) -> tuple[ColumnError, ...]:
     with Replayer(study) as replayer:
         prediction = replayer.replay([]).prediction
         if not np.isfinite(prediction).all():
+            note("the model's replay diverges, so that signs, units and columns were not checked")
             return ()
         return column_errors(replayer.system.study, replayer.measured, prediction)
 
 
-@dataclass
 class _Lines:
     """Lines of the sensors of a drafted study, each with one column.
 
     Attributes:
         path: the file.
-        found: content of the lines by the sensor's name.
         reasons: why a line was corrected, by the sensor's name.
+        before: content of the lines by the sensor's name, as it is in the file.
+        now: the same after the corrections.
     """
 
-    path: Path
+    def __init__(self, path: Path, reasons: dict[str, list[str]]) -> None:
+        self.path, self.reasons = path, reasons
+        self.text = path.read_text(encoding="utf-8").splitlines()
+        sensors = yaml.safe_load("\n".join(self.text)).get("sensors") or {}
+        single = {name: line for name, line in sensors.items() if "column" in line}
+        self.at = {name: i for name in single if (i := self._find(name)) is not None}
+        self.before: dict[str, dict[str, Any]] = {name: single[name] for name in self.at}
+        self.now = {name: dict(line) for name, line in self.before.items()}
 
-    def __post_init__(self) -> None:
-        content = yaml.safe_load(self.path.read_text(encoding="utf-8"))
-        sensors: dict[str, dict[str, Any]] = content.get("sensors") or {}
-        self.found = {name: line for name, line in sensors.items() if "column" in line}
-        self.reasons: dict[str, str] = {}
+    @property
+    def changed(self) -> bool:
+        """Whether a line was corrected."""
+        return self.now != self.before
 
-    def column(self, sensor: str) -> str:
-        """Return the column of a sensor; empty if it has several."""
-        return str(self.found.get(sensor, {}).get("column", ""))
+    def correct(self, study: Study, error: ColumnError) -> bool:
+        """Correct the line of a channel, and return whether that was possible.
+
+        Columns are only swapped where none of them was assigned by its name: it is then more
+        likely that those of the commands are swapped.
+        """
+        channel = study.channels[error.channel]
+        if channel.kind == "effort" or channel.sensor not in self.now:
+            return False
+        line = self.now[channel.sensor]
+        if error.kind == "column":
+            swapped = [study.channels[i].sensor for i in error.cycle]
+            if any(s not in self.now or self._is_named(study, s) for s in swapped):
+                return False
+            other = self.before[swapped[(error.cycle.index(error.channel) + 1) % len(swapped)]]
+            line |= {key: other[key] for key in ("column", "unit") if key in other}
+        else:
+            line["scale"] = float(line.get("scale", 1.0)) * error.factor
+        self.reasons.setdefault(channel.sensor, []).append(error.sentence)
+        return True
 
     def write(self) -> None:
         """Write the corrected lines."""
-        lines = self.path.read_text(encoding="utf-8").splitlines()
-        for sensor, reason in self.reasons.items():
-            start = f"  {yaml_text(sensor)}: {{"
-            at = next(i for i, line in enumerate(lines) if line.startswith(start))
-            content = dict(self.found[sensor])
-            parts = [f"column: {yaml_text(content.pop('column'))}"]
-            parts += [f"{key}: {value}" for key, value in content.items()]
-            lines[at] = f"{start}{', '.join(parts)}}}  # {reason}"
-        write_text(self.path, "\n".join(lines) + "\n")
+        for sensor, line in self.now.items():
+            if line != self.before[sensor]:
+                content = yaml.safe_dump(
+                    line, default_flow_style=True, sort_keys=False, allow_unicode=True, width=np.inf
+                ).strip()
+                reason = "; ".join(self.reasons[sensor])
+                self.text[self.at[sensor]] = f"{_start(sensor)}{content}  # {reason}"
+        write_text(self.path, "\n".join(self.text) + "\n")
+
+    def _find(self, sensor: str) -> int | None:
+        """Return the number of the line that is all that the file has on a sensor."""
+        for i, line in enumerate(self.text):
+            if line.startswith(_start(sensor) + "{") and "}" in line:
+                return i
+        return None
+
+    def _is_named(self, study: Study, sensor: str) -> bool:
+        found = next(s for s in study.spec().sensors if s.name == sensor)
+        column = str(self.before[sensor]["column"])
+        return named_share(Element(sensor, found.objname, ""), column) > 0.0
+
+
+def _start(sensor: str) -> str:
+    return f"  {yaml_text(sensor)}: "
 
 
 def _check_names(runs: Sequence[Run]) -> None:
@@ -153,17 +195,31 @@ def _check_names(runs: Sequence[Run]) -> None:
             raise StudyError(f"two logs are named {name}; rename one of them")
 
 
-def _begin_together(runs: list[Run], note: Note) -> None:
-    """Shift the clocks of logs with different columns that have no time in common."""
-    first = runs[0]
-    for i, run in enumerate(runs):
-        apart = run.time[0] > first.time[-1] or run.time[-1] < first.time[0]
-        if apart and run.columns.keys() != first.columns.keys():
-            runs[i] = Run(run.name, run.time - run.time[0] + first.time[0], run.columns)
-            note(
-                f"the clocks of {first.name} and {run.name} have no time in common; {run.name} was "
-                "shifted, so that both begin together"
-            )
+def _begin_together(files: Sequence[list[Run]], note: Note) -> list[list[Run]]:
+    """Shift the clocks of logs that have no time in common with logs of other columns.
+
+    The first log with some columns belongs to the first one with those of ``files[0]``, and so on.
+    """
+    kinds = [file[0].columns.keys() for file in files]
+    partners = [file for file, kind in zip(files, kinds, strict=True) if kind == kinds[0]]
+    found = []
+    for i, (file, kind) in enumerate(zip(files, kinds, strict=True)):
+        others = [run for f, k in zip(files, kinds, strict=True) if k != kind for run in f]
+        if kind == kinds[0] or any(_overlap(run, other) for run in file for other in others):
+            found.append(file)
+            continue
+        partner = partners[min(kinds[:i].count(kind), len(partners) - 1)]
+        shift = partner[0].time[0] - file[0].time[0]
+        found.append([Run(run.name, run.time + shift, run.columns) for run in file])
+        note(
+            f"the clocks of {partner[0].name} and {file[0].name} have no time in common; "
+            f"{file[0].name} was shifted, so that both begin together"
+        )
+    return found
+
+
+def _overlap(one: Run, other: Run) -> bool:
+    return bool(one.time[0] <= other.time[-1] and other.time[0] <= one.time[-1])
 
 
 def _without_commands(spec: mujoco.MjSpec, columns: Sequence[str], note: Note) -> None:

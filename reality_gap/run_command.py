@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import tyro
 from reality_gap.diagnose_command import Diagnose, options_of
 from reality_gap.errors import StudyError
 
-LOGS = (".csv", ".parquet", ".txt")
+LOGS = (".csv", ".parquet")
 """Suffixes of logs; other files and folders are unpacked."""
 
 Note = Callable[[str], None]
@@ -53,7 +54,7 @@ def study_of(command: Run, note: Note) -> Path:
     Raises:
         StudyError: an option, the model or a log cannot be used, or the draft lacks columns.
     """
-    from reality_gap.first_study import STUDY, correct_columns, write_first_study
+    from reality_gap.first_study import DRAFT, STUDY, correct_columns
     from reality_gap.report.files import check_out
     from reality_gap.simulation.episode import silence
 
@@ -63,12 +64,14 @@ def study_of(command: Run, note: Note) -> Path:
     check_out(command.out / "result")
     silence()
     if study.is_file():
-        note(f"{study} exists and is used; remove {folder} to begin again")
+        note(
+            f"{study} exists and is used; the model and the logs of this command are not read; "
+            f"remove {folder} to begin again"
+        )
+    else:
+        _draft(command, folder, note)
+    if not (folder / DRAFT).exists():
         return study
-    logs: list[Path] = []
-    for number, log in enumerate(command.logs):
-        logs += _unpacked(log, command.out / f"unpacked_{number + 1}", note)
-    write_first_study(command.model, logs, folder, note)
     try:
         correct_columns(study, note)
     except StudyError as error:
@@ -76,13 +79,22 @@ def study_of(command: Run, note: Note) -> Path:
     return study
 
 
-def _unpacked(log: Path, out: Path, note: Note) -> list[Path]:
-    """Return a log, or the files of a bag or dataset that is unpacked into a folder."""
+def _draft(command: Run, folder: Path, note: Note) -> None:
+    """Draft the study; bags and datasets are unpacked into a folder that vanishes."""
+    from reality_gap.first_study import write_first_study
+    from reality_gap.io.new_folder import check_new
     from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
 
-    if log.suffix.lower() in LOGS:
-        return [log]
-    if out.is_dir():
-        note(f"{out} exists and is used in place of {log}; remove it to unpack again")
-        return sorted(out.glob("*.csv"))
-    return list(unpack_in_sandbox(log, out, note=note))
+    check_new(folder)
+    if all(log.suffix.lower() in LOGS for log in command.logs):
+        write_first_study(command.model, command.logs, folder, note)
+        return
+    command.out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".unpacked-", dir=command.out) as temporary:
+        logs: list[Path] = []
+        for number, log in enumerate(command.logs):
+            if log.suffix.lower() in LOGS:
+                logs.append(log)
+            else:
+                logs += unpack_in_sandbox(log, Path(temporary) / str(number), note=note)
+        write_first_study(command.model, logs, folder, note)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -22,7 +21,7 @@ from experiments.gap_bench.tables import (
     confusion_table,
 )
 from experiments.gap_bench.trial import KINDS, Case, compared_trial
-from experiments.harness.common import ROOT, check_jobs, make_summary
+from experiments.harness.common import ROOT, check_jobs, files_digest, make_summary
 from experiments.harness.criteria import criteria_table
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import print_table, write_report
@@ -121,14 +120,11 @@ def cases(args: Args) -> list[Case]:
 def digest(args: Args) -> str:
     """Digest of the options and the source code that trials depend on, apart from their seeds."""
     options = (args.machine, args.seconds, args.kind, args.family, args.followup, args.quick)
-    found = hashlib.sha256(repr(options).encode())
     folder = ROOT / "experiments" / "gap_bench"
     paths = [folder / f"{name}.py" for name in ("trial", "baselines", "length_errors")]
     for folder in (ROOT / "hidden_plants", ROOT / "reality_gap"):
         paths += sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".json"))
-    for path in paths:
-        found.update(path.name.encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()[:24]
+    return files_digest(paths, repr(options))
 
 
 def conclude(

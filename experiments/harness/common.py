@@ -119,12 +119,17 @@ def source_digest(*folders: str) -> str:
     """
     from kengoro_env.assets import assets_root  # whose package needs Gymnasium
 
-    digest = hashlib.sha256()
     paths: list[Path] = []
     for folder in (*COMMON, *folders):
         found = sorted((ROOT / folder).rglob("*.py"))
         paths += [path for path in found if path.name not in SHOWING]
     paths += sorted(path for path in assets_root().rglob("*") if path.suffix in (".xml", ".csv"))
+    return files_digest(paths)
+
+
+def files_digest(paths: Iterable[Path], options: str = "") -> str:
+    """Digest of options and of the names and contents of files."""
+    digest = hashlib.sha256(options.encode())
     for path in paths:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:24]

@@ -45,6 +45,13 @@ class Row(NamedTuple):
         above = self.least is None or self.value >= self.least
         return above and (self.most is None or self.value <= self.most)
 
+    @property
+    def must(self) -> str:
+        """The thresholds in words; empty without any."""
+        least = "" if self.least is None else f"at least {self.least:g}"
+        most = "" if self.most is None else f"at most {self.most:g}"
+        return " and ".join(filter(None, (least, most)))
+
     def plain(self) -> dict[str, Any]:
         """Entries for JSON."""
         return self._asdict() | {"reached": self.reached}
@@ -78,12 +85,10 @@ def criteria_table(rows: Sequence[Row]) -> Table:
     head = ("", "cases", "value", "95 % interval", "must", "reached")
     lines = []
     for r in rows:
-        must = "" if r.most is None else f"at most {r.most:g}"
-        must = must if r.least is None else f"at least {r.least:g}"
         value = "" if r.value is None else f"{r.value:.3g} {r.unit}"
         ends = "" if r.low is None or r.high is None else f"{r.low:.3g} to {r.high:.3g}"
         answer = {True: "yes", False: "NO", None: ""}[r.reached]
-        lines.append((r.name, r.cases, value, ends, must, answer))
+        lines.append((r.name, r.cases, value, ends, r.must, answer))
     note = "Shares with Wilson intervals, medians and means with bootstrap intervals over cases."
     return Table("Criteria", head, lines, note)
 

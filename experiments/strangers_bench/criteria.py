@@ -98,9 +98,8 @@ def metrics(rows: Sequence[Row]) -> dict[str, dict[str, object]]:
     found: dict[str, dict[str, object]] = {}
     for key, name in METRICS.items():
         row = by_name[name]
-        must = {"at least": row.least, "at most": row.most}
         found[key] = {
-            "must": " and ".join(f"{k} {v:g}" for k, v in must.items() if v is not None),
+            "must": row.must,
             "value": row.value,
             "interval": [row.low, row.high],
             "cases": row.cases,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from experiments.harness.common import ROOT, check_jobs, make_summary
+from experiments.harness.common import ROOT, check_jobs, files_digest, make_summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.report import print_table, write_report
 from experiments.harness.reported import log_reported
@@ -113,13 +112,10 @@ def cases(args: Args) -> list[Case]:
 def digest(args: Args) -> str:
     """Digest of the options and the source code that trials depend on, apart from their seeds."""
     options = (args.seconds, args.kind, args.family, args.quick)
-    found = hashlib.sha256(repr(options).encode())
-    paths = [ROOT / "experiments" / "strangers_bench" / "trial.py"]
+    paths = [ROOT / "experiments/strangers_bench/trial.py", ROOT / "hidden_plants/secret.py"]
     for folder in (ROOT / "hidden_plants" / "strangers", ROOT / "reality_gap"):
         paths += sorted(folder.rglob("*.py"))
-    for path in paths:
-        found.update(path.name.encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()[:24]
+    return files_digest(paths, repr(options))
 
 
 def conclude(

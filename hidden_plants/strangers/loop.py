@@ -152,7 +152,6 @@ class _Actuation:
     def __init__(self, plant: Plant, state: State) -> None:
         self._plant, self._state = plant, state
         self._encoder = [make() for make in plant.encoder_devices]
-        self._motor = [make() for make in plant.motor_devices]
         self._pull = [make() for make in plant.pull_devices]
         self._body = [make() for make in plant.body_devices]
         none = np.zeros(len(plant.scale))
@@ -182,8 +181,6 @@ class _Actuation:
             self._level = force + self._keep * (self._level - force)
             force = self._level
         state.force[:] = force
-        for act in self._motor:
-            act(state)
         state.force *= plant.force_scale
         state.force += plant.force_offset
         self.sensed[:] = state.force

@@ -77,7 +77,6 @@ class Plant:
         reading_scale, reading_offset, reading_delay: of readings by sensor.
         compensates: whether the drives compensate gravity in part, by ``body_gravcomp``.
         encoder_devices: change the encoder readings.
-        motor_devices: change the forces of the drives.
         pull_devices: change the forces behind the sensors.
         body_devices: apply forces to bodies and joints.
         reading_effects: change all readings of an episode.
@@ -104,7 +103,6 @@ class Plant:
     reading_delay: dict[str, float] = field(default_factory=dict)
     compensates: bool = False
     encoder_devices: list[DeviceFactory] = field(default_factory=list)
-    motor_devices: list[DeviceFactory] = field(default_factory=list)
     pull_devices: list[DeviceFactory] = field(default_factory=list)
     body_devices: list[DeviceFactory] = field(default_factory=list)
     reading_effects: list[ReadingEffect] = field(default_factory=list)

@@ -31,13 +31,11 @@ class Secret:
         kind: "single", "pair", "null" or "outside".
         effects: none, one or two.
         multiples: amplitude of each effect over its floor.
-        rejected: number of structures that no physical amplitude shows on this machine.
     """
 
     kind: str
     effects: tuple[Effect, ...] = ()
     multiples: tuple[float, ...] = ()
-    rejected: int = 0
 
 
 def sample_secret(
@@ -69,16 +67,13 @@ def sample_secret(
         raise ValueError(f"unknown effect {family!r}; valid are: {', '.join(MECHANISMS)}")
     effects: tuple[Effect, ...] = ()
     multiples: tuple[float, ...] = ()
-    rejected = 0
     wanted = {"single": 1, "pair": 2, "null": 0, "outside": 1}[kind]
     for _ in range(TRIALS):
         if len(effects) == wanted:
-            return Secret(kind, effects, multiples, rejected)
+            return Secret(kind, effects, multiples)
         first = family if not effects else None
         found = _effect(rng, stranger, oracle, _ids(kind, first, effects), effects)
-        if found is None:
-            rejected += 1
-        else:
+        if found is not None:
             effects, multiples = (*effects, found[0]), (*multiples, found[1])
     raise ValueError(f"machine {stranger.seed} shows no effect for a trial of kind {kind!r}")
 

@@ -49,7 +49,7 @@ def true_size(stranger: Stranger, effect: Effect) -> float | None:
         effect: a hidden effect.
 
     Returns:
-        The difference in SI units; None for an effect whose size has no single meaning.
+        The difference in SI units; None for an effect whose size has more than one definition.
     """
     if effect.id not in PLAIN:
         return None

@@ -7,8 +7,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 
+import numpy as np
+
 from reality_gap.errors import StudyError
 from reality_gap.io.units import parse_unit, symbols_of
+from reality_gap.types import Floats
 
 HINTS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
@@ -28,6 +31,10 @@ KINDS = {"m": "position", "rad": "position", "N": "force", "N m": "force"} | {
     "rad/s": "rate",
 }
 """Kind of quantity, as in `HINTS`, by SI unit."""
+
+FAST, SLOW, SHORT = 0.5, 2.0, 2.0
+"""Periods up to which the rows of a log follow each other: `FAST` [s], or `SLOW` [s] if with the
+next smaller unit the log would be shorter than `SHORT` [s]."""
 
 _THRESHOLD = 1.5  # smallest similarity of a guess
 _COMPONENT = re.compile(r"(.*?)[_. ]?([wxyz])$")
@@ -81,6 +88,25 @@ def guess_time(columns: Iterable[str]) -> str | None:
     return min(likely, key=lambda c: len(_words(c)), default=None)
 
 
+def guess_time_unit(time: Floats) -> str:
+    """Return the unit that a time most likely has: s, ms, us or ns, from its steps and duration.
+
+    Steps of 1 may be seconds or milliseconds; the former if the log would else be too short.
+
+    Args:
+        time: cells of the column, shape (n,); NaN where a cell is empty.
+    """
+    time = time[np.isfinite(time)]
+    steps = np.diff(time)
+    steps = steps[steps > 0.0]
+    usual, duration = (float(np.median(steps)), float(np.sum(steps))) if len(steps) else (0.0, 0.0)
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        slow = usual * size < SLOW and duration * size / 1e3 < SHORT
+        if usual * size < FAST or slow:
+            return unit
+    return "ns"
+
+
 def named_unit(column: str, units: Iterable[str]) -> str | None:
     """Return the unit at the end of a column's name, as in "length_mm".
 
@@ -97,6 +123,17 @@ def named_unit(column: str, units: Iterable[str]) -> str | None:
     except StudyError:
         return None
     return unit.symbol if unit.si in units and unit.symbol in symbols_of(unit.si) else None
+
+
+def named_share(element: Element, column: str) -> float:
+    """Return the fraction of an element's words in a column's name; 0 if these are only numbers.
+
+    A column that was assigned by its number or by its order has 0.
+    """
+    hints = frozenset().union(*HINTS.values())
+    identity = set(_words(f"{element.name} {element.target}")) - hints
+    shared = identity & set(_words(column))
+    return 0.0 if all(word.isdecimal() for word in shared) else len(shared) / len(identity)
 
 
 def _numbered(

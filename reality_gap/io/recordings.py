@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,16 +11,17 @@ import pyarrow as pa
 import pyarrow.csv
 
 from reality_gap.errors import StudyError
-from reality_gap.io.column_names import guess_time, named_unit
+from reality_gap.io.column_names import guess_time, guess_time_unit, named_unit
 from reality_gap.io.logs import MIN_DURATION, MIN_SAMPLES
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.units import parse_unit
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 TIME = "time"
 """Name of the column of the time in written runs."""
 PAUSE, PAUSE_PERIODS = 1.0, 10.0
-"""Steps of time that are longer than this [s] and than so many usual ones separate two runs."""
+"""Steps of time that are longer than this [s] and than so many usual ones separate two runs, and
+so do steps back of at least `PAUSE`; smaller ones are late packets, which are left out."""
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed or left out."""
@@ -58,18 +59,14 @@ def read_runs(path: Path, note: Note) -> list[Run]:
             f"no column of {path.name} is named like a time, such as time_s or timestamp; its "
             f"columns are: {', '.join(header[:20])}"
         )
-    found, left_out = {}, []
-    for name in dict.fromkeys(header):
-        try:
-            found[name] = read_table(path, path.name, (name,)).columns[name]
-        except StudyError:
-            if name == clock:
-                raise
-            left_out.append(name)
-    if left_out:
-        note(f"{path.name}: left out, as they hold no numbers: {', '.join(left_out)}")
+    found = _numbers(path, header, clock, note)
     time = found.pop(clock)
-    time = time * _unit_of_time(clock, time)
+    unit = named_unit(clock, ("s",))
+    if unit is None:
+        unit = guess_time_unit(time)
+        if (clock, unit) != (TIME, "s"):
+            note(f"{path.name}: the unit of {clock} is not stated and taken as {unit}")
+    time = time * parse_unit(unit).factor
     return list(_split(path.stem, time, found, note))
 
 
@@ -85,39 +82,57 @@ def write_run(run: Run, path: Path) -> None:
     pyarrow.csv.write_csv(table, path, pyarrow.csv.WriteOptions(quoting_style="needed"))
 
 
-def _unit_of_time(clock: str, time: Floats) -> float:
-    """Return the unit of a time [s], from the name of its column or from the size of its steps."""
-    named = named_unit(clock, ("s",))
-    if named is not None:
-        return parse_unit(named).factor
-    steps = np.diff(time[np.isfinite(time)])
-    steps = steps[steps > 0.0]
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    return next(
-        (unit for unit, top in ((1.0, 0.5), (1e-3, 500.0), (1e-6, 5e5)) if usual < top), 1e-9
-    )
+def _numbers(path: Path, header: Sequence[str], clock: str, note: Note) -> dict[str, Floats]:
+    """Read the columns of numbers; those that cannot be read are left out, except for the time."""
+    names = tuple(dict.fromkeys(header))
+    try:
+        return read_table(path, path.name, names).columns
+    except StudyError:
+        pass  # one by one, to find out which columns cannot be read
+    found = {}
+    for name in names:
+        try:
+            found[name] = read_table(path, path.name, (name,)).columns[name]
+        except StudyError as error:
+            if name == clock:
+                raise
+            note(f"{path.name}: {name} is left out: {error}")
+    return found
 
 
 def _split(stem: str, time: Floats, columns: dict[str, Floats], note: Note) -> Iterator[Run]:
-    """Yield the runs of a log, which falling times and pauses separate."""
-    known = np.isfinite(time)
-    known[1:] &= ~(np.diff(time) == 0.0)
-    if not known.all():
-        note(f"{stem}: {np.sum(~known)} rows with no time, or that of the row before, left out")
-    time, columns = time[known], {name: x[known] for name, x in columns.items()}
-    steps = np.diff(time)
+    """Yield the runs of a log, which restarts of the clock and pauses separate."""
+    known = np.flatnonzero(np.isfinite(time))
+    steps = np.diff(time[known])
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    ends = np.flatnonzero((steps < 0.0) | (steps > max(PAUSE, PAUSE_PERIODS * usual))) + 1
+    pause = max(PAUSE, PAUSE_PERIODS * usual)
     parts = [
+        part[_rises(time[part])]
+        for part in np.split(known, np.flatnonzero((steps <= -PAUSE) | (steps > pause)) + 1)
+    ]
+    left_out = len(time) - sum(map(len, parts))
+    if left_out:
+        note(f"{stem}: {left_out} rows left out, with no time, an equal or an earlier one")
+    runs = [
         part
-        for part in np.split(np.arange(len(time)), ends)
+        for part in parts
         if len(part) >= MIN_SAMPLES and time[part[-1]] - time[part[0]] >= MIN_DURATION
     ]
-    if len(ends):
+    least = f"a run needs {MIN_SAMPLES} rows and {MIN_DURATION:g} s"
+    if len(parts) > 1:
         note(
-            f"{stem}: {len(parts)} runs, separated by times that fall or by pauses; "
-            f"{len(ends) + 1 - len(parts)} were too short"
+            f"{stem}: {len(runs)} runs, separated by times that fall or by pauses; "
+            f"{len(parts) - len(runs)} were too short ({least})"
         )
-    for number, part in enumerate(parts):
-        name = stem if len(parts) == 1 else f"{stem}_{number + 1}"
+    elif not runs:
+        note(f"{stem}: its {len(parts[0])} rows are too few or too short; {least}")
+    for number, part in enumerate(runs):
+        name = stem if len(runs) == 1 else f"{stem}_{number + 1}"
         yield Run(name, time[part], {key: x[part] for key, x in columns.items()})
+
+
+def _rises(time: Floats) -> Bools:
+    """Return which times are above all before them, shape (n,)."""
+    before = np.maximum.accumulate(np.r_[-np.inf, time])[:-1]
+    above: Bools = time > before
+    return above

@@ -1,6 +1,6 @@
 """Bags: converts ROS 1 and ROS 2 bags and MCAP files to CSV files that a study can use.
 
-Each topic becomes a file, because each topic has its own times. Each topic is read for itself: what
+Each topic becomes a file, because each topic has its own times. Each topic is read separately: what
 cannot be read is left out with a sentence. Text, images and point clouds are left out. Needs the
 packages of the extra ``ros``: ``pip install 'kengoro[ros]'``.
 """

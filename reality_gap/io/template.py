@@ -13,7 +13,14 @@ import mujoco
 import numpy as np
 
 from reality_gap.errors import StudyError
-from reality_gap.io.column_names import KINDS, Element, guess, guess_time, named_unit
+from reality_gap.io.column_names import (
+    KINDS,
+    Element,
+    guess,
+    guess_time,
+    guess_time_unit,
+    named_unit,
+)
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
@@ -43,7 +50,10 @@ class _Log:
 
 
 def draft_study(
-    model_path: Path | str, log_paths: Sequence[Path | str], folder: Path | str | None = None
+    model_path: Path | str,
+    log_paths: Sequence[Path | str],
+    folder: Path | str | None = None,
+    name: str | None = None,
 ) -> str:
     """Draft the text of a STUDY.yaml.
 
@@ -55,6 +65,7 @@ def draft_study(
         model_path: MJCF file.
         log_paths: CSV or Parquet files.
         folder: folder of the STUDY.yaml; by default that of the model.
+        name: name of the study; by default that of the model's file.
 
     Returns:
         The text of the file.
@@ -77,7 +88,7 @@ def draft_study(
         found[part] = guess(elements, free)
         free = [c for c in free if not any(c in group for group in found[part].values())]
     lines = [
-        HEAD + f"name: {yaml_text(path.stem)}",
+        HEAD + f"name: {yaml_text(name or path.stem)}",
         f"model: {yaml_text(_relative(path, folder))}",
         *_episodes(logs, found["actuators"], folder),
         _time(logs, clock),
@@ -180,10 +191,9 @@ def _time(logs: Sequence[_Log], clock: str | None) -> str:
         return "# time: {column: ?, unit: s}  # no column name indicates the time"
     unit = named_unit(clock, ("s",))
     cells = _cells(logs, clock)
-    if unit is None and cells is not None and len(cells) > 1:
-        step = float(np.median(np.diff(cells)))
-        unit = next((u for u, top in (("s", 0.5), ("ms", 500.0), ("us", 5e5)) if step < top), "ns")
-    return f"time: {{column: {yaml_text(clock)}, unit: {unit or 's'}}}"
+    if unit is None:
+        unit = "s" if cells is None else guess_time_unit(cells)
+    return f"time: {{column: {yaml_text(clock)}, unit: {unit}}}"
 
 
 def _episodes(

@@ -33,8 +33,8 @@ def sentence(outcome: Outcome) -> str:
         return causes + _gain(outcome)
     one = len(outcome.causes) == 1
     return (
-        f"{'This cause pays' if one else 'These causes pay'} on held-out data, but the machine has "
-        f"more that is wrong: {causes}{_gain(outcome)} {_rest(outcome)}"
+        f"{'This cause explains' if one else 'These causes explain'} a part of the error, also on "
+        f"held-out data; the rest has no known cause: {causes}{_gain(outcome)} {_rest(outcome)}"
     )
 
 
@@ -81,12 +81,9 @@ def _them(outcome: Outcome) -> str:
 def _rest(outcome: Outcome) -> str:
     """Return what the rest of the error depends on."""
     if not outcome.depends_on:
-        return "The rest depends on none of the simulated quantities and has no name."
+        return "The rest depends on none of the simulated quantities."
     first = outcome.depends_on[0]
-    return (
-        f"The rest depends most on the {first.quantity}, shows most in {first.channel} and has "
-        "no name."
-    )
+    return f"The rest depends most on the {first.quantity} and shows most in {first.channel}."
 
 
 def _dependence(outcome: Outcome) -> str:

@@ -17,11 +17,11 @@ Keys of the file, which are part of the interface:
                           have the same effect
         held_out_gain     increase of the log likelihood of readings to which it was not fitted,
                           over the other named causes alone [nats]: value, low, high; or null
-        share             what it takes from the error of held-out data, beside the causes before
-                          it, as in "waterfall"; or null
-    waterfall             what tolerances and causes take from the error of held-out data, one after
-                          the other: part, before, after [noise deviations], fraction of the power
-                          above the noise
+        share             what it removes from the error of held-out data, beside the causes
+                          before it, as in "waterfall"; or null
+    waterfall             what tolerances and causes remove from the error of held-out data, one
+                          after the other: part, before, after [noise deviations], fraction of the
+                          power above the noise
     rejected              causes of the best attempt that are not named: cause, kind, elements,
                           note, values by name, reason, held_out_gain
     criteria              comparisons on which the verdict was decided: name, value, threshold, met,

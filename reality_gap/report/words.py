@@ -11,7 +11,7 @@ DOUBT = 0.05
 KINDS = {
     Verdict.NOTHING_WRONG: "Nothing wrong was found",
     Verdict.NAMED: "Cause named",
-    Verdict.PARTLY_NAMED: "A part of the error has a name",
+    Verdict.PARTLY_NAMED: "Part of the error is explained",
     Verdict.UNEXPLAINED: "Something is wrong, and no known cause explains it",
 }
 
@@ -68,11 +68,11 @@ def why_named(diagnosis: Diagnosis, cause: NamedCause) -> list[str]:
     found = [cause.candidate.cause.explanation]
     others = "" if len(diagnosis.causes) == 1 else ", in addition to the other named causes,"
     if cause.share is not None:
-        taken = f"takes {probability(cause.share.fraction)} of the error above the noise"
+        taken = f"removes {probability(cause.share.fraction)} of the error above the noise"
         if cause.share.fraction < 0.0:
             taken = "does not make the RMS smaller, which the tolerances dominate"
         before = "" if cause is diagnosis.causes[0] else ", beside the causes before it"
-        found.append(f"On the report split it {taken}{before}.")
+        found.append(f"On held-out data it {taken}{before}.")
     if cause.gain is not None:
         found.append(
             f"It{others} makes readings to which it was not fitted more probable by "
@@ -119,8 +119,8 @@ def _no_winner(diagnosis: Diagnosis, step: list[FittedCandidate]) -> str:
             "held-out data better, so that it is not named."
         )
     return sentence + (
-        "It explains a part of the error, as a wrong cause can, but not in a way that it could be "
-        "named."
+        "It explains a part of the error, as a wrong cause can, but does not meet the criteria for "
+        "a name."
     )
 
 

@@ -46,14 +46,15 @@ class ColumnError:
         channel: index of the channel.
         sentence: what is wrong, with advice.
         factor: factor by which readings are to be multiplied.
-        other: index of the channel whose readings belong here, if ``kind`` is "column".
+        cycle: indices of the channels that are swapped, if ``kind`` is "column": the readings of
+            each one belong to the one before it.
     """
 
     kind: Literal["sign", "unit", "column"]
     channel: int
     sentence: str
     factor: float = 1.0
-    other: int | None = None
+    cycle: tuple[int, ...] = ()
 
 
 def column_errors(study: Study, measured: Measured, prediction: Floats) -> tuple[ColumnError, ...]:
@@ -111,18 +112,36 @@ def _swapped(study: Study, measured: Measured, prediction: Floats) -> Iterator[C
             continue
         deviations = [np.maximum(x.std(axis=1), 1e-300) for x in (values, models)]
         follows = np.abs(values @ models.T) / values.shape[1] / np.outer(*deviations)
-        for row, column in zip(*linear_sum_assignment(-follows), strict=True):
-            own, best = follows[row, row], follows[row, column]
-            if row != column and own < STRAYS and best > FOLLOWS:
-                here, there = study.channels[alike[row]], study.channels[alike[column]]
+        rows_of = np.argsort(linear_sum_assignment(-follows)[1])  # whose readings belong to each
+        moves = [_move(measured, *one) for one in zip(rows, values, models, strict=True)]
+        for cycle in _cycles(rows_of):
+            pairs = list(zip(cycle, (*cycle[1:], cycle[0]), strict=True))
+            if not all(
+                moves[c] and follows[r, r] < STRAYS and follows[r, c] > FOLLOWS for c, r in pairs
+            ):
+                continue
+            for c, r in pairs:
+                here, there = study.channels[alike[r]], study.channels[alike[c]]
                 yield ColumnError(
                     "column",
-                    alike[column],
+                    alike[c],
                     f"the readings of {here.name} follow the model's replay of {there.name} "
-                    f"(correlation {best:.2f}, with its own {own:.2f}): are columns swapped, "
-                    "those of the sensors or those of the commands?",
-                    other=alike[row],
+                    f"(correlation {follows[r, c]:.2f}, with its own {follows[r, r]:.2f}): are "
+                    "columns swapped, those of the sensors or those of the commands?",
+                    cycle=tuple(alike[i] for i in cycle),
                 )
+
+
+def _cycles(permutation: Ints) -> Iterator[tuple[int, ...]]:
+    """Yield the cycles of a permutation that have at least two members."""
+    left = set(range(len(permutation)))
+    while left:
+        cycle = [left.pop()]
+        while (following := int(permutation[cycle[-1]])) in left:
+            left.remove(following)
+            cycle.append(following)
+        if len(cycle) > 1:
+            yield tuple(cycle)
 
 
 def _same_times(measured: Measured, rows: list[Ints]) -> bool:
@@ -135,7 +154,7 @@ def _same_times(measured: Measured, rows: list[Ints]) -> bool:
     )
 
 
-def _move(measured: Measured, at: Bools, value: Floats, model: Floats) -> bool:
+def _move(measured: Measured, at: Bools | Ints, value: Floats, model: Floats) -> bool:
     least = MOVES * float(measured.noise[at].min(initial=np.inf))
     moved = min(float(np.std(value)), float(np.std(model)))
     return bool(np.isfinite(model).all() and moved > least > 0.0)

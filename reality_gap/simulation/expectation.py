@@ -78,9 +78,10 @@ def _absurd_residuals(
         size = float(np.sqrt(np.mean(residual**2))) if at.any() else 0.0
         if size > ABSURD and c not in known:
             found.append(
-                f"{channel.name} differs from the model's replay by {size:.2g} times its noise of "
-                f"{readings.noise[at].min():.2g} {channel.unit}: if that is not its true noise, "
-                "state it (noise: ...); in most machines gaps are below 1000 times the noise"
+                f"{channel.name} differs from the model's replay by {size:.2g} times the noise "
+                f"used here (at least {readings.noise[at].min():.2g} {channel.unit}); in most "
+                f"machines gaps are below {ABSURD:g} times the noise: if that is not the true "
+                "noise, state it (noise: ...)"
             )
     return found
 

@@ -11,17 +11,27 @@ import numpy as np
 
 from reality_gap.types import Bools
 
+SEEING = (
+    mujoco.mjtSensor.mjSENS_RANGEFINDER,
+    mujoco.mjtSensor.mjSENS_GEOMDIST,
+    mujoco.mjtSensor.mjSENS_GEOMNORMAL,
+    mujoco.mjtSensor.mjSENS_GEOMFROMTO,
+)
+"""Types of sensors whose readings depend on geoms that cannot collide."""
+
 
 def light_spec(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return a copy of a model without visual elements, if it has meshes or textures.
 
-    Geoms that can collide with no other geom are visual, too. Masses and inertias stay.
+    Geoms that can collide with no other geom are visual, too. Masses and inertias stay. A model
+    with sensors that see visual geoms stays as it is.
 
     Args:
         spec: the model; it is not changed.
     """
     light: mujoco.MjSpec = spec.copy()
-    if not (light.meshes or light.textures or light.skins):
+    sees = any(sensor.type in SEEING for sensor in light.sensors)
+    if sees or not (light.meshes or light.textures or light.skins):
         return light
     for geom, collides in zip(light.geoms, can_collide(light.copy().compile()), strict=True):
         if not collides:

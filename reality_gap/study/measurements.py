@@ -2,7 +2,8 @@
 
 The error of a sensor has two parts: noise, and rounding to the step of its converter. Rounding has
 a variance of step^2 / 12, but is the same in all readings of a run of equal values, which together
-count as one reading.
+count as one reading. So do the repeats of a sensor that is slower than its log and whose values
+are held.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class Measured:
 def measured(study: Study) -> Measured:
     """Concatenate the study's readings."""
     values, channels, episodes, times, noises, quaternions = [], [], [], [], [], []
-    step = rounding_steps(study)
+    step, hold = rounding_steps(study), _holds(study)
     noise = _channel_noise(study, step)
     four = _quaternion_sensors(study)
     start = 0
@@ -76,8 +77,9 @@ def measured(study: Study) -> Measured:
             times.append(reading.time)
             channels.append(np.full(count, c))
             episodes.append(np.full(count, e))
-            rounding = (_run_lengths(reading.value) - 1) * step[c] ** 2 / 12.0
-            noises.append(np.sqrt(noise[c] ** 2 + rounding))
+            shared = noise[c] if hold[c] > 1 else step[c] / np.sqrt(12.0)
+            repeats = _run_lengths(reading.value) - 1
+            noises.append(np.sqrt(noise[c] ** 2 + repeats * shared**2))
             if study.channels[c].sensor in four:
                 first.setdefault(study.channels[c].sensor, []).append(start)
             start += count
@@ -134,13 +136,29 @@ def _step(readings: tuple[Reading, ...]) -> float:
     return float(np.median(gaps / np.round(steps))) if rounded else 0.0
 
 
+def _holds(study: Study) -> Ints:
+    """Return the number of rows for which each channel usually holds a value, shape (c,)."""
+    count = range(len(study.channels))
+    return np.array([_hold(tuple(e.readings[c] for e in study.episodes)) for c in count])
+
+
+def _hold(readings: tuple[Reading, ...]) -> int:
+    """Return the median number of rows for which a channel holds a value; 1 if it never moves."""
+    lengths = [_lengths(reading.value) for reading in readings]
+    together = np.concatenate(lengths)
+    return int(np.ceil(np.median(together))) if len(together) >= FEW + len(lengths) else 1
+
+
 def _run_lengths(values: Floats) -> Floats:
     """Return the number of equal values in a row that each value is one of, shape (k,)."""
-    if not len(values):
-        return np.zeros(0)
-    starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
-    lengths = np.diff(starts, append=len(values))
+    lengths = _lengths(values)
     return np.repeat(lengths, lengths).astype(np.float64)
+
+
+def _lengths(values: Floats) -> Ints:
+    """Return the lengths of the runs of equal values."""
+    starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    return np.diff(starts, append=len(values))
 
 
 def rough_noise(study: Study) -> Floats:
@@ -152,9 +170,11 @@ def rough_noise(study: Study) -> Floats:
 def _rough(readings: tuple[Reading, ...]) -> float:
     """Estimate the noise of a smooth signal from the median of its third differences.
 
-    Third differences suppress the motion; those of white noise have 20 times its variance.
+    Third differences suppress the motion; those of white noise have 20 times its variance. Of
+    values that are held, one each is used.
     """
-    thirds = [np.diff(r.value, 3) for r in readings if len(r.value) > 8]
+    hold = _hold(readings)
+    thirds = [np.diff(r.value[::hold], 3) for r in readings if len(r.value[::hold]) > 8]
     if not thirds:
         values = np.concatenate([r.value for r in readings])
         return max(0.01 * float(np.std(values)), _least(readings))

@@ -137,6 +137,13 @@ def test_an_initial_position_that_contradicts_the_log(study_folder: Any) -> None
     assert "'joints: first_reading' uses the reading" in sentences
 
 
+def test_a_residual_that_no_fault_causes(study_folder: Any) -> None:
+    study_folder.content["sensors"]["length_flexor"]["noise"] = 1e-10
+    sentences = sentences_of(study_folder)
+    assert "length_flexor differs from the model's replay by" in sentences
+    assert "gaps are below 3000 times the noise" in sentences
+
+
 def test_a_sensor_that_was_off_for_an_episode(study_folder: Any) -> None:
     study_folder.logs["robot_1.csv"]["length_flexor"] = [0.2] * 200
     assert "length_flexor is constant in robot_1" in sentences_of(study_folder)

@@ -6,70 +6,20 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
-import yaml
 
-from reality_gap.__main__ import main
 from reality_gap.errors import StudyError
-from reality_gap.first_study import correct_columns, write_first_study
+from reality_gap.first_study import DRAFT, correct_columns, write_first_study
 from reality_gap.types import Floats
+from tests.reality_gap.arm_logs import HEADER, motion, table, write_arm
 
-ARM = """
-<mujoco>
-  <compiler angle="radian"/>
-  <option timestep="0.002"/>
-  <default>
-    <joint axis="0 1 0" damping="0.3"/>
-    <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.8"/>
-  </default>
-  <worldbody>
-    <body name="upper">
-      <joint name="shoulder_pan" range="-2 2"/><geom/>
-      <body name="lower" pos="0.3 0 0"><joint name="elbow_flex" range="-2 2"/><geom/></body>
-    </body>
-  </worldbody>
-  <actuator>
-    <position joint="shoulder_pan" kp="60" kv="2"/>
-    <position joint="elbow_flex" kp="30" kv="1"/>
-  </actuator>
-</mujoco>
-"""
+Change = Callable[[Floats], Floats]
 
 
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
-    path = tmp_path / "arm.xml"
-    path.write_text(ARM)
-    return path
-
-
-def motion(phase: float = 0.0) -> tuple[Floats, Floats, Floats]:
-    """Times (k,) [s], commands (k, 2) and angles (k, 2) [rad] of the arm."""
-    simulated = mujoco.MjModel.from_xml_string(ARM)
-    data = mujoco.MjData(simulated)
-    time = 0.02 * np.arange(200)
-    command = np.column_stack(
-        [0.6 * np.sin(2.1 * time + phase), 0.5 * np.sin(3.3 * time + 1.0) - 0.4]
-    )
-    angles = np.zeros((len(time), 2))
-    for row, target in zip(angles, command, strict=True):
-        row[:] = data.qpos
-        data.ctrl[:] = target
-        mujoco.mj_step(simulated, data, 10)
-    return time, command, angles + 1e-3 * np.random.default_rng(0).standard_normal(angles.shape)
-
-
-def table(path: Path, header: str, *columns: Floats | list[str]) -> Path:
-    rows = zip(*columns, strict=True)
-    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
-    return path
-
-
-def sensors_of(path: Path) -> dict[str, dict[str, object]]:
-    found: dict[str, dict[str, object]] = yaml.safe_load(path.read_text())["sensors"]
-    return found
+    return write_arm(tmp_path)
 
 
 def test_names_of_lerobot_and_a_model_without_names_or_sensors(model: Path, tmp_path: Path) -> None:
@@ -84,6 +34,7 @@ def test_names_of_lerobot_and_a_model_without_names_or_sensors(model: Path, tmp_
     notes: list[str] = []
     path = write_first_study(model, [log], tmp_path / "study", notes.append)
     study = correct_columns(path, notes.append)
+    assert study.name == "arm"
     assert [channel.sensor for channel in study.channels] == [
         "shoulder_pan_position",
         "elbow_flex_position",
@@ -109,27 +60,119 @@ def test_lists_times_of_the_day_and_several_runs(model: Path, tmp_path: Path) ->
     assert any("2 runs" in note for note in notes)
 
 
+def corrected(
+    model: Path, folder: Path, header: str, change: Change
+) -> tuple[list[Floats], str, list[str]]:
+    """Draft and correct a study of changed angles; return its readings, its text, the notes."""
+    time, command, angles = motion()
+    log = table(folder / "log.csv", header, time, *command.T, *change(angles).T)
+    notes: list[str] = []
+    path = write_first_study(model, [log], folder / "study", notes.append)
+    assert (folder / "study" / DRAFT).is_file()
+    study = correct_columns(path, notes.append)
+    assert not (folder / "study" / DRAFT).exists()
+    values = [reading.value for reading in study.episodes[0].readings]
+    return values, path.read_text(), notes
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         (lambda q: np.column_stack([-q[:, 0], q[:, 1]]), "opposite sign"),
-        (lambda q: q[:, ::-1], "swapped"),
         (lambda q: np.column_stack([q[:, 0], np.radians(q[:, 1])]), "in radians"),
     ],
 )
 def test_wrong_columns_are_corrected(
-    model: Path, tmp_path: Path, change: Callable[[Floats], Floats], words: str
+    model: Path, tmp_path: Path, change: Change, words: str
 ) -> None:
+    values, text, notes = corrected(model, tmp_path, HEADER, change)
+    np.testing.assert_allclose(np.transpose(values), motion()[2], atol=1e-6)
+    assert any(words in note for note in notes)
+    assert words in text
+
+
+@pytest.mark.parametrize("signs", [(1.0, 1.0), (-1.0, 1.0)])
+def test_swapped_columns_without_names_are_corrected(
+    model: Path, tmp_path: Path, signs: tuple[float, float]
+) -> None:
+    """A mirrored axis is corrected as well, by a further replay."""
+    header = "time,action.0,action.1,state.0,state.1"
+    values, text, _ = corrected(model, tmp_path, header, lambda q: q[:, ::-1] * signs)
+    np.testing.assert_allclose(np.transpose(values), motion()[2], atol=1e-6)
+    assert text.count("swapped") == 2
+
+
+def test_columns_with_names_are_not_swapped(model: Path, tmp_path: Path) -> None:
+    """Then it may be the commands that are swapped, which only the user knows."""
+    values, text, notes = corrected(model, tmp_path, HEADER, lambda q: q[:, ::-1])
+    np.testing.assert_allclose(np.transpose(values), motion()[2][:, ::-1], atol=1e-6)
+    assert "swapped" not in text
+    assert sum("columns swapped" in note for note in notes) == 2
+
+
+def test_the_sign_of_a_drafted_scale_is_turned(model: Path, tmp_path: Path) -> None:
     time, command, angles = motion()
-    header = "t,cmd_shoulder_pan,cmd_elbow_flex,q_shoulder_pan,q_elbow_flex"
-    log = table(tmp_path / "log.csv", header, time, *command.T, *change(angles).T)
+    values = np.column_stack([-0.5 * angles[:, 0], angles[:, 1]])
+    log = table(tmp_path / "log.csv", HEADER, time, *command.T, *values.T)
+    path = write_first_study(model, [log], tmp_path / "study", print)
+    drafted = "shoulder_pan_position: {column: q_shoulder_pan"
+    assert drafted in path.read_text()
+    path.write_text(path.read_text().replace(drafted, f"{drafted}, scale: 2"))
+    study = correct_columns(path, print)
+    np.testing.assert_allclose(study.episodes[0].readings[0].value, angles[:, 0], atol=1e-6)
+    assert "scale: -2" in path.read_text()
+
+
+def test_a_replay_that_diverges_gets_a_note(model: Path, tmp_path: Path) -> None:
+    model.write_text(model.read_text().replace('kp="60"', 'kp="1e12"'))
+    _, _, notes = corrected(model, tmp_path, HEADER, lambda q: q)
+    assert any("replay diverges, so that signs" in note for note in notes)
+
+
+def two_logs(folder: Path, commands: Floats, readings: Floats) -> list[Path]:
+    """A log of commands and a log of angles with the given times."""
+    _, command, angles = motion()
+    count = len(commands) // len(command)
+    command, angles = np.tile(command, (count, 1)), np.tile(angles, (count, 1))
+    names = HEADER.split(",")
+    return [
+        table(folder / "c.csv", ",".join(names[:3]), commands, *command.T),
+        table(folder / "q.csv", ",".join([names[0], *names[3:]]), readings, *angles.T),
+    ]
+
+
+def test_clocks_that_have_no_time_in_common_begin_together(model: Path, tmp_path: Path) -> None:
+    time = motion()[0]
+    notes: list[str] = []
+    logs = two_logs(tmp_path, time, time + 1e6)
+    study = correct_columns(
+        write_first_study(model, logs, tmp_path / "study", notes.append), notes.append
+    )
+    np.testing.assert_allclose(study.episodes[0].readings[0].time, time, atol=1e-5)
+    assert any("was shifted" in note for note in notes)
+
+
+def test_clocks_that_pause_together_stay(model: Path, tmp_path: Path) -> None:
+    time = motion()[0]
+    twice = np.r_[time, time + 60.0]
+    notes: list[str] = []
+    path = write_first_study(model, two_logs(tmp_path, twice, twice), tmp_path / "s", notes.append)
+    assert not any("shifted" in note for note in notes)
+    study = correct_columns(path, notes.append)
+    assert len(study.episodes) == 2
+    for episode in study.episodes:
+        np.testing.assert_allclose(episode.readings[0].time, time, atol=1e-5)
+
+
+def test_efforts_without_commands_need_no_actuators(model: Path, tmp_path: Path) -> None:
+    time, _, angles = motion()
+    header = "time,q_shoulder_pan,q_elbow_flex,effort_shoulder_pan,effort_elbow_flex"
+    log = table(tmp_path / "log.csv", header, time, *angles.T, *angles.T)
     notes: list[str] = []
     path = write_first_study(model, [log], tmp_path / "study", notes.append)
-    study = correct_columns(path, notes.append)
-    for i, reading in enumerate(study.episodes[0].readings):
-        np.testing.assert_allclose(reading.value, angles[:, i], atol=1e-6)
-    assert any(words in note for note in notes)
-    assert words in path.read_text()
+    assert "<actuator>" not in (tmp_path / "study" / "model.xml").read_text()
+    assert "\nefforts:\n" in path.read_text()
+    assert any("the logs have no commands" in note for note in notes)
 
 
 def test_a_log_without_time_or_command_is_refused(model: Path, tmp_path: Path) -> None:
@@ -148,28 +191,11 @@ def test_a_log_without_time_or_command_is_refused(model: Path, tmp_path: Path) -
     path = write_first_study(model, [log], tmp_path / "study", print)
     with pytest.raises(StudyError, match="missing: elbow_flex"):
         correct_columns(path, print)
+    assert (tmp_path / "study" / DRAFT).is_file()
 
 
-@pytest.mark.slow
-def test_run_writes_study_and_result(
-    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    time, command, angles = motion()
-    header = "t,cmd_shoulder_pan,cmd_elbow_flex,q_shoulder_pan,q_elbow_flex"
-    log = table(tmp_path / "log.csv", header, time, *command.T, -angles[:, 0], angles[:, 1])
-    out = tmp_path / "out"
-    assert main(["run", str(model), str(log), "--out", str(out), "--jobs", "1"]) == 0
-    assert "opposite sign" in capsys.readouterr().out
-    assert (out / "result" / "report.html").is_file()
-    assert (out / "study" / "STUDY.yaml").is_file()
-    assert main(["run", str(model), str(log), "--out", str(out), "--jobs", "1"]) == 0
-    assert "exists and is used" in capsys.readouterr().out
-
-
-def test_a_wrong_option_is_refused_before_anything_is_written(
-    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    assert main(["run", str(model), "log.csv", "--out", str(out), "--tolerance", "0"]) == 2
-    assert "--tolerance must be above 0" in capsys.readouterr().err
-    assert not out.exists()
+def test_a_folder_that_exists_is_not_overwritten(model: Path, tmp_path: Path) -> None:
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "mine.txt").touch()
+    with pytest.raises(StudyError, match="exists and is not overwritten"):
+        write_first_study(model, [tmp_path / "log.csv"], tmp_path / "study", print)

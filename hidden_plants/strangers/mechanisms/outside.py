@@ -71,12 +71,12 @@ class Catch:
 
 def _catches(stranger: Stranger, rng: np.random.Generator) -> list[Structure]:
     found = []
+    path = stranger.paths[0]
+    postures = path.at(np.arange(0.0, path.duration, 0.05))
+    lengths = tendon_lengths(stranger.model, postures)
     for i, (tendon, limit) in enumerate(zip(stranger.tendons, limits(stranger), strict=False)):
-        path = stranger.paths[0]
-        postures = path.at(np.arange(0.0, path.duration, 0.05))
-        lengths = tendon_lengths(stranger.model, postures)[:, i]
         shape = {
-            "length": float(np.quantile(lengths, rng.uniform(0.35, 0.65))),
+            "length": float(np.quantile(lengths[:, i], rng.uniform(0.35, 0.65))),
             "stiffness": 5.0 * float(abs(stranger.law.position[i])),
         }
         size, most = 0.05 * float(limit), 0.4 * float(limit)

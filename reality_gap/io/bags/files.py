@@ -25,7 +25,7 @@ LARGEST_MESSAGE = 1 << 28
 UNFOLDED = 100
 """Largest ratio of the size of a decompressed file to that of the file."""
 PAUSE, OVERLAP = 60 * 10**9, 10**9
-"""Longest times between two files, and of both, if they are parts of one recording [ns]."""
+"""Longest pause between two files, and longest overlap of them, in one recording [ns]."""
 
 _READERS: dict[bytes, Any] = {
     mcap_file.MAGIC: mcap_file.McapFile,
@@ -134,7 +134,7 @@ def _unrelated(spans: dict[str, tuple[int, int]], folder: str) -> list[str]:
         distance = f"{1e-9 * abs(begin - end):.6g} s {'after' if begin > end else 'before'}"
         return [
             f"{second} begins {distance} {first} ends, but the files of {folder} are read as one "
-            "recording; if they are several, unpack each file for itself"
+            "recording; if they are several, unpack each file separately"
         ]
     return []
 
@@ -142,7 +142,7 @@ def _unrelated(spans: dict[str, tuple[int, int]], folder: str) -> list[str]:
 def _decompressed(
     found: Iterator[Message], path: Path, kind: str, contents: Contents
 ) -> Iterator[Message]:
-    """Yield messages, each of which is compressed for itself."""
+    """Yield messages, each of which is compressed separately."""
     lost = 0
     for message in found:
         try:

@@ -1,4 +1,4 @@
-"""Reading of a bag's messages, each topic for itself, with a sentence for what is left out."""
+"""Reading of a bag's messages, each topic separately, with a sentence for what is left out."""
 
 from __future__ import annotations
 

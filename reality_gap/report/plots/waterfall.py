@@ -1,4 +1,4 @@
-"""Waterfall: what tolerances and causes take from the error of held-out data, one after another."""
+"""Waterfall: what tolerances and causes remove from the error of held-out data, in turn."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ LONGEST = 45
 
 
 def waterfall(steps: Sequence[Share], floor: float, others: int = 0) -> Figure:
-    """Plot the error of the model, what takes it, what remains, and the noise.
+    """Plot the error of the model, what removes it, what remains, and the noise.
 
     Args:
-        steps: what takes the error, in this order.
+        steps: what removes the error, in this order.
         floor: RMS of the noise.
         others: number of the first steps that are no causes.
     """
@@ -43,7 +43,7 @@ def waterfall(steps: Sequence[Share], floor: float, others: int = 0) -> Figure:
     ax.set_xlim(0.0, 1.45 * widest)
     ax.set_xlabel(
         "RMS of the residual on held-out data [standard deviations of noise], and share of the\n"
-        "power of the error above the noise that each part takes",
+        "power of the error above the noise that each part removes",
         fontsize=9,
     )
     label_rows(ax, [_short(name) for name in (*names, "what remains", "noise of the sensors")])
@@ -51,7 +51,7 @@ def waterfall(steps: Sequence[Share], floor: float, others: int = 0) -> Figure:
 
 
 def _taken(step: Share) -> str:
-    """Return what a step takes, in words."""
+    """Return what a step removes, in words."""
     if step.fraction < 0.0:
         return "grows"
     return probability(step.fraction)

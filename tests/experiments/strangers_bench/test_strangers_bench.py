@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.harness.criteria import criteria_table, share
 from experiments.harness.errors import ExperimentError
 from experiments.strangers_bench import run
 from experiments.strangers_bench.criteria import criteria, metrics
@@ -64,7 +65,6 @@ def made(
         "reason": "",
         "causes": causes,
         "rms": [3.0, 1.0, 1.0],
-        "seconds": 10.0,
         "core_seconds": 9.0,
         "memory": 300.0,
     }
@@ -236,3 +236,9 @@ def test_the_bench_starts_without_the_libraries_of_robots_and_learning() -> None
     done = subprocess.run([sys.executable, "-c", FEW], capture_output=True, text=True, cwd=ROOT)
     assert done.stderr.strip() == "Trials are 0, but at least 1 is needed."
     assert done.returncode == 2
+
+
+def test_a_criterion_with_two_thresholds_shows_both() -> None:
+    row = share("interval covers the truth", [True] * 19 + [False], least=90.0, most=98.0)
+    assert row.must == "at least 90 and at most 98"
+    assert row.must in criteria_table([row]).rows[0]

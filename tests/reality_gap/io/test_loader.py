@@ -201,3 +201,11 @@ def test_a_long_log_is_read_within_a_second(study_folder: Any) -> None:
     begin = time.perf_counter()
     load_study(study_folder.path)
     assert time.perf_counter() - begin < 1.0
+
+
+def test_ranges_in_radians_that_the_model_reads_as_degrees(study_folder: Any) -> None:
+    model = study_folder.path.parent / "lever.xml"
+    text = model.read_text(encoding="utf-8")
+    model.write_text(text.replace('range="-60 60"', 'range="-1 1"'), encoding="utf-8")
+    with pytest.raises(StudyError, match="the model's ranges are in radians, without compiler"):
+        load_study(study_folder.write())

@@ -104,7 +104,7 @@ def test_the_verdict_has_the_keys_of_the_interface(diagnosed: Make) -> None:
     assert found["gain"] == {"value": 0.955, "low": 0.93, "high": 0.97}
 
 
-def test_the_verdict_has_each_measure_it_was_decided_on_and_what_each_cause_takes(
+def test_the_verdict_has_each_measure_it_was_decided_on_and_what_each_cause_removes(
     diagnosed: Make,
 ) -> None:
     found = verdict_json(diagnosed(Verdict.PARTLY_NAMED))

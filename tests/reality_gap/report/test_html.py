@@ -114,14 +114,14 @@ def test_a_page_with_names_opens_with_the_waterfall_and_has_a_section_a_cause(
     opening, first, second, rest = (
         found.index(text)
         for text in (
-            "from top to bottom: what deviations within the tolerances take",
+            "from top to bottom: what deviations within the tolerances remove",
             "Coulomb friction at flexor",
             "Length offset at extensor",
             "What your model gets wrong",
         )
     )
     assert opening < first < second < rest
-    assert "takes 73 % of the error above the noise" in found[first:second]
+    assert "On held-out data it removes 73 % of the error above the noise" in found[first:second]
     assert "by 50.0 nats (95 % interval 30.0 to 70.0)" in found[first:second]
     partly = "More is wrong than that: the extended model leaves errors above the noise" in found
     assert partly is (verdict is Verdict.PARTLY_NAMED)
@@ -170,7 +170,7 @@ def test_a_candidate_that_is_as_likely_is_not_marked_as_rejected(diagnosed: Make
     assert as_likely(step[1], step)
 
 
-def test_the_waterfall_shows_what_each_part_takes(diagnosed: Make) -> None:
+def test_the_waterfall_shows_what_each_part_removes(diagnosed: Make) -> None:
     steps = diagnosed(Verdict.NAMED).waterfall
 
     texts = [text.get_text().strip() for text in waterfall(steps, 1.0, 1).axes[0].texts]

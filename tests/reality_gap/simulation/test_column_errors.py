@@ -105,5 +105,15 @@ def test_a_wrong_unit_is_found(study: Study, factor: float, words: str) -> None:
 
 def test_swapped_columns_are_found(study: Study) -> None:
     found = errors(study, lambda v: [v[1], v[0], *v[2:]])
-    assert [(e.kind, e.channel, e.other) for e in found] == [("column", 1, 0), ("column", 0, 1)]
+    assert {(e.kind, e.channel, e.cycle) for e in found} == {
+        ("column", 0, (0, 1)),
+        ("column", 1, (0, 1)),
+    }
     assert "swapped" in found[0].sentence
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+def test_columns_are_swapped_only_if_all_of_them_move(study: Study, size: float) -> None:
+    """Readings that stand still follow nothing, and their column is no one's."""
+    found = errors(study, lambda v: [v[1], size * v[0], *v[2:]])
+    assert [e.kind for e in found if e.kind == "column"] == ["column"] * (2 if size == 1.0 else 0)

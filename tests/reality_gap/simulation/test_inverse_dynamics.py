@@ -187,6 +187,24 @@ def test_as_many_samples_are_kept_as_are_independent(study: Study) -> None:
     assert prepared.channels[1].noise == pytest.approx(np.std(left), rel=0.2)
 
 
+def test_noise_of_positions_counts_as_noise_of_efforts(study: Study) -> None:
+    few, much = (
+        prepare(
+            replace(
+                study,
+                channels=tuple(
+                    replace(c, noise=noise if c.kind == "sensor" else 1e-6) for c in study.channels
+                ),
+            )
+        )
+        for noise in (1e-6, 1e-4)
+    )
+    for less, more in zip(few.channels, much.channels, strict=True):
+        assert less.noise is not None
+        assert more.noise is not None
+        assert more.noise > 3.0 * less.noise
+
+
 def test_a_long_log_is_replayed_in_less_than_a_second(study: Study) -> None:
     prepared = prepare(study)
     values = measured(prepared)

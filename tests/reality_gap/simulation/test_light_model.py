@@ -61,6 +61,14 @@ def test_a_model_without_meshes_stays_as_it_is() -> None:
     assert light_spec(spec).to_xml() == spec.to_xml()
 
 
+def test_a_model_whose_sensors_see_visual_geoms_stays_as_it_is() -> None:
+    seeing = MODEL.replace("<tendonpos", '<rangefinder site="b"/><tendonpos')
+    spec = mujoco.MjSpec.from_string(seeing)
+    light = light_spec(spec)
+    assert light.to_xml() == spec.to_xml()
+    np.testing.assert_array_equal(swing(light), swing(spec))
+
+
 @pytest.mark.parametrize(
     ("edit", "colliding"),
     [

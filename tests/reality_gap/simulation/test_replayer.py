@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from reality_gap import causes
-from reality_gap.causes.base import Cause, Location, Parameter, Values
+from reality_gap.causes.base import Cause, Location, Parameter, Record, Values
 from reality_gap.errors import StudyError
 from reality_gap.simulation.hypothesis import Candidate, build
-from reality_gap.simulation.replay import replay
+from reality_gap.simulation.replay import RecordCache, replay
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.study.measurements import measured
@@ -251,3 +251,18 @@ def test_efforts_have_no_time_step(tmp_path: Path) -> None:
     assert not replayer.coarse
     np.testing.assert_array_equal(replayer.drift, 0.0)
     np.testing.assert_array_equal(replayer.drift_error, 0.0)
+
+
+def test_a_cache_counts_all_signals_and_the_model() -> None:
+    model = mujoco.MjModel.from_xml_string(CARRIAGE.format(stiffness=40.0))
+    few, many = np.zeros((9, 1)), np.zeros((100_000, 1))
+    made = []
+
+    def make() -> Record:
+        made.append(1)
+        return Record(few[:, 0], few, few, few, few, many, few, model)
+
+    cache = RecordCache(1.5 * (many.nbytes + model.nbuffer))
+    for key in ("one", "two", "two", "one"):
+        cache.get(key, make)
+    assert len(made) == 3

@@ -82,3 +82,13 @@ def test_noise_above_the_step_averages_out(model: Path) -> None:
     noise = 3.0 * BITS_12 * np.random.default_rng(0).standard_normal(2000)
     found = study(model, rounded(noise, BITS_12), noise=3.0 * BITS_12)
     assert measured(found).noise == pytest.approx(np.full(2000, 3.0 * BITS_12), rel=0.05)
+
+
+@pytest.mark.parametrize("hold", [2, 10])
+def test_a_slow_sensor_in_a_fast_log_has_its_noise(model: Path, hold: int) -> None:
+    """Values are held until the next one, so that most differences are zero."""
+    fresh = sweep() + 1e-3 * np.random.default_rng(0).standard_normal(2000)
+    held = study(model, np.repeat(fresh, hold))
+    assert channel_noise(held) == pytest.approx([1e-3], rel=0.1)
+    found = measured(held).noise.reshape(-1, hold)
+    assert np.sum(found**-2, axis=1) ** -0.5 == pytest.approx(np.full(2000, 1e-3), rel=0.1)

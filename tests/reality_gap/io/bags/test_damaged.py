@@ -239,9 +239,9 @@ def test_files_that_do_not_follow_one_another_are_mentioned(
     notes: list[str] = []
     unpack(tmp_path / "run", tmp_path / "logs", by_arrival=True, note=notes.append)
 
-    assert [note for note in notes if "for itself" in note] == [
+    assert [note for note in notes if "separately" in note] == [
         f"{expected}, but the files of run are read as one recording; if they are several, unpack "
-        "each file for itself"
+        "each file separately"
     ] * (expected is not None)
 
 

@@ -1,4 +1,4 @@
-"""Each topic of a bag is read for itself; what is left out or missing is said with the reason."""
+"""Each topic of a bag is read separately; what is left out or missing is said with the reason."""
 
 from __future__ import annotations
 
