@@ -1,46 +1,68 @@
 """Coulomb friction of a tendon in its guides, or of a joint.
 
 Friction of a joint that the nominal model has (``frictionloss``) may also be too large: a negative
-value takes it away.
+value takes it away. Where the force of a motor is measured, friction may also be between the motor
+and its sensor, as in a gearbox in front of a load cell: the sensor then measures what is left.
 """
 
 from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import elements, lugre, shared_amounts, typical_scales
+from reality_gap.causes.base import (
+    Cause,
+    Effects,
+    Location,
+    Parameter,
+    Record,
+    SearchHints,
+    Values,
+)
+from reality_gap.causes.support import elements, lugre, motors, shared_amounts, typical_scales
 from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
 from reality_gap.study.system import System
 
-USUAL, SPREAD = 1.5e-3, 1e-3
-"""Friction of a tendon whose nominal model has none, and its standard deviation, both as a share of
-the tendon's typical force."""
-NOMINAL_ERROR = 0.04
-"""Relative standard deviation of a friction in the nominal model."""
+USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 2e-3, 3e-3
+"""Friction of a tendon whose nominal model has none, its standard deviation, and that of friction
+before a force sensor, each as a share of the tendon's typical force."""
+BEFORE = "before the force sensor"
+"""Note of a location where the friction is between motors and the sensors of their forces."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
     of_tendons = elements.each_tendon(system) + elements.all_tendons(system)
     every = shared_amounts.all_joints(system, system.model.dof_frictionloss)
-    return of_tendons + elements.each_joint(system) + every
+    return of_tendons + elements.each_joint(system) + every + _before_sensors(system)
+
+
+def _before_sensors(system: System) -> tuple[Location, ...]:
+    """Return each element whose motor's force is measured, and all tendons of this kind."""
+    if not lugre.is_available(system):
+        return ()
+    found = tuple(Location(m.kind, (m.element,), BEFORE) for m in motors.measured(system))
+    tendons = tuple(one.elements[0] for one in found if one.kind == "tendon")
+    return found + ((Location("tendon", tendons, BEFORE),) if len(tendons) > 1 else ())
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == FACTOR:
-        return (Parameter(EXCESS, "1", 0.2, NOMINAL_ERROR, -BEYOND, 20.0),)
+        return (Parameter(EXCESS, "1", 0.2, typical_scales.FRICTION_ERROR, -BEYOND, 20.0),)
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
         hints = SearchHints(secants=elements.secants(system, location, (0.2 * size,)))
-        usual = 0.0 if lugre.has_nominal_friction(system, location) else USUAL * size
+        usual, spread = USUAL * size, SPREAD * size
+        if location.note == BEFORE:
+            usual, spread = 0.0, SPREAD_BEFORE * size
+        elif lugre.has_nominal_friction(system, location):
+            usual = 0.0
         friction = Parameter(
-            "friction", "N", 0.03 * size, SPREAD * size, 0.0, 2.0 * size, hints=hints, usual=usual
+            "friction", "N", 0.03 * size, spread, 0.0, 2.0 * size, hints=hints, usual=usual
         )
     else:
         unit, size = typical_scales.weakest_force(system, location)
         nominal = shared_amounts.least(system, location, system.model.dof_frictionloss)
-        tolerance = max(0.0015 * size, NOMINAL_ERROR * nominal)
-        low = -BEYOND * nominal
+        tolerance = typical_scales.force_tolerance(system, location)
+        low = 0.0 if location.note == BEFORE else -BEYOND * nominal
         hints = SearchHints(secants=elements.secants(system, location, (0.1 * size, 0.4 * size)))
         friction = Parameter("friction", unit, 0.02 * size, tolerance, low, 2.0 * size, hints=hints)
     if not lugre.is_available(system):
@@ -60,6 +82,21 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         lugre.add_friction(spec, system, CAUSE.id, location, values["friction"], distance)
 
 
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    if location.note != BEFORE or not values["friction"]:
+        return
+    added = lugre.friction_actuators(system, CAUSE.id, location)
+    measured = [m for m in motors.measured(system) if m.element in added]
+
+    def subtract(record: Record) -> None:
+        for motor in measured:
+            force = record.force[:, record.model.actuator(added[motor.element]).id] / motor.gear
+            for sensor in motor.sensors:
+                record.sensors[:, record.column(sensor)] += force
+
+    effects.readings.append(subtract)
+
+
 CAUSE = Cause(
     id="coulomb_friction",
     title="Coulomb friction",
@@ -67,5 +104,6 @@ CAUSE = Cause(
     locations=_locations,
     parameters=_parameters,
     edit=_edit,
+    attach=_attach,
     sticky=True,
 )

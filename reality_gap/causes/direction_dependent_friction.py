@@ -43,7 +43,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         names = ("forward", "backward")
         return tuple(Parameter(name, "N", *sizes) for name in names) + presliding
     unit, size = typical_scales.joint_force(system, location)
-    dry = (unit, 0.02 * size, 0.001 * size, 0.0, 2.0 * size)
+    dry = (unit, 0.02 * size, typical_scales.force_tolerance(system, location), 0.0, 2.0 * size)
     unit, size = typical_scales.joint_damping(system, location)
     viscous = (unit, 0.02 * size, 0.001 * size, 0.0, 2.0 * size)
     return (

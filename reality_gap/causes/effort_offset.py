@@ -17,7 +17,8 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     unit, size = efforts.typical(system, location.elements[0])
-    return (Parameter("offset", unit, 0.05 * size, 0.0015 * size, -2.0 * size, 2.0 * size),)
+    tolerance = efforts.tolerance(system, location.elements[0])
+    return (Parameter("offset", unit, 0.05 * size, tolerance, -2.0 * size, 2.0 * size),)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:

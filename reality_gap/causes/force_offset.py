@@ -27,7 +27,8 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         unit, size = typical_scales.actuator_force(system, location)
     else:
         unit, size = typical_scales.joint_force(system, location)
-    return (Parameter("force", unit, 0.05 * size, 0.0015 * size, -2.0 * size, 2.0 * size),)
+    tolerance = typical_scales.force_tolerance(system, location)
+    return (Parameter("force", unit, 0.05 * size, tolerance, -2.0 * size, 2.0 * size),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

@@ -33,12 +33,24 @@ def joints(system: System) -> tuple[str, ...]:
 
 def typical(system: System, sensor: str) -> tuple[str, float]:
     """Return unit and typical size of what a sensor of a joint motor's force measures."""
+    motor = _motor(system, sensor)
+    if motor.kind == "actuator":
+        return typical_scales.actuator_force(system, motor)
+    return typical_scales.joint_force(system, motor)
+
+
+def tolerance(system: System, sensor: str) -> float:
+    """Return the standard deviation of the zero of a sensor of a joint motor's force."""
+    return typical_scales.force_tolerance(system, _motor(system, sensor))
+
+
+def _motor(system: System, sensor: str) -> Location:
+    """Return the actuator or the joint whose force a sensor measures."""
     model, measures = system.model, system.model.sensor(sensor)
     target = int(measures.objid[0])
     if int(measures.type[0]) == int(_SENSOR.mjSENS_ACTUATORFRC):
-        location = Location("actuator", (model.actuator(target).name,))
-        return typical_scales.actuator_force(system, location)
-    return typical_scales.joint_force(system, Location("joint", (model.joint(target).name,)))
+        return Location("actuator", (model.actuator(target).name,))
+    return Location("joint", (model.joint(target).name,))
 
 
 def _sensors(system: System) -> tuple[str, ...]:

@@ -138,6 +138,17 @@ def add_friction(
         )
 
 
+def friction_actuators(system: System, cause: str, location: Location) -> dict[str, str]:
+    """Return the names of the actuators of `add_friction`, by element.
+
+    Args:
+        system: the machine.
+        cause: id of the cause, as in `add_friction`.
+        location: tendons or joints, as in `add_friction`.
+    """
+    return {name: _name(system, cause, location, name) for name in location.elements}
+
+
 class VariableFriction:
     """The friction that `add_friction` added to a location, for hooks that change it.
 

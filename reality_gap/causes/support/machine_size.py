@@ -56,6 +56,7 @@ class MachineSize:
         tendon_travel: largest change of length of each tendon, shape (ntendon,) [m].
         limit: largest force of each actuator, before its gear; 0 without, shape (nactuator,).
         load: typical force of each degree of freedom, shape (nv,) [N m or N].
+        rated: largest force of the motors of each joint; 0 without a limit, shape (nv,) [N m or N].
     """
 
     link: float
@@ -66,6 +67,7 @@ class MachineSize:
     tendon_travel: Floats
     limit: Floats
     load: Floats
+    rated: Floats
 
 
 def machine_size(system: System) -> MachineSize:
@@ -117,11 +119,20 @@ def _machine_size(model: mujoco.MjModel) -> MachineSize:
     gravity, arms, lengths = _at_postures(model, travel)
     limit = np.array([_limit(model, i) for i in range(model.nactuator)])
     found = MachineSize(
-        link, travel, inertia, gravity, arms, np.ptp(lengths, axis=0), limit, np.zeros(model.nv)
+        link,
+        travel,
+        inertia,
+        gravity,
+        arms,
+        np.ptp(lengths, axis=0),
+        limit,
+        *np.zeros((2, model.nv)),
     )
-    exerted, needed = _actuated_load(model, found), gravity + inertia * travel * SWING**2
-    load = np.where(exerted > 0.0, np.minimum(exerted, STRONG * needed), needed)
-    return replace(found, load=np.where(load > 0.0, load, 1.0))
+    needed = gravity + inertia * travel * SWING**2
+    typical = _exerted(model, found, TENSION, MOTOR)
+    load = np.where(typical > 0.0, np.minimum(typical, STRONG * needed), needed)
+    load = np.where(load > 0.0, load, 1.0)
+    return replace(found, load=load, rated=_exerted(model, found, 0.0, 1.0))
 
 
 def _largest_link(model: mujoco.MjModel) -> float:
@@ -190,18 +201,26 @@ def _limit(model: mujoco.MjModel, actuator: int) -> float:
     return 0.0
 
 
-def _actuated_load(model: mujoco.MjModel, size: MachineSize) -> Floats:
-    """Return the typical force that actuators with limits exert, shape (nv,) [N m or N]."""
+def _exerted(
+    model: mujoco.MjModel, size: MachineSize, of_tendons: float, of_motors: float
+) -> Floats:
+    """Return the force that actuators with limits exert, shape (nv,) [N m or N].
+
+    Args:
+        model: the model.
+        size: its limits and lever arms.
+        of_tendons, of_motors: force of the actuators of tendons and joints over their limits.
+    """
     load = np.zeros(model.nv)
     for i in np.flatnonzero(size.limit):
         kind, target = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
         force = float(size.limit[i] * abs(model.actuator_gear[i, 0]))
         if kind == int(mujoco.mjtTrn.mjTRN_TENDON):
-            load += TENSION * force * size.arms[target]
+            load += of_tendons * force * size.arms[target]
         elif kind in actuators.JOINT_TRANSMISSIONS:
-            load[model.jnt_dofadr[target]] += MOTOR * force
+            load[model.jnt_dofadr[target]] += of_motors * force
     for j in np.flatnonzero(model.jnt_actfrclimited):
         at = int(model.jnt_dofadr[j])
-        most = MOTOR * float(np.max(np.abs(model.jnt_actfrcrange[j])))
+        most = of_motors * float(np.max(np.abs(model.jnt_actfrcrange[j])))
         load[at] = min(load[at], most) if load[at] else most
     return load

@@ -15,9 +15,17 @@ from reality_gap.causes.base import Location
 from reality_gap.causes.support import actuators, machine_size
 from reality_gap.study.data import Channel, Reading
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 
 RATE = 1.35
 """Typical velocity of a tendon over its travel [1/s]."""
+RATED = 2.0
+"""Largest force of a motor over the largest one in a log."""
+FORCE_ERROR = 0.0008
+"""Standard deviation of forces that no model contains, such as a motor's constant force, the dry
+friction of its bearings and the zero of its force sensor, over the motor's largest force."""
+FRICTION_ERROR = 0.04
+"""Standard deviation of these forces over the dry friction that the model has."""
 
 SHORT = 0.25
 """Largest typical change of length of tendons, over the size of the largest link."""
@@ -31,14 +39,44 @@ SPEED_PERIOD = 0.02
 def joint_force(system: System, location: Location) -> tuple[str, float]:
     """Return unit and typical size of a joint's force: RMS of its effort, or that of the model."""
     joint = location.elements[0]
-    efforts = [
-        np.sqrt(np.mean(reading.value**2))
-        for channel, reading in _readings(system)
-        if channel.kind == "effort" and channel.sensor == joint
-    ]
-    size = float(max(efforts, default=0.0))
+    size = max((float(np.sqrt(np.mean(e**2))) for e in _efforts(system, joint)), default=0.0)
     load = float(machine_size.machine_size(system).load[machine_size.dof(system, joint)])
     return ("N" if slides(system, joint) else "N m"), size or load
+
+
+def force_tolerance(system: System, location: Location) -> float:
+    """Return the standard deviation of a force that no model contains [N or N m].
+
+    Args:
+        system: the machine.
+        location: an actuator, or joints, of which the weakest one counts.
+    """
+    if location.kind == "actuator":
+        model = system.model
+        limit = float(
+            machine_size.machine_size(system).limit[model.actuator(location.elements[0]).id]
+        )
+        return FORCE_ERROR * (limit or actuator_force(system, location)[1] / machine_size.MOTOR)
+    return min(
+        max(FORCE_ERROR * _rated_force(system, joint), FRICTION_ERROR * _friction(system, joint))
+        for joint in location.elements
+    )
+
+
+def _friction(system: System, joint: str) -> float:
+    """Return the dry friction of a joint in the model [N or N m]."""
+    return float(system.model.dof_frictionloss[machine_size.dof(system, joint)])
+
+
+def _rated_force(system: System, joint: str) -> float:
+    """Return the largest force of a joint's motor [N or N m].
+
+    It is that of the model, or `RATED` times the largest measured effort, or it follows from the
+    typical force.
+    """
+    size, at = machine_size.machine_size(system), machine_size.dof(system, joint)
+    most = max((float(np.abs(e).max()) for e in _efforts(system, joint)), default=0.0)
+    return float(size.rated[at]) or RATED * most or float(size.load[at]) / machine_size.MOTOR
 
 
 def weakest_force(system: System, location: Location) -> tuple[str, float]:
@@ -151,6 +189,15 @@ def end_force(system: System, body: str) -> float:
 def slides(system: System, joint: str) -> bool:
     """Return whether a joint is a slide."""
     return int(system.model.joint(joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def _efforts(system: System, joint: str) -> list[Floats]:
+    """Return the measured efforts of a joint in each episode, shape (k,) each [N or N m]."""
+    return [
+        reading.value
+        for channel, reading in _readings(system)
+        if channel.kind == "effort" and channel.sensor == joint and len(reading.value)
+    ]
 
 
 def _half_range(system: System, joint: str) -> float:
