@@ -25,15 +25,15 @@ class Thresholds:
     """How many candidates are fitted for the first cause."""
     more_refits: int = 5
     """How many candidates are fitted for each further cause."""
-    threshold: float = 5.0
+    threshold: float = 10.0
     """Evidence that the first cause needs [nats]."""
-    further: float = 7.0
+    further: float = 10.0
     """Evidence that each further cause must add [nats]."""
     root: float = 0.5
     """Multiple of the square root of the evidence so far that each further cause must add."""
     visible: float = 3.0
     """Change of the readings by three typical faults from which on a cause is judged [noise]."""
-    certain: float = 6.0
+    certain: float = 10.0
     """Evidence of a learned residual above which a remainder is unexplained [nats]."""
     unexplained: float = 0.15
     """Share of the evidence of named causes that may be learned of their remainder."""

@@ -17,6 +17,7 @@ from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
+from reality_gap.inference.expansion import expand
 from reality_gap.inference.forward_selection import search
 from reality_gap.inference.group_fit import BETTER, GroupFit, fit_groups, power
 from reality_gap.inference.likelihood import independent_noise
@@ -27,7 +28,7 @@ from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.roughness import roughness
 from reality_gap.inference.screening import NO_CHECKPOINT, Sensitivity, list_candidates, screen
 from reality_gap.inference.search_outcome import search_outcome
-from reality_gap.inference.tolerances import tolerance_columns
+from reality_gap.inference.tolerances import list_tolerances, replay_tolerances, tolerance_columns
 from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import Options, revise_and_evaluate
 from reality_gap.report.sentence import sentence
@@ -169,7 +170,10 @@ class _Run:
         """Search for single causes, and evaluate what they leave."""
         replayer, null, options = self.replayer, self.null_residual, self.options
         self.progress(0.6, "fitting the likeliest candidates")
-        columns = options.tolerance * tolerance_columns(replayer, screened.sensitivities, null)
+        tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
+        changes = replay_tolerances(replayer, tolerances, null)
+        columns = tolerance_columns(replayer, tolerances, changes)
+        null, columns = expand(replayer, tolerances, columns, null)
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
         sensitivities, rough = screened.judged, 1.0
         while True:

@@ -46,7 +46,9 @@ def _before_sensors(system: System) -> tuple[Location, ...]:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == FACTOR:
-        return (Parameter(EXCESS, "1", 0.2, typical_scales.FRICTION_ERROR, -BEYOND, 20.0),)
+        least = shared_amounts.least(system, location, system.model.dof_frictionloss)
+        tolerance = typical_scales.force_tolerance(system, location) / least
+        return (Parameter(EXCESS, "1", 0.2, tolerance, -BEYOND, 20.0),)
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
         hints = SearchHints(secants=elements.secants(system, location, (0.2 * size,)))

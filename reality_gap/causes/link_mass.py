@@ -14,7 +14,7 @@ from reality_gap.study.system import System
 ALONE = "alone"
 """Note of a location of one body of a link; without it, the body stands for its whole link."""
 TOLERANCE = 0.008
-"""Relative standard deviation of a link's mass in the nominal model."""
+"""Standard deviation of the mass of a link or of its part, over that of the link."""
 PART = 0.1
 """Smallest share of a link's mass with which one of its bodies is a location of its own."""
 
@@ -40,7 +40,8 @@ def _mass(system: System, bodies: tuple[str, ...]) -> float:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     mass = _mass(system, _bodies(system, location))
-    tolerance = 0.0 if location.note == ALONE else TOLERANCE * mass
+    link = links.link(system, system.model.body(location.elements[0]).id)
+    tolerance = TOLERANCE * _mass(system, link.bodies)
     return (Parameter("mass", "kg", 0.1 * mass, tolerance, -0.9 * mass, 3.0 * mass),)
 
 

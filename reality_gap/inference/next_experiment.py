@@ -171,7 +171,7 @@ class _Comparison:
         """Replay the hypotheses in a study without measurements."""
         first, *others = self.fits
         trials: list[Hypothesis] = [[], first.hypothesis]
-        for candidate, p, _ in self.tolerances:
+        for candidate, p, _, _ in self.tolerances:
             values = candidate.null_values() | {p.name: p.null + STEP * p.scale}
             trials.append([(candidate, values)])
         for fit in others:
@@ -182,7 +182,7 @@ class _Comparison:
         null, best = next(found), next(found)
         columns = [
             (next(found) - null) * (p.tolerance / abs(STEP * p.scale))
-            for _, p, _ in self.tolerances
+            for _, p, _, _ in self.tolerances
         ]
         gaps, slopes = list[Floats](), list[Floats]()
         for fit in others:

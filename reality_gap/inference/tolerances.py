@@ -9,7 +9,7 @@ import numpy as np
 
 from reality_gap.causes.base import Parameter
 from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import Candidate, Hypothesis
+from reality_gap.simulation.hypothesis import Candidate, Part
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
 
@@ -25,16 +25,25 @@ class Tolerance(NamedTuple):
     Attributes:
         candidate: the candidate that has the parameter.
         parameter: the parameter.
+        size: the tolerance [unit], with the sign of the parameter's scale.
         column: change of the readings by the tolerance in units of noise, shape (n,).
     """
 
     candidate: Candidate
     parameter: Parameter
+    size: float
     column: Floats
 
+    def deviation(self, share: float) -> Part:
+        """Return the candidate with the parameter at a multiple of the tolerance."""
+        value = self.parameter.null + share * self.size
+        return self.candidate, self.candidate.null_values() | {self.parameter.name: value}
 
-def list_tolerances(sensitivities: Sequence[Sensitivity]) -> Iterator[Tolerance]:
-    """Yield the tolerances of all candidates.
+
+def list_tolerances(
+    sensitivities: Sequence[Sensitivity], factor: float = 1.0
+) -> Iterator[Tolerance]:
+    """Yield the tolerances of all candidates, times a factor.
 
     Those of groups are left out, because they are sums of tolerances of their elements. Usual
     effects, such as friction, may deviate in all elements of a group at once and are included.
@@ -51,34 +60,47 @@ def list_tolerances(sensitivities: Sequence[Sensitivity]) -> Iterator[Tolerance]
             p = candidate.parameter(name)
             if p.tolerance > 0 and (single or p.usual):
                 column = sensitivity.columns[:, i].astype(np.float64)
-                yield Tolerance(candidate, p, column * (p.tolerance / abs(p.scale)))
+                size = factor * float(np.copysign(p.tolerance, p.scale))
+                yield Tolerance(candidate, p, size, column * (size / p.scale))
 
 
-def tolerance_columns(
-    replayer: Replayer, sensitivities: Sequence[Sensitivity], null_residual: Floats
-) -> Floats:
-    """Return the changes of the readings by all tolerances in units of noise, shape (n, p).
+def replay_tolerances(
+    replayer: Replayer, tolerances: Sequence[Tolerance], null_residual: Floats
+) -> list[Floats]:
+    """Return the change of the readings by each tolerance in units of noise, shape (n,) each.
 
-    If the column of a large tolerance is slightly wrong, the rest of it looks like a fault. Large
-    tolerances are therefore replayed at the full time step. The error of the column is one more
-    column and does not replace it, because candidates are ranked by the same columns.
+    Large changes are replayed with a deviation of one tolerance; others are those of screening.
 
     Args:
         replayer: replays hypotheses.
-        sensitivities: of all candidates.
+        tolerances: the tolerances.
         null_residual: residual of the nominal model, shape (n,).
+    """
+    large = [i for i, one in enumerate(tolerances) if np.linalg.norm(one.column) > LARGE]
+    found = [one.column for one in tolerances]
+    residuals = replayer.residuals([[tolerances[i].deviation(1.0)] for i in large])
+    for i, residual in zip(large, residuals, strict=True):
+        if np.all(np.isfinite(residual)):
+            found[i] = null_residual - residual
+    return found
+
+
+def tolerance_columns(
+    replayer: Replayer, tolerances: Sequence[Tolerance], changes: Sequence[Floats]
+) -> Floats:
+    """Return the columns of all tolerances in units of noise, shape (n, p).
+
+    If the column of a large tolerance is slightly wrong, the rest of it looks like a fault. The
+    error of the column is one more column and does not replace it, because candidates are ranked by
+    the same columns.
+
+    Args:
+        replayer: replays hypotheses.
+        tolerances: the tolerances.
+        changes: see `replay_tolerances`.
     """
     steps = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
     drifts = [step / replayer.measured.noise for step in steps]
-    tolerances = list(list_tolerances(sensitivities))
-    large = [one for one in tolerances if np.linalg.norm(one.column) > LARGE]
-    trials: list[Hypothesis] = []
-    for candidate, p, _ in large:
-        value = p.null + np.copysign(p.tolerance, p.scale)
-        trials.append([(candidate, candidate.null_values() | {p.name: float(value)})])
-    errors = [
-        null_residual - residual - one.column
-        for one, residual in zip(large, replayer.residuals(trials), strict=True)
-        if np.all(np.isfinite(residual))
-    ]
+    pairs = zip(tolerances, changes, strict=True)
+    errors = [change - one.column for one, change in pairs if change is not one.column]
     return np.column_stack([*drifts, *(one.column for one in tolerances), *errors])

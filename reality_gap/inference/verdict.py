@@ -20,6 +20,9 @@ from reality_gap.inference.remainder import Remainder, evaluate_remainder
 
 REFUTING = ("learned_instead", "report_rms", "learned_of_event")
 """Criteria without which no cause is named at all."""
+ABOUT = 1.1
+"""Factor within which the RMS on the report split counts as equal: large tolerances explain a part
+of the error of the nominal model, too."""
 LEARNED = "explains less than errors learned from the motion do"
 WORSE = "predicts the readings that were not used to find it worse than the model alone"
 EVENT = "is an event, although the error comes back with the motion"
@@ -58,7 +61,7 @@ class Options:
 
     search: Settings = field(default_factory=Settings)
     unexplained: float = 0.15
-    certain: float = 6.0
+    certain: float = 10.0
     root: float = 3.0
     better: float = 6.0
     by_chance: float = 0.5
@@ -151,9 +154,10 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
         return (_at_most("learned_evidence", instead, most, NO_CAUSE),)
     named, learned = best.evidence, remainder.learned.evidence
     form = _form(remainder, options)
+    most = max(ABOUT * remainder.before, options.worse)
     found = [
         _at_most("learned_instead", instead, _beside(named, remainder, options), LEARNED),
-        _at_most("report_rms", remainder.after, max(remainder.before, options.worse), WORSE),
+        _at_most("report_rms", remainder.after, most, WORSE),
     ]
     # A hard stop that the machine touches in each episode looks like an event.
     if all(candidate.cause.event for candidate in best.candidates):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property, partial
 from types import TracebackType
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -35,6 +36,18 @@ COARSE = 3.0
 enough for differences between replays."""
 
 
+class Expansion(NamedTuple):
+    """Deviations within the tolerances about which residuals are linearised.
+
+    Attributes:
+        parts: candidates with small values.
+        shift: their linear effect, shape (n,) in units of noise.
+    """
+
+    parts: tuple[Part, ...] = ()
+    shift: Floats | float = 0.0
+
+
 class Replayer:
     """Replays hypotheses of one study.
 
@@ -47,6 +60,7 @@ class Replayer:
         system: the study's model and its elements.
         measured: all readings of the study.
         tick: called after each replay.
+        expansion: deviations in the replays of `residuals`; see `reality_gap.inference.expansion`.
     """
 
     def __init__(self, study: Study, jobs: int = 1, tick: Tick = lambda: None) -> None:
@@ -54,6 +68,7 @@ class Replayer:
         self.system: System = compile_system(study)
         self.measured: Measured = measured(study)
         self.tick = tick
+        self.expansion = Expansion()
         self._cache = RecordCache()
         self._coarse: bool | None = None
         self._pool = (
@@ -183,9 +198,11 @@ class Replayer:
 
     def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Floats]:
         """Return the residuals of several hypotheses, in their order; see `residual`."""
+        parts, shift = self.expansion
         found = []
-        for prediction in self._predictions(hypotheses, coarse):
-            found.append((self.measured.value - prediction - self.drift) / self.measured.noise)
+        for prediction in self._predictions([[*parts, *one] for one in hypotheses], coarse):
+            residual = (self.measured.value - prediction - self.drift) / self.measured.noise
+            found.append(residual + shift)
             self.tick()
         return found
 

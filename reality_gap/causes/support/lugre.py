@@ -125,9 +125,10 @@ def add_friction(
     for name in location.elements:
         limit = STABLE / (_inverse_mass(system, location, name) * step**2)
         stiffness = min(force / distance, limit)
-        actuator = add_actuator(
-            spec, name=_name(system, cause, location, name), trntype=kind, target=name
-        )
+        unique = _name(system, cause, location, name)
+        while spec.actuator(unique) is not None:
+            unique += "'"
+        actuator = add_actuator(spec, name=unique, trntype=kind, target=name)
         actuator.set_to_dcmotor(
             motorconst=[0.0, 0.0],
             resistance=1.0,

@@ -19,8 +19,10 @@ from reality_gap.types import Floats
 
 RATE = 1.35
 """Typical velocity of a tendon over its travel [1/s]."""
-RATED = 2.0
+RATED = 4.0
 """Largest force of a motor over the largest one in a log."""
+WEAKEST = 0.05
+"""Largest force of the weakest motor of a machine over that of the strongest one."""
 FORCE_ERROR = 0.0008
 """Standard deviation of forces that no model contains, such as a motor's constant force, the dry
 friction of its bearings and the zero of its force sensor, over the motor's largest force."""
@@ -71,12 +73,17 @@ def _friction(system: System, joint: str) -> float:
 def _rated_force(system: System, joint: str) -> float:
     """Return the largest force of a joint's motor [N or N m].
 
-    It is that of the model, or `RATED` times the largest measured effort, or it follows from the
-    typical force.
+    It is that of the model, or follows from the largest measured efforts of this joint and of the
+    strongest one, or from the typical force.
     """
     size, at = machine_size.machine_size(system), machine_size.dof(system, joint)
-    most = max((float(np.abs(e).max()) for e in _efforts(system, joint)), default=0.0)
-    return float(size.rated[at]) or RATED * most or float(size.load[at]) / machine_size.MOTOR
+    measured = {
+        name: max((float(np.abs(e).max()) for e in _efforts(system, name)), default=0.0)
+        for name in system.joints
+        if slides(system, name) == slides(system, joint)
+    }
+    used = max(measured[joint], WEAKEST * max(measured.values()))
+    return float(size.rated[at]) or RATED * used or float(size.load[at]) / machine_size.MOTOR
 
 
 def weakest_force(system: System, location: Location) -> tuple[str, float]:

@@ -1,7 +1,7 @@
 """Effects that `hidden_plants` hides in a machine are found by `reality_gap`.
 
 The two packages share no code. Logs of the whole arm are short, because its 36 tendons have many
-candidates; all but one of the arm's cases and of the pairs are slow.
+candidates. A diagnosis takes up to minutes, so that most cases are slow tests.
 """
 
 from __future__ import annotations
@@ -21,23 +21,28 @@ from reality_gap import Diagnosis, Options, Verdict, diagnose, load_study
 SECONDS = {"elbow": 12.0, "arm": 5.0}
 LARGE = 10.0
 """Amplitude relative to the detection limit of the oracle."""
-ON_ELBOW = tuple(id for id in hidden_plants.CATALOGUE if id not in ONLY_ON_ARM)
-ON_ARM = (
-    "force_offset",
-    pytest.param("tension_scale", marks=pytest.mark.slow),
-    pytest.param("camera_focal", marks=pytest.mark.slow),
-)
+QUICK = ("force_scale", "delay", "link_mass", "length_offset", "viscous_friction")
+"""Effects whose tests are not slow: of forces, in time, of a link, a sensor and friction."""
+ON_ELBOW = [
+    pytest.param(id, marks=() if id in QUICK else pytest.mark.slow)
+    for id in hidden_plants.CATALOGUE
+    if id not in ONLY_ON_ARM
+]
+ON_ARM = ("force_offset", "tension_scale", "camera_focal")
 OUTSIDE = (
     "cogging_torque",
-    "catching_tendon",
-    "tension_crosstalk",
-    pytest.param("hard_stop", marks=pytest.mark.slow),
+    *(
+        pytest.param(id, marks=pytest.mark.slow)
+        for id in ("catching_tendon", "tension_crosstalk", "hard_stop")
+    ),
 )
 PAIRS = (
     ("force_scale", "attachment_shift"),
     pytest.param(("length_offset", "tension_scale"), marks=pytest.mark.slow),
     pytest.param(("backlash", "force_offset"), marks=pytest.mark.slow),
 )
+SEEDS = (1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3)))
+"""Seeds of logs without an effect."""
 
 
 def effect_of(id: str, skip: int = 0, machine: str = "elbow") -> Effect:
@@ -58,6 +63,7 @@ def sought(folder: Path, secret: Secret, seed: int, machine: str = "elbow") -> D
 
 
 # The longest come first, so that no process waits for them in the end.
+@pytest.mark.slow
 @pytest.mark.parametrize("id", ON_ARM)
 def test_an_effect_in_the_whole_arm_is_named_with_its_location(tmp_path: Path, id: str) -> None:
     effect = effect_of(id, machine="arm")
@@ -78,7 +84,7 @@ def test_what_is_hidden_is_named(tmp_path: Path, id: str) -> None:
     assert id in named | {same for cause in found.causes for same in cause.equivalent}
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_where_nothing_is_hidden_nothing_is_found(tmp_path: Path, seed: int) -> None:
     found = sought(tmp_path, Secret((), seed, "null"), seed)
     assert found.verdict is Verdict.NOTHING_WRONG

@@ -91,7 +91,7 @@ def test_the_evidence_that_a_further_cause_needs_grows_with_the_log(
     seconds: float, longer: float
 ) -> None:
     usual = Settings()
-    assert usual.for_log(seconds) == replace(usual, further=7.0 * longer)
+    assert usual.for_log(seconds) == replace(usual, further=usual.further * longer)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import find_cause
+from reality_gap.causes.base import Location
 from reality_gap.diagnosis import Experiment
 from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.gauss_newton import Fit, null_fit
@@ -56,7 +57,7 @@ def problem_of(replayer: Replayer) -> Problem:
 def one_cause(problem: Problem, id: str, values: dict[str, float]) -> Alternatives:
     """Return a cause at the flexor that has no alternative but its absence."""
     found = list_candidates(problem.system, [find_cause(id)])
-    [candidate] = (s for s in found if s.location.elements == ("flexor",))
+    [candidate] = (s for s in found if s.location == Location("tendon", ("flexor",)))
     parts = [(candidate, values)]
     slopes = np.zeros((len(problem.null_residual), len(values)))
     fitted = Fit(parts, problem.replayer.residual(parts), slopes, to_theta(parts), 6.0)

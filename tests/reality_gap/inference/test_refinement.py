@@ -185,7 +185,9 @@ def test_more_candidates_with_far_starts_are_fitted_if_the_best_is_not_linear(
     tmp_path: Path, answer: Answer, expected: list[list[str]]
 ) -> None:
     loud = candidate("loud", SHAPES[:, 0] + 0.5 * SHAPES[:, 1], answer=answer)
-    far = candidate("far", SHAPES[:, 0], answer=lambda size: slipping(0.1 * size), afar=(5.0, 60.0))
+    far = candidate(
+        "far", SHAPES[:, 0], answer=lambda size: slipping(0.03 * size), afar=(15.0, 200.0)
+    )
     case = Case(tmp_path, 3.0 * SHAPES[:, 0], [loud, far])
 
     tried = case.next(refits=1)

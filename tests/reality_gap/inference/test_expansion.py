@@ -1,0 +1,107 @@
+"""Linearisation about deviations that change the readings by many noises."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reality_gap.causes import CATALOGUE
+from reality_gap.inference.expansion import Expanded, expand
+from reality_gap.inference.screening import list_candidates, screen
+from reality_gap.inference.tolerances import (
+    Tolerance,
+    list_tolerances,
+    replay_tolerances,
+    tolerance_columns,
+)
+from reality_gap.inference.whitening import whitening
+from reality_gap.simulation.hypothesis import Part
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Channel, Episode, Reading, Study
+
+NOISE = 1e-4
+"""Noise of the encoders [rad]."""
+SWING = """<mujoco><option timestep="0.002" integrator="implicitfast"/>
+<default><joint axis="0 1 0" stiffness="0.5" damping="0.02"/></default><worldbody>
+<body name="upper"><joint name="shoulder"/>
+<geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3" mass="0.3"/>
+<body name="lower" pos="0 0 -0.3"><joint name="elbow"/>
+<geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.25" mass="0.2"/></body></body></worldbody>
+<actuator><motor name="m_shoulder" joint="shoulder"/><motor name="m_elbow" joint="elbow"/>
+</actuator>
+<sensor><jointpos name="shoulder_angle" joint="shoulder"/><jointpos name="elbow_angle"
+joint="elbow"/></sensor></mujoco>"""
+"""Two links on weak springs, moved by motors without feedback."""
+KINDS = ("link_mass", "centre_of_mass", "joint_stiffness", "viscous_friction", "force_scale")
+
+
+def study_of(folder: Path, deviations: list[Part]) -> Study:
+    """A log of the machine with deviations."""
+    path = folder / "swing.xml"
+    path.write_text(SWING)
+    time = np.arange(0.0, 6.0, 0.02)
+    command = np.stack([0.5 * np.sin(4.1 * time), 0.3 * np.sin(6.3 * time)], axis=1)
+    channels = tuple(Channel(name, name, noise=NOISE) for name in ("shoulder_angle", "elbow_angle"))
+    silent = tuple(Reading(time, np.zeros(len(time))) for _ in channels)
+    study = Study("swing", path, channels, (Episode("swing", time, command, silent),))
+    with Replayer(study) as replayer:
+        clean = replayer.replay(deviations).prediction
+        of = [clean[replayer.measured.channel == c] for c in range(len(channels))]
+    rng = np.random.default_rng(4)
+    readings = tuple(Reading(time, x + NOISE * rng.standard_normal(len(x))) for x in of)
+    return Study("swing", path, channels, (Episode("swing", time, command, readings),))
+
+
+def tolerances_of(replayer: Replayer) -> list[Tolerance]:
+    causes = [CATALOGUE[id] for id in KINDS]
+    found = screen(replayer, list_candidates(replayer.system, causes), replayer.residual([]))
+    return list(list_tolerances(found))
+
+
+def power(replayer: Replayer, found: Expanded) -> float:
+    """Mean square of the whitened residual of all readings; 1 for a machine without a fault."""
+    everything = np.ones(len(found.residual), dtype=bool)
+    whiten = whitening(found.columns, np.ones(len(found.residual)), everything)
+    return float(np.mean(whiten(found.residual) ** 2))
+
+
+@pytest.fixture(scope="module")
+def tolerances(tmp_path_factory: pytest.TempPathFactory) -> list[Tolerance]:
+    with Replayer(study_of(tmp_path_factory.mktemp("nominal"), [])) as replayer:
+        return tolerances_of(replayer)
+
+
+def deviations_of(tolerances: list[Tolerance], seed: int) -> list[Part]:
+    """Deviations of all parameters by 1.5 tolerances."""
+    rng = np.random.default_rng(seed)
+    return [one.deviation(1.5 * float(rng.choice([-1.0, 1.0]))) for one in tolerances]
+
+
+def powers(folder: Path, deviations: list[Part]) -> tuple[float, float]:
+    """The power with linear columns, and that of the expansion."""
+    with Replayer(study_of(folder, deviations)) as replayer:
+        null, own = replayer.residual([]), tolerances_of(replayer)
+        assert np.sqrt(np.mean(null**2)) > 100.0
+        columns = tolerance_columns(replayer, own, replay_tolerances(replayer, own, null))
+        linear = power(replayer, Expanded(null, columns))
+        found = expand(replayer, own, columns, null)
+        np.testing.assert_allclose(replayer.residual([]), found.residual, atol=1e-6)
+        return linear, power(replayer, found)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_large_effects_of_small_deviations_are_not_taken_for_a_fault(
+    tmp_path: Path, tolerances: list[Tolerance], seed: int
+) -> None:
+    linear, corrected = powers(tmp_path, deviations_of(tolerances, seed))
+    assert linear > 2.5
+    assert corrected < 1.3
+
+
+def test_a_fault_is_not_taken_for_deviations(tmp_path: Path, tolerances: list[Tolerance]) -> None:
+    heavy = next(one for one in tolerances if str(one.candidate) == "link_mass at lower")
+    fault = heavy.deviation(0.3 * 0.2 / abs(heavy.size))  # 30 % of 0.2 kg
+    _, corrected = powers(tmp_path, [*deviations_of(tolerances, 1), fault])
+    assert corrected > 3.0
