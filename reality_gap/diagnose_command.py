@@ -25,9 +25,9 @@ class Thresholds:
     """How many candidates are fitted for the first cause."""
     more_refits: int = 5
     """How many candidates are fitted for each further cause."""
-    threshold: float = 10.0
+    threshold: float = 7.0
     """Evidence that the first cause needs [nats]."""
-    further: float = 10.0
+    further: float = 8.0
     """Evidence that each further cause must add [nats]."""
     root: float = 0.5
     """Multiple of the square root of the evidence so far that each further cause must add."""

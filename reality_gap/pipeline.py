@@ -12,13 +12,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
-from reality_gap.inference.expansion import expand
-from reality_gap.inference.forward_selection import search
+from reality_gap.inference.expansion import Expanded, expand, is_linear
+from reality_gap.inference.forward_selection import Search, search
+from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.group_fit import BETTER, GroupFit, fit_groups, power
 from reality_gap.inference.likelihood import independent_noise
 from reality_gap.inference.outcome import Outcome, groups_outcome
@@ -28,13 +31,19 @@ from reality_gap.inference.remainder import Remainder
 from reality_gap.inference.roughness import roughness
 from reality_gap.inference.screening import NO_CHECKPOINT, Sensitivity, list_candidates, screen
 from reality_gap.inference.search_outcome import search_outcome
-from reality_gap.inference.tolerances import list_tolerances, replay_tolerances, tolerance_columns
+from reality_gap.inference.tolerances import (
+    Tolerance,
+    list_tolerances,
+    replay_tolerances,
+    tolerance_columns,
+)
 from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import Options, revise_and_evaluate
 from reality_gap.report.sentence import sentence
 from reality_gap.simulation.hypothesis import Candidate, build, has_effects
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
+from reality_gap.study.splits import SELECT, split
 from reality_gap.types import Floats
 
 Progress = Callable[[float, str], None]
@@ -173,7 +182,19 @@ class _Run:
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
         changes = replay_tolerances(replayer, tolerances, null)
         columns = tolerance_columns(replayer, tolerances, changes)
-        null, columns = expand(replayer, tolerances, columns, null)
+        result = self._search_with(columns, null, screened)
+        if not is_linear(replayer, columns, null):
+            self.progress(0.7, "linearising about the likeliest deviations")
+            likeliest = self._expand(tolerances, columns, result.best)
+            if likeliest.expansion.parts:
+                replayer.expansion = likeliest.expansion
+                result = self._search_with(likeliest.columns, replayer.residual([]), screened)
+        self.progress(0.8, "evaluating what remains")
+        return revise_and_evaluate(result, options)
+
+    def _search_with(self, columns: Floats, null: Floats, screened: _Screened) -> Search:
+        """Search for causes of the nominal residual (n,), with columns of tolerances (n, p)."""
+        replayer, options = self.replayer, self.options
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
         sensitivities, rough = screened.judged, 1.0
         while True:
@@ -182,10 +203,19 @@ class _Run:
             result = search(problem, sensitivities, options.search, deferred)
             found = roughness(replayer.measured, columns, result.best.residual)
             if found <= rough:
-                break
+                return result
             sensitivities, rough = result.sensitivities, found
-        self.progress(0.8, "evaluating what remains")
-        return revise_and_evaluate(result, options)
+
+    def _expand(self, tolerances: Sequence[Tolerance], columns: Floats, best: Fit) -> Expanded:
+        """Linearise about the likeliest deviations, with the best causes if these are needed."""
+        replayer = self.replayer
+        without = expand(replayer, tolerances, columns, [], self.null_residual)
+        if best.is_null:
+            return without
+        beside = expand(replayer, tolerances, columns, best.hypothesis, best.residual)
+        count = np.count_nonzero(split(replayer.measured) <= SELECT)
+        gain = 0.5 * count * (without.power - beside.power)
+        return beside if gain > self.options.search.threshold else without
 
 
 def _not_judged(

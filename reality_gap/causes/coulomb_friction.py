@@ -22,9 +22,12 @@ from reality_gap.causes.support import elements, lugre, motors, shared_amounts, 
 from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
 from reality_gap.study.system import System
 
-USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 2e-3, 3e-3
+USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 1.5e-3, 1e-3
 """Friction of a tendon whose nominal model has none, its standard deviation, and that of friction
 before a force sensor, each as a share of the tendon's typical force."""
+LEAST_BEFORE = 6e-3
+"""Friction before a force sensor up to which it is not named, as the same share: that of a good
+gearbox."""
 BEFORE = "before the force sensor"
 """Note of a location where the friction is between motors and the sensors of their forces."""
 
@@ -52,14 +55,13 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
         hints = SearchHints(secants=elements.secants(system, location, (0.2 * size,)))
-        usual, spread = USUAL * size, SPREAD * size
+        usual, spread, least = USUAL * size, SPREAD * size, 0.0
         if location.note == BEFORE:
-            usual, spread = 0.0, SPREAD_BEFORE * size
+            usual, spread, least = 0.0, SPREAD_BEFORE * size, LEAST_BEFORE * size
         elif lugre.has_nominal_friction(system, location):
             usual = 0.0
-        friction = Parameter(
-            "friction", "N", 0.03 * size, spread, 0.0, 2.0 * size, hints=hints, usual=usual
-        )
+        sizes = (0.03 * size, spread, 0.0, 2.0 * size)
+        friction = Parameter("friction", "N", *sizes, hints=hints, usual=usual, least=least)
     else:
         unit, size = typical_scales.weakest_force(system, location)
         nominal = shared_amounts.least(system, location, system.model.dof_frictionloss)

@@ -21,7 +21,7 @@ import numpy as np
 
 from reality_gap.inference.tolerances import Tolerance
 from reality_gap.inference.whitening import explained_by_tolerances, whitening
-from reality_gap.simulation.hypothesis import has_effects
+from reality_gap.simulation.hypothesis import Hypothesis, Part, has_effects
 from reality_gap.simulation.replayer import Expansion, Replayer
 from reality_gap.study.splits import SELECT, split
 from reality_gap.study.system import System
@@ -49,118 +49,153 @@ class Expanded(NamedTuple):
     """Linearisation about deviations within the tolerances.
 
     Attributes:
-        residual: residual of the nominal model, corrected, shape (n,).
+        expansion: the deviations, and their linear effect.
         columns: changes of the readings by all tolerances, shape (n, p).
+        power: mean square of the whitened residual.
     """
 
-    residual: Floats
+    expansion: Expansion
     columns: Floats
+    power: float
+
+
+def is_linear(replayer: Replayer, columns: Floats, null_residual: Floats) -> bool:
+    """Return whether what tolerances explain of a residual is small, or is explained well.
+
+    Args:
+        replayer: has the readings.
+        columns: changes by all tolerances, shape (n, p).
+        null_residual: residual of the nominal model, shape (n,).
+    """
+    whitened = _Whitened(replayer)
+    if whitened.explained(columns, null_residual) < LARGE:
+        return True
+    return whitened.power(columns, null_residual) < UNEXPLAINED
 
 
 def expand(
-    replayer: Replayer, tolerances: Sequence[Tolerance], columns: Floats, null_residual: Floats
+    replayer: Replayer,
+    tolerances: Sequence[Tolerance],
+    columns: Floats,
+    hypothesis: Hypothesis,
+    residual: Floats,
 ) -> Expanded:
-    """Linearise about the most probable deviations, if tolerances explain much, but not all.
+    """Linearise the residual of a hypothesis about its most probable deviations.
 
     Args:
-        replayer: replays hypotheses; its residuals are corrected afterwards.
+        replayer: replays hypotheses, without an expansion.
         tolerances: the tolerances.
-        columns: changes by all tolerances and others, shape (n, p).
-        null_residual: residual of the nominal model, shape (n,).
+        columns: changes by these, in their order, and by others, shape (n, p).
+        hypothesis: causes with their values; none for the nominal model.
+        residual: its residual, shape (n,).
     """
-    whitened = _Whitened(replayer, columns)
-    found, cost = Expanded(null_residual, columns), whitened.power(null_residual, columns)
-    if whitened.explained(null_residual) < LARGE or cost < UNEXPLAINED:
-        return found
-    chosen = _choose(replayer, tolerances, whitened, null_residual)
+    whitened = _Whitened(replayer)
+    found = Expanded(Expansion(), columns, whitened.power(columns, residual))
+    chosen = _choose(replayer, tolerances, whitened, columns, residual, hypothesis)
     if not chosen:
         return found
-    low, high = np.array([_bounds(one) for one in chosen]).T
-    sizes, slopes = np.zeros(len(chosen)), np.column_stack([one.column for one in chosen])
-    residual, kept = null_residual, Expansion()
+    parts = _Deviations([tolerances[i] for i in chosen], hypothesis, replayer)
+    sizes, wide = np.zeros(len(chosen)), columns
     for _ in range(STEPS):
-        wide = np.column_stack([columns, slopes])
-        aim = np.clip(whitened.sizes(residual + slopes @ sizes, wide)[-len(chosen) :], low, high)
+        corrected = residual + wide[:, chosen] @ sizes
+        aim = np.clip(whitened.sizes(wide, corrected)[chosen], parts.low, parts.high)
         trials = [sizes + share * (aim - sizes) for share in SHARES]
-        residuals = _replay(replayer, chosen, trials)
-        powers = [
-            whitened.power(r + slopes @ s, wide) for r, s in zip(residuals, trials, strict=True)
-        ]
-        best = int(np.argmin(powers))
-        sizes, residual = trials[best], residuals[best]
-        slopes = _slopes(replayer, chosen, sizes, residual, high)
-        wide = np.column_stack([columns, slopes])
-        power = whitened.power(residual + slopes @ sizes, wide)
-        if not power < BETTER * cost:
+        pairs = list(zip(trials, parts.residuals(trials), strict=True))
+        powers = [whitened.power(wide, r + wide[:, chosen] @ s) for s, r in pairs]
+        if not np.isfinite(min(powers)):
             break
-        parts = tuple(o.deviation(float(s)) for o, s in zip(chosen, sizes, strict=True))
-        kept = Expansion(parts, slopes @ sizes)
-        found, cost = Expanded(residual + slopes @ sizes, wide), power
-    replayer.expansion = kept
+        sizes, residual = pairs[int(np.argmin(powers))]
+        slopes = parts.slopes(sizes, residual)
+        if not np.isfinite(slopes).all():
+            break
+        wide = wide.copy()
+        wide[:, chosen] = slopes
+        power = whitened.power(wide, residual + slopes @ sizes)
+        if not power < BETTER * found.power:
+            break
+        found = Expanded(Expansion(parts.at(sizes), slopes @ sizes), wide, power)
     return found
 
 
 class _Whitened:
     """Whitens residuals of the readings from which causes are inferred."""
 
-    def __init__(self, replayer: Replayer, columns: Floats) -> None:
+    def __init__(self, replayer: Replayer) -> None:
         self._use = split(replayer.measured) <= SELECT
         self._ones = np.ones(len(self._use))
-        self._columns = columns
 
-    def power(self, residual: Floats, columns: Floats) -> float:
+    def power(self, columns: Floats, residual: Floats) -> float:
         """Return the mean square of a whitened residual (n,); infinite if it is not finite."""
         if not np.isfinite(residual).all():
             return float("inf")
         return float(np.mean(whitening(columns, self._ones, self._use)(residual) ** 2))
 
-    def explained(self, residual: Floats) -> float:
-        """Return the RMS of what tolerances explain of a residual (n,)."""
-        found = explained_by_tolerances(self._columns, self._ones, self._use, residual)
+    def explained(self, columns: Floats, residual: Floats) -> float:
+        """Return the RMS of what columns (n, p) explain of a residual (n,)."""
+        found = explained_by_tolerances(columns, self._ones, self._use, residual)
         return float(np.sqrt(np.mean(found**2)))
 
-    def sizes(self, residual: Floats, columns: Floats) -> Floats:
+    def sizes(self, columns: Floats, residual: Floats) -> Floats:
         """Return the most probable weights of columns (n, p), shape (p,)."""
         x = columns[self._use]
         gram = x.T @ x + np.eye(x.shape[1])
         return np.asarray(np.linalg.solve(gram, x.T @ residual[self._use]), dtype=np.float64)
 
 
+class _Deviations:
+    """Replays of a hypothesis with deviations of p parameters, in tolerances."""
+
+    def __init__(
+        self, chosen: Sequence[Tolerance], hypothesis: Hypothesis, replayer: Replayer
+    ) -> None:
+        self._chosen, self._hypothesis, self._replayer = chosen, hypothesis, replayer
+        self.low, self.high = np.array([_bounds(one) for one in chosen]).T
+
+    def at(self, sizes: Floats) -> tuple[Part, ...]:
+        """Return the deviations of these sizes (p,)."""
+        return tuple(o.deviation(float(x)) for o, x in zip(self._chosen, sizes, strict=True))
+
+    def residuals(self, sizes: Sequence[Floats]) -> list[Floats]:
+        """Return the residual with deviations of each of these sizes (p,)."""
+        return self._replayer.residuals([[*self.at(one), *self._hypothesis] for one in sizes])
+
+    def slopes(self, sizes: Floats, residual: Floats) -> Floats:
+        """Return the change of the readings by one more tolerance each, shape (n, p)."""
+        steps = np.where(sizes + SMALL <= self.high, SMALL, -SMALL)
+        residuals = self.residuals(list(sizes + np.diag(steps)))
+        return np.column_stack([(residual - r) / h for r, h in zip(residuals, steps, strict=True)])
+
+
 def _choose(
-    replayer: Replayer, tolerances: Sequence[Tolerance], whitened: _Whitened, residual: Floats
-) -> list[Tolerance]:
-    """Return the tolerances that explain most of a residual, in their order."""
-    able = [one for one in tolerances if suits(replayer.system, one)]
-    if not able:
-        return []
-    columns = np.column_stack([one.column for one in able])
-    effect = np.abs(whitened.sizes(residual, columns)) * np.linalg.norm(columns, axis=0)
-    return [able[i] for i in sorted(np.argsort(-effect, kind="stable")[:COUNT])]
-
-
-def _replay(
-    replayer: Replayer, chosen: Sequence[Tolerance], sizes: Sequence[Floats]
-) -> list[Floats]:
-    """Return the residuals with deviations of these sizes (p,) in tolerances."""
-    replayer.expansion = Expansion()
-    trials = [[o.deviation(float(x)) for o, x in zip(chosen, s, strict=True)] for s in sizes]
-    return replayer.residuals(trials)
-
-
-def _slopes(
-    replayer: Replayer, chosen: Sequence[Tolerance], sizes: Floats, residual: Floats, high: Floats
-) -> Floats:
-    """Return the change of the readings by one more tolerance of each parameter, shape (n, p)."""
-    steps = np.where(sizes + SMALL <= high, SMALL, -SMALL)
-    residuals = _replay(replayer, chosen, list(sizes + np.diag(steps)))
-    return np.column_stack([(residual - r) / h for r, h in zip(residuals, steps, strict=True)])
+    replayer: Replayer,
+    tolerances: Sequence[Tolerance],
+    whitened: _Whitened,
+    columns: Floats,
+    residual: Floats,
+    hypothesis: Hypothesis,
+) -> list[int]:
+    """Return the indices of the tolerances that explain most of a residual."""
+    faults = [candidate for candidate, _ in hypothesis]
+    able = [
+        i
+        for i, one in enumerate(tolerances)
+        if suits(replayer.system, one) and not any(one.candidate.matches(f) for f in faults)
+    ]
+    sizes = whitened.sizes(columns, residual)
+    effects = np.abs(sizes[able]) * np.linalg.norm(columns[:, able], axis=0)
+    return sorted(able[k] for k in np.argsort(-effects, kind="stable")[:COUNT])
 
 
 def suits(system: System, tolerance: Tolerance) -> bool:
-    """Return whether a deviation is a number of the model, and of the simplest kind there."""
-    candidate, values = tolerance.deviation(1.0)
+    """Return whether a deviation is a number of the model, and of the simplest kind there.
+
+    Dry friction deviates to one side; no other cause does that can also be a candidate.
+    """
+    (candidate, values), p = tolerance.deviation(1.0), tolerance.parameter
     cause = candidate.cause
-    return cause.edit is not None and not cause.fine and not has_effects(system, candidate, values)
+    if cause.edit is None or cause.fine or not (p.low < p.null < p.high or cause.sticky):
+        return False
+    return not has_effects(system, candidate, values)
 
 
 def _bounds(tolerance: Tolerance) -> tuple[float, float]:

@@ -44,8 +44,8 @@ class Settings:
 
     refits: int = 8
     more_refits: int = 5
-    threshold: float = 10.0
-    further: float = 10.0
+    threshold: float = 7.0
+    further: float = 8.0
     root: float = 0.5
     most: int = 3
 

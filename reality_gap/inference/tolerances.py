@@ -88,7 +88,7 @@ def replay_tolerances(
 def tolerance_columns(
     replayer: Replayer, tolerances: Sequence[Tolerance], changes: Sequence[Floats]
 ) -> Floats:
-    """Return the columns of all tolerances in units of noise, shape (n, p).
+    """Return the columns of all tolerances, in their order, and others behind them, shape (n, p).
 
     If the column of a large tolerance is slightly wrong, the rest of it looks like a fault. The
     error of the column is one more column and does not replace it, because candidates are ranked by
@@ -103,4 +103,4 @@ def tolerance_columns(
     drifts = [step / replayer.measured.noise for step in steps]
     pairs = zip(tolerances, changes, strict=True)
     errors = [change - one.column for one, change in pairs if change is not one.column]
-    return np.column_stack([*drifts, *(one.column for one in tolerances), *errors])
+    return np.column_stack([*(one.column for one in tolerances), *errors, *drifts])

@@ -53,7 +53,7 @@ class Screening:
         """Return the columns of tolerances, without those of the time step."""
         tolerances = list(list_tolerances(self.found))
         changes = replay_tolerances(self.replayer, tolerances, self.null)
-        return list(tolerance_columns(self.replayer, tolerances, changes).T[2:])
+        return list(tolerance_columns(self.replayer, tolerances, changes).T[:-2])
 
 
 def test_a_shape_without_a_size_costs_no_replay_and_changes_nothing(lever_study: Study) -> None:
