@@ -157,12 +157,14 @@ def test_a_second_interruption_does_not_keep_the_robot_from_stopping() -> None:
 
 
 ENDLESS = """
-import sys, time
+import signal, sys, time
 import numpy as np
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.driving.drive import drive
 from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.observation import SensorReadings
+
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it
 
 class Robot:
     time = 0.0

@@ -15,8 +15,10 @@ from jmm_agent.errors import AgentError
 from tests.jmm_agent.driving.robots import Robot
 
 WAITING = """
-import time
+import signal, time
 from jmm_agent.driving.stopping import stopping
+
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it
 
 class Robot:
     def stop(self):
