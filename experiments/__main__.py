@@ -52,6 +52,7 @@ RUNNERS = {
     "record": Runner("a log of a moving robot, as a study for reality_gap"),
     "emps": Runner("a measured drive: force that a mass alone does not explain"),
     "davinci": Runner("a measured cable drive: structure of its transmission"),
+    "real-machines": Runner("measured machines, beside models that a person would fit"),
     "other-robots": Runner("robots of other sizes and kinds, with default options"),
     "remote-robot": Runner("an agent drives a robot in another process"),
     "power-cycle": Runner("all lengths are zeroed anew: what was learned is used again"),

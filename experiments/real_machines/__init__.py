@@ -1,0 +1,1 @@
+"""Diagnosis of measured machines, beside models that a person would fit to the same logs."""

@@ -1,0 +1,105 @@
+"""Machines: where each one's files lie, its study, and the parameters of its rivals.
+
+A machine is an entry of `MACHINES`. Its files lie in a folder that the user gives; what the authors
+of the data say is in docs/real_machines.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from experiments.emps import log as emps
+from experiments.harness.errors import ExperimentError
+from experiments.real_machines import xl330
+from experiments.real_machines.rivals import PACE, PERSON, PERSON_EFFORT
+from reality_gap import Study
+
+PACE_NAME, PERSON_NAME = "PACE", "a person"
+
+
+class Machine(NamedTuple):
+    """A measured machine.
+
+    Attributes:
+        title: its name in tables and pictures.
+        files: pattern of its files, relative to the user's folder.
+        study: makes its study from that folder, the folder of the results and the longest log [s].
+        rivals: names of the freed parameters by name of the rival.
+        published: values that the authors of the data published, as parameters of a rival; see
+            `experiments.real_machines.rivals`.
+    """
+
+    title: str
+    files: str
+    study: Callable[[Path, Path, float], Study]
+    rivals: Mapping[str, tuple[str, ...]]
+    published: Mapping[str, float]
+
+
+def xl330_study(kp: float, data: Path, out: Path, seconds: float) -> Study:
+    """Make the study of the XL330 pendulum at one gain.
+
+    Raises:
+        ExperimentError: there is no run at this gain.
+    """
+    logs = xl330.read_logs(data, kp)
+    if not logs:
+        raise ExperimentError(
+            f"{data / xl330.FOLDER} has no run with kp {kp:g} in which the servo stays on."
+        )
+    if len({(log.mass, log.length, log.volts) for log in logs}) > 1:
+        raise ExperimentError(
+            f"{data / xl330.FOLDER} has runs with kp {kp:g} of several pendulums or voltages; "
+            "leave those of one."
+        )
+    return xl330.write_study(logs, out, seconds)
+
+
+def emps_study(data: Path, out: Path, seconds: float) -> Study:
+    """Make the study of the EMPS drive."""
+    log = emps.read_log(data / EMPS_FILE)
+    first = log.time <= log.time[0] + seconds
+    return emps.make_study(emps.Log(*(part[first] for part in vars(log).values())))
+
+
+EMPS_FILE = "emps/emps_train.csv"
+SERVO = {PACE_NAME: PACE, PERSON_NAME: PERSON}
+MACHINES = {
+    "xl330_kp100": Machine(
+        "XL330 pendulum, gain 100",
+        f"{xl330.FOLDER}/*.json",
+        partial(xl330_study, 100.0),
+        SERVO,
+        xl330.PUBLISHED,
+    ),
+    "xl330_kp400": Machine(
+        "XL330 pendulum, gain 400",
+        f"{xl330.FOLDER}/*.json",
+        partial(xl330_study, 400.0),
+        SERVO,
+        xl330.PUBLISHED,
+    ),
+    "emps": Machine(
+        "EMPS drive",
+        EMPS_FILE,
+        emps_study,
+        {PACE_NAME: PACE, PERSON_NAME: PERSON_EFFORT},
+        {
+            "damping": emps.PUBLISHED["viscous"],
+            "friction": emps.PUBLISHED["coulomb"],
+            "offset": emps.PUBLISHED["offset"],
+        },
+    ),
+}
+"""All machines by key."""
+
+
+def missing(name: str, data: Path) -> str | None:
+    """Return one sentence if the files of a machine are missing, and else None."""
+    machine = MACHINES[name]
+    if any(data.glob(machine.files)):
+        return None
+    return f"{machine.title} is left out, for there is no {data / machine.files}."

@@ -1,0 +1,136 @@
+"""Trial of one machine: its diagnosis and its rivals, all scored on the same held-out readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.real_machines.machines import MACHINES
+from experiments.real_machines.rivals import fit, predict
+from jmm_agent.types import Floats
+from reality_gap import Diagnosis, Options, RealityGapError, diagnose
+from reality_gap.report.files import check_out, write_diagnosis
+from reality_gap.simulation.inverse_dynamics import ensure_prepared
+from reality_gap.study.data import Study
+from reality_gap.study.measurements import Measured, measured
+from reality_gap.study.splits import REPORT, split
+
+NOMINAL, EXTENDED, PUBLISHED = "nominal model", "named causes", "authors"
+
+
+def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
+    """Diagnose one machine and fit its rivals; write the diagnosis.
+
+    Args:
+        name: key of the machine.
+        data: the user's folder.
+        out: folder of the results; the study and the diagnosis get a folder each.
+        seconds: longest log [s].
+
+    Returns:
+        The answer, the held-out errors and the signals, as JSON; with ``refused``, one sentence, if
+        the files or the study cannot be used.
+    """
+    machine = MACHINES[name]
+    try:
+        study = ensure_prepared(machine.study(data, out / "study", seconds))
+        check_out(out / "diagnosis")
+        found = diagnose(study, options=Options(suggest=False))
+        write_diagnosis(found, study, out / "diagnosis")
+        rivals = {title: fit(study, names) for title, names in machine.rivals.items()}
+    except (ValueError, RealityGapError) as error:  # of the loaders, and of the study
+        return {"refused": f"{machine.title} is left out: {error}"}
+    readings = measured(study)
+    predictions = {
+        NOMINAL: np.concatenate([trace.before for trace in found.traces]),
+        EXTENDED: np.concatenate([trace.after for trace in found.traces]),
+        PUBLISHED: predict(study, readings, machine.published),
+    } | {title: rival.prediction for title, rival in rivals.items()}
+    errors = {key: held_out_errors(study, readings, x) for key, x in predictions.items()}
+    return {
+        "refused": "",
+        "title": machine.title,
+        "seconds": study.duration,
+        "errors": errors,
+        "ratio": ratio(errors, list(machine.rivals)),
+        "rivals": {title: dict(rival.values) for title, rival in rivals.items()},
+        "signals": signals(study, readings, predictions),
+        **answer(found),
+    }
+
+
+def held_out_errors(study: Study, readings: Measured, prediction: Floats) -> dict[str, float]:
+    """RMS error on the report split by channel in its unit, and of all together in noises."""
+    error, held_out = prediction - readings.value, split(readings) == REPORT
+    found = {
+        f"{channel.name} [{channel.unit}]": _rms(error[held_out & (readings.channel == c)])
+        for c, channel in enumerate(study.channels)
+    }
+    return found | {"all": _rms((error / readings.noise)[held_out])}
+
+
+def ratio(errors: dict[str, dict[str, float]], rivals: list[str]) -> float:
+    """Held-out error with the named causes over that of the best rival."""
+    return errors[EXTENDED]["all"] / min(errors[rival]["all"] for rival in rivals)
+
+
+def _rms(error: Floats) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def answer(found: Diagnosis) -> dict[str, Any]:
+    """Verdict, named causes and best attempt of a diagnosis, as JSON."""
+    return {
+        "verdict": found.verdict.value,
+        "sentence": found.sentence,
+        "causes": [
+            {
+                "cause": cause.candidate.cause.id,
+                "location": str(cause.candidate.location),
+                "confidence": cause.confidence,
+                "equivalent": list(cause.equivalent),
+                "parameters": {
+                    name: {"value": e.value, "low": e.low, "high": e.high, "unit": e.unit}
+                    for name, e in cause.parameters.items()
+                },
+            }
+            for cause in found.causes
+        ],
+        "rejected": [
+            {
+                "cause": one.candidate.cause.id,
+                "location": str(one.candidate.location),
+                "values": dict(one.values),
+                "reason": one.reason,
+            }
+            for one in found.rejected
+        ],
+        "depends_on": [[d.quantity, d.fraction] for d in found.depends_on],
+        "noises": [found.rms_before, found.rms_after, found.noise_floor],
+        "diagnosis_seconds": found.seconds,
+    }
+
+
+def signals(
+    study: Study, readings: Measured, predictions: dict[str, Floats]
+) -> list[dict[str, Any]]:
+    """Measured and predicted signals of each channel in each episode, for pictures."""
+    found = []
+    for e, episode in enumerate(study.episodes):
+        for c, channel in enumerate(study.channels):
+            at = (readings.episode == e) & (readings.channel == c)
+            if at.any():
+                found.append(
+                    {
+                        "episode": episode.name,
+                        "channel": channel.name,
+                        "unit": channel.unit,
+                        "time": readings.time[at].tolist(),
+                        "held_out": (split(readings)[at] == REPORT).tolist(),
+                        "measured": readings.value[at].tolist(),
+                        "predicted": {key: x[at].tolist() for key, x in predictions.items()},
+                    }
+                )
+    return found
