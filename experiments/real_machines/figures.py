@@ -18,7 +18,7 @@ from experiments.real_machines.trial import EXTENDED, NOMINAL
 from jmm_agent.types import Floats
 
 MEASURED, COLOURS = "#222222", ("#999999", "#D55E00", "#0072B2")
-"""Colours of the measured signal, and of the nominal, the extended and the rival's."""
+"""Colours of the measured signal, and of the nominal, the extended and the baseline's."""
 WIDTHS = (3.0, 1.2, 1.2)
 """Widths of their lines; the nominal model equals the extended one if nothing is named."""
 MOST = 4
@@ -38,14 +38,14 @@ def pictures(done: Mapping[str, Any]) -> list[Picture]:
     ]
 
 
-def best_rival(result: Mapping[str, Any]) -> str:
-    """Name of the rival with the least held-out error."""
-    return min(result["rivals"], key=lambda title: float(result["errors"][title]["all"]))
+def best_baseline(result: Mapping[str, Any]) -> str:
+    """Name of the baseline with the least held-out error."""
+    return min(result["baselines"], key=lambda title: float(result["errors"][title]["all"]))
 
 
 def _picture(result: Mapping[str, Any]) -> bytes:
     some = result["signals"][:MOST]
-    keys = (NOMINAL, EXTENDED, best_rival(result))
+    keys = (NOMINAL, EXTENDED, best_baseline(result))
     figure, axes = pyplot.subplots(
         2,
         len(some),

@@ -1,4 +1,4 @@
-"""Machines: where each one's files lie, its study, and the parameters of its rivals.
+"""Machines: where each one's files lie, its study, and the parameters of its baselines.
 
 A machine is an entry of `MACHINES`. Its files lie in a folder that the user gives; what the authors
 of the data say is in docs/real_machines.md.
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from experiments.emps import log as emps
 from experiments.harness.errors import ExperimentError
 from experiments.real_machines import xl330
-from experiments.real_machines.rivals import PACE, PERSON, PERSON_EFFORT
+from experiments.real_machines.baselines import PACE, PERSON, PERSON_EFFORT
 from reality_gap import Study
 
 PACE_NAME, PERSON_NAME = "PACE", "a person"
@@ -27,15 +27,15 @@ class Machine(NamedTuple):
         title: its name in tables and pictures.
         files: pattern of its files, relative to the user's folder.
         study: makes its study from that folder, the folder of the results and the longest log [s].
-        rivals: names of the freed parameters by name of the rival.
-        published: values that the authors of the data published, as parameters of a rival; see
-            `experiments.real_machines.rivals`.
+        baselines: names of the freed parameters by name of the baseline.
+        published: values that the authors of the data published, as parameters of a baseline; see
+            `experiments.real_machines.baselines`.
     """
 
     title: str
     files: str
     study: Callable[[Path, Path, float], Study]
-    rivals: Mapping[str, tuple[str, ...]]
+    baselines: Mapping[str, tuple[str, ...]]
     published: Mapping[str, float]
 
 

@@ -97,7 +97,7 @@ def choose(args: Args) -> tuple[list[str], dict[str, str]]:
 
 def digest(args: Args, names: list[str]) -> str:
     """Digest of the options, the code and the data that results depend on."""
-    parts = ("machines", "rivals", "trial", "xl330")
+    parts = ("machines", "baselines", "trial", "xl330")
     paths = [ROOT / "experiments/real_machines" / f"{part}.py" for part in parts]
     paths += sorted((ROOT / "reality_gap").rglob("*.py"))
     for pattern in {MACHINES[name].files for name in names}:

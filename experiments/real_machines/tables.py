@@ -11,10 +11,10 @@ from experiments.real_machines.trial import EXTENDED, NOMINAL, PUBLISHED
 LEAST = 1e-6
 """Size of a parameter in SI units below which it is shown as 0."""
 COLUMNS = (NOMINAL, EXTENDED, PUBLISHED)
-"""Models that are compared beside the rivals."""
+"""Models that are compared beside the baselines."""
 MOST, HALF = 1.05, 0.5
-"""Largest ratio of the held-out error to that of the best rival; share of machines on which it must
-be below 1."""
+"""Largest ratio of the held-out error to that of the best baseline; share of machines on which it
+must be below 1."""
 
 
 def metrics(done: Mapping[str, Any]) -> dict[str, dict[str, object]]:
@@ -29,7 +29,7 @@ def metrics(done: Mapping[str, Any]) -> dict[str, dict[str, object]]:
         for name, result in done.items()
     }
     share = sum(result["ratio"] < 1.0 for result in done.values()) / len(done)
-    found["below_best_rival"] = {
+    found["below_best_baseline"] = {
         "must": f"at least {HALF:g}",
         "value": share,
         "unit": "of machines",
@@ -40,7 +40,7 @@ def metrics(done: Mapping[str, Any]) -> dict[str, dict[str, object]]:
 
 def tables(done: Mapping[str, Any], skipped: Mapping[str, str]) -> list[Table]:
     """All tables of the report."""
-    found = [error_table(done), cause_table(done), attempt_table(done), rival_table(done)]
+    found = [error_table(done), cause_table(done), attempt_table(done), baseline_table(done)]
     if skipped:
         found.append(Table("Left out", ("machine", "reason"), list(skipped.items())))
     return found
@@ -49,12 +49,14 @@ def tables(done: Mapping[str, Any], skipped: Mapping[str, str]) -> list[Table]:
 def error_table(done: Mapping[str, Any]) -> Table:
     """Table of the held-out errors of each channel."""
     rows: list[tuple[object, ...]] = []
-    rivals = tuple(dict.fromkeys(title for result in done.values() for title in result["rivals"]))
+    baselines = tuple(
+        dict.fromkeys(title for result in done.values() for title in result["baselines"])
+    )
     for result in done.values():
         for channel in result["errors"][NOMINAL]:
             if channel == "all":
                 continue
-            errors = [result["errors"][key].get(channel) for key in COLUMNS + rivals]
+            errors = [result["errors"][key].get(channel) for key in COLUMNS + baselines]
             rows.append(
                 (
                     result["title"],
@@ -65,10 +67,10 @@ def error_table(done: Mapping[str, Any]) -> Table:
                     f"{result['ratio']:.2f}",
                 )
             )
-    head = ("machine", "channel", "log [s]", "verdict", *COLUMNS, *rivals, "ratio")
+    head = ("machine", "channel", "log [s]", "verdict", *COLUMNS, *baselines, "ratio")
     note = (
         "RMS errors on held-out readings in the unit of the channel. Ratio: of the error with the "
-        f"named causes to that of the best rival, over all channels; at most {MOST:g} is needed."
+        f"named causes to that of the best baseline, over all channels; at most {MOST:g} is needed."
     )
     return Table("Held-out errors", head, rows, note)
 
@@ -108,15 +110,15 @@ def attempt_table(done: Mapping[str, Any]) -> Table:
     return Table("Fitted and not named", ("machine", "cause", "values", "it ..."), rows)
 
 
-def rival_table(done: Mapping[str, Any]) -> Table:
-    """Table of the rivals' parameters."""
+def baseline_table(done: Mapping[str, Any]) -> Table:
+    """Table of the baselines' parameters."""
     rows = [
         (result["title"], title, ", ".join(f"{name} {_number(x)}" for name, x in values.items()))
         for result in done.values()
-        for title, values in result["rivals"].items()
+        for title, values in result["baselines"].items()
     ]
     note = "SI units; mass and gain are relative errors of the nominal model."
-    return Table("Parameters of the rivals", ("machine", "rival", "values"), rows, note)
+    return Table("Parameters of the baselines", ("machine", "baseline", "values"), rows, note)
 
 
 def _number(value: float) -> str:

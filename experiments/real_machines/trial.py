@@ -1,4 +1,4 @@
-"""Trial of one machine: its diagnosis and its rivals, all scored on the same held-out readings."""
+"""Trial of one machine: its diagnosis and its baselines, scored on the same held-out readings."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments.real_machines.baselines import fit, predict
 from experiments.real_machines.machines import MACHINES
-from experiments.real_machines.rivals import fit, predict
 from jmm_agent.types import Floats
 from reality_gap import Diagnosis, Options, RealityGapError, diagnose
 from reality_gap.report.files import check_out, write_diagnosis
@@ -21,7 +21,7 @@ NOMINAL, EXTENDED, PUBLISHED = "nominal model", "named causes", "authors"
 
 
 def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
-    """Diagnose one machine and fit its rivals; write the diagnosis.
+    """Diagnose one machine and fit its baselines; write the diagnosis.
 
     Args:
         name: key of the machine.
@@ -39,7 +39,7 @@ def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
         check_out(out / "diagnosis")
         found = diagnose(study, options=Options(suggest=False))
         write_diagnosis(found, study, out / "diagnosis")
-        rivals = {title: fit(study, names) for title, names in machine.rivals.items()}
+        baselines = {title: fit(study, names) for title, names in machine.baselines.items()}
     except (ValueError, RealityGapError) as error:  # of the loaders, and of the study
         return {"refused": f"{machine.title} is left out: {error}"}
     readings = measured(study)
@@ -47,15 +47,15 @@ def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
         NOMINAL: np.concatenate([trace.before for trace in found.traces]),
         EXTENDED: np.concatenate([trace.after for trace in found.traces]),
         PUBLISHED: predict(study, readings, machine.published),
-    } | {title: rival.prediction for title, rival in rivals.items()}
+    } | {title: baseline.prediction for title, baseline in baselines.items()}
     errors = {key: held_out_errors(study, readings, x) for key, x in predictions.items()}
     return {
         "refused": "",
         "title": machine.title,
         "seconds": study.duration,
         "errors": errors,
-        "ratio": ratio(errors, list(machine.rivals)),
-        "rivals": {title: dict(rival.values) for title, rival in rivals.items()},
+        "ratio": ratio(errors, list(machine.baselines)),
+        "baselines": {title: dict(baseline.values) for title, baseline in baselines.items()},
         "signals": signals(study, readings, predictions),
         **answer(found),
     }
@@ -71,9 +71,9 @@ def held_out_errors(study: Study, readings: Measured, prediction: Floats) -> dic
     return found | {"all": _rms((error / readings.noise)[held_out])}
 
 
-def ratio(errors: dict[str, dict[str, float]], rivals: list[str]) -> float:
-    """Held-out error with the named causes over that of the best rival."""
-    return errors[EXTENDED]["all"] / min(errors[rival]["all"] for rival in rivals)
+def ratio(errors: dict[str, dict[str, float]], baselines: list[str]) -> float:
+    """Held-out error with the named causes over that of the best baseline."""
+    return errors[EXTENDED]["all"] / min(errors[baseline]["all"] for baseline in baselines)
 
 
 def _rms(error: Floats) -> float:

@@ -12,8 +12,8 @@ import pytest
 
 from experiments.harness.errors import ExperimentError
 from experiments.real_machines import run, trial, xl330
+from experiments.real_machines.baselines import fit, predict
 from experiments.real_machines.machines import MACHINES, missing
-from experiments.real_machines.rivals import fit, predict
 from experiments.real_machines.run import Args
 from experiments.real_machines.tables import metrics
 from experiments.real_machines.trial import EXTENDED, NOMINAL, held_out_errors
@@ -75,17 +75,17 @@ def test_the_loader_writes_a_study_of_the_powered_runs_at_one_gain(
         MACHINES["xl330_kp100"].study(data, tmp_path / "other", 2.0)
 
 
-def test_rivals_find_what_they_free_and_are_scored_on_held_out_readings(
+def test_baselines_find_what_they_free_and_are_scored_on_held_out_readings(
     data: Path, tmp_path: Path
 ) -> None:
     study = MACHINES[NAME].study(data, tmp_path / "study", 10.0)
-    rival = fit(study, ("friction", "delay"))
-    assert rival.values["friction"] == pytest.approx(FRICTION, abs=0.006)
-    assert rival.values["delay"] == pytest.approx(DELAY, abs=0.003)
+    baseline = fit(study, ("friction", "delay"))
+    assert baseline.values["friction"] == pytest.approx(FRICTION, abs=0.006)
+    assert baseline.values["delay"] == pytest.approx(DELAY, abs=0.003)
     readings = measured(study)
     errors = [
         held_out_errors(study, readings, prediction)["angle [rad]"]
-        for prediction in (predict(study, readings, {}), rival.prediction)
+        for prediction in (predict(study, readings, {}), baseline.prediction)
     ]
     assert errors[1] < 0.002
     assert errors[0] > 10 * errors[1]
@@ -102,8 +102,8 @@ def test_a_log_goes_through_the_runner(tmp_path: Path, monkeypatch: pytest.Monke
         trial, "diagnose", lambda study, options: diagnose(study, causes=some, options=options)
     )
     monkeypatch.setattr(trial, "write_diagnosis", lambda found, study, out: out.mkdir())
-    rivals = {"one": ("friction", "gain"), "two": ("friction", "delay")}
-    monkeypatch.setitem(MACHINES, NAME, MACHINES[NAME]._replace(rivals=rivals))
+    baselines = {"one": ("friction", "gain"), "two": ("friction", "delay")}
+    monkeypatch.setitem(MACHINES, NAME, MACHINES[NAME]._replace(baselines=baselines))
     summary = run.main(Args(data, tmp_path / "out"))
     saved = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert saved["metrics"] == summary["metrics"]
@@ -134,7 +134,7 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "printed"),
     [
         ("{", "cannot be read"),
         ("[]", "cannot be read"),
@@ -142,13 +142,13 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
         ('{"mass": null}', "cannot be read"),
     ],
 )
-def test_a_broken_file_gets_one_sentence(tmp_path: Path, content: str, said: str) -> None:
+def test_a_broken_file_gets_one_sentence(tmp_path: Path, content: str, printed: str) -> None:
     path = write(tmp_path, [])
     path.write_text(content)
     with pytest.raises(ExperimentError) as caught:
         run.main(Args(tmp_path, tmp_path / "out", only=(NAME,)))
     text = str(caught.value)
-    assert said in text
+    assert printed in text
     assert path.name in text
     assert "\n" not in text
 
@@ -169,12 +169,12 @@ def test_a_run_with_bad_rows_gets_one_sentence(tmp_path: Path) -> None:
         xl330.read_log(path)
 
 
-def test_metrics_compare_with_the_best_rival() -> None:
+def test_metrics_compare_with_the_best_baseline() -> None:
     done = {"a": {"ratio": 1.04}, "b": {"ratio": 1.06}}
     found = metrics(done)
     assert found["ratio_a"]["reached"]
     assert not found["ratio_b"]["reached"]
-    assert found["below_best_rival"] == {
+    assert found["below_best_baseline"] == {
         "must": "at least 0.5",
         "value": 0.0,
         "unit": "of machines",

@@ -1,9 +1,9 @@
-"""Rivals of the diagnosis: models with parameters that a person frees, fitted by least squares.
+"""Baselines of the diagnosis: models with parameters that a person frees, fitted by least squares.
 
-A rival edits every moving joint of the nominal model in the same way, and is fitted to the readings
-that the diagnosis may fit, too. Its parameters are multiples of scales that follow from the
-machine: its inertia, its effort and its speed. Fits start from several points, because dry friction
-makes the misfit rough.
+A baseline edits every moving joint of the nominal model in the same way, and is fitted to the
+readings that the diagnosis may fit, too. Its parameters are multiples of scales that follow from
+the machine: its inertia, its effort and its speed. Fits start from several points, because dry
+friction makes the misfit rough.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ BAD = 1e3
 
 
 @dataclass(frozen=True)
-class Rival:
+class Baseline:
     """A fitted model.
 
     Attributes:
@@ -77,7 +77,7 @@ class Scales:
         }[name]
 
 
-def fit(study: Study, names: tuple[str, ...]) -> Rival:
+def fit(study: Study, names: tuple[str, ...]) -> Baseline:
     """Fit the parameters ``names`` to all readings but those of the report split."""
     study = ensure_prepared(study)
     readings = measured(study)
@@ -116,7 +116,7 @@ def fit(study: Study, names: tuple[str, ...]) -> Rival:
     ]
     best = min(found, key=lambda one: float(one.cost))
     values = dict(zip(names, (float(x) for x in best.x * size), strict=True))
-    return Rival(values, predict(study, readings, values))
+    return Baseline(values, predict(study, readings, values))
 
 
 def bounds(name: str, scales: Scales) -> tuple[float, float]:
