@@ -47,6 +47,8 @@ class Thresholds:
     """RMS on held-out data that causes may leave even if it was lower without them [noise]."""
     left: float = 1.5
     """RMS on held-out data above which the causes are not all that is wrong [noise]."""
+    rough: float = 4.0
+    """Factor of the tolerances above which they do not excuse what is left."""
     form: float = 0.03
     """Relative error of what tolerances explain of the readings."""
     many: float = 20.0

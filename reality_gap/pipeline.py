@@ -34,7 +34,6 @@ from reality_gap.inference.search_outcome import search_outcome
 from reality_gap.inference.tolerances import (
     Tolerance,
     list_tolerances,
-    replay_tolerances,
     tolerance_columns,
 )
 from reality_gap.inference.traces import traces
@@ -180,8 +179,7 @@ class _Run:
         replayer, null, options = self.replayer, self.null_residual, self.options
         self.progress(0.6, "fitting the likeliest candidates")
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
-        changes = replay_tolerances(replayer, tolerances, null)
-        columns = tolerance_columns(replayer, tolerances, changes)
+        columns = tolerance_columns(replayer, tolerances, null)
         result = self._search_with(columns, null, screened)
         if not is_linear(replayer, columns, null):
             self.progress(0.7, "linearising about the likeliest deviations")
@@ -199,7 +197,7 @@ class _Run:
         sensitivities, rough = screened.judged, 1.0
         while True:
             noise_model = independent_noise(replayer.measured, rough * columns)
-            problem = Problem(replayer, null, noise_model)
+            problem = Problem(replayer, null, noise_model, rough)
             result = search(problem, sensitivities, options.search, deferred)
             found = roughness(replayer.measured, columns, result.best.residual)
             if found <= rough:

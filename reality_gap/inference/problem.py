@@ -21,11 +21,13 @@ class Problem:
         replayer: replays hypotheses of the study.
         null_residual: residual of the nominal model in units of sensor noise, shape (n,).
         noise_model: whitens residuals; evidence depends on it.
+        roughness: factor of the tolerances in the noise model.
     """
 
     replayer: Replayer
     null_residual: Floats
     noise_model: NoiseModel
+    roughness: float = 1.0
 
     @property
     def system(self) -> System:

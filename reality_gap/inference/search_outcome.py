@@ -54,8 +54,10 @@ def search_outcome(
     named = verdict.has_names
     result = paying.result if named else replace(paying.result, best=paying.attempt)
     problem, best = result.problem, result.best
-    study, measured, null = problem.system.study, problem.measured, problem.null_residual
-    tried = score(study, measured, null, best.residual)
+    study, measured, replayer = problem.system.study, problem.measured, problem.replayer
+    null = replayer.without_expansion([], problem.null_residual)
+    after = replayer.without_expansion(best.hypothesis, best.residual)
+    tried = score(study, measured, null, after)
     doubt = None if best.is_null else _doubt(best, remainder, verdict)
     refused = [one.candidate for one in paying.dropped] if named else []
     misfit = remainder.after**2 if verdict is Verdict.PARTLY_NAMED else 1.0
@@ -69,7 +71,7 @@ def search_outcome(
     return Outcome(
         verdict=verdict,
         hypothesis=best.hypothesis if named else [],
-        residual=best.residual if named else null,
+        residual=after if named else null,
         score=scored,
         causes=tuple(replace(c, share=s) for c, s in zip(causes, steps[1:], strict=True)),
         fitted_candidates=_fitted_candidates(problem, fitted),
@@ -93,7 +95,7 @@ def search_outcome(
 
 def _waterfall(paying: Paying, causes: Sequence[NamedCause], scored: Score) -> tuple[Share, ...]:
     order = [cause.candidate for cause in causes]
-    return waterfall(paying.result, paying.tested, order, scored.floor)
+    return waterfall(paying.result, paying.tested, order, scored.before, scored.floor)
 
 
 def _rejected(paying: Paying, judged: Sequence[Criterion], named: bool) -> tuple[Rejected, ...]:

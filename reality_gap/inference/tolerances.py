@@ -64,43 +64,27 @@ def list_tolerances(
                 yield Tolerance(candidate, p, size, column * (size / p.scale))
 
 
-def replay_tolerances(
+def tolerance_columns(
     replayer: Replayer, tolerances: Sequence[Tolerance], null_residual: Floats
-) -> list[Floats]:
-    """Return the change of the readings by each tolerance in units of noise, shape (n,) each.
+) -> Floats:
+    """Return the columns of all tolerances, in their order, and others behind them, shape (n, p).
 
-    Large changes are replayed with a deviation of one tolerance; others are those of screening.
+    If the column of a large tolerance is slightly wrong, the rest of it looks like a fault. Large
+    tolerances are therefore replayed at the full time step. The error of the column is one more
+    column and does not replace it, because candidates are ranked by the same columns.
 
     Args:
         replayer: replays hypotheses.
         tolerances: the tolerances.
         null_residual: residual of the nominal model, shape (n,).
     """
-    large = [i for i, one in enumerate(tolerances) if np.linalg.norm(one.column) > LARGE]
-    found = [one.column for one in tolerances]
-    residuals = replayer.residuals([[tolerances[i].deviation(1.0)] for i in large])
-    for i, residual in zip(large, residuals, strict=True):
-        if np.all(np.isfinite(residual)):
-            found[i] = null_residual - residual
-    return found
-
-
-def tolerance_columns(
-    replayer: Replayer, tolerances: Sequence[Tolerance], changes: Sequence[Floats]
-) -> Floats:
-    """Return the columns of all tolerances, in their order, and others behind them, shape (n, p).
-
-    If the column of a large tolerance is slightly wrong, the rest of it looks like a fault. The
-    error of the column is one more column and does not replace it, because candidates are ranked by
-    the same columns.
-
-    Args:
-        replayer: replays hypotheses.
-        tolerances: the tolerances.
-        changes: see `replay_tolerances`.
-    """
     steps = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
     drifts = [step / replayer.measured.noise for step in steps]
-    pairs = zip(tolerances, changes, strict=True)
-    errors = [change - one.column for one, change in pairs if change is not one.column]
+    large = [one for one in tolerances if np.linalg.norm(one.column) > LARGE]
+    residuals = replayer.residuals([[one.deviation(1.0)] for one in large])
+    errors = [
+        null_residual - residual - one.column
+        for one, residual in zip(large, residuals, strict=True)
+        if np.all(np.isfinite(residual))
+    ]
     return np.column_stack([*(one.column for one in tolerances), *errors, *drifts])

@@ -28,6 +28,7 @@ WORSE = "predicts the readings that were not used to find it worse than the mode
 EVENT = "is an event, although the error comes back with the motion"
 FOLLOWS = "leaves errors that follow the motion"
 ABOVE = "leaves errors above the noise"
+ROUGH = "leaves errors that only deviations of many times the tolerances explain"
 NO_CAUSE = "explains too little of errors that follow the motion"
 
 
@@ -47,6 +48,7 @@ class Options:
         worse: RMS on the report split, without what tolerances explain, that named causes may
             leave even if it was lower without them [noise].
         left: the same RMS above which the causes are not all that is wrong [noise].
+        rough: factor of the tolerances above which they do not excuse what is left.
         form: relative error of what tolerances explain, because large deviations are not linear.
         tolerance: factor of all tolerances of the nominal model.
         visible: change of the readings by three typical faults from which on a cause is judged
@@ -67,6 +69,7 @@ class Options:
     by_chance: float = 0.5
     worse: float = 1.2
     left: float = 1.5
+    rough: float = 4.0
     form: float = 0.03
     tolerance: float = 1.0
     visible: float = 3.0
@@ -149,9 +152,10 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
         The criteria, those first that refute all causes.
     """
     best, instead = paying.result.best, remainder.instead.evidence
+    rough = _at_most("roughness", paying.result.problem.roughness, options.rough, ROUGH)
     if best.is_null:
         most = options.certain * _form(remainder, options) ** 2
-        return (_at_most("learned_evidence", instead, most, NO_CAUSE),)
+        return (rough, _at_most("learned_evidence", instead, most, NO_CAUSE))
     named, learned = best.evidence, remainder.learned.evidence
     form = _form(remainder, options)
     most = max(ABOUT * remainder.before, options.worse)
@@ -166,6 +170,7 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
         *found,
         _at_most("learned_remainder", learned, _allowed(named, options) * form**2, FOLLOWS),
         _at_most("report_noises", remainder.after, options.left * form, ABOVE),
+        rough,
     )
 
 

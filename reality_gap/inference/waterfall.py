@@ -25,7 +25,7 @@ TOLERANCES = "small deviations within the tolerances"
 
 
 def waterfall(
-    result: Search, tested: Tested, order: Sequence[Candidate], floor: float
+    result: Search, tested: Tested, order: Sequence[Candidate], before: float, floor: float
 ) -> tuple[Share, ...]:
     """Return the steps of the waterfall of the best causes.
 
@@ -33,7 +33,8 @@ def waterfall(
         result: the search.
         tested: the test of its best causes.
         order: these causes in the order in which they are added.
-        floor: RMS of the readings' own noise on the report split [noise].
+        before: RMS of the residual of the nominal model on the report split [noise].
+        floor: RMS of the readings' own noise there [noise].
     """
     problem, best = result.problem, result.best
     report = split(problem.measured) == REPORT
@@ -45,7 +46,7 @@ def waterfall(
 
     null = problem.null_residual
     names = [TOLERANCES, *(f"{one.cause.title} at {one.location}" for one in order)]
-    sizes = [rms(null), rms(null - within)]
+    sizes = [before, rms(null - within)]
     for i in range(1, len(order) + 1):
         sizes.append(rms(_subset(result, tested, order[:i]).residual - within))
     return shares(names, sizes, floor)

@@ -183,6 +183,22 @@ class Replayer:
         """
         return self.residuals([hypothesis])[0]
 
+    def without_expansion(self, hypothesis: Hypothesis, residual: Floats) -> Floats:
+        """Return the residual of a replay without the expansion, shape (n,).
+
+        Args:
+            hypothesis: candidates with their values.
+            residual: its residual with the expansion, shape (n,).
+        """
+        kept = self.expansion
+        if not kept.parts:
+            return residual
+        self.expansion = Expansion()
+        try:
+            return self.residual(hypothesis)
+        finally:
+            self.expansion = kept
+
     @property
     def coarse(self) -> bool:
         """Whether a doubled time step is accurate enough for differences between replays."""

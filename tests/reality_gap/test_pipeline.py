@@ -36,6 +36,7 @@ def decided(
     events: tuple[bool, ...] = (False,),
     attempt_pays: bool = False,
     explained: float = 0.0,
+    roughness: float = 1.0,
 ) -> Verdict:
     """Decide on causes with this evidence, or on none.
 
@@ -47,11 +48,13 @@ def decided(
         attempt_pays: whether the best attempt predicts held-out readings better than the nominal
             model, although none of its causes may be named.
         explained: RMS of what tolerances explain [noise].
+        roughness: factor of the tolerances.
     """
     candidates = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
     best = SimpleNamespace(evidence=evidence, candidates=candidates, is_null=evidence is None)
     paying: Any = SimpleNamespace(
-        result=SimpleNamespace(best=best), attempted=SimpleNamespace(pays=attempt_pays)
+        result=SimpleNamespace(best=best, problem=SimpleNamespace(roughness=roughness)),
+        attempted=SimpleNamespace(pays=attempt_pays),
     )
     remainder: Any = SimpleNamespace(
         learned=SimpleNamespace(evidence=learned),
@@ -83,6 +86,21 @@ def test_what_tolerances_explain_is_not_exactly_linear(
     learned: float, after: float, explained: float, expected: Verdict
 ) -> None:
     assert decided(None, learned, after=after, explained=explained) is expected
+
+
+@pytest.mark.parametrize(
+    ("evidence", "roughness", "expected"),
+    [
+        (None, 4.0, Verdict.NOTHING_WRONG),
+        (None, 8.0, Verdict.UNEXPLAINED),
+        (100.0, 4.0, Verdict.NAMED),
+        (100.0, 8.0, Verdict.PARTLY_NAMED),
+    ],
+)
+def test_deviations_of_many_tolerances_are_no_excuse(
+    evidence: float | None, roughness: float, expected: Verdict
+) -> None:
+    assert decided(evidence, roughness=roughness) is expected
 
 
 @pytest.mark.parametrize(

@@ -7,19 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reality_gap import Diagnosis, Options, Verdict, diagnose
 from reality_gap.causes import CATALOGUE
 from reality_gap.inference.expansion import expand, is_linear
 from reality_gap.inference.screening import list_candidates, screen
 from reality_gap.inference.tolerances import (
     Tolerance,
     list_tolerances,
-    replay_tolerances,
     tolerance_columns,
 )
 from reality_gap.inference.whitening import whitening
 from reality_gap.simulation.hypothesis import Part
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.splits import REPORT, split
 from reality_gap.types import Floats
 
 NOISE = 1e-4
@@ -84,7 +85,7 @@ def powers(folder: Path, deviations: list[Part]) -> tuple[float, float]:
     """The power with linear columns, and that of the expansion."""
     with Replayer(study_of(folder, deviations)) as replayer:
         null, own = replayer.residual([]), tolerances_of(replayer)
-        columns = tolerance_columns(replayer, own, replay_tolerances(replayer, own, null))
+        columns = tolerance_columns(replayer, own, null)
         assert np.sqrt(np.mean(null**2)) > 100.0
         assert not is_linear(replayer, columns, null)
         found = expand(replayer, own, columns, [], null)
@@ -110,6 +111,42 @@ def test_a_fault_is_not_taken_for_deviations(tmp_path: Path, tolerances: list[To
     assert corrected > 3.0
     with Replayer(study_of(tmp_path, parts)) as replayer:
         null, own = replayer.residual([]), tolerances_of(replayer)
-        columns = tolerance_columns(replayer, own, replay_tolerances(replayer, own, null))
+        columns = tolerance_columns(replayer, own, null)
         beside = expand(replayer, own, columns, [fault], replayer.residual([fault]))
         assert beside.power < 0.5 * corrected
+
+
+@pytest.mark.parametrize(
+    ("seed", "faulty", "verdict", "names"),
+    [
+        (4, False, Verdict.NOTHING_WRONG, []),
+        (3, True, Verdict.NAMED, ["link_mass at lower"]),
+        (2, True, Verdict.UNEXPLAINED, []),  # no candidate fits, and tolerances are no excuse
+    ],
+)
+def test_deviations_are_silent_and_a_fault_beside_them_is_not(
+    tmp_path: Path,
+    tolerances: list[Tolerance],
+    seed: int,
+    faulty: bool,
+    verdict: Verdict,
+    names: list[str],
+) -> None:
+    heavy = next(one for one in tolerances if str(one.candidate) == "link_mass at lower")
+    fault = [heavy.deviation(0.3 * 0.2 / abs(heavy.size))] if faulty else []
+    study = study_of(tmp_path, [*deviations_of(tolerances, seed), *fault])
+    causes = [CATALOGUE[id] for id in KINDS]
+    found = diagnose(study, causes=causes, options=Options(suggest=False))
+
+    assert found.verdict is verdict
+    assert [str(cause.candidate) for cause in found.causes] == names
+    with Replayer(study) as replayer:
+        report = split(replayer.measured) == REPORT
+        for parts, rms in (([], found.rms_before), (fault_of(found), found.rms_after)):
+            own = np.sqrt(np.mean(replayer.residual(parts)[report] ** 2))
+            assert rms == pytest.approx(own, rel=1e-6)
+
+
+def fault_of(found: Diagnosis) -> list[Part]:
+    """The named causes with their values."""
+    return [(c.candidate, {n: e.value for n, e in c.parameters.items()}) for c in found.causes]

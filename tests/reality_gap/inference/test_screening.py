@@ -9,7 +9,6 @@ from reality_gap.causes import find_cause
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
 from reality_gap.inference.tolerances import (
     list_tolerances,
-    replay_tolerances,
     tolerance_columns,
 )
 from reality_gap.simulation.hypothesis import Candidate
@@ -52,8 +51,7 @@ class Screening:
     def columns(self) -> list[Floats]:
         """Return the columns of tolerances, without those of the time step."""
         tolerances = list(list_tolerances(self.found))
-        changes = replay_tolerances(self.replayer, tolerances, self.null)
-        return list(tolerance_columns(self.replayer, tolerances, changes).T[:-2])
+        return list(tolerance_columns(self.replayer, tolerances, self.null).T[:-2])
 
 
 def test_a_shape_without_a_size_costs_no_replay_and_changes_nothing(lever_study: Study) -> None:
