@@ -53,6 +53,7 @@ RUNNERS = {
     "emps": Runner("a measured drive: force that a mass alone does not explain"),
     "davinci": Runner("a measured cable drive: structure of its transmission"),
     "real-machines": Runner("measured machines, beside models that a person would fit"),
+    "public-models": Runner("public MJCF models, each as it is and with a payload"),
     "other-robots": Runner("robots of other sizes and kinds, with default options"),
     "remote-robot": Runner("an agent drives a robot in another process"),
     "power-cycle": Runner("all lengths are zeroed anew: what was learned is used again"),

@@ -116,14 +116,14 @@ def check(command: Check, console: Console) -> None:
 
 def diagnose(command: Diagnose, console: Console) -> None:
     """Diagnose a study, write the results and print the verdict."""
-    from rich.progress import Progress
-
     from reality_gap import pipeline
     from reality_gap.check import check_study
     from reality_gap.inference.checkpoint import forget
     from reality_gap.io.loader import load_study
     from reality_gap.report.files import check_out, write_diagnosis
+    from reality_gap.report.terminal import shown_progress
     from reality_gap.simulation.episode import silence
+    from reality_gap.simulation.memory import GIGABYTE, fit_memory
 
     options, considered = options_of(command), considered_causes(command)
     check_out(command.out)
@@ -131,18 +131,19 @@ def diagnose(command: Diagnose, console: Console) -> None:
     study = load_study(command.study)
     for sentence in check_study(study):
         _print(console, f"note: {sentence}")
+    limit = command.memory * GIGABYTE
+    plan = fit_memory(study, command.jobs, limit, lambda text: _print(console, f"note: {text}"))
     work = command.out.absolute().with_name(f".{command.out.name}.work")
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
+    with shown_progress(console) as progress:
         diagnosis = pipeline.diagnose(
-            study,
-            jobs=command.jobs,
+            plan.study,
+            jobs=plan.jobs,
             causes=considered,
             options=options,
-            progress=lambda share, text: bar.update(task, completed=share, description=text),
+            progress=progress,
             work=work,
         )
-    write_diagnosis(diagnosis, study, command.out)
+    write_diagnosis(diagnosis, plan.study, command.out)
     forget(work)
     _print_verdict(diagnosis, console)
     _print(console, f"report: {command.out / 'report.html'}")
@@ -195,32 +196,16 @@ def _print(console: Console, line: str) -> None:
 
 
 def _print_verdict(diagnosis: Diagnosis, console: Console) -> None:
-    """Print the sentence of a verdict, and its causes as a table."""
-    from rich.table import Table
-
-    from reality_gap.report.formatting import number, probability, rounded, shown
+    """Print the sentence of a verdict, its causes, and what the log cannot show."""
+    from reality_gap.report.log_text import flat_line, log_lines
+    from reality_gap.report.terminal import cause_table
 
     _print(console, diagnosis.sentence)
-    if not diagnosis.causes:
-        return
-    table = Table("cause", "location", "parameters (95 % interval)", "confidence", "equivalent")
-    for cause in diagnosis.causes:
-        parameters = []
-        for name in cause.foremost():
-            estimate = rounded(cause, name)
-            factor, unit = shown(estimate.unit, estimate.value)
-            value, low, high = (
-                number(factor * x) for x in (estimate.value, estimate.low, estimate.high)
-            )
-            parameters.append(f"{name} {value} {unit} ({low} to {high})".replace("  ", " "))
-        table.add_row(
-            cause.candidate.cause.title,
-            one_line(str(cause.candidate.location)),
-            "\n".join(parameters),
-            probability(cause.confidence),
-            ", ".join(cause.equivalent),
-        )
-    console.print(table, markup=False)
+    if diagnosis.causes:
+        console.print(cause_table(diagnosis), markup=False)
+    for line in (*log_lines(diagnosis), flat_line(diagnosis)):
+        if line:
+            _print(console, line)
 
 
 def _program() -> str:

@@ -12,6 +12,8 @@ from reality_gap.causes import CATALOGUE
 from reality_gap.io.plausibility import scale_warnings
 from reality_gap.io.validation import actuator_names
 from reality_gap.simulation.expectation import implausible_channels
+from reality_gap.simulation.inverse_dynamics import left_out
+from reality_gap.simulation.replay_warnings import replay_warnings
 from reality_gap.study.data import Episode, Study
 from reality_gap.study.measurements import channel_noise
 from reality_gap.study.system import compile_system
@@ -44,7 +46,9 @@ def check_study(study: Study) -> tuple[str, ...]:
         *_noise(study),
         *_quiet(study),
         *_beginnings(study),
+        *_left_out_efforts(study),
         *implausible_channels(study),
+        *replay_warnings(study),
     )
 
 
@@ -235,6 +239,14 @@ def _quiet(study: Study) -> list[str]:
     return [
         f"{name} hardly moves ({text}); causes that show in this sensor alone cannot be judged"
         for name, text in quiet.items()
+    ]
+
+
+def _left_out_efforts(study: Study) -> list[str]:
+    """Warn of efforts that are not compared."""
+    return [
+        f"the {name} is not compared, because its joint hardly moves"
+        for name in (left_out(study) if study.inverse else [])
     ]
 
 

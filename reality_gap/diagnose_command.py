@@ -69,11 +69,13 @@ class Diagnose:
     """Number of processes."""
     tolerance: float = 1.0
     """Factor of all tolerances of the model; larger for a rough model, such as 3."""
+    memory: float = 4.0
+    """Bound of the memory of all processes; readings are left out to stay within it [GB]."""
     causes: tuple[str, ...] = ()
     """Ids of the causes to consider, as the command causes lists them; by default all."""
     without: tuple[str, ...] = ()
     """Ids of causes to leave out."""
-    depth: int = 3
+    depth: int = 5
     """Largest number of causes that the search adds."""
     thresholds: Thresholds = Thresholds()
 
@@ -91,6 +93,8 @@ def options_of(command: Diagnose) -> Options:
         raise StudyError(f"--jobs must be at least 1, not {command.jobs}")
     if not 0.0 < command.tolerance < math.inf:
         raise StudyError(f"--tolerance must be above 0 and finite, not {command.tolerance}")
+    if not 0.0 < command.memory < math.inf:
+        raise StudyError(f"--memory must be above 0 and finite, not {command.memory}")
     given = asdict(command.thresholds)
     for name, value in given.items():
         if not 0 <= value < math.inf or (name in ("refits", "more_refits") and value < 1):

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reality_gap.causes.base import Location
+from reality_gap.log_findings import Estimate as Estimate
+from reality_gap.log_findings import FlatDirection, LogComparison
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.types import Floats
 
@@ -32,16 +34,6 @@ class Verdict(Enum):
     def has_names(self) -> bool:
         """Whether causes are named."""
         return self in (Verdict.NAMED, Verdict.PARTLY_NAMED)
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Value of a parameter with its 95 % interval in SI units."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -127,6 +119,7 @@ class NamedCause:
         gain: gain in log likelihood of held-out readings over the other named causes alone, by
             cross-validation [nats]; None for a group of causes.
         share: what it removes from the error of the report split, beside the causes before it.
+        logs: its values in each log; None if there is one log.
     """
 
     candidate: Candidate
@@ -136,6 +129,7 @@ class NamedCause:
     elsewhere: tuple[Location, ...] = ()
     gain: Gain | None = None
     share: Share | None = None
+    logs: LogComparison | None = None
 
     @property
     def title(self) -> str:
@@ -269,6 +263,7 @@ class Diagnosis:
         waterfall: what the tolerances, and then each named cause, take from the error of the report
             split; the last ``after`` is what remains.
         rejected: causes of the best attempt that are not named.
+        flat: what this study cannot show, by cause and location.
         unmodelled: probability that the cause is not in the catalogue; None if no cause was found.
         likelihood_gain: gain in log likelihood of held-out readings by the named causes together,
             given the tolerances, by cross-validation [nats]; None if no single causes are named.
@@ -298,3 +293,4 @@ class Diagnosis:
     criteria: tuple[Criterion, ...] = ()
     waterfall: tuple[Share, ...] = ()
     rejected: tuple[Rejected, ...] = ()
+    flat: tuple[FlatDirection, ...] = ()

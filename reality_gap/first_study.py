@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ import yaml
 
 from mjcf_sandbox.files import write_text
 from reality_gap.errors import StudyError
-from reality_gap.io.column_names import Element, guess, named_share
+from reality_gap.io.clock_shifts import correct_clocks
+from reality_gap.io.column_names import Element, guess, guess_time, named_share
 from reality_gap.io.completed_model import complete_model
+from reality_gap.io.held_commands import hold_commands
 from reality_gap.io.loader import load_study
 from reality_gap.io.new_folder import check_new, new_folder
 from reality_gap.io.recordings import Run, read_runs, write_run
@@ -55,20 +58,26 @@ def write_first_study(model: Path, logs: Sequence[Path], folder: Path, note: Not
     """
     check_new(folder)
     spec, added = complete_model(load_untrusted_spec(model, model.parent))
-    files = [runs for runs in (read_runs(log, note) for log in logs) if runs]
+    named = zip(logs, _names(logs), strict=True)
+    files = [runs for runs in (read_runs(log, note, name) for log, name in named) if runs]
     if not files:
         raise StudyError("the logs contain no run that is long enough for a study")
-    runs = [run for file in _begin_together(files, note) for run in file]
+    together, guessed = _begin_together(files, note)
+    runs = [run for file in together for run in file]
     _check_names(runs)
     columns = tuple(dict.fromkeys(name for run in runs for name in run.columns))
     _without_commands(spec, columns, note)
+    runs = [hold_commands(run, _command_columns(spec, columns), note) for run in runs]
     with new_folder(folder) as new:
         write_model(spec.to_xml(), model, new / MODEL)
         paths = [new / f"{run.name}.csv" for run in runs]
         for run, path in zip(runs, paths, strict=True):
             write_run(run, path)
-        write_text(new / STUDY, draft_study(new / MODEL, paths, new, model.stem))
-        write_text(new / DRAFT, f"The columns in {STUDY} have not been corrected by a replay.\n")
+        recordings = {f"{run.name}.csv": run.recording for run in runs}
+        text = draft_study(new / MODEL, paths, new, model.stem, note, recordings)
+        write_text(new / STUDY, text)
+        lines = [f"The columns in {STUDY} have not been corrected by a replay.", *guessed]
+        write_text(new / DRAFT, "\n".join(lines) + "\n")
     if added:
         note(f"{MODEL} has further sensors, for what the logs may contain: {', '.join(added)}")
     return folder / STUDY
@@ -102,8 +111,15 @@ def correct_columns(path: Path, note: Note) -> Study:
         if not lines.changed:
             break
         lines.write()
+    _correct_clocks(path, note)
     (path.parent / DRAFT).unlink(missing_ok=True)
     return load_study(path)
+
+
+def _correct_clocks(path: Path, note: Note) -> None:
+    draft = path.parent / DRAFT
+    guessed = draft.read_text(encoding="utf-8").splitlines()[1:] if draft.is_file() else []
+    correct_clocks(path, guessed, note)
 
 
 def _errors(study: Study, note: Note) -> tuple[ColumnError, ...]:
@@ -188,6 +204,15 @@ def _start(sensor: str) -> str:
     return f"  {yaml_text(sensor)}: "
 
 
+def _names(logs: Sequence[Path]) -> list[str]:
+    """Return a name for each log: its stem, after that of its folder where stems are equal."""
+    stems = [log.stem for log in logs]
+    return [
+        stem if stems.count(stem) == 1 else f"{log.resolve().parent.name}_{stem}"
+        for log, stem in zip(logs, stems, strict=True)
+    ]
+
+
 def _check_names(runs: Sequence[Run]) -> None:
     names = [run.name for run in runs]
     for name in names:
@@ -195,38 +220,54 @@ def _check_names(runs: Sequence[Run]) -> None:
             raise StudyError(f"two logs are named {name}; rename one of them")
 
 
-def _begin_together(files: Sequence[list[Run]], note: Note) -> list[list[Run]]:
+def _begin_together(files: Sequence[list[Run]], note: Note) -> tuple[list[list[Run]], list[str]]:
     """Shift the clocks of logs that have no time in common with logs of other columns.
 
     The first log with some columns belongs to the first one with those of ``files[0]``, and so on.
+    Returned are the runs of each log, and the names of those files that were shifted.
     """
     kinds = [file[0].columns.keys() for file in files]
     partners = [file for file, kind in zip(files, kinds, strict=True) if kind == kinds[0]]
-    found = []
-    for i, (file, kind) in enumerate(zip(files, kinds, strict=True)):
-        others = [run for f, k in zip(files, kinds, strict=True) if k != kind for run in f]
-        if kind == kinds[0] or any(_overlap(run, other) for run in file for other in others):
+    found, guessed = list[list[Run]](), list[str]()
+    for i, (file, own) in enumerate(zip(files, kinds, strict=True)):
+        others = [run for f, k in zip(files, kinds, strict=True) if k != own for run in f]
+        if own == kinds[0] or any(_overlap(run, other) for run in file for other in others):
             found.append(file)
             continue
-        partner = partners[min(kinds[:i].count(kind), len(partners) - 1)]
+        partner = partners[min(kinds[:i].count(own), len(partners) - 1)]
         shift = partner[0].time[0] - file[0].time[0]
-        found.append([Run(run.name, run.time + shift, run.columns) for run in file])
+        found.append([replace(run, time=run.time + shift) for run in file])
+        guessed += [f"{run.name}.csv" for run in file]
         note(
             f"the clocks of {partner[0].name} and {file[0].name} have no time in common; "
             f"{file[0].name} was shifted, so that both begin together"
         )
-    return found
+    return found, guessed
 
 
 def _overlap(one: Run, other: Run) -> bool:
     return bool(one.time[0] <= other.time[-1] and other.time[0] <= one.time[-1])
 
 
+def _command_columns(spec: mujoco.MjSpec, columns: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns that are named like commands."""
+    commands = [Element(actuator.name, "", "command") for actuator in spec.actuators]
+    clock = guess_time(columns)
+    found = guess(commands, [column for column in columns if column != clock])
+    return tuple(column for group in found.values() for column in group)
+
+
 def _without_commands(spec: mujoco.MjSpec, columns: Sequence[str], note: Note) -> None:
     """Remove the actuators from a model whose logs have efforts and no commands."""
-    commands = [Element(actuator.name, "", "command") for actuator in spec.actuators]
     efforts = [Element(joint.name, "", "force") for joint in spec.joints]
-    if not commands or guess(commands, columns) or not guess(efforts, columns):
+    if not spec.actuators or _command_columns(spec, columns):
+        return
+    if not guess(efforts, columns):
+        wanted = ", ".join(actuator.name for actuator in spec.actuators)
+        note(
+            f"no column is named like a command of {wanted}, nor like an effort; without either, "
+            "nothing can be replayed"
+        )
         return
     names = {actuator.name for actuator in spec.actuators}
     actuator = mujoco.mjtObj.mjOBJ_ACTUATOR

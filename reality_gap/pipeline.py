@@ -20,10 +20,12 @@ from reality_gap.diagnosis import Diagnosis
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
 from reality_gap.inference.expansion import Expanded, expand, is_linear
+from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search, search
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.group_fit import BETTER, GroupFit, fit_groups, power
-from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.likelihood import FAR, independent_noise
+from reality_gap.inference.log_candidates import in_each_log
 from reality_gap.inference.outcome import Outcome, groups_outcome
 from reality_gap.inference.paying import Paying
 from reality_gap.inference.problem import Problem
@@ -154,7 +156,13 @@ class _Run:
         if groups is not None and rest > max(options.large**2, groups.power / BETTER):
             return groups_outcome(replayer, null, groups, options.left)
         self.progress(0.92, "comparing alternatives and choosing the next experiment")
-        return search_outcome(paying, remainder, screened.not_judged, options)
+        outcome = search_outcome(paying, remainder, screened.not_judged, options)
+        if not options.suggest:
+            return outcome
+        problem = paying.result.problem
+        return replace(
+            outcome, flat=flat_directions(problem, screened.sensitivities, options.visible)
+        )
 
     def _screen(self, work: Path | None) -> _Screened:
         """Screen all candidates that are not deferred."""
@@ -171,6 +179,7 @@ class _Run:
 
         tick(0.0)
         found = screen(self.replayer, first, self.null_residual, checkpoint, tick)
+        found += in_each_log(system.study, self.replayer.measured, found)
         judged = tuple(one for one in found if one.change > self.options.visible)
         return _Screened(found, judged, deferred, _not_judged(candidates, first, judged))
 
@@ -184,13 +193,16 @@ class _Run:
         if not is_linear(replayer, columns, null):
             self.progress(0.7, "linearising about the likeliest deviations")
             likeliest = self._expand(tolerances, columns, result.best)
-            if likeliest.expansion.parts:
+            if likeliest.expansion.parts and likeliest.power < FAR:
                 replayer.expansion = likeliest.expansion
-                result = self._search_with(likeliest.columns, replayer.residual([]), screened)
+                null = replayer.residual([])
+                result = self._search_with(likeliest.columns, null, screened, result.singles)
         self.progress(0.8, "evaluating what remains")
         return revise_and_evaluate(result, options)
 
-    def _search_with(self, columns: Floats, null: Floats, screened: _Screened) -> Search:
+    def _search_with(
+        self, columns: Floats, null: Floats, screened: _Screened, known: Sequence[Fit] = ()
+    ) -> Search:
         """Search for causes of the nominal residual (n,), with columns of tolerances (n, p)."""
         replayer, options = self.replayer, self.options
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
@@ -198,22 +210,25 @@ class _Run:
         while True:
             noise_model = independent_noise(replayer.measured, rough * columns)
             problem = Problem(replayer, null, noise_model, rough)
-            result = search(problem, sensitivities, options.search, deferred)
-            found = roughness(replayer.measured, columns, result.best.residual)
+            result = search(problem, sensitivities, options.search, deferred, known)
+            inflation = result.problem.noise_model.inflation
+            found = roughness(replayer.measured, columns, result.best.residual, inflation)
             if found <= rough:
                 return result
-            sensitivities, rough = result.sensitivities, found
+            sensitivities, rough, known = result.sensitivities, found, result.singles
 
     def _expand(self, tolerances: Sequence[Tolerance], columns: Floats, best: Fit) -> Expanded:
-        """Linearise about the likeliest deviations, with the best causes if these are needed."""
+        """Linearise about the likeliest deviations, with as many of the causes as are needed."""
         replayer = self.replayer
-        without = expand(replayer, tolerances, columns, [], self.null_residual)
-        if best.is_null:
-            return without
-        beside = expand(replayer, tolerances, columns, best.hypothesis, best.residual)
+        found = expand(replayer, tolerances, columns, [], self.null_residual)
         count = np.count_nonzero(split(replayer.measured) <= SELECT)
-        gain = 0.5 * count * (without.power - beside.power)
-        return beside if gain > self.options.search.threshold else without
+        for i in range(1, min(len(best.hypothesis), 2) + 1):
+            first = best.hypothesis[:i]
+            residual = replayer.residual(first)
+            beside = expand(replayer, tolerances, columns, first, residual)
+            if 0.5 * count * (found.power - beside.power) > self.options.search.threshold:
+                found = beside
+        return found
 
 
 def _not_judged(
@@ -256,4 +271,5 @@ def _build(replayer: Replayer, null: Floats, outcome: Outcome, begin: float) -> 
         criteria=outcome.criteria,
         waterfall=outcome.waterfall,
         rejected=outcome.rejected,
+        flat=outcome.flat,
     )

@@ -12,9 +12,12 @@ import tyro
 
 from reality_gap.diagnose_command import Diagnose, options_of
 from reality_gap.errors import StudyError
+from reality_gap.io.foreign_text import TEXT
 
-LOGS = (".csv", ".parquet")
+LOGS = (*TEXT, ".parquet")
 """Suffixes of logs; other files and folders are unpacked."""
+WORKBOOKS = (".xlsx", ".xls", ".ods", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".json", ".pkl")
+"""Suffixes of files that other programs have to export as tables first."""
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed, changed or left out."""
@@ -27,18 +30,21 @@ class Run:
     model: tyro.conf.Positional[Path]
     """MJCF file of the machine."""
     logs: tyro.conf.Positional[tuple[Path, ...]]
-    """CSV or Parquet files, or bags and LeRobot datasets as for unpack."""
+    """Tables of text such as CSV, Parquet files, bags or LeRobot datasets; several are compared."""
     out: Path
     """Folder to write; a study in it from an earlier run, which may be edited, is used again."""
     jobs: int = os.cpu_count() or 1
     """Number of processes."""
     tolerance: float = 1.0
     """Factor of all tolerances of the model; larger for a rough model, such as 3."""
+    memory: float = 4.0
+    """Bound of the memory of all processes; readings are left out to stay within it [GB]."""
 
 
 def diagnosis_of(command: Run, study: Path) -> Diagnose:
     """Return the command that diagnoses the study."""
-    return Diagnose(study, command.out / "result", command.jobs, command.tolerance)
+    out = command.out / "result"
+    return Diagnose(study, out, command.jobs, command.tolerance, command.memory)
 
 
 def study_of(command: Run, note: Note) -> Path:
@@ -75,7 +81,9 @@ def study_of(command: Run, note: Note) -> Path:
     try:
         correct_columns(study, note)
     except StudyError as error:
-        raise StudyError(f"{error} (edit {study}, and run the same command again)") from error
+        raise StudyError(
+            f"{error} (edit {study} or the model beside it, and run the same command again)"
+        ) from error
     return study
 
 
@@ -86,6 +94,9 @@ def _draft(command: Run, folder: Path, note: Note) -> None:
     from reality_gap.io.rosbag_sandbox import unpack_in_sandbox
 
     check_new(folder)
+    for log in command.logs:
+        if log.suffix.lower() in WORKBOOKS:
+            raise StudyError(f"{log.name} is no table of text; export it as CSV first")
     if all(log.suffix.lower() in LOGS for log in command.logs):
         write_first_study(command.model, command.logs, folder, note)
         return

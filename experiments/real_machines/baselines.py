@@ -1,45 +1,49 @@
 """Baselines of the diagnosis: models with parameters that a person frees, fitted by least squares.
 
-A baseline edits every moving joint of the nominal model in the same way, and is fitted to the
-readings that the diagnosis may fit, too. Its parameters are multiples of scales that follow from
-the machine: its inertia, its effort and its speed. Fits start from several points, because dry
-friction makes the misfit rough.
+A baseline is fitted to the readings that the diagnosis may fit, too. `fit` starts from several
+points, because dry friction makes the misfit rough; `fit_by_mujoco` uses the optimiser of
+`mujoco.sysid` as its users would, from the nominal model on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from scipy.optimize import least_squares
 
+from experiments.gap_bench.baselines import sysid_installed
+from experiments.harness.errors import ExperimentError
+from experiments.real_machines.parameters import Free, expand, predict
 from jmm_agent.types import Floats
-from reality_gap.causes.base import Effects, Record
-from reality_gap.simulation.hypothesis import Plant
-from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
-from reality_gap.simulation.replay import replay
+from reality_gap.simulation.inverse_dynamics import ensure_prepared
 from reality_gap.study.data import Study
-from reality_gap.study.measurements import Measured, measured
+from reality_gap.study.measurements import measured
 from reality_gap.study.splits import REPORT, split
 
 PACE = ("armature", "damping", "friction", "bias", "delay")
-"""Parameters of PACE (arXiv 2509.06342): rotor inertia, viscous and dry friction, zero of the
-encoder, and one delay."""
+"""Parameters of PACE (arXiv 2509.06342): rotor inertia, viscous and dry friction and zero of the
+encoder of each joint, and one delay."""
+PACE_EFFORT = ("armature", "damping", "friction", "delay")
+"""The same where efforts are measured, which the zero of an encoder does not change."""
 PERSON = ("mass", "damping", "friction", "armature", "gain")
 """Parameters that a person would free first."""
-PERSON_EFFORT = ("mass", "damping", "friction", "offset")
-"""The same where efforts are measured; this is the published model of the EMPS drive."""
+PERSON_EFFORT = ("mass", "damping", "friction", "armature", "offset")
+"""The same where efforts are measured; together the standard model of identification."""
 
 STARTS = (0.02, 0.5)
 """Values of all parameters, in their scales, from which fits start."""
 DIFFERENCE = 0.02
 """Step of finite differences in scales."""
-EVALUATIONS = 40
-"""Largest number of steps of one fit."""
+EVALUATIONS, ITERATIONS = 25, 20
+"""Largest number of steps of one fit by scipy, and by `mujoco.sysid`."""
 BAD = 1e3
 """Residual of a replay that diverged [noise]."""
+INSIDE = 1e-6
+"""Least distance of a start from the bounds, in scales."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Baseline:
     """A fitted model.
 
     Attributes:
-        values: parameters by name in SI units; mass and gain are relative errors.
+        values: parameters by key in SI units; mass and gain are relative errors.
         prediction: readings, shape (n,).
     """
 
@@ -56,57 +60,51 @@ class Baseline:
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Typical sizes of the machine: inertia, effort and speed of a joint in SI units."""
+class Problem:
+    """Least squares in units of the parameters' scales.
 
-    inertia: float
-    effort: float
-    speed: float
+    Attributes:
+        free: the parameters.
+        residual: function of values (p,) that returns the errors (m,) [noise].
+        predict: function of values (p,) that returns the parameters and all readings (n,).
+    """
 
-    def of(self, name: str) -> float:
-        """Scale of a parameter."""
-        return {
-            "armature": 0.3 * self.inertia,
-            "damping": 0.2 * self.effort / self.speed,
-            "friction": 0.2 * self.effort,
-            "bias": 0.05,
-            "delay": 0.02,
-            "mass": 0.3,
-            "gain": 0.3,
-            "offset": 0.1 * self.effort,
-        }[name]
+    free: Sequence[Free]
+    residual: Callable[[Floats], Floats]
+    predict: Callable[[Floats], Baseline]
 
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds, shape (p,) each."""
+        low = np.array([one.low / one.scale for one in self.free])
+        return low, np.array([one.high / one.scale for one in self.free])
 
-def fit(study: Study, names: tuple[str, ...]) -> Baseline:
-    """Fit the parameters ``names`` to all readings but those of the report split."""
-    study = ensure_prepared(study)
-    readings = measured(study)
-    use = split(readings) != REPORT
-    scales = find_scales(study)
-    size = np.array([scales.of(name) for name in names])
-    low = np.array([bounds(name, scales)[0] for name in names]) / size
-    high = np.array([bounds(name, scales)[1] for name in names]) / size
-
-    def residual(x: Floats) -> Floats:
-        values = dict(zip(names, x * size, strict=True))
-        error = (predict(study, readings, values) - readings.value) / readings.noise
-        return np.nan_to_num(error[use], nan=BAD, posinf=BAD, neginf=-BAD)
-
-    def jacobian(x: Floats) -> Floats:
-        here = residual(x)
+    def jacobian(self, x: Floats) -> Floats:
+        """Finite differences at ``x`` (p,), shape (m, p)."""
+        here, (_, high) = self.residual(x), self.bounds()
         columns = []
         for k in range(len(x)):
             step = DIFFERENCE if x[k] + DIFFERENCE < high[k] else -DIFFERENCE
             moved = x.copy()
             moved[k] += step
-            columns.append((residual(moved) - here) / step)
+            columns.append((self.residual(moved) - here) / step)
         return np.column_stack(columns)
 
+
+def fit(study: Study, kinds: Sequence[str], shared: bool = False) -> Baseline:
+    """Fit parameters of some kinds to all readings but those of the report split.
+
+    Args:
+        study: the study.
+        kinds: of the parameters; see `experiments.real_machines.parameters.ACTS_ON`.
+        shared: whether all elements of the machine share one parameter of each kind.
+    """
+    problem = pose(study, kinds, shared)
+    low, high = problem.bounds()
     found = [
         least_squares(
-            residual,
-            np.clip(np.full(len(names), start), low + 1e-6, high - 1e-6),
-            jacobian,
+            problem.residual,
+            np.clip(np.full(len(low), start), low + INSIDE, high - INSIDE),
+            problem.jacobian,
             bounds=(low, high),
             max_nfev=EVALUATIONS,
             xtol=1e-4,
@@ -115,78 +113,61 @@ def fit(study: Study, names: tuple[str, ...]) -> Baseline:
         for start in STARTS
     ]
     best = min(found, key=lambda one: float(one.cost))
-    values = dict(zip(names, (float(x) for x in best.x * size), strict=True))
-    return Baseline(values, predict(study, readings, values))
+    return problem.predict(best.x)
 
 
-def bounds(name: str, scales: Scales) -> tuple[float, float]:
-    """Bounds of a parameter in SI units."""
-    if name in ("bias", "offset"):
-        return -10.0 * scales.of(name), 10.0 * scales.of(name)
-    if name in ("mass", "gain"):
-        return -0.95, 3.0
-    return 0.0, 20.0 * scales.of(name)
-
-
-def find_scales(study: Study) -> Scales:
-    """Find the typical sizes of a machine from its nominal model along the log."""
-    readings = measured(study)
-    model = study.spec().compile()
-    plant = Plant(study.spec(), Effects())
-    if study.inverse:
-        effort = float(np.sqrt(np.mean(readings.value**2)))
-        records = inverse_replay(plant, study, readings).records
-    else:
-        records = replay(plant, study, readings).records
-        effort = float(np.sqrt(np.mean(np.concatenate([r.force for r in records]) ** 2)))
-    speed = float(np.sqrt(np.mean(np.concatenate([r.qvel for r in records]) ** 2)))
-    return Scales(float(model.dof_M0.max()), effort, max(speed, 1e-3))
-
-
-def predict(study: Study, readings: Measured, values: Mapping[str, float]) -> Floats:
-    """Predict the readings of a prepared study, shape (n,).
+def fit_by_mujoco(study: Study, kinds: Sequence[str], shared: bool = False) -> Baseline:
+    """Fit parameters of some kinds by `mujoco.sysid`, from close to the nominal model on.
 
     Args:
         study: the study.
-        readings: its readings.
-        values: parameters by name in SI units; mass and gain are relative errors.
+        kinds: of the parameters; see `experiments.real_machines.parameters.ACTS_ON`.
+        shared: whether all elements of the machine share one parameter of each kind.
+
+    Raises:
+        ExperimentError: the extra ``mujoco[sysid]`` is not installed.
     """
-    spec = study.spec()
-    for joint in spec.joints:
-        joint.armature += values.get("armature", 0.0)
-        joint.damping[0] += values.get("damping", 0.0)
-        joint.frictionloss += values.get("friction", 0.0)
-    for geom in spec.geoms:  # whose mass is NaN if it follows from the density
-        geom.mass *= 1.0 + values.get("mass", 0.0)
-        geom.density *= 1.0 + values.get("mass", 0.0)
-    for actuator in spec.actuators:
-        actuator.gainprm[0] *= 1.0 + values.get("gain", 0.0)
-        actuator.biasprm[1] *= 1.0 + values.get("gain", 0.0)
-    plant = Plant(spec, _effects(study, values))
-    if study.inverse:
-        return inverse_replay(plant, study, readings).prediction
-    return replay(plant, study, readings).prediction
+    if not sysid_installed():
+        raise ExperimentError("The baseline needs mujoco[sysid]: pip install 'mujoco[sysid]'.")
+    from mujoco import sysid
+
+    logging.getLogger("absl").setLevel(logging.ERROR)
+    problem = pose(study, kinds, shared)
+    parameters = sysid.ParameterDict()
+    for k, (low, high) in enumerate(zip(*problem.bounds(), strict=True)):
+        first = float(np.clip(STARTS[0], low + STARTS[0], high - STARTS[0]))
+        parameters.add(sysid.Parameter(f"{k}", first, low, high))
+
+    def residual(x: Floats, _: object) -> tuple[list[Floats], None, None]:
+        columns = [problem.residual(values) for values in np.atleast_2d(x.T)]
+        return [np.column_stack(columns) if x.ndim > 1 else columns[0]], None, None
+
+    _, found = sysid.optimize(
+        parameters,
+        residual,
+        verbose=False,
+        max_iters=ITERATIONS,
+        eps=DIFFERENCE,
+        output=io.StringIO(),
+    )
+    return problem.predict(np.ravel(found.x))
 
 
-def _effects(study: Study, values: Mapping[str, float]) -> Effects:
-    bias, delay, offset = (values.get(name, 0.0) for name in ("bias", "delay", "offset"))
-    effects = Effects()
+def pose(study: Study, kinds: Sequence[str], shared: bool) -> Problem:
+    """Pose the least squares problem of a study."""
+    study = ensure_prepared(study)
+    readings = measured(study)
+    use = split(readings) != REPORT
+    free = expand(study, kinds, shared)
 
-    def command(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
-        late = [np.interp(time - delay, time, column) for column in command.T]
-        return np.column_stack(late) - bias
+    def values(x: Floats) -> dict[str, float]:
+        return {one.key: float(v * one.scale) for one, v in zip(free, x, strict=True)}
 
-    def reading(record: Record) -> None:
-        for channel in study.channels:
-            record.sensors[:, record.column(channel.sensor, channel.component)] += bias
+    def residual(x: Floats) -> Floats:
+        error = (predict(study, readings, values(x)) - readings.value) / readings.noise
+        return np.nan_to_num(error[use], nan=BAD, posinf=BAD, neginf=-BAD)
 
-    def effort(model: mujoco.MjModel, time: Floats, effort: Floats) -> None:
-        for column in effort.T:
-            column[:] = np.interp(time - delay, time, column) + offset
+    def fitted(x: Floats) -> Baseline:
+        return Baseline(values(x), predict(study, readings, values(x)))
 
-    if study.inverse:
-        effects.efforts.append(effort)
-    else:
-        effects.commands.append(command)
-        effects.readings.append(reading)
-    return effects
+    return Problem(free, residual, fitted)

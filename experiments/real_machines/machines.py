@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from experiments.emps import log as emps
 from experiments.harness.errors import ExperimentError
-from experiments.real_machines import xl330
-from experiments.real_machines.baselines import PACE, PERSON, PERSON_EFFORT
+from experiments.real_machines import aero_hand, cable, psm, so101, tiago, two_link, tx40, xl330
+from experiments.real_machines.baselines import PACE, PACE_EFFORT, PERSON, PERSON_EFFORT
 from reality_gap import Study
 
 PACE_NAME, PERSON_NAME = "PACE", "a person"
@@ -29,14 +29,17 @@ class Machine(NamedTuple):
         study: makes its study from that folder, the folder of the results and the longest log [s].
         baselines: names of the freed parameters by name of the baseline.
         published: values that the authors of the data published, as parameters of a baseline; see
-            `experiments.real_machines.baselines`.
+            `experiments.real_machines.parameters`; None without such values.
+        shared: whether joints and links share the parameters of the baselines, because the log says
+            little of each.
     """
 
     title: str
     files: str
     study: Callable[[Path, Path, float], Study]
     baselines: Mapping[str, tuple[str, ...]]
-    published: Mapping[str, float]
+    published: Mapping[str, float] | None
+    shared: bool = False
 
 
 def xl330_study(kp: float, data: Path, out: Path, seconds: float) -> Study:
@@ -65,8 +68,18 @@ def emps_study(data: Path, out: Path, seconds: float) -> Study:
     return emps.make_study(emps.Log(*(part[first] for part in vars(log).values())))
 
 
+def per_joint(kinds: Mapping[str, tuple[float, ...]], joints: tuple[str, ...]) -> dict[str, float]:
+    """Return parameters by key, from values of several joints by kind."""
+    return {
+        f"{kind} {joint}": value
+        for kind, values in kinds.items()
+        for joint, value in zip(joints, values, strict=True)
+    }
+
+
 EMPS_FILE = "emps/emps_train.csv"
 SERVO = {PACE_NAME: PACE, PERSON_NAME: PERSON}
+EFFORT = {PACE_NAME: PACE_EFFORT, PERSON_NAME: PERSON_EFFORT}
 MACHINES = {
     "xl330_kp100": Machine(
         "XL330 pendulum, gain 100",
@@ -82,16 +95,33 @@ MACHINES = {
         SERVO,
         xl330.PUBLISHED,
     ),
+    "so101": Machine(
+        "SO-101 arm", f"{so101.FOLDER}/*/control.csv", so101.make_study, SERVO, so101.PUBLISHED
+    ),
     "emps": Machine(
         "EMPS drive",
         EMPS_FILE,
         emps_study,
-        {PACE_NAME: PACE, PERSON_NAME: PERSON_EFFORT},
+        EFFORT,
         {
             "damping": emps.PUBLISHED["viscous"],
             "friction": emps.PUBLISHED["coulomb"],
             "offset": emps.PUBLISHED["offset"],
         },
+    ),
+    "tiago": Machine("TIAGo arm", f"{tiago.LOG}/*.csv", tiago.make_study, EFFORT, None),
+    "tx40": Machine(
+        "Staubli TX40",
+        tx40.TORQUE,
+        tx40.make_study,
+        EFFORT,
+        per_joint(tx40.PUBLISHED, tx40.MEASURED),
+    ),
+    "two_link": Machine("two-link arm", two_link.LOG, two_link.make_study, EFFORT, None),
+    "psm": Machine("dVRK PSM with 205 g", psm.LOG, psm.make_study, EFFORT, None),
+    "davinci": Machine("da Vinci cable", cable.FILE, cable.make_study, SERVO, None),
+    "aero_hand": Machine(
+        "Aero hand", f"{aero_hand.FOLDER}/motor_data_*.csv", aero_hand.make_study, SERVO, None, True
     ),
 }
 """All machines by key."""

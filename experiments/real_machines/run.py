@@ -31,6 +31,7 @@ from mjcf_sandbox.files import write_json
 NAME = "real-machines"
 TITLE = "Diagnosis of measured machines"
 QUICK_SECONDS = 4.0
+FOLDER = ROOT / "experiments/real_machines"
 
 
 @dataclass(frozen=True)
@@ -97,8 +98,8 @@ def choose(args: Args) -> tuple[list[str], dict[str, str]]:
 
 def digest(args: Args, names: list[str]) -> str:
     """Digest of the options, the code and the data that results depend on."""
-    parts = ("machines", "baselines", "trial", "xl330")
-    paths = [ROOT / "experiments/real_machines" / f"{part}.py" for part in parts]
+    shown = ("figures.py", "run.py", "tables.py")
+    paths = [p for p in sorted(FOLDER.glob("*.py")) if p.name not in shown]
     paths += sorted((ROOT / "reality_gap").rglob("*.py"))
     for pattern in {MACHINES[name].files for name in names}:
         paths += sorted(args.data.glob(pattern))

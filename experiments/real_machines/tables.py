@@ -9,7 +9,7 @@ from experiments.harness.report import Table
 from experiments.real_machines.trial import EXTENDED, NOMINAL, PUBLISHED
 
 LEAST = 1e-6
-"""Size of a parameter in SI units below which it is shown as 0."""
+"""Size of a parameter in SI units below which it counts as 0."""
 COLUMNS = (NOMINAL, EXTENDED, PUBLISHED)
 """Models that are compared beside the baselines."""
 MOST, HALF = 1.05, 0.5
@@ -56,14 +56,14 @@ def error_table(done: Mapping[str, Any]) -> Table:
         for channel in result["errors"][NOMINAL]:
             if channel == "all":
                 continue
-            errors = [result["errors"][key].get(channel) for key in COLUMNS + baselines]
+            errors = [result["errors"].get(key, {}).get(channel) for key in COLUMNS + baselines]
             rows.append(
                 (
                     result["title"],
                     channel,
                     f"{result['seconds']:.1f}",
                     result["verdict"],
-                    *(f"{error:.3g}" for error in errors),
+                    *("" if error is None else f"{error:.3g}" for error in errors),
                     f"{result['ratio']:.2f}",
                 )
             )
@@ -113,11 +113,15 @@ def attempt_table(done: Mapping[str, Any]) -> Table:
 def baseline_table(done: Mapping[str, Any]) -> Table:
     """Table of the baselines' parameters."""
     rows = [
-        (result["title"], title, ", ".join(f"{name} {_number(x)}" for name, x in values.items()))
+        (
+            result["title"],
+            title,
+            ", ".join(f"{name} {x:.3g}" for name, x in values.items() if abs(x) >= LEAST),
+        )
         for result in done.values()
         for title, values in result["baselines"].items()
     ]
-    note = "SI units; mass and gain are relative errors of the nominal model."
+    note = "SI units; mass and gain are relative errors of the nominal model. Zeros are left out."
     return Table("Parameters of the baselines", ("machine", "baseline", "values"), rows, note)
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.real_machines.baselines import fit, predict
-from experiments.real_machines.machines import MACHINES
+from experiments.real_machines.baselines import Baseline, fit, fit_by_mujoco
+from experiments.real_machines.machines import MACHINES, PERSON_NAME, Machine
+from experiments.real_machines.parameters import predict
 from jmm_agent.types import Floats
 from reality_gap import Diagnosis, Options, RealityGapError, diagnose
 from reality_gap.report.files import check_out, write_diagnosis
@@ -18,6 +19,7 @@ from reality_gap.study.measurements import Measured, measured
 from reality_gap.study.splits import REPORT, split
 
 NOMINAL, EXTENDED, PUBLISHED = "nominal model", "named causes", "authors"
+MUJOCO = "mujoco.sysid"
 
 
 def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
@@ -39,26 +41,35 @@ def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
         check_out(out / "diagnosis")
         found = diagnose(study, options=Options(suggest=False))
         write_diagnosis(found, study, out / "diagnosis")
-        baselines = {title: fit(study, names) for title, names in machine.baselines.items()}
+        baselines = fit_baselines(machine, study)
     except (ValueError, RealityGapError) as error:  # of the loaders, and of the study
         return {"refused": f"{machine.title} is left out: {error}"}
     readings = measured(study)
     predictions = {
         NOMINAL: np.concatenate([trace.before for trace in found.traces]),
         EXTENDED: np.concatenate([trace.after for trace in found.traces]),
-        PUBLISHED: predict(study, readings, machine.published),
     } | {title: baseline.prediction for title, baseline in baselines.items()}
+    if machine.published is not None:
+        predictions[PUBLISHED] = predict(study, readings, machine.published)
     errors = {key: held_out_errors(study, readings, x) for key, x in predictions.items()}
     return {
         "refused": "",
         "title": machine.title,
         "seconds": study.duration,
         "errors": errors,
-        "ratio": ratio(errors, list(machine.baselines)),
+        "ratio": ratio(errors, list(baselines)),
         "baselines": {title: dict(baseline.values) for title, baseline in baselines.items()},
         "signals": signals(study, readings, predictions),
         **answer(found),
     }
+
+
+def fit_baselines(machine: Machine, study: Study) -> dict[str, Baseline]:
+    """Fit all baselines of a machine; that of a person by `mujoco.sysid`, too."""
+    found = {title: fit(study, kinds, machine.shared) for title, kinds in machine.baselines.items()}
+    if PERSON_NAME in found:
+        found[MUJOCO] = fit_by_mujoco(study, machine.baselines[PERSON_NAME], machine.shared)
+    return found
 
 
 def held_out_errors(study: Study, readings: Measured, prediction: Floats) -> dict[str, float]:

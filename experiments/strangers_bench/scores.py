@@ -19,6 +19,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "torque_limit": ("force_limit",),
     "command_delay": ("delay",),
     "sensor_delay": ("delay",),
+    "early_stamps": ("delay",),
     "reading_zero": ("joint_offset",),
     "reading_scale": ("encoder_scale",),
     "mirrored_reading": ("encoder_scale", "mirrored_axis"),
@@ -52,7 +53,14 @@ PARAMETERS: dict[str, str] = {
     "length_offset": "offset",
     "delay": "delay",
     "backlash": "gap",
-    "wire_elongation": "length",
+    "wire_elongation": "elongation",
+    "torque_speed_curve": "drop",
+    "speed_limit": "slowness",
+    "dead_zone": "half_width",
+    "gear_friction": "coefficient",
+    "joint_elasticity": "compliance",
+    "motor_coupling": "ratio",
+    "clock_drift": "drift",
 }
 """Parameter of a cause that the true size of an effect is compared with."""
 

@@ -78,6 +78,7 @@ def simulate(plant: Plant, episode: int, time: Floats, command: Floats, start: f
         pull=np.zeros(count),
         torque=np.zeros(model.nv),
         step=step,
+        command=np.zeros(count),
     )
     act = _Actuation(plant, state)
     added, steady = _plan(plant, episode, time, command)
@@ -152,6 +153,7 @@ class _Actuation:
     def __init__(self, plant: Plant, state: State) -> None:
         self._plant, self._state = plant, state
         self._encoder = [make() for make in plant.encoder_devices]
+        self._law = [make() for make in plant.law_devices]
         self._pull = [make() for make in plant.pull_devices]
         self._body = [make() for make in plant.body_devices]
         none = np.zeros(len(plant.scale))
@@ -175,6 +177,8 @@ class _Actuation:
             act(state)
         force = law.gain * command + law.bias + law.position * state.encoder + added
         force += law.rate * state.velocity
+        if self._law:
+            force = self._by_devices(command, force)
         force = np.minimum(np.maximum(force, law.low), law.high)
         if self._lags:
             self._level = force if self._level is None else self._level
@@ -193,6 +197,15 @@ class _Actuation:
         self._act_on_bodies()
         if plant.compensates:
             self.sensed += state.data.qfrc_gravcomp
+
+    def _by_devices(self, command: Floats, force: Floats) -> Floats:
+        """Let devices change the forces of the laws (drives,)."""
+        kept = self._state.force.copy()
+        self._state.command[:], self._state.force[:] = command, force
+        for act in self._law:
+            act(self._state)
+        found, self._state.force[:] = self._state.force.copy(), kept
+        return found
 
     def _act_on_bodies(self) -> None:
         state = self._state

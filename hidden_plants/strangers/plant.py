@@ -30,6 +30,7 @@ class State:
         data: MuJoCo's, with positions and velocities up to date.
         position, velocity: of what each drive moves (drives,).
         encoder: readings of its encoder, which the drive's law uses (drives,).
+        command: of each drive in this step (drives,).
         force: of each drive (drives,); a pull of a tendon is negative. While encoder devices run,
             that of the previous step.
         pull: force behind the sensor of the force (drives,).
@@ -46,6 +47,7 @@ class State:
     pull: Floats
     torque: Floats
     step: float
+    command: Floats
     time: float = 0.0
 
 
@@ -76,7 +78,9 @@ class Plant:
         bristle, joint_bristle: travels over which friction builds up (drives,), (joints,).
         reading_scale, reading_offset, reading_delay: of readings by sensor.
         compensates: whether the drives compensate gravity in part, by ``body_gravcomp``.
+        drift: by how much the clock of the sensors is faster than that of the commands [1].
         encoder_devices: change the encoder readings.
+        law_devices: change the forces by the drives' laws, before their limits.
         pull_devices: change the forces behind the sensors.
         body_devices: apply forces to bodies and joints.
         reading_effects: change all readings of an episode.
@@ -102,7 +106,9 @@ class Plant:
     reading_offset: dict[str, float] = field(default_factory=dict)
     reading_delay: dict[str, float] = field(default_factory=dict)
     compensates: bool = False
+    drift: float = 0.0
     encoder_devices: list[DeviceFactory] = field(default_factory=list)
+    law_devices: list[DeviceFactory] = field(default_factory=list)
     pull_devices: list[DeviceFactory] = field(default_factory=list)
     body_devices: list[DeviceFactory] = field(default_factory=list)
     reading_effects: list[ReadingEffect] = field(default_factory=list)

@@ -65,7 +65,7 @@ def run(
         signals |= {"position": trace.encoder, "velocity": trace.velocity}
         found = {}
         for sensor in stranger.sensors:
-            when = sampled - plant.reading_delay.get(sensor.name, 0.0)
+            when = sampled / (1.0 + plant.drift) - plant.reading_delay.get(sensor.name, 0.0)
             values = np.interp(when, trace.time, signals[sensor.kind][:, sensor.index])
             values = values * plant.reading_scale.get(sensor.name, 1.0)
             found[sensor.name] = values + plant.reading_offset.get(sensor.name, 0.0)

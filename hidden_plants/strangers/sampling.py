@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hidden_plants.secret import Effect
-from hidden_plants.strangers.mechanisms import MECHANISMS, OUTSIDE
+from hidden_plants.strangers.mechanisms import ADDED, MECHANISMS, OUTSIDE
+from hidden_plants.strangers.mechanisms.mechanism import Structure
 from hidden_plants.strangers.mismatch import sample_mismatch
 from hidden_plants.strangers.oracle import Oracle
 from hidden_plants.strangers.plant import real_step
@@ -94,16 +95,14 @@ def _effect(
     before: tuple[Effect, ...],
 ) -> tuple[Effect, float] | None:
     """An effect of one of the ids and its multiple of the floor; None if it cannot be shown."""
-    tables = {id: MECHANISMS[id].structures(stranger, rng) for id in ids}
-    known = [id for id, structures in tables.items() if structures]
-    if not known:
+    rng, structures = _structures(rng, stranger, ids)
+    if not structures:
         return None
-    structures = tables[str(rng.choice(known))]
     structure = structures[int(rng.integers(len(structures)))]
     if structure.id in FIXED:
         effect = structure.at(structure.most)
         return (effect, float("inf")) if _is_sound(stranger, (*before, effect)) else None
-    floor = oracle.floor(structure)
+    floor = max(oracle.floor(structure), structure.least / LOWEST)
     high = min(HIGHEST * floor, structure.most)
     if not LOWEST * floor <= high:
         return None
@@ -114,6 +113,25 @@ def _effect(
             return effect, amplitude / floor
         amplitude *= 0.5
     return None
+
+
+def _structures(
+    rng: np.random.Generator, stranger: Stranger, ids: list[str]
+) -> tuple[np.random.Generator, list[Structure]]:
+    """Structures of one of the ids that a machine has, and the generator of all that follows.
+
+    Whether it is one of `ADDED` is sampled with a generator of its own, which leaves ``rng`` as it
+    is, and so is all that follows for such an id.
+    """
+    [own] = rng.spawn(1)
+    added, known = (
+        {id: MECHANISMS[id].structures(stranger, one) for id in ids if (id in ADDED) == is_added}
+        for is_added, one in ((True, own), (False, rng))
+    )
+    added, known = ({k: v for k, v in table.items() if v} for table in (added, known))
+    if added and own.random() * (len(added) + len(known)) < len(added):
+        return own, added[str(own.choice(list(added)))]
+    return rng, known[str(rng.choice(list(known)))] if known else []
 
 
 def _is_sound(stranger: Stranger, effects: tuple[Effect, ...]) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hidden_plants.secret import Effect
-from hidden_plants.strangers.mechanisms import build
+from hidden_plants.strangers.mechanisms import build, motor_limits
 from hidden_plants.strangers.mechanisms.mechanism import index_of, joint_of, size_of
 from hidden_plants.strangers.mismatch import sample_mismatch
 from hidden_plants.strangers.plant import Plant, real_step
@@ -35,6 +35,14 @@ PLAIN = (
     "backlash",
     "wire_elongation",
     "joint_stiffness",
+    "torque_speed_curve",
+    "speed_limit",
+    "dead_zone",
+    "gear_friction",
+    "joint_elasticity",
+    "motor_coupling",
+    "clock_drift",
+    "early_stamps",
 )
 """Effects with one number that means the same to everybody."""
 
@@ -42,7 +50,8 @@ PLAIN = (
 def true_size(stranger: Stranger, effect: Effect) -> float | None:
     """Difference of the real machine from the nominal one by an effect and its mismatch.
 
-    A reduction of a number of the model is negative; a limit is the limit itself.
+    A reduction of a number of the model is negative; a limit of a force is the limit itself, that
+    of a speed is its inverse.
 
     Args:
         stranger: nominal machine.
@@ -53,6 +62,8 @@ def true_size(stranger: Stranger, effect: Effect) -> float | None:
     """
     if effect.id not in PLAIN:
         return None
+    if effect.id in motor_limits.TRUE_SIZES:
+        return motor_limits.TRUE_SIZES[effect.id](effect)
     plant = build(stranger, sample_mismatch(stranger), (effect,), real_step(stranger))
     if effect.id in _OF_JOINTS:
         return _of_joint(stranger, plant, effect)

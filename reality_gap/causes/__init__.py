@@ -20,6 +20,8 @@ MODULES = (
     "viscous_friction",
     "load_dependent_friction",
     "direction_dependent_friction",
+    "stribeck_friction",
+    "gear_friction",
     "backlash",
     "slack",
     "actuator_lag",
@@ -29,6 +31,9 @@ MODULES = (
     "force_scale",
     "force_offset",
     "force_limit",
+    "torque_speed_curve",
+    "speed_limit",
+    "dead_zone",
     "gravity_compensation",
     "attachment_shift",
     "missing_wrapping",
@@ -37,6 +42,10 @@ MODULES = (
     "payload",
     "armature",
     "joint_stiffness",
+    "joint_elasticity",
+    "coupling_ratio",
+    "joint_coupling",
+    "motor_coupling",
     "joint_offset",
     "encoder_scale",
     "gravity_direction",
@@ -51,6 +60,7 @@ MODULES = (
     "effort_scale",
     "effort_offset",
     "delay",
+    "clock_drift",
 )
 """Files of the catalogue, in the order in which causes are built into a machine: those that act on
 readings only come last, and a delay after all others."""

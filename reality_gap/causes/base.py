@@ -120,14 +120,17 @@ class Location:
         kind: "tendon", "joint", "site", "body", "sensor", "actuator", "camera" or "model".
         elements: names of the elements.
         note: distinguishes locations with the same elements, for example by a segment of a path.
+        log: name of the only log in which the cause acts; empty if it acts in all logs.
     """
 
     kind: str
     elements: tuple[str, ...]
     note: str = ""
+    log: str = ""
 
     def __str__(self) -> str:
-        return ", ".join(self.elements) + (f" ({self.note})" if self.note else "")
+        where = ", ".join(self.elements) + (f" ({self.note})" if self.note else "")
+        return f"{where} in {self.log}" if self.log else where
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,11 @@
 MuJoCo delays commands by at least one time step. A shorter delay is an effect on the commands,
 which interpolates linearly and equals MuJoCo's delay at one step, so that the replay is a
 continuous function of the delay. Sensors of one kind share a bus and therefore a delay, as do the
-position and the orientation of a marker. The delay of sensors shifts the record, because other
-causes edit the record; MuJoCo's own sensor delay would act before them. Where efforts are compared
-by inverse dynamics, all of them together are late or early against the positions.
+position and the orientation of a marker. A delay of sensors is negative where their time stamps are
+too early, and one of all commands where theirs are too late. The delay of sensors shifts the
+record, because other causes edit the record; MuJoCo's own sensor delay would act before them. Where
+efforts are compared by inverse dynamics, all of them together are late or early against the
+positions.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import efforts, elements
-from reality_gap.study.system import System, column
+from reality_gap.study.system import System, column, commanded
 from reality_gap.types import Floats
 
 FRAMES = tuple(
@@ -38,6 +40,9 @@ are on one bus."""
 EFFORTS = "efforts after positions"
 """Note of the location of all efforts that are compared by inverse dynamics. Positions may also be
 read after them, so that this delay may be negative."""
+EARLIEST = 0.5
+"""Largest time by which the sensors of a kind, or all commands, are early [s]: where time stamps of
+commands are late, or logs were aligned wrongly, readings show what a command does before it."""
 LEAST = 0.6
 """Delay up to which it is not named, in time steps of the model: an integrator may be late or early
 by half a step, more or less for each kind of sensor."""
@@ -64,9 +69,12 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.note == EFFORTS:
         both = (*(-s for s in SECANTS), *SECANTS)
         return (Parameter("delay", "s", 0.004, 0.0001, -0.5, 0.5, hints=SearchHints(secants=both)),)
-    hints = SearchHints(secants=elements.secants(system, location, SECANTS), nearby=NEARBY)
+    early, secants = 0.0, elements.secants(system, location, SECANTS)
+    if location.kind == "sensor" or len(location.elements) == len(commanded(system.model)):
+        early, secants = -EARLIEST, (*(-s for s in SECANTS), *SECANTS)
+    hints = SearchHints(secants=secants, nearby=NEARBY)
     least = LEAST * system.model.opt.timestep
-    return (Parameter("delay", "s", 0.004, 0.00005, 0.0, 0.5, hints=hints, least=least),)
+    return (Parameter("delay", "s", 0.004, 0.00005, early, 0.5, hints=hints, least=least),)
 
 
 def _prior(location: Location) -> float:
@@ -95,6 +103,8 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
     def command(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         columns = [column(model, name) for name in location.elements]
+        if delay < 0.0:
+            return _early(time, command, columns, delay)
         command = command.copy()
         change = np.diff(command[:, columns], axis=0)
         command[1:, columns] -= change * delay / model.opt.timestep
@@ -102,6 +112,14 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
     if delay < system.model.opt.timestep:
         effects.commands.append(command)
+
+
+def _early(time: Floats, command: Floats, columns: list[int], delay: float) -> Floats:
+    """Return commands of which some columns act by ``-delay`` earlier, shape (k, nu)."""
+    found = command.copy()
+    for i in columns:
+        found[:, i] = np.interp(time - delay, time, command[:, i])
+    return found
 
 
 def _late_efforts(

@@ -49,7 +49,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     [encoder] = encoders.encoders(system, location)
     about = _zero(system, encoder.element)
-    speeds = _speed_sensors(system, encoder.element)
+    speeds = encoders.speed_sensors(system, encoder.element)
 
     def stretch(record: Record) -> None:
         travel = encoders.true_position(record, encoder) - about
@@ -58,17 +58,6 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
             record.sensors[:, record.column(sensor)] *= 1.0 + values["scale"]
 
     effects.readings.append(stretch)
-
-
-def _speed_sensors(system: System, joint: str) -> list[str]:
-    """Return the measured sensors of a joint's velocity, which come from the same encoder."""
-    model = system.model
-    return [
-        name
-        for name in system.sensed
-        if int(model.sensor(name).type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTVEL)
-        and int(model.sensor(name).objid[0]) == model.joint(joint).id
-    ]
 
 
 CAUSE = Cause(

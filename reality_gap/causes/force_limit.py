@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import joint_motors, machine_size, typical_scales
+from reality_gap.causes.support import joint_motors, typical_scales
+from reality_gap.causes.support.force_limits import nominal_limit
 from reality_gap.study.system import System
 
 UNREACHED = 20.0
@@ -26,20 +27,8 @@ def _locations(system: System) -> tuple[Location, ...]:
     return tuple(
         location
         for location in joint_motors.each_and_all(system, joint_motors.is_motor)
-        if len(location.elements) == 1 or all(_limit(system, n) for n in location.elements)
+        if len(location.elements) == 1 or all(nominal_limit(system, n) for n in location.elements)
     )
-
-
-def _limit(system: System, actuator: str) -> float:
-    """Return the nominal limit of an actuator's force, or that of its joint if lower; 0 without."""
-    model, index = system.model, system.model.actuator(actuator).id
-    joint, limits = int(model.actuator_trnid[index, 0]), list[float]()
-    if own := float(machine_size.machine_size(system).limit[index]):
-        limits.append(own)
-    if model.jnt_actfrclimited[joint]:
-        most = float(np.max(np.abs(model.jnt_actfrcrange[joint])))
-        limits.append(most / abs(float(model.actuator_gear[index, 0])))
-    return min(limits, default=0.0)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -47,7 +36,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         hints = SearchHints(secants=tuple(share - 1.0 for share in SHARES))
         return (Parameter("excess", "1", -0.1, 0.003, -0.98, 9.0, hints=hints),)
     unit, size = typical_scales.actuator_force(system, location)
-    limit = _limit(system, location.elements[0])
+    limit = nominal_limit(system, location.elements[0])
     if limit:
         null, scale, tolerance, high = limit, 0.1 * limit, 0.003 * limit, 10.0 * limit
         values = tuple(share * limit for share in SHARES)
@@ -61,7 +50,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for name in location.elements:
-        limit = _limit(system, name)
+        limit = nominal_limit(system, name)
         new = limit * (1 + values["excess"]) if "excess" in values else values["limit"]
         actuator = spec.actuator(name)
         joint = system.model.joint(int(system.model.actuator(name).trnid[0]))

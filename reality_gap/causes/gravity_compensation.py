@@ -36,19 +36,23 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     if values["share"]:
-        effects.add_hook(lambda model: _Compensation(model, location.elements, values["share"]))
+        joints = {name: joint_motors.joint_of(system, name) for name in location.elements}
+        effects.add_hook(lambda model: _Compensation(model, joints, values["share"]))
 
 
 class _Compensation:
     """Hook that adds gravity loads to the biases of motors, from the previous step's posture."""
 
-    def __init__(self, model: mujoco.MjModel, names: tuple[str, ...], share: float) -> None:
-        ids = np.array([model.actuator(name).id for name in names])
-        self._joints = model.actuator_trnid[ids, 0]
+    def __init__(self, model: mujoco.MjModel, joints: dict[str, str], share: float) -> None:
+        ids = np.array([model.actuator(name).id for name in joints])
+        self._joints = np.array([model.joint(name).id for name in joints.values()])
         self._bodies = model.jnt_bodyid[self._joints]
-        self._hinge = model.jnt_type[self._joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
+        hinge = model.jnt_type[self._joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
         masses = model.body_subtreemass[self._bodies]
-        self._weight = masses[:, None] * model.opt.gravity
+        weight = masses[:, None] * model.opt.gravity
+        # Moments are products with constant matrices: np.cross would take most of a replay's time.
+        self._turns = np.where(hinge[:, None, None], np.cross(np.eye(3), weight[:, None]), 0.0)
+        self._push = np.where(hinge[:, None], 0.0, weight)
         self._factor = -share / model.actuator_gear[ids, 0]
         self._bias = ModelOffset(model.actuator_biasprm[:, 0], ids)
         self._fresh = False
@@ -59,8 +63,8 @@ class _Compensation:
             mujoco.mj_fwdPosition(model, data)
             self._fresh = True
         lever = data.subtree_com[self._bodies] - data.xanchor[self._joints]
-        moment = np.where(self._hinge[:, None], np.cross(lever, self._weight), self._weight)
-        load = np.sum(data.xaxis[self._joints] * moment, axis=1)
+        moment = np.matmul(lever[:, None], self._turns)[:, 0] + self._push
+        load = np.einsum("ji,ji->j", data.xaxis[self._joints], moment)
         self._bias.set(self._factor * load)
 
 

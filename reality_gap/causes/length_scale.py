@@ -31,7 +31,13 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     for tendon in (system.tendon(name) for name in location.elements):
         if tendon.servo:
-            servos.add_reading_error(spec, tendon.actuator, 0.0, values["scale"], tendon.length0)
+            zero = _zero(system, tendon.name)
+            servos.add_reading_error(spec, tendon.actuator, 0.0, values["scale"], zero)
+
+
+def _zero(system: System, tendon: str) -> float:
+    """Return the length at which an encoder reads the true one [m]."""
+    return 0.0 if system.study.absolute_encoders else system.tendon(tendon).length0
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -39,9 +45,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
     def stretch(record: Record) -> None:
         for encoder in chosen:
-            travel = (
-                encoders.true_position(record, encoder) - system.tendon(encoder.element).length0
-            )
+            travel = encoders.true_position(record, encoder) - _zero(system, encoder.element)
             encoders.add_to_reading(record, encoder, values["scale"] * travel)
 
     effects.readings.append(stretch)

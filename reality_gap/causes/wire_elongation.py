@@ -2,7 +2,8 @@
 
 The encoder is on the motor side and reads less than the length of the path by the elongation. The
 time is that of the study, in which an episode begins where the previous one ended, because an
-elongated tendon stays longer.
+elongated tendon stays longer. A slow elongation continues in the pauses between episodes where
+these are known.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     total, travel = system.study.duration, typical_scales.tendon_travel(system)
     if location.note == SLOWLY:
-        per = travel / total
+        per = travel / float(system.study.elapsed(np.array([total]))[0])
         return (Parameter("rate", "m/s", 0.0133 * per, 1.3e-4 * per, -0.3 * per, 0.7 * per),)
     starts = tuple(total * (i + 0.5) / STARTS for i in range(STARTS))
     return (
@@ -44,10 +45,10 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     )
 
 
-def _elongation(location: Location, values: Values, time: Floats) -> Floats:
+def _elongation(system: System, location: Location, values: Values, time: Floats) -> Floats:
     """Return the elongation at times in the study, shape (k,) [m]."""
     if location.note == SLOWLY:
-        return values["rate"] * time
+        return values["rate"] * system.study.elapsed(time)
     return values["elongation"] * 0.5 * (1 + np.tanh((time - values["time"]) / RISE))
 
 
@@ -63,13 +64,15 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
                 ratio = model.actuator_biasprm[i, 1] * model.actuator_gear[i, 0]
                 ratio /= -model.actuator_gainprm[i, 0]
                 command[:, column(model, encoder.actuator)] += ratio * _elongation(
-                    location, values, time
+                    system, location, values, time
                 )
         return command
 
     def read(record: Record) -> None:
         for encoder in chosen:
-            encoders.add_to_reading(record, encoder, -_elongation(location, values, record.time))
+            encoders.add_to_reading(
+                record, encoder, -_elongation(system, location, values, record.time)
+            )
 
     effects.commands.append(command)
     effects.readings.append(read)

@@ -22,16 +22,14 @@ MIMICRY = 0.5
 """Probability that a cause is wrong beside unknown causes with much more evidence."""
 
 
-def probabilities(base: float, fits: Sequence[Fit], misfit: float = 1.0) -> Floats:
+def probabilities(base: float, fits: Sequence[Fit]) -> Floats:
     """Return the probability of each fit against the others and against ``base``, shape (k,).
 
     Args:
         base: evidence of the hypothesis without any of the candidates [nats].
         fits: fits of that hypothesis with one candidate more each.
-        misfit: mean square of what the best hypothesis leaves [noise^2]. The likelihood of errors
-            that are larger than the noise is narrower than it should be, by this factor.
     """
-    return tempered(np.array([f.evidence for f in fits]) - base, TEMPER * max(1.0, misfit))
+    return tempered(np.array([f.evidence for f in fits]) - base, TEMPER)
 
 
 def unmodelled(named: float, learned: float) -> float:

@@ -49,7 +49,6 @@ def alternatives(
     settings: Settings,
     retry: bool = True,
     refused: Sequence[Candidate] = (),
-    misfit: float = 1.0,
 ) -> tuple[Alternatives, ...]:
     """Try other candidates in the place of each cause of the best hypothesis.
 
@@ -58,7 +57,6 @@ def alternatives(
         settings: thresholds of the search.
         retry: whether to fit candidates beside causes beside which the search tried none.
         refused: candidates that are no alternatives, for they were dropped.
-        misfit: see `probabilities`.
     """
     problem, best = result.problem, result.best
     found = []
@@ -74,7 +72,7 @@ def alternatives(
             without, tried = null_fit(problem), ()
         fits = _with_best(problem, tried, best, [candidate, *refused])
         floor = rescore(problem, without).evidence
-        chances = probabilities(floor, fits, misfit)
+        chances = probabilities(floor, fits)
         found.append(
             Alternatives(
                 candidate=candidate,
@@ -87,6 +85,20 @@ def alternatives(
             )
         )
     return tuple(found)
+
+
+def first_attempt(result: Search) -> tuple[Alternatives, ...]:
+    """Return the candidates of the first step of a search, none of which was accepted."""
+    problem = result.problem
+    tried = tuple(rescore(problem, fit) for fit in result.steps[0].tried) if result.steps else ()
+    if not tried:
+        return ()
+    tried = tuple(sorted(tried, key=lambda f: -f.evidence))
+    evidence = np.array([f.evidence for f in tried])
+    first = tried[0].candidates[-1]
+    confidence = probabilities(0.0, tried)
+    own = float(evidence[0])
+    return (Alternatives(first, null_fit(problem), tried, confidence, evidence, own, ()),)
 
 
 def _with_best(

@@ -6,7 +6,7 @@ Banks of functions stand for the mechanisms that the catalogue lacks:
   motion,
 - a force on each tendon that is any function of its length, measured by its tension sensor or not,
 - readings of a channel that depend on those of another channel,
-- errors of a channel that are any function of a joint's position.
+- errors of a channel that are any function of a joint's position, or a slow one of the time.
 
 Forces are simulated; their effects on the readings are the columns of a bank. Up to `MOST_COLUMNS`
 columns that explain most are learned in closed form. Their evidence includes a penalty for their
@@ -41,6 +41,8 @@ EDGES = (0.8, 0.9, 0.96)
 """Shares of the range from which on there may be an obstacle, from either end."""
 PITCH = 0.0415
 """Shortest wave over the length of a tendon, over the typical travel of tendons."""
+SLOW = 4
+"""Largest number of half waves over the time of a log, for errors that drift."""
 STILL = 1e-3
 """Travel of a joint that stands still, over half of its range."""
 MOST = 200
@@ -77,7 +79,7 @@ def banks(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> tu
         base: the hypothesis whose remainder is to be learned.
         records: simulated signals of ``base`` in each episode.
     """
-    found = [_crosstalk(replayer), *_errors(replayer, records)]
+    found = [_crosstalk(replayer), _drifts(replayer, records), *_errors(replayer, records)]
     if not replayer.system.study.inverse:
         found += _forces(replayer, base, records)
     return tuple(found)
@@ -129,6 +131,18 @@ def _errors(replayer: Replayer, records: Sequence[Record]) -> list[Bank]:
         if columns:
             found.append(Bank(f"readings by position of {name}", _unit(np.hstack(columns))))
     return found
+
+
+def _drifts(replayer: Replayer, records: Sequence[Record]) -> Bank:
+    """Return the bank in which a channel has an error that changes slowly with the time."""
+    measured = replayer.measured
+    time = measured.time + np.array([r.time[0] for r in records])[measured.episode]
+    phase = (time - time.min()) / max(float(np.ptp(time)), 1e-9)
+    waves = np.cos(np.pi * phase[:, None] * np.arange(1, SLOW + 1))
+    columns = [
+        np.where((measured.channel == c)[:, None], waves, 0.0) for c in np.unique(measured.channel)
+    ]
+    return Bank("readings by the time", _unit(np.hstack(columns)))
 
 
 def _moving(system: System, records: Sequence[Record]) -> list[str]:

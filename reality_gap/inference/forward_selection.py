@@ -5,20 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.gauss_newton import (
     Fit,
     fit,
     fit_stepwise,
     null_fit,
+    profile,
     rescore,
     run_together,
 )
+from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
-from reality_gap.inference.refinement import fit_next
-from reality_gap.inference.screening import Sensitivity
+from reality_gap.inference.refinement import PROMISE, fit_next
+from reality_gap.inference.screening import Sensitivity, screen
 from reality_gap.simulation.hypothesis import Hypothesis
+from reality_gap.types import Floats
 
 LONG = 20.0
 """Length of a log from which on the errors of nearly right causes add up [s]."""
@@ -27,6 +32,19 @@ CLOSE = 1.0
 fitted fully [nats]."""
 SWAP = 1.0
 """Evidence by which another candidate must be better to replace an earlier cause [nats]."""
+
+PROBABLE = 5.0
+"""Evidence from which on a single candidate is tried again in later searches [nats]."""
+SETTLINGS = 5
+"""Largest number of times that fits are repeated where a model is wrong by many noises."""
+SETTLED = 6
+"""How many fits are repeated."""
+STABLE = 0.9
+"""Mean square, in units of the variance before, from which on another fit changes little."""
+SCREENED = 40
+"""Number of candidates that are screened again beside causes."""
+ANTICIPATIONS = 3
+"""How often the remainder of the first cause is anticipated where a model is wrong by much."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +65,7 @@ class Settings:
     threshold: float = 7.0
     further: float = 8.0
     root: float = 0.5
-    most: int = 3
+    most: int = 5
 
     def for_log(self, seconds: float) -> Settings:
         """Return the settings for a log of this length [s].
@@ -95,6 +113,11 @@ class Search:
     sensitivities: tuple[Sensitivity, ...]
     revised: tuple[Step, ...] = ()
 
+    @property
+    def singles(self) -> tuple[Fit, ...]:
+        """Fits of single candidates that have enough evidence to be causes."""
+        return tuple(f for s in self.steps[:1] for f in s.tried if f.evidence > PROBABLE)
+
     def step_beside(self, others: Hypothesis) -> Step | None:
         """Return the step that tried candidates beside exactly these others, if there is one."""
         candidates = [other for other, _ in others]
@@ -111,6 +134,7 @@ def search(
     sensitivities: Sequence[Sensitivity],
     settings: Settings,
     deferred: Deferred | None = None,
+    known: Sequence[Fit] = (),
 ) -> Search:
     """Search for the causes of a residual.
 
@@ -119,29 +143,89 @@ def search(
         sensitivities: of all candidates that are not deferred.
         settings: thresholds.
         deferred: candidates that are screened where others have evidence.
+        known: fits of single candidates by an earlier search, which are tried, too.
     """
-    plain, best = problem, null_fit(problem)
+    plain, best, near = problem, null_fit(problem), sensitivities
     steps: list[Step] = []
     while len(steps) < settings.most:
-        beside = problem if best.is_null else _anticipate(plain, problem, sensitivities, best)
+        beside = _anticipate(plain, problem, near, best)
         if deferred:
-            ranked = rank(beside, sensitivities, best)
-            sensitivities = [*sensitivities, *deferred.release(ranked)]
-        refits = settings.refits if best.is_null else settings.more_refits
-        tried = fit_next(beside, sensitivities, best, refits)
+            released = deferred.release(rank(beside, near, best))
+            sensitivities, near = [*sensitivities, *released], [*near, *released]
+        first = best.is_null or problem.noise_model.is_far
+        refits = settings.refits if first else settings.more_refits
+        tried = fit_next(beside, near, best, refits)
+        if best.is_null:
+            tried = _with_known(beside, tried, known)
         if not tried:
             break
-        problem = plain.inflated(tried[0].residual)
-        tried = tuple(sorted((rescore(problem, f) for f in tried), key=lambda f: -f.evidence))
-        base = rescore(problem, best)
-        if _accept(base, tried[0], settings):
+        problem, tried = _settle(plain, tried)
+        far = problem.noise_model.is_far
+        base = profile(problem, best) if far else rescore(problem, best)
+        if not far and _accept(base, tried[0], settings):
             tried = polish(problem, tried)
-        accepted = _accept(base, tried[0], settings)
+        accepted = _accept(base, tried[0], settings, far)
+        base, tried = rescore(problem, base), tuple(rescore(problem, f) for f in tried)
         steps.append(Step(base, tried, accepted))
         best = tried[0] if accepted else base
         if not accepted:
             break
+        if problem.noise_model.is_far:
+            near = _screen_beside(problem, sensitivities, best)
     return Search(problem, tuple(steps), best, tuple(sensitivities))
+
+
+def _settle(plain: Problem, tried: Sequence[Fit]) -> tuple[Problem, tuple[Fit, ...]]:
+    """Return the problem inflated by what the best of some fits leaves, and all fits, best first.
+
+    Where a model is wrong by many noises, the more a fit leaves, the nearer to the null a prior
+    holds it. Each is therefore repeated with the variance of what it leaves itself.
+    """
+    problem = plain.inflated(tried[0].residual)
+    tried = _rescored(problem, tried)
+    if not problem.noise_model.is_far:
+        return problem, tried
+    first, rest = tried[:SETTLED], tried[SETTLED:]
+    for _ in range(SETTLINGS):
+        own = [problem.widened(f.residual) for f in first]
+        pairs = zip(own, first, strict=True)
+        fits = [fit_stepwise(one, f.hypothesis, f.jacobian) for one, f in pairs]
+        again = run_together(problem.replayer, fits)
+        powers = [_power(one, f.residual) for one, f in zip(own, again, strict=True)]
+        first = tuple(again)
+        if min(powers) > STABLE:
+            break
+    ordered = sorted((profile(problem, f) for f in (*first, *rest)), key=lambda f: -f.evidence)
+    return plain.inflated(ordered[0].residual), tuple(ordered)
+
+
+def _rescored(problem: Problem, fits: Sequence[Fit]) -> tuple[Fit, ...]:
+    """Return fits with the evidence that a problem's noise model gives them, best first."""
+    return tuple(sorted((rescore(problem, f) for f in fits), key=lambda f: -f.evidence))
+
+
+def _with_known(problem: Problem, tried: Sequence[Fit], known: Sequence[Fit]) -> tuple[Fit, ...]:
+    """Return the fits of a first step and those known ones that it lacks, best first.
+
+    Slopes at the null do not lead to them.
+    """
+    found = [one.candidates[0] for one in tried]
+    lacking = [k for k in known if not any(k.candidates[0].matches(f) for f in found)]
+    fits = [fit_stepwise(problem, k.hypothesis, k.jacobian, polish=False) for k in lacking]
+    added = run_together(problem.replayer, fits)
+    return tuple(sorted([*tried, *added], key=lambda f: -f.evidence))
+
+
+def _screen_beside(
+    problem: Problem, sensitivities: Sequence[Sensitivity], base: Fit
+) -> tuple[Sensitivity, ...]:
+    """Return the sensitivities beside causes, which may be far from those of the nominal model.
+
+    Those of candidates that are less likely with the old ones are left out.
+    """
+    likely = [one.sensitivity.candidate for one in rank(problem, sensitivities, base)]
+    unique = list({(one.cause.id, one.location): one for one in likely}.values())[:SCREENED]
+    return screen(problem.replayer, unique, base.residual, base=base.hypothesis)
 
 
 def polish(problem: Problem, tried: Sequence[Fit]) -> tuple[Fit, ...]:
@@ -173,21 +257,39 @@ def _anticipate(
     """Return the problem inflated by what would remain beside ``base`` and the best candidate.
 
     The effect of a further cause is autocorrelated in the remainder without it, and would inflate
-    the noise by so much that the cause has no evidence.
+    the noise by so much that the cause has no evidence. The first cause is ranked without inflation
+    unless the model is wrong by many noises.
     """
-    ranked = rank(problem, sensitivities, base)
-    if not ranked:
-        return problem
-    _, likely, theta = ranked[0]
-    return plain.inflated(base.residual - likely.columns @ theta)
+    for _ in range(ANTICIPATIONS if base.is_null else 1):
+        if base.is_null and _power(problem, base.residual) < FAR:
+            break
+        ranked = rank(problem, sensitivities, base)
+        if not ranked:
+            break
+        _, likely, theta = ranked[0]
+        problem = plain.inflated(base.residual - likely.columns @ theta)
+    return problem
 
 
-def _accept(base: Fit, best: Fit, settings: Settings) -> bool:
-    """Return whether the last candidate of ``best`` adds enough evidence to ``base``."""
+def _power(problem: Problem, residual: Floats) -> float:
+    """Return the mean square of a whitened residual."""
+    return float(np.mean(problem.noise_model.whiten(residual) ** 2))
+
+
+def _accept(base: Fit, best: Fit, settings: Settings, far: bool = False) -> bool:
+    """Return whether the last candidate of ``best`` adds enough evidence to ``base``.
+
+    Args:
+        base: the causes so far.
+        best: these with one candidate more.
+        settings: thresholds.
+        far: whether a model is wrong by many noises. Its errors are so correlated that a log counts
+            as few readings, and held-out readings decide.
+    """
     if base.is_null:
         return best.evidence > settings.threshold
     more = best.evidence - base.evidence
-    return more > settings.needed(base.evidence)
+    return more > (PROMISE if far else settings.needed(base.evidence))
 
 
 def revise(result: Search, settings: Settings) -> Search:

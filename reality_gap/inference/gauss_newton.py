@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from reality_gap.inference.evidence import complexity
+from reality_gap.inference.log_candidates import PENALTY
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import (
     free_parameters,
@@ -262,19 +263,37 @@ def _is_finite(residual: Floats) -> bool:
 def start_penalty(candidate: Candidate) -> float:
     """Return the penalty of a candidate before any data [nats].
 
-    It is that for selecting one of several starts, as the time of an event, and the log odds
-    against the cause.
+    It is that for selecting one of several starts, as the time of an event, or one of several logs,
+    and the log odds against the cause.
     """
     starts = (p.hints.starts for p in candidate.parameters if p.hints.starts)
-    return float(sum(np.log(len(s)) for s in starts) - candidate.cause.prior(candidate.location))
+    own = PENALTY * bool(candidate.location.log) - candidate.cause.prior(candidate.location)
+    return float(sum(np.log(len(s)) for s in starts) + own)
 
 
 def rescore(problem: Problem, fitted: Fit) -> Fit:
     """Return the fit with the evidence that the problem's noise model gives it."""
     whiten = problem.noise_model.whiten
     before, after = whiten(problem.null_residual), whiten(fitted.residual)
-    columns = whiten(fitted.jacobian)
     quality = 0.5 * float(before @ before - after @ after)
+    return _penalised(problem, fitted, quality)
+
+
+def profile(problem: Problem, fitted: Fit) -> Fit:
+    """Return the fit with its evidence if the variance of what it leaves is not known.
+
+    The fit and the nominal model have a variance of each channel each, which makes what they leave
+    likeliest. Without this, a cause that explains one channel whole would excuse the others.
+    """
+    own, null = problem.widened(fitted.residual), problem.widened(problem.null_residual)
+    quality = own.noise_model.log_likelihood(fitted.residual)
+    quality -= null.noise_model.log_likelihood(problem.null_residual)
+    return _penalised(own, fitted, quality)
+
+
+def _penalised(problem: Problem, fitted: Fit, quality: float) -> Fit:
+    """Return the fit with its evidence: its quality without penalties of parameters and causes."""
+    columns = problem.noise_model.whiten(fitted.jacobian)
     free = free_parameters(fitted.hypothesis)
     cause = np.array([i for i, _ in free], dtype=np.int64)
     flat = np.array([bool(p.hints.starts) for _, p in free], dtype=bool)

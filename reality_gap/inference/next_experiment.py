@@ -17,7 +17,7 @@ from reality_gap.diagnosis import Experiment
 from reality_gap.inference.confidence import TEMPER
 from reality_gap.inference.equivalence import Alternatives
 from reality_gap.inference.gauss_newton import STEP, Fit
-from reality_gap.inference.motions import PERIOD, SECONDS, Motion, motions
+from reality_gap.inference.motions import PERIOD, SECONDS, TIGHTER, Motion, motions
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.screening import Sensitivity
 from reality_gap.inference.theta import with_theta
@@ -25,6 +25,7 @@ from reality_gap.inference.tolerances import Tolerance, list_tolerances
 from reality_gap.simulation.hypothesis import Hypothesis
 from reality_gap.study.data import Episode, Reading, Study
 from reality_gap.study.measurements import channel_noise
+from reality_gap.study.system import System
 from reality_gap.types import Floats
 
 TRIED = 6.0
@@ -60,7 +61,8 @@ def next_experiment(
     if not fitted or study.inverse:
         return None
     compared = _compare(problem, fitted, sensitivities, unmodelled)
-    motion = max(motions(study), key=lambda m: compared.mean(compared.with_motion(m, TRIED)))
+    tried = feasible_motions(problem.system)
+    motion = max(tried, key=lambda m: compared.mean(compared.with_motion(m, TRIED)))
     before, after = distances(compared.known), compared.with_motion(motion, SECONDS)
     gained = (after**2 - before**2) / 2
     # A candidate that is not compared is farther away than the nearest of those that are.
@@ -75,6 +77,12 @@ def next_experiment(
         separation=compared.mean(after),
         separation_before=compared.mean(before),
     )
+
+
+def feasible_motions(system: System) -> tuple[Motion, ...]:
+    """Return motions through commands of a study; tighter tendons only where there are tendons."""
+    found = motions(system.study)
+    return found if system.tendons else found[:: len(TIGHTER)]
 
 
 def halves_doubt(probability: Floats, evidence: Floats) -> bool:
@@ -153,7 +161,7 @@ class _Comparison:
 
     def with_motion(self, motion: Motion, seconds: float) -> Floats:
         """Return the distances in the study and the first seconds of a motion together."""
-        study = _motion_study(self.problem.system.study, motion, seconds)
+        study = motion_study(self.problem.system.study, motion, seconds)
         return distances(self.known, self._predict(study))
 
     def mean(self, distance: Floats) -> float:
@@ -222,7 +230,7 @@ def _second(fits: Sequence[Fit], probability: Floats) -> Fit:
     return fits[1 + int(np.argmax(probability[1:]))]
 
 
-def _motion_study(study: Study, motion: Motion, seconds: float) -> Study:
+def motion_study(study: Study, motion: Motion, seconds: float) -> Study:
     """Return a study of the first seconds of a motion, with readings at the same rates."""
     command = motion.command[: round(seconds / PERIOD)]
     time = PERIOD * np.arange(len(command), dtype=np.float64)

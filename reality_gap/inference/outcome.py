@@ -22,6 +22,7 @@ from reality_gap.inference.held_out import Score, score
 from reality_gap.inference.remainder import dependences
 from reality_gap.inference.verdict import ABOVE
 from reality_gap.inference.waterfall import shares
+from reality_gap.log_findings import FlatDirection
 from reality_gap.simulation.hypothesis import Hypothesis
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
@@ -63,6 +64,7 @@ class Outcome:
     criteria: tuple[Criterion, ...] = ()
     waterfall: tuple[Share, ...] = ()
     rejected: tuple[Rejected, ...] = ()
+    flat: tuple[FlatDirection, ...] = ()
 
 
 def groups_outcome(

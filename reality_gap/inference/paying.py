@@ -166,13 +166,15 @@ def at_bound(hypothesis: Hypothesis) -> bool:
 def distance_to_bound(part: Part) -> float:
     """Return the least distance of a parameter from a bound, as a share of that of the null value.
 
-    It is 1 without bounds, and for parameters at their null values.
+    It is 1 without bounds, for parameters at their null values, and for shapes: their ends say
+    "hardly" and "very", and not that the cause is another one.
     """
     candidate, values = part
     return min(
         (
             min(1.0, abs(values[p.name] - bound) / abs(bound - p.null))
             for p in candidate.parameters
+            if not p.hints.shape
             for bound in (p.low, p.high)
             if bound != p.null and np.isfinite(bound)
         ),

@@ -43,7 +43,15 @@ class Problem:
         """Return the problem with the noise model inflated; see `NoiseModel.inflated`."""
         return replace(self, noise_model=self.noise_model.inflated(remainder))
 
+    def widened(self, remainder: Floats) -> Problem:
+        """Return the problem with the variance of a remainder; see `NoiseModel.widened`."""
+        return replace(self, noise_model=self.noise_model.widened(remainder))
+
+    def uninflated(self) -> Problem:
+        """Return the problem in which all readings count in full."""
+        ones = np.ones(len(self.null_residual))
+        return replace(self, noise_model=replace(self.noise_model, inflation=ones, variance=ones))
+
     def reinflated(self, remainder: Floats) -> Problem:
         """Return the problem with the noise model inflated by this remainder alone."""
-        plain = replace(self.noise_model, inflation=np.ones(len(remainder)))
-        return replace(self, noise_model=plain.inflated(remainder))
+        return self.uninflated().inflated(remainder)

@@ -66,7 +66,8 @@ def fit_next(
         Fits of ``base`` with one candidate more each, best first.
     """
     ranked = rank(problem, sensitivities, base)
-    worth = ranked if base.is_null else [one for one in ranked if one.evidence > PROMISE]
+    blind = base.is_null or problem.noise_model.is_far
+    worth = ranked if blind else [one for one in ranked if one.evidence > PROMISE]
     quick = _fit_quickly(problem, select_diverse(worth, refits), base)
     floor = rescore(problem, base).evidence
     leaders = _leaders(quick, floor)

@@ -59,11 +59,17 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
     records = problem.replayer.replay(fitted.hypothesis).records
     found = banks(problem.replayer, fitted.hypothesis, records)
 
-    def best(residual: Floats) -> Learned:
+    def best(problem: Problem, residual: Floats) -> Learned:
         return max((learn(problem, residual, one) for one in found), key=lambda x: x.evidence)
 
-    learned = best(fitted.residual)
-    instead = learned if fitted.is_null else best(problem.null_residual)
+    if fitted.is_null:
+        # What can be learned is itself correlated: only what it leaves may inflate the noise.
+        first = best(problem.uninflated(), fitted.residual)
+        left = problem.reinflated(fitted.residual - first.prediction)
+        learned = instead = best(left, fitted.residual)
+    else:
+        learned = best(problem, fitted.residual)
+        instead = best(problem, problem.null_residual)
     role, ones = split(problem.measured), np.ones(len(fitted.residual))
 
     def remaining(residual: Floats) -> Floats:

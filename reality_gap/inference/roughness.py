@@ -21,18 +21,22 @@ DOUBT = 5.0
 """Evidence that each doubling of s needs [nats]."""
 
 
-def roughness(measured: Measured, tolerances: Floats, remainder: Floats) -> float:
+def roughness(
+    measured: Measured, tolerances: Floats, remainder: Floats, inflation: Floats
+) -> float:
     """Return the likeliest roughness s of `SCALES`.
 
     Args:
         measured: the readings.
         tolerances: N, shape (n, p).
         remainder: residual that causes leave, in units of sensor noise, shape (n,).
+        inflation: how many readings count as one, shape (n,); see `NoiseModel`.
     """
     use = split(measured) <= SELECT
-    columns = tolerances[use]
+    weight = 1.0 / np.sqrt(inflation[use])
+    columns = tolerances[use] * weight[:, None]
     power, vectors = directions(columns.T @ columns)
-    along = (vectors.T @ (columns.T @ remainder[use])) ** 2 / power
+    along = (vectors.T @ (columns.T @ (weight * remainder[use]))) ** 2 / power
     evidence = [
         0.5 * float(np.sum(along * s**2 * power / (1.0 + s**2 * power)))
         - 0.5 * float(np.sum(np.log1p(s**2 * power)))

@@ -91,25 +91,29 @@ def screen(
     null_residual: Floats,
     checkpoint: Checkpoint = NO_CHECKPOINT,
     progress: Callable[[float], None] = lambda share: None,
+    base: Hypothesis = (),
 ) -> tuple[Sensitivity, ...]:
-    """Compute the sensitivities of candidates.
+    """Compute the sensitivities of candidates beside other causes.
 
     Args:
         replayer: replays hypotheses.
         candidates: which candidates to screen.
-        null_residual: residual of the nominal model, shape (n,).
+        null_residual: residual of the other causes, shape (n,).
         checkpoint: keeps what was computed, for after an interruption.
         progress: called with the completed share, 0 to 1.
+        base: the other causes; none for the nominal model.
 
     Returns:
         One or more sensitivities of each candidate, but those whose replay diverges.
     """
     if replayer.coarse:
-        null_residual = replayer.residuals([[]], True)[0]
+        null_residual = replayer.residuals([[*base]], True)[0]
     found = []
     for i in range(0, len(candidates), CHUNK):
         trials = [trial for one in candidates[i : i + CHUNK] for trial in _trials(one)]
-        columns = checkpoint.get(i // CHUNK, partial(_columns, replayer, trials, null_residual))
+        columns = checkpoint.get(
+            i // CHUNK, partial(_columns, replayer, trials, null_residual, base)
+        )
         for trial, own in zip(trials, columns, strict=True):
             if np.all(np.isfinite(own)):
                 found.append(Sensitivity(trial.candidate, trial.names, trial.fixed, own))
@@ -137,10 +141,12 @@ class _Trial(NamedTuple):
         return [(i, n, v) for i, (n, v) in pairs if not self.candidate.parameter(n).hints.shape]
 
 
-def _columns(replayer: Replayer, trials: Sequence[_Trial], before: Floats) -> Columns:
+def _columns(
+    replayer: Replayer, trials: Sequence[_Trial], before: Floats, base: Hypothesis
+) -> Columns:
     """Return the columns of each trial (n, p); those of a shape are 0 and need no replay."""
     hypotheses: list[Hypothesis] = [
-        [(trial.candidate, trial.fixed | {name: value})]
+        [*base, (trial.candidate, trial.fixed | {name: value})]
         for trial in trials
         for _, name, value in trial.changes()
     ]

@@ -17,11 +17,12 @@ from reality_gap.diagnosis import (
     Verdict,
 )
 from reality_gap.inference.confidence import doubt_of_partial, unmodelled
-from reality_gap.inference.equivalence import Alternatives, alternatives
+from reality_gap.inference.equivalence import Alternatives, alternatives, first_attempt
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.held_out import Score, score, selection_score
 from reality_gap.inference.intervals import intervals
+from reality_gap.inference.log_values import compare_logs
 from reality_gap.inference.next_experiment import next_experiment
 from reality_gap.inference.outcome import Outcome
 from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
@@ -60,10 +61,11 @@ def search_outcome(
     tried = score(study, measured, null, after)
     doubt = None if best.is_null else _doubt(best, remainder, verdict)
     refused = [one.candidate for one in paying.dropped] if named else []
-    misfit = remainder.after**2 if verdict is Verdict.PARTLY_NAMED else 1.0
+    found = alternatives(result, options.search, named, refused)
+    if best.is_null and verdict is Verdict.UNEXPLAINED:
+        found = first_attempt(result)
     fitted = tuple(
-        replace(one, confidence=(1.0 - (doubt or 0.0)) * one.confidence)
-        for one in alternatives(result, options.search, named, refused, misfit)
+        replace(one, confidence=(1.0 - (doubt or 0.0)) * one.confidence) for one in found
     )
     scored = tried if named else score(study, measured, null, null)
     causes = _named_causes(paying, fitted) if named else ()
@@ -136,9 +138,11 @@ def _advice(result: Search, fitted: Sequence[Alternatives], doubt: float) -> Exp
 
 def _named_causes(paying: Paying, fitted: Sequence[Alternatives]) -> tuple[NamedCause, ...]:
     """Return the causes with intervals, the one that explains most first."""
-    estimates = intervals(paying.result.problem, paying.result.best)
+    problem, best = paying.result.problem, paying.result.best
+    estimates, logs = intervals(problem, best), compare_logs(problem, best)
     named = list[tuple[float, NamedCause]]()
-    for one, parameters, gains in zip(fitted, estimates, paying.tested.each, strict=True):
+    parts = zip(fitted, estimates, paying.tested.each, logs, strict=True)
+    for one, parameters, gains, compared in parts:
         # The best hypothesis keeps the order of its causes; other fits have the new one last.
         right = [
             fit.candidates[-1].cause.id == one.candidate.cause.id
@@ -150,7 +154,13 @@ def _named_causes(paying: Paying, fitted: Sequence[Alternatives]) -> tuple[Named
         ids = dict.fromkeys(s.cause.id for s in one.equivalent if s.cause.id != name)
         others = dict.fromkeys(s.location for s in one.equivalent if s.cause.id == name)
         cause = NamedCause(
-            one.candidate, parameters, confidence, tuple(ids), tuple(others), gains.folds
+            candidate=one.candidate,
+            parameters=parameters,
+            confidence=confidence,
+            equivalent=tuple(ids),
+            elsewhere=tuple(others),
+            gain=gains.folds,
+            logs=compared,
         )
         named.append((one.own, cause))
     return tuple(cause for _, cause in sorted(named, key=lambda item: -item[0]))

@@ -46,10 +46,16 @@ def theta_bounds(parameters: Sequence[Parameter]) -> tuple[Floats, Floats]:
 
 
 def prior_weights(hypothesis: Hypothesis) -> Floats:
-    """Return 1 / prior deviation of theta, shape (p,); 0 for a flat prior (one with starts)."""
-    return np.array(
-        [0.0 if p.hints.starts else 1.0 / PRIOR for _, p in free_parameters(hypothesis)]
-    )
+    """Return 1 / prior deviation of theta, shape (p,); 0 for a flat prior (one with starts).
+
+    A cause that is larger than usual has a wider prior, so that its size is not pulled to the null.
+    """
+    free, theta = free_parameters(hypothesis), to_theta(hypothesis)
+    flat = np.array([bool(p.hints.starts) for _, p in free], dtype=bool)
+    owner = np.array([i for i, _ in free], dtype=np.int64)
+    sizes = np.full(len(hypothesis), PRIOR)
+    np.maximum.at(sizes, owner[~flat], np.abs(theta[~flat]))
+    return np.asarray(np.where(flat, 0.0, 1.0 / sizes[owner]))
 
 
 def is_tolerable(candidate: Candidate, values: Values) -> bool:

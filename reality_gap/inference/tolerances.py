@@ -45,14 +45,15 @@ def list_tolerances(
 ) -> Iterator[Tolerance]:
     """Yield the tolerances of all candidates, times a factor.
 
-    Those of groups are left out, because they are sums of tolerances of their elements. Usual
+    Those of groups are left out, because they are sums of tolerances of their elements, and those
+    of candidates that act in one log, because deviations are the same in all of them. Usual
     effects, such as friction, may deviate in all elements of a group at once and are included.
     """
     seen = set()
     for sensitivity in sensitivities:
         candidate = sensitivity.candidate
         key = (candidate.cause.id, candidate.location)
-        if key in seen:
+        if key in seen or candidate.location.log:
             continue
         seen.add(key)
         single = len(candidate.location.elements) == 1

@@ -29,6 +29,7 @@ EVENT = "is an event, although the error comes back with the motion"
 FOLLOWS = "leaves errors that follow the motion"
 ABOVE = "leaves errors above the noise"
 ROUGH = "leaves errors that only deviations of many times the tolerances explain"
+TOGETHER = "predicts held-out readings better, but none of its causes does by itself"
 NO_CAUSE = "explains too little of errors that follow the motion"
 
 
@@ -132,7 +133,7 @@ def decide(paying: Paying, criteria: Sequence[Criterion]) -> Verdict:
         criteria: see `judge`.
     """
     if paying.result.best.is_null:
-        fine = all(one.met for one in criteria) and not paying.attempted.pays
+        fine = all(one.met for one in criteria)
         return Verdict.NOTHING_WRONG if fine else Verdict.UNEXPLAINED
     missed = [one for one in criteria if not one.met]
     if any(one.name in REFUTING for one in missed):
@@ -153,11 +154,18 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
     """
     best, instead = paying.result.best, remainder.instead.evidence
     rough = _at_most("roughness", paying.result.problem.roughness, options.rough, ROUGH)
-    if best.is_null:
-        most = options.certain * _form(remainder, options) ** 2
-        return (rough, _at_most("learned_evidence", instead, most, NO_CAUSE))
-    named, learned = best.evidence, remainder.learned.evidence
     form = _form(remainder, options)
+    if best.is_null:
+        most = options.certain * form**2
+        found = [
+            rough,
+            _at_most("report_noises", remainder.after, options.left * form, ABOVE),
+            _at_most("learned_evidence", instead, most, NO_CAUSE),
+        ]
+        if paying.attempted.pays:
+            found.append(_at_most("noises_before", remainder.before, ABOUT * form, TOGETHER))
+        return tuple(found)
+    named, learned = best.evidence, remainder.learned.evidence
     most = max(ABOUT * remainder.before, options.worse)
     found = [
         _at_most("learned_instead", instead, _beside(named, remainder, options), LEARNED),

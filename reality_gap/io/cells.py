@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from datetime import UTC, datetime
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from reality_gap.errors import StudyError
+from reality_gap.io.dates import is_iso, iso_seconds
 from reality_gap.types import Floats
 
 LARGEST = 1e30
@@ -24,7 +24,6 @@ Location = Callable[[int], str]
 """Place of a row for messages."""
 
 _LIST = re.compile(r"\s*[\[(](.*)[\])]\s*", re.DOTALL)
-_TIME = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}")
 
 
 def size_of_list(text: str) -> int | None:
@@ -128,18 +127,12 @@ def _parse_cells(cells: list[bytes | str | None], column: str, location: Locatio
         if not text.strip():
             continue
         try:
-            found[row] = _seconds(text) if _TIME.match(text.strip()) else float(text)
+            found[row] = iso_seconds(text) if is_iso(text) else float(text)
         except ValueError as error:
             raise _no_number(column, location(row), text) from error
         if not abs(found[row]) <= LARGEST:
             raise _no_number(column, location(row), text)
     return found
-
-
-def _seconds(text: str) -> float:
-    """Return the seconds since 1970 of a time in ISO 8601."""
-    time = datetime.fromisoformat(text.strip())
-    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
 
 
 def _no_number(column: str, location: str, text: str) -> StudyError:

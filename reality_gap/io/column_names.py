@@ -17,11 +17,13 @@ HINTS: dict[str, frozenset[str]] = {
     kind: frozenset(words.split())
     for kind, words in {
         "command": "target action command cmd ctrl control ref reference desired des setpoint "
-        "goal u",
-        "position": "length len l pos position angle q theta encoder enc measured meas state",
+        "goal u soll sollwert",
+        "position": "length len l pos position angle q theta encoder enc measured meas state ist "
+        "istwert winkel",
         "rate": "vel velocity speed rate dq qd omega gyro",
-        "force": "tension force torque load effort f tau current",
-        "time": "t time timestamp stamp clock sec seconds",
+        "force": "tension force torque load effort f tau current moment drehmoment kraft",
+        "time": "t time timestamp stamp clock sec secs seconds millis milliseconds micros "
+        "microseconds elapsed zeit",
     }.items()
 }
 """Words in a column's name, by the kind of quantity that they indicate."""

@@ -110,7 +110,10 @@ def _names(line: bytes, name: str) -> tuple[str, ...]:
         raise StudyError(f"{name} has no line of column names: {error}") from error
     for separator in (";", "\t"):
         if len(names) == 1 and separator in text:
-            raise StudyError(f"the columns of {name} are separated by {separator!r}; use commas")
+            raise StudyError(
+                f"the columns of {name} are separated by {separator!r}; use commas, "
+                "or reality-gap run, which rewrites such a file"
+            )
     return names
 
 

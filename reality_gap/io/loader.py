@@ -47,7 +47,7 @@ def load_study(path: Path | str) -> Study:
     if file.joints is None:
         episodes = _start_at_first_readings(file, model, channels, episodes)
     initial = Initial(file.joints or {}, file.settle)
-    study = Study(file.name, file.model, channels, episodes, initial)
+    study = Study(file.name, file.model, channels, episodes, initial, file.absolute_encoders)
     _check_constant_sensors(file, study)
     _check_steps(file, study, model)
     fault = wrong_unit(study)
@@ -83,7 +83,8 @@ def _episodes(file: StudyFile, model: mujoco.MjModel) -> tuple[Episode, ...]:
     for files, stem in zip(file.episodes, stems, strict=True):
         name = stem if stems.count(stem) == 1 else files.names[0]
         episode = read_episode(file, files, name, actuators, measured)
-        episode = replace(episode, joints=files.joints)
+        if any(other.log for other in file.episodes) and not files.log:
+            episode = replace(episode, log=name)
         if not actuators:
             episode = replace(episode, command=np.zeros((len(episode.time), model.nu)))
         episodes.append(_with_quaternions(file, model, episode))

@@ -28,11 +28,13 @@ class Logs:
         study: the study file, whose path is named in errors.
         tables: tables by file name, the one with the commands first.
         times: times of the rows by file name, from the first command [s].
+        begin: time of the first command by its clock [s].
     """
 
     study: StudyFile
     tables: dict[str, Table]
     times: dict[str, Floats]
+    begin: float
 
 
 def read_episode(
@@ -65,7 +67,9 @@ def read_episode(
         _reading(logs, what, line, i) for what, line in measured for i in range(len(line.columns))
     )
     _check_clocks(logs)
-    episode = Episode(name, time, _commands(logs, actuators), readings)
+    start = logs.begin if files.start is None else files.start
+    commands = _commands(logs, actuators)
+    episode = Episode(name, time, commands, readings, files.joints, files.log, start)
     _check_length(study, episode)
     return episode
 
@@ -96,9 +100,11 @@ def _open(
         name: read_table(study.locate(name), name, tuple(dict.fromkeys(columns)))
         for name, columns in wanted.items()
     }
-    times = {name: _time(study, table) for name, table in tables.items()}
-    begin = times[commands][0]
-    return Logs(study, tables, {name: time - begin for name, time in times.items()})
+    times = {
+        name: _time(study, table) + files.shifts.get(name, 0.0) for name, table in tables.items()
+    }
+    begin = float(times[commands][0])
+    return Logs(study, tables, {name: time - begin for name, time in times.items()}, begin)
 
 
 def _holder(study: StudyFile, what: str, column: str, headers: dict[str, tuple[str, ...]]) -> str:

@@ -8,12 +8,15 @@ import mujoco
 import numpy as np
 
 from reality_gap.io.dimensions import actuator_units, sensor_units
+from reality_gap.io.unit_guesses import is_endless
 from reality_gap.study.data import Study
 from reality_gap.study.system import commanded
 from reality_gap.types import Floats
 
 SMALL = 0.2
 """Largest angle of a model that may have been meant in radians but read as degrees [rad]."""
+LARGE = 8.0 * np.pi
+"""Angle of a limit that may have been meant in degrees but read as radians [rad]."""
 SAMPLES = 200
 """Number of postures, sampled uniformly from the ranges of the joints."""
 
@@ -55,15 +58,17 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
     """
     model = study.spec().compile()
     sensors, lengths = _postures(model)
-    found = []
+    found: list[tuple[str, ScaleWarning | None]] = [("", one) for one in _large_ranges(model)]
     for name, unit, values in _measured_positions(study, model):
+        if is_endless(model, "sensors", name):
+            continue  # a wheel may turn any number of times
         start, count = int(model.sensor(name).adr[0]), int(model.sensor(name).dim[0])
         found.append((unit, _compare(name, unit, values, sensors[:, start : start + count])))
     if not study.inverse:
         for column, i in enumerate(commanded(model)):
             name = model.actuator(i).name
             units = actuator_units(model, name)
-            if units in (("m",), ("rad",)):
+            if units in (("m",), ("rad",)) and not is_endless(model, "actuators", name):
                 values = np.concatenate([episode.command[:, column] for episode in study.episodes])
                 what = f"the command of {name}"
                 found.append((units[0], _compare(what, units[0], values[:, None], lengths[:, [i]])))
@@ -72,6 +77,19 @@ def scale_warnings(study: Study) -> tuple[ScaleWarning, ...]:
         for unit, warning in found
         if warning is not None
     )
+
+
+def _large_ranges(model: mujoco.MjModel) -> list[ScaleWarning]:
+    """Return warnings on ranges of hinges that are so large that they may be in degrees."""
+    found = []
+    for i in range(model.njnt):
+        low, high = model.jnt_range[i]
+        hinge = int(model.jnt_type[i]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+        if hinge and model.jnt_limited[i] and max(-low, high) > LARGE:
+            text = f"the range of joint {model.joint(i).name} is {low:.3g} to {high:.3g} rad in the"
+            advice = "model: is it in degrees, but read as radians (compiler angle=radian)?"
+            found.append(ScaleWarning(f"{text} {advice}", False))
+    return found
 
 
 def _measured_positions(study: Study, model: mujoco.MjModel) -> list[tuple[str, str, Floats]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +14,9 @@ import pyarrow.csv
 
 from reality_gap.errors import StudyError
 from reality_gap.io.column_names import guess_time, guess_time_unit, named_unit
+from reality_gap.io.foreign_text import is_value, rewrite, without_names
 from reality_gap.io.logs import MIN_DURATION, MIN_SAMPLES
-from reality_gap.io.tables import read_header, read_table
+from reality_gap.io.tables import PARQUET, read_header, read_table
 from reality_gap.io.units import parse_unit
 from reality_gap.types import Bools, Floats
 
@@ -22,6 +25,12 @@ TIME = "time"
 PAUSE, PAUSE_PERIODS = 1.0, 10.0
 """Steps of time that are longer than this [s] and than so many usual ones separate two runs, and
 so do steps back of at least `PAUSE`; smaller ones are late packets, which are left out."""
+LARGE = 1 << 26
+"""Size of a log above which it is not rewritten, only its columns of numbers are read [bytes]."""
+MOSTLY = 0.99
+"""Share of the steps of a column without a telling name that must rise, for it to be the time."""
+_SECONDS = re.compile(r"(.*?)(sec|secs|seconds|s)")
+_NANOSECONDS = ("nanosec", "nanosecs", "nanoseconds", "nsec", "nsecs", "ns")
 
 Note = Callable[[str], None]
 """Called with a sentence on what was guessed or left out."""
@@ -35,31 +44,39 @@ class Run:
         name: stem of the file, with the number of the run if there are several.
         time: time of the rows, shape (n,) [s].
         columns: cells by name, shape (n,) each; NaN where nothing was measured.
+        recording: name of the recording, usually the stem of the file.
     """
 
     name: str
     time: Floats
     columns: dict[str, Floats]
+    recording: str
 
 
-def read_runs(path: Path, note: Note) -> list[Run]:
+def read_runs(path: Path, note: Note, name: str | None = None) -> list[Run]:
     """Read the runs of a log; columns without numbers are left out.
 
     Args:
-        path: a .csv or .parquet file.
+        path: a .parquet file or a table of text, such as a .csv file.
         note: called with a sentence on what was guessed or left out.
+        name: name of the recording; by default the stem of the file.
 
     Raises:
         StudyError: the file cannot be read, or has no column with the time.
     """
-    header = read_header(path, path.name)
-    clock = guess_time(header)
+    with tempfile.TemporaryDirectory() as folder:
+        found = _readable(path, Path(folder), note)
+    if found and all(map(is_value, found)):
+        raise without_names(path.name)
+    _join_stamps(found)
+    clock = guess_time(found) or _rising(found)
     if clock is None:
         raise StudyError(
             f"no column of {path.name} is named like a time, such as time_s or timestamp; its "
-            f"columns are: {', '.join(header[:20])}"
+            f"columns are: {', '.join([*found][:20])}"
         )
-    found = _numbers(path, header, clock, note)
+    if guess_time([clock]) is None:
+        note(f"{path.name}: no column is named like a time; {clock}, which rises, is taken as it")
     time = found.pop(clock)
     unit = named_unit(clock, ("s",))
     if unit is None:
@@ -67,7 +84,60 @@ def read_runs(path: Path, note: Note) -> list[Run]:
         if (clock, unit) != (TIME, "s"):
             note(f"{path.name}: the unit of {clock} is not stated and taken as {unit}")
     time = time * parse_unit(unit).factor
-    return list(_split(path.stem, time, found, note))
+    _check_digits(path.name, clock, time)
+    return list(_split(name or path.stem, time, found, note))
+
+
+def _readable(path: Path, folder: Path, note: Note) -> dict[str, Floats]:
+    """Read the columns of numbers of a log; a table that is no plain CSV file is rewritten."""
+    if not path.is_file():
+        raise StudyError(f"there is no file {path}")
+    plain = path.suffix.lower() in (".csv", PARQUET)
+    try:
+        if plain:
+            names = tuple(dict.fromkeys(read_header(path, path.name)))
+            return read_table(path, path.name, names).columns
+    except StudyError:
+        if path.suffix.lower() == PARQUET or path.stat().st_size > LARGE:
+            return _numbers(path, path.name, read_header(path, path.name), note)
+    new = folder / "table.csv"
+    rewrite(path, new, note)
+    try:
+        return _numbers(new, path.name, read_header(new, path.name), note)
+    except StudyError as error:
+        raise StudyError(f"{path.name} cannot be read: {error}") from error
+
+
+def _join_stamps(columns: dict[str, Floats]) -> None:
+    """Replace stamps in two columns, of whole seconds and of nanoseconds, by one in seconds."""
+    for name in list(columns):
+        found = _SECONDS.fullmatch(name)
+        for rest in _NANOSECONDS if found else ():
+            other = f"{found[1]}{rest}" if found else ""
+            if other in columns:
+                stamp = columns.pop(name) + 1e-9 * columns.pop(other)
+                columns.update({f"{found[1] if found else ''}time": stamp})
+                break
+
+
+def _rising(columns: dict[str, Floats]) -> str | None:
+    """Return the first column that rises from row to row and does not count the rows."""
+    for name, cells in columns.items():
+        steps = np.diff(cells[np.isfinite(cells)])
+        counts = len(steps) and np.all(steps == 1.0)
+        if len(steps) >= MIN_SAMPLES and np.mean(steps > 0.0) > MOSTLY and not counts:
+            return name
+    return None
+
+
+def _check_digits(name: str, clock: str, time: Floats) -> None:
+    """Refuse times of which most are equal to the one before, as those with too few digits are."""
+    steps = np.diff(time[np.isfinite(time)])
+    if len(steps) and np.mean(steps == 0.0) > 0.5:
+        raise StudyError(
+            f"most times in column {clock} of {name} are equal to the one before: they were "
+            "written with too few digits; write them with more, or relative to the first"
+        )
 
 
 def write_run(run: Run, path: Path) -> None:
@@ -82,21 +152,19 @@ def write_run(run: Run, path: Path) -> None:
     pyarrow.csv.write_csv(table, path, pyarrow.csv.WriteOptions(quoting_style="needed"))
 
 
-def _numbers(path: Path, header: Sequence[str], clock: str, note: Note) -> dict[str, Floats]:
-    """Read the columns of numbers; those that cannot be read are left out, except for the time."""
+def _numbers(path: Path, name: str, header: Sequence[str], note: Note) -> dict[str, Floats]:
+    """Read the columns of numbers; those that cannot be read are left out."""
     names = tuple(dict.fromkeys(header))
     try:
-        return read_table(path, path.name, names).columns
+        return read_table(path, name, names).columns
     except StudyError:
         pass  # one by one, to find out which columns cannot be read
     found = {}
-    for name in names:
+    for column in names:
         try:
-            found[name] = read_table(path, path.name, (name,)).columns[name]
+            found[column] = read_table(path, name, (column,)).columns[column]
         except StudyError as error:
-            if name == clock:
-                raise
-            note(f"{path.name}: {name} is left out: {error}")
+            note(f"{name}: {column or 'a column without a name'} is left out: {error}")
     return found
 
 
@@ -128,7 +196,7 @@ def _split(stem: str, time: Floats, columns: dict[str, Floats], note: Note) -> I
         note(f"{stem}: its {len(parts[0])} rows are too few or too short; {least}")
     for number, part in enumerate(runs):
         name = stem if len(runs) == 1 else f"{stem}_{number + 1}"
-        yield Run(name, time[part], {key: x[part] for key, x in columns.items()})
+        yield Run(name, time[part], {key: x[part] for key, x in columns.items()}, stem)
 
 
 def _rises(time: Floats) -> Bools:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from reprlib import repr as short
 
@@ -11,6 +11,9 @@ from reality_gap.errors import RealityGapError, StudyError
 from reality_gap.io.units import Unit, parse_unit, symbols_of
 from reality_gap.io.yaml_reader import Part, read_yaml
 from reality_gap.types import Floats
+
+RELATIVE, ABSOLUTE = "relative", "absolute"
+"""Kinds of encoders of tendons."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +50,16 @@ class Files:
     Attributes:
         names: file names relative to the study, the one with the commands first.
         joints: initial positions of joints [rad or m]; they override those of the study.
+        log: name of the recording that the episode is a part of; empty if it has none.
+        start: when the episode began [s]; None for the first time of its commands.
+        shifts: what is added to the times of a file, by file name [s].
     """
 
     names: tuple[str, ...]
     joints: dict[str, float]
+    log: str = ""
+    start: float | None = None
+    shifts: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,7 @@ class StudyFile:
         actuators, sensors, efforts: lines by name of the actuator, sensor or joint.
         joints: initial positions [rad or m]; None to take the first reading of each joint.
         settle: how long the first command is held before the log begins [s].
+        absolute_encoders: whether encoders of tendons are absolute.
     """
 
     path: Path
@@ -78,6 +88,7 @@ class StudyFile:
     efforts: dict[str, Line]
     joints: dict[str, float] | None
     settle: float
+    absolute_encoders: bool = False
 
     def locate(self, name: str) -> Path:
         """Return the path of a file that the study names; see `locate`."""
@@ -115,7 +126,10 @@ def read_study_file(path: Path) -> StudyFile:
         StudyError: a key or value is wrong; the message names the key and the valid values.
     """
     top = read_yaml(path)
-    top.only("name", "model", "episodes", "time", "actuators", "sensors", "efforts", "initial")
+    top.only(
+        *("name", "model", "episodes", "time", "actuators", "sensors", "efforts", "initial"),
+        "encoders",
+    )
     actuators, sensors, efforts = (
         {name: _line(part) for name, part in top.parts(key).items()}
         for key in ("actuators", "sensors", "efforts")
@@ -136,7 +150,16 @@ def read_study_file(path: Path) -> StudyFile:
         efforts=efforts,
         joints=joints,
         settle=settle,
+        absolute_encoders=_encoders(top),
     )
+
+
+def _encoders(top: Part) -> bool:
+    """Return whether encoders of tendons are absolute."""
+    kind = top.text("encoders", RELATIVE)
+    if kind not in (RELATIVE, ABSOLUTE):
+        raise top.fault(f"encoders must be {RELATIVE} or {ABSOLUTE}, not {short(kind)}")
+    return kind == ABSOLUTE
 
 
 def _line(part: Part) -> Line:
@@ -189,14 +212,30 @@ def _episodes(top: Part) -> tuple[Files, ...]:
     episodes = []
     for i, item in enumerate(part.value):
         episode = Part(top.path, f"episodes[{i}]", item)
-        episode.only("commands", "readings", "joints")
+        episode.only("commands", "readings", "joints", "log", "start", "shifts")
         names = (episode.text("commands"), *episode.texts("readings"))
-        episodes.append(Files(names, _joints(episode)))
+        given = episode.items()
+        start = episode.number("start", 0.0) if given.get("start") is not None else None
+        episodes.append(
+            Files(names, _joints(episode), episode.text("log", ""), start, _shifts(episode, names))
+        )
     every = [name for episode in episodes for name in episode.names]
     for name in every:
         if every.count(name) > 1:
             raise part.fault(f"{name} is named twice; a log belongs to one episode only")
     return tuple(episodes)
+
+
+def _shifts(episode: Part, names: tuple[str, ...]) -> dict[str, float]:
+    shifts = {name: part.as_number() for name, part in episode.parts("shifts").items()}
+    for name in shifts:
+        if name not in names[1:]:
+            known = ", ".join(names[1:]) or "none"
+            raise episode.fault(
+                f"shifts are for files in readings, whose times are shifted against those of the "
+                f"commands; {short(name)} is none of them: {known}"
+            )
+    return shifts
 
 
 def _initial(top: Part) -> tuple[dict[str, float] | None, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,8 +23,16 @@ from reality_gap.io.column_names import (
 )
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.io.tables import read_header, read_table
+from reality_gap.io.unit_guesses import guess_unit, is_endless
+from reality_gap.io.units import parse_unit
 from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
 from reality_gap.study.data import load_untrusted_spec
+
+Note = Callable[[str], None]
+"""Called with a sentence on what was guessed by size or left out."""
+RESTS = "has the same value in all rows, as a joint at rest or a dead sensor has"
+"""Why a sensor is left out."""
+_JOINTPOS = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
 
 HEAD = """\
 # Draft: columns and units are guesses from the names of the columns. Check each line, then run
@@ -54,6 +62,8 @@ def draft_study(
     log_paths: Sequence[Path | str],
     folder: Path | str | None = None,
     name: str | None = None,
+    note: Note = lambda sentence: None,
+    recordings: Mapping[str, str] | None = None,
 ) -> str:
     """Draft the text of a STUDY.yaml.
 
@@ -66,6 +76,8 @@ def draft_study(
         log_paths: CSV or Parquet files.
         folder: folder of the STUDY.yaml; by default that of the model.
         name: name of the study; by default that of the model's file.
+        note: called with a sentence on what was guessed by size or left out.
+        recordings: name of the recording that a log is a part of, by the file name of the log.
 
     Returns:
         The text of the file.
@@ -87,15 +99,19 @@ def draft_study(
     for part, elements in parts.items():
         found[part] = guess(elements, free)
         free = [c for c in free if not any(c in group for group in found[part].values())]
+    resting = _resting(model, logs, parts["sensors"], found["sensors"])
+    for sensor in resting:
+        [column] = found["sensors"].pop(sensor)
+        note(f"{sensor} was left out of the study: {column} {RESTS}")
     lines = [
         HEAD + f"name: {yaml_text(name or path.stem)}",
         f"model: {yaml_text(_relative(path, folder))}",
-        *_episodes(logs, found["actuators"], folder),
+        *_episodes(logs, found["actuators"], folder, _positions(model, resting), recordings or {}),
         _time(logs, clock),
     ]
     for part, elements in parts.items():
         if elements or part == "sensors":
-            lines += [f"{part}:", *_lines(model, logs, part, elements, found[part], free)]
+            lines += [f"{part}:", *_lines(model, logs, part, elements, found[part], free, note)]
     return "\n".join([*lines, _initial(model, found["sensors"])]) + "\n"
 
 
@@ -129,9 +145,10 @@ def _lines(
     elements: Sequence[Element],
     found: dict[str, tuple[str, ...]],
     free: Sequence[str],
+    note: Note,
 ) -> list[str]:
     """Return the lines of a part of the study; elements without a column become comments."""
-    lines = []
+    lines, guesses = list[str](), dict[str, list[str]]()
     for element in elements:
         units = _units(model, part, element.name) or ("1",)
         key = "column" if element.count == 1 else "columns"
@@ -139,8 +156,13 @@ def _lines(
             group = found[element.name]
             shown = ", ".join(map(yaml_text, group))
             shown = shown if element.count == 1 else f"[{shown}]"
-            unit, scale = _unit(logs, group, units), _scale(model, logs, part, element.name, group)
-            lines.append(f"  {yaml_text(element.name)}: {{{key}: {shown}, unit: {unit}{scale}}}")
+            endless = is_endless(model, part, element.name)
+            unit = guess_unit(group[0], units, _cells(logs, group[0]), endless)
+            if unit.reason:
+                guesses.setdefault(unit.reason, []).append(group[0])
+            scale = unit.conversion or _scale(model, logs, part, element.name, group)
+            text = f"  {yaml_text(element.name)}: {{{key}: {shown}, unit: {unit.unit}{scale}}}"
+            lines.append(text)
         else:
             shown = "?" if element.count == 1 else f"[{', '.join('?' * element.count)}]"
             lines.append(f"  # {yaml_text(element.name)}: {{{key}: {shown}, unit: {units[0]}}}")
@@ -150,21 +172,45 @@ def _lines(
         )
     if len(found) < len(elements) and free:
         lines.append(f"  # unused columns: {', '.join(free)}")
+    for reason, columns in guesses.items():
+        note(f"by the size of its values, each of {', '.join(columns)} {reason}")
     return lines
 
 
-def _unit(logs: Sequence[_Log], group: tuple[str, ...], units: tuple[str, ...]) -> str:
-    """Return the unit in the column's name, or else a guess from the size of its values."""
-    named = named_unit(group[0], units)
-    if named:
-        return named
-    cells = _cells(logs, group[0])
-    size = 0.0 if cells is None else float(np.quantile(np.abs(cells), 0.95))
-    if units[0] == "rad" and size > 10.0:
-        return "deg"
-    if units[0] == "m" and size > 20.0:
-        return "mm"
-    return units[0]
+def _resting(
+    model: mujoco.MjModel,
+    logs: Sequence[_Log],
+    sensors: Sequence[Element],
+    found: dict[str, tuple[str, ...]],
+) -> dict[str, float]:
+    """Return the only value of each sensor that has the same in all logs, in its SI unit.
+
+    The positions of all joints are needed where efforts are compared, which is where the model has
+    no actuators.
+    """
+    values = {}
+    for element in sensors:
+        kind = int(model.sensor(element.name).type[0])
+        group = found.get(element.name, ())
+        if len(group) != 1 or (not model.nu and kind == _JOINTPOS):
+            continue
+        held = [log.cells(group[0]) for log in logs if group[0] in log.columns]
+        cells = np.concatenate([np.zeros(0), *(one for one in held if one is not None)])
+        if len(cells) and np.ptp(cells) == 0.0:
+            unit = guess_unit(group[0], sensor_units(model, element.name) or ("1",), cells)
+            values[element.name] = parse_unit(unit.unit).factor * float(cells[0])
+    return values
+
+
+def _positions(model: mujoco.MjModel, resting: dict[str, float]) -> str:
+    """Return the positions of joints that rest as a line of an episode; empty without any."""
+    found = {
+        model.joint(int(model.sensor(name).objid[0])).name: value
+        for name, value in resting.items()
+        if int(model.sensor(name).type[0]) == _JOINTPOS
+    }
+    text = ", ".join(f"{yaml_text(joint)}: {value:.9g}" for joint, value in found.items())
+    return f"    joints: {{{text}}}" if found else ""
 
 
 def _scale(
@@ -197,7 +243,11 @@ def _time(logs: Sequence[_Log], clock: str | None) -> str:
 
 
 def _episodes(
-    logs: Sequence[_Log], commands: dict[str, tuple[str, ...]], folder: Path
+    logs: Sequence[_Log],
+    commands: dict[str, tuple[str, ...]],
+    folder: Path,
+    positions: str,
+    recordings: Mapping[str, str],
 ) -> list[str]:
     keys = {column for group in commands.values() for column in group}
     driven = [log for log in logs if keys & set(log.columns)]
@@ -211,15 +261,17 @@ def _episodes(
             further[min(k, len(driven) - 1)].append(yaml_text(_relative(log.path, folder)))
             seen[log.columns] += 1
     lines = ["episodes:"]
-    for log, readings in zip(driven, further, strict=True):
+    names = [recordings.get(log.path.name, log.path.stem) for log in driven]
+    for log, readings, name in zip(driven, further, names, strict=True):
         lines.append(f"  - commands: {yaml_text(_relative(log.path, folder))}")
         lines += [f"    readings: [{', '.join(readings)}]"] if readings else []
+        lines += [positions] if positions else []
+        lines += [f"    log: {yaml_text(name)}"] if len(set(names)) > 1 else []
     return lines
 
 
 def _initial(model: mujoco.MjModel, sensors: dict[str, tuple[str, ...]]) -> str:
-    jointpos = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
-    if any(int(model.sensor(name).type[0]) == jointpos for name in sensors):
+    if any(int(model.sensor(name).type[0]) == _JOINTPOS for name in sensors):
         return "initial: {joints: first_reading, settle: 0}"
     names = ", ".join(f"{yaml_text(name)}: 0.0" for name in simple_joints(model)[:3])
     return f"initial: {{settle: 1.0}}  # or {{joints: {{{names}}}, settle: 0}} in rad and m"

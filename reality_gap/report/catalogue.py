@@ -1,8 +1,8 @@
 """Catalogue: descriptions of all causes, with their parameters and units.
 
 The locations and the parameters of a cause depend on the model. They are those of a small reference
-model here: a hinge joint that two tendons with length servos move, another with a position servo, a
-camera and a marker.
+model here: a hinge joint that two tendons with length servos move, another with a position servo,
+two that nothing drives, of which one follows the other, a camera and a marker.
 """
 
 from __future__ import annotations
@@ -33,6 +33,14 @@ REFERENCE = """
       <body name="end" pos="0 0 -0.3">
         <joint name="wrist" axis="0 -1 0" range="-20 20" limited="true"/>
         <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.1" mass="0.2"/>
+        <body name="finger" pos="0 0 -0.1">
+          <joint name="finger" axis="0 -1 0"/>
+          <geom size="0.02" pos="0 0 -0.05" mass="0.1"/>
+          <body name="tip" pos="0 0 -0.1">
+            <joint name="tip" axis="0 -1 0"/>
+            <geom size="0.02" pos="0 0 -0.05" mass="0.1"/>
+          </body>
+        </body>
       </body>
     </body>
   </worldbody>
@@ -40,6 +48,7 @@ REFERENCE = """
     <spatial name="front"><site site="origin_front"/><site site="insertion_front"/></spatial>
     <spatial name="back"><site site="origin_back"/><site site="insertion_back"/></spatial>
   </tendon>
+  <equality><joint joint1="tip" joint2="finger" polycoef="0 0.5 0 0 0"/></equality>
   <actuator>
     <general name="front" tendon="front" gainprm="5000" biastype="affine" biasprm="0 -5000 0"/>
     <general name="back" tendon="back" gainprm="5000" biastype="affine" biasprm="0 -5000 0"/>

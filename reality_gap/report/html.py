@@ -29,11 +29,13 @@ from reality_gap.report.formatting import (
     rounded,
     shown,
 )
+from reality_gap.report.log_text import agreement, flat_rows, log_rows
 from reality_gap.report.plots.candidates import candidate_evidence
 from reality_gap.report.plots.canvas import SPLITS, png
 from reality_gap.report.plots.commands import commands, left_out
 from reality_gap.report.plots.comparison import against, constant_share
 from reality_gap.report.plots.gain import channel_gain
+from reality_gap.report.plots.logs import log_intervals
 from reality_gap.report.plots.parameters import intervals
 from reality_gap.report.plots.remainder import remainder
 from reality_gap.report.plots.signals import (
@@ -95,6 +97,9 @@ def page(diagnosis: Diagnosis, study: Study) -> str:
         effects=[candidate for candidate, _ in diagnosis.effects],
         left_out=0 if diagnosis.next_experiment is None else left_out(diagnosis.next_experiment),
         not_judged=not_judged(diagnosis),
+        hidden=flat_rows(diagnosis.flat, True),
+        together=flat_rows(diagnosis.flat, False),
+        only=[c.title for c in diagnosis.causes if c.candidate.location.log],
         model=study.model.name,
         fingerprint=hashlib.sha256(study.model.read_bytes()).hexdigest()[:16],
         versions=f"mujoco {mujoco.__version__}, numpy {np.__version__}, scipy {scipy.__version__}",
@@ -147,17 +152,28 @@ class Section(NamedTuple):
         why: sentences.
         rows: see `parameter_rows`.
         number: by which its pictures are named.
+        agreement: whether it is the same in all logs; empty if there is one log.
+        logs: see `log_rows`.
     """
 
     title: str
     why: list[str]
     rows: list[tuple[str, ...]]
     number: int
+    agreement: str
+    logs: list[tuple[str, str, str, str]]
 
 
 def _sections(diagnosis: Diagnosis) -> list[Section]:
     return [
-        Section(capital(c.title), words.why_named(diagnosis, c), parameter_rows(c), i)
+        Section(
+            title=capital(c.title),
+            why=words.why_named(diagnosis, c),
+            rows=parameter_rows(c),
+            number=i,
+            agreement="" if c.logs is None else agreement(c.logs),
+            logs=log_rows(c),
+        )
         for i, c in enumerate(diagnosis.causes)
     ]
 
@@ -174,10 +190,15 @@ def xml_difference(study: Study, extended: str) -> list[tuple[str, str]]:
 
 
 def not_judged(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return rows of causes that were not judged and the reason, one for each reason."""
+    """Return rows of causes that were not judged and the reason, one for each reason.
+
+    Causes that would show in another motion are listed elsewhere, with this motion.
+    """
+    hidden = {c.cause.id for one in diagnosis.flat if one.separable for c in one.candidates}
     reasons: dict[str, list[str]] = {}
     for cause, reason in diagnosis.not_judged:
-        reasons.setdefault(reason, []).append(human(cause))
+        if cause not in hidden:
+            reasons.setdefault(reason, []).append(human(cause))
     return [(", ".join(causes), reason) for reason, causes in reasons.items()]
 
 
@@ -229,6 +250,8 @@ def _cause_pictures(
     """Return the pictures of one named cause."""
     step = tuple(words.step_of(diagnosis, cause))
     made: dict[str, Callable[[], Figure]] = {f"parameters_{i}": lambda: intervals((cause,))}
+    if cause.logs is not None and any(value.parameters for value in cause.logs.values):
+        made[f"logs_{i}"] = lambda: log_intervals(cause)
     if step:
         made[f"candidates_{i}"] = lambda: candidate_evidence(step, (cause,))
     return made

@@ -41,7 +41,8 @@ def sentence(outcome: Outcome) -> str:
 def _cause(cause: NamedCause) -> str:
     foremost = cause.foremost()
     numbers = ", ".join(
-        f"{human(name)} {e.value:.4g} {e.unit} [{e.low:.4g}, {e.high:.4g}]"
+        f"{human(name)} {e.value:.4g} {'' if e.unit == '1' else f'{e.unit} '}"
+        f"[{e.low:.4g}, {e.high:.4g}]"
         for name, e in ((name, rounded(cause, name)) for name in foremost)
     )
     more = len(cause.parameters) - len(foremost)

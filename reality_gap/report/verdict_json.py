@@ -10,6 +10,8 @@ Keys of the file, which are part of the interface:
         kind, elements, note
                           location: kind of the model elements, their names, and a note that
                           distinguishes locations with the same elements
+        log               the only log in which the cause acts, in addition to what acts in all
+                          logs; absent if it acts in all
         parameters        by name: value, low, high (95 % interval), unit
         confidence        probability that the cause is right
         equivalent        ids of causes that these data cannot distinguish from it
@@ -19,6 +21,10 @@ Keys of the file, which are part of the interface:
                           over the other named causes alone [nats]: value, low, high; or null
         share             what it removes from the error of held-out data, beside the causes
                           before it, as in "waterfall"; or null
+        logs              null if there is one log; or else agreement ("same", "changed" or
+                          "unknown"), chance (probability of such differences if it is the same, or
+                          null), and values: log, and parameters by name as above, without those
+                          that do not show in this log
     waterfall             what tolerances and causes remove from the error of held-out data, one
                           after the other: part, before, after [noise deviations], fraction of the
                           power above the noise
@@ -40,6 +46,13 @@ Keys of the file, which are part of the interface:
     next_experiment       title, sentence, commands (name of a file), separation, separation_before
                           [noise deviations]; or null
     not_judged            causes that this log says nothing about: cause, reason
+    flat                  what this log cannot show, by location:
+        candidates        cause, kind, elements, note of each
+        separable         true if none of them shows, false if it does not show which of them it is
+        change            effect of a typical fault, or distance of two candidates [noise
+                          deviations]
+        tried             whether a remedy was looked for
+        remedy            motion, seconds, mass [kg], body, change [noise deviations]; or null
     candidates            all fitted candidates, best first in each step of the search: cause, kind,
                           elements, note, values by name, score [nats] or null if the replay
                           diverges, evidence [nats], confidence, step, chosen
@@ -50,6 +63,7 @@ Keys of the file, which are part of the interface:
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 from reality_gap.causes.base import Location
@@ -64,6 +78,7 @@ from reality_gap.diagnosis import (
     Rejected,
     Share,
 )
+from reality_gap.log_findings import FlatDirection, LogComparison
 
 Json = dict[str, Any]
 
@@ -98,6 +113,7 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
         "not_judged": [
             {"cause": cause, "reason": reason} for cause, reason in diagnosis.not_judged
         ],
+        "flat": [_flat(one) for one in diagnosis.flat],
         "candidates": [_candidate(fitted) for fitted in diagnosis.fitted_candidates],
         "study": diagnosis.study,
         "seconds": diagnosis.seconds,
@@ -108,7 +124,8 @@ def verdict_json(diagnosis: Diagnosis) -> Json:
 
 def location_json(location: Location) -> Json:
     """Return the keys of a location."""
-    return {"kind": location.kind, "elements": list(location.elements), "note": location.note}
+    found = {"kind": location.kind, "elements": list(location.elements), "note": location.note}
+    return found | {"log": location.log} if location.log else found
 
 
 def _gain(gain: Gain | None) -> Json | None:
@@ -125,6 +142,34 @@ def _cause(cause: NamedCause) -> Json:
         "elsewhere": [location_json(location) for location in cause.elsewhere],
         "held_out_gain": _gain(cause.gain),
         "share": None if cause.share is None else _share(cause.share),
+        "logs": None if cause.logs is None else _logs(cause.logs),
+    }
+
+
+def _logs(compared: LogComparison) -> Json:
+    return {
+        "agreement": compared.agreement,
+        "chance": compared.chance,
+        "values": [
+            {
+                "log": value.log,
+                "parameters": {name: _estimate(one) for name, one in value.parameters.items()},
+            }
+            for value in compared.values
+        ],
+    }
+
+
+def _flat(one: FlatDirection) -> Json:
+    return {
+        "candidates": [
+            {"cause": candidate.cause.id, **location_json(candidate.location)}
+            for candidate in one.candidates
+        ],
+        "separable": one.separable,
+        "change": one.change,
+        "tried": one.tried,
+        "remedy": None if one.remedy is None else asdict(one.remedy),
     }
 
 

@@ -66,6 +66,8 @@ def why(diagnosis: Diagnosis) -> list[str]:
 def why_named(diagnosis: Diagnosis, cause: NamedCause) -> list[str]:
     """Return why a cause is named, as sentences."""
     found = [cause.candidate.cause.explanation]
+    if log := cause.candidate.location.log:
+        found.append(f"This acts in {log} only, in addition to what acts in all logs.")
     others = "" if len(diagnosis.causes) == 1 else ", in addition to the other named causes,"
     if cause.share is not None:
         taken = f"removes {probability(cause.share.fraction)} of the error above the noise"

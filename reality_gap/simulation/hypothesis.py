@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
+import numpy as np
 
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Values
@@ -63,11 +64,36 @@ class Plant:
     edits: tuple[Hashable, ...] = ()
 
 
+def in_log(hypothesis: Hypothesis, log: str) -> list[Part]:
+    """Return what a hypothesis is in one log, with candidates that act in all logs.
+
+    The deviations of a cause that acts in all logs, and in this one in addition, are added.
+
+    Args:
+        hypothesis: candidates with their values.
+        log: name of the log; empty for what is the same in all logs.
+    """
+    found = dict[tuple[str, Location], Part]()
+    for candidate, values in hypothesis:
+        if candidate.location.log not in ("", log):
+            continue
+        everywhere = replace(candidate, location=replace(candidate.location, log=""))
+        key = candidate.cause.id, everywhere.location
+        if key in found:
+            before = found[key][1]
+            values = {
+                p.name: float(np.clip(before[p.name] + values[p.name] - p.null, p.low, p.high))
+                for p in candidate.parameters
+            }
+        found[key] = everywhere, values
+    return list(found.values())
+
+
 def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None = None) -> Plant:
     """Build a plant from the study's model and a hypothesis.
 
     Candidates are added in the order of the catalogue, in which effects on readings come last.
-    Candidates with null values are left out.
+    Candidates with null values are left out, and those that act in one log only; see `in_log`.
 
     Args:
         system: the study's model and its elements.
@@ -82,7 +108,8 @@ def build(system: System, hypothesis: Hypothesis, nominal: mujoco.MjSpec | None 
     effects, edits = Effects(), []
     order = {name: i for i, name in enumerate(CATALOGUE)}
     for candidate, values in sorted(hypothesis, key=lambda part: order.get(part[0].cause.id, 0)):
-        if all(values[p.name] == p.null for p in candidate.parameters):
+        unchanged = all(values[p.name] == p.null for p in candidate.parameters)
+        if unchanged or candidate.location.log:
             continue
         cause, location = candidate.cause, candidate.location
         if cause.edit is not None:

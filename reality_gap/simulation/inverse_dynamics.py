@@ -11,7 +11,7 @@ noise once more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 
 import mujoco
@@ -38,6 +38,8 @@ GRID_RATE = 8.0
 """Samples of the motion per period of the cutoff, at least."""
 EDGE = 3.0
 """Length that is left out at both ends of a log, where filters start [periods of the cutoff]."""
+LEAST = 10
+"""Number of samples in motion below which an effort is not compared."""
 SLOW = 0.01
 """Share of its usual speed below which a joint stands still; its dry friction is then unknown."""
 FRICTION_RATE = 1e6
@@ -87,10 +89,11 @@ def prepare(study: Study) -> Study:
 
     Returns:
         The study with its efforts only, filtered and thinned to two samples per period of the
-        cutoff, with accordingly reduced noise and with the motion of each episode.
+        cutoff, with accordingly reduced noise and with the motion of each episode. Efforts of
+        joints that stand still are left out.
 
     Raises:
-        StudyError: a joint of the model is not measured, or a log is too short or too slow.
+        StudyError: a joint of the model is not measured, a log is too short, or no joint moves.
     """
     plant = Plant(light_spec(study.spec()), Effects())
     model = plant.spec.compile()
@@ -118,23 +121,43 @@ def prepare(study: Study) -> Study:
         changes.append(np.where(used, after - before, np.nan))
         kept = {f.name: getattr(episode, f.name) for f in fields(Episode)}
         episodes.append(PreparedEpisode(**kept | {"readings": readings}, motion=motion))
+    moving = [k for k in range(len(efforts)) if any(len(e.readings[k].time) for e in episodes)]
+    if not moving:
+        raise StudyError(
+            "the joints of all efforts hardly move; their forces can be compared in motion only"
+        )
     reduction = np.sqrt(2 * cutoff * period)
-    computed = np.sqrt(np.nanmean(np.concatenate(changes) ** 2, axis=0))
-    whole = np.hypot(noise[efforts] * reduction, computed)
+    computed = np.sqrt(np.nanmean(np.concatenate(changes)[:, moving] ** 2, axis=0))
+    whole = np.hypot(noise[efforts][moving] * reduction, computed)
     channels = tuple(
-        replace(study.channels[c], noise=float(size))
-        for c, size in zip(efforts, whole, strict=True)
+        replace(study.channels[efforts[k]], noise=float(size))
+        for k, size in zip(moving, whole, strict=True)
     )
-    return replace(study, channels=channels, episodes=tuple(episodes))
+    compared = (replace(e, readings=tuple(e.readings[k] for k in moving)) for e in episodes)
+    return replace(study, channels=channels, episodes=tuple(compared))
 
 
-def inverse_replay(plant: Plant, study: Study, measured: Measured) -> Replay:
+def left_out(study: Study) -> list[str]:
+    """Return the names of the efforts that `prepare` leaves out, because their joints stand still.
+
+    Args:
+        study: a study that is not prepared.
+    """
+    compared = {channel.name for channel in ensure_prepared(study).channels}
+    efforts = [channel.name for channel in study.channels if channel.kind == "effort"]
+    return [name for name in efforts if name not in compared]
+
+
+def inverse_replay(
+    plant: Plant, study: Study, measured: Measured, only: Collection[int] | None = None
+) -> Replay:
     """Compute the efforts that a plant needs for the measured motion.
 
     Args:
         plant: the model and its effects; forces that its hooks apply reduce the effort.
         study: a prepared study; see `prepare`.
         measured: the readings of that study.
+        only: indices of the episodes to compute; by default all.
 
     Returns:
         The predicted efforts and the simulated signals.
@@ -151,6 +174,9 @@ def inverse_replay(plant: Plant, study: Study, measured: Measured) -> Replay:
     for e, episode in enumerate(study.episodes):
         if not isinstance(episode, PreparedEpisode):
             raise StudyError(f"the study {study.name} compares efforts and was not prepared")
+        if only is not None and e not in only:
+            start += episode.duration
+            continue
         motion = episode.motion
         effort, record = _inverse_dynamics(plant, model, motion, start)
         for effect in plant.effects.efforts:
@@ -329,10 +355,8 @@ def _effort(motion: Motion, reading: Reading, still: Bools, period: float) -> Re
     edge = int(np.ceil(EDGE / (motion.cutoff * grid)))
     kept = np.arange(edge, len(motion.time) - edge, step)
     kept = kept[~still[kept]]
-    if len(kept) < 10:
-        raise StudyError(
-            "the joint of an effort hardly moves; its force can be compared in motion only"
-        )
+    if len(kept) < LEAST:
+        kept = kept[:0]
     return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
 
 

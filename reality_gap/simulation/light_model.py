@@ -1,7 +1,7 @@
-"""Light model: a model without what is only seen, for replays.
+"""Light model: a model without what is only seen, and without meshes that touch nothing.
 
 Meshes and textures make each compilation and each record of a simulation large, and most of them
-change no force and no reading.
+change no force and no reading. Meshes that may collide take half of the time of a replay.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reality_gap.types import Bools
+from reality_gap.types import Bools, Floats
 
 SEEING = (
     mujoco.mjtSensor.mjSENS_RANGEFINDER,
@@ -18,6 +18,12 @@ SEEING = (
     mujoco.mjtSensor.mjSENS_GEOMFROMTO,
 )
 """Types of sensors whose readings depend on geoms that cannot collide."""
+FAR = 0.1
+"""Distance from all other geoms at which a mesh touches nothing, over the size of the model."""
+FURTHER = 1.0
+"""Further change of a distance, over that of a motion, after which geoms must not touch."""
+POSES = 200
+"""Largest number of poses of a motion at which distances are examined."""
 
 
 def light_spec(spec: mujoco.MjSpec) -> mujoco.MjSpec:
@@ -38,6 +44,49 @@ def light_spec(spec: mujoco.MjSpec) -> mujoco.MjSpec:
             geom.contype = geom.conaffinity = 0
     light.discard_visual()
     return light
+
+
+def without_distant_meshes(spec: mujoco.MjSpec, qpos: Floats) -> mujoco.MjSpec:
+    """Return a copy of a model without the meshes that touch nothing during a motion.
+
+    Masses and inertias stay. A model with sensors that see geoms stays as it is.
+
+    Args:
+        spec: the model; it is not changed.
+        qpos: positions of the joints during the motion, shape (k, nq).
+    """
+    light: mujoco.MjSpec = spec.copy()
+    if not light.meshes or any(sensor.type in SEEING for sensor in light.sensors):
+        return light
+    far = ~_come_near(light.copy().compile(), qpos[:: len(qpos) // POSES + 1])
+    for geom, distant in zip(light.geoms, far, strict=True):
+        if distant and geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+            geom.contype = geom.conaffinity = 0
+    light.discard_visual()
+    return light
+
+
+def _come_near(model: mujoco.MjModel, qpos: Floats) -> Bools:
+    """Return whether each geom could touch another one in a similar motion, shape (ngeom,).
+
+    Two geoms touch if their distance is 0, and could touch if it changes by so much during this
+    motion that it would be 0 after `FURTHER` times the change.
+    """
+    data = mujoco.MjData(model)
+    far = FAR * model.stat.extent
+    model.geom_margin[:] = np.maximum(model.geom_margin, far)
+    closest = np.full((len(qpos), model.ngeom, model.ngeom), far, dtype=np.float32)
+    for now, distances in zip(qpos, closest, strict=True):
+        data.qpos[:] = now
+        mujoco.mj_fwdPosition(model, data)
+        contacts = data.contact
+        rigid = (contacts.geom >= 0).all(axis=1)
+        np.minimum.at(distances, tuple(contacts.geom[rigid].T), contacts.dist[rigid])
+    least, change = closest.min(axis=0), np.ptp(closest, axis=0)
+    touching = (least <= FURTHER * change) & (least < far)
+    found: Bools = touching.any(axis=0) | touching.any(axis=1)
+    found[np.concatenate([model.pair_geom1, model.pair_geom2]).astype(int)] = True
+    return found
 
 
 def can_collide(model: mujoco.MjModel) -> Bools:

@@ -7,7 +7,7 @@ interpolated at the times of the measured readings.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Collection, Hashable
 from dataclasses import dataclass, fields, replace
 
 import mujoco
@@ -68,7 +68,11 @@ def _bytes(record: Record) -> int:
 
 
 def replay(
-    plant: Plant, study: Study, measured: Measured, cache: RecordCache | None = None
+    plant: Plant,
+    study: Study,
+    measured: Measured,
+    cache: RecordCache | None = None,
+    only: Collection[int] | None = None,
 ) -> Replay:
     """Replay a study on a plant.
 
@@ -80,6 +84,8 @@ def replay(
         study: commands and initial states.
         measured: the readings of that study.
         cache: simulations that were done before, if they may be used again.
+        only: indices of the episodes to simulate; by default all. The predictions of the others are
+            NaN, and they have no record.
 
     Returns:
         The predicted readings and the simulated signals.
@@ -90,6 +96,8 @@ def replay(
     prediction = np.full(len(measured.value), np.nan)
     records = []
     for e, (episode, start) in enumerate(zip(study.episodes, starts[:-1], strict=True)):
+        if only is not None and e not in only:
+            continue
         rows = _rows(model, episode)
         record = _simulate(plant, model, study, episode, float(start), rows, cache)
         for effect in plant.effects.readings:

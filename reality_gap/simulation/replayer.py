@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property, partial
 from types import TracebackType
@@ -15,12 +15,12 @@ import numpy as np
 
 from mjcf_sandbox.parent_watchdog import end_with_parent
 from reality_gap.causes import CATALOGUE, register_cause
-from reality_gap.causes.base import Cause, Location
+from reality_gap.causes.base import Cause, Location, Record
 from reality_gap.errors import StudyError
 from reality_gap.simulation.episode import silence
-from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, Plant, build
+from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part, Plant, build, in_log
 from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_replay
-from reality_gap.simulation.light_model import light_spec
+from reality_gap.simulation.light_model import light_spec, without_distant_meshes
 from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured
@@ -83,6 +83,8 @@ class Replayer:
         )
 
     def __enter__(self) -> Replayer:
+        self._warned = mujoco.get_mju_user_warning()
+        silence()
         return self
 
     def __exit__(
@@ -91,6 +93,7 @@ class Replayer:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        mujoco.set_mju_user_warning(self._warned)
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
@@ -107,14 +110,38 @@ class Replayer:
         Raises:
             StudyError: the model does not compile with these candidates.
         """
+        logs = dict.fromkeys(candidate.location.log for candidate, _ in hypothesis)
+        own = [log for log in logs if log]
+        if own:
+            return self._stitch(hypothesis, own, coarse)
+        return self._replay(hypothesis, coarse, None)
+
+    def _stitch(self, hypothesis: Hypothesis, logs: Sequence[str], coarse: bool) -> Replay:
+        """Replay each of some logs with its own causes, and all others without these."""
+        study = self.system.study
+        episodes = {log: study.episodes_of(log) for log in logs}
+        taken = {e for some in episodes.values() for e in some}
+        rest = tuple(e for e in range(len(study.episodes)) if e not in taken)
+        prediction = np.full(len(self.measured.value), np.nan)
+        records = dict[int, Record]()
+        for log, some in {"": rest, **episodes}.items():
+            if not some:
+                continue
+            found = self._replay(in_log(hypothesis, log), coarse, some)
+            at = np.isin(self.measured.episode, some)
+            prediction[at] = found.prediction[at]
+            records.update(zip(some, found.records, strict=True))
+        return Replay(prediction, tuple(records[e] for e in sorted(records)))
+
+    def _replay(self, hypothesis: Hypothesis, coarse: bool, only: Collection[int] | None) -> Replay:
         study = self.system.study
         try:
             plant = self.light_plant(hypothesis)
             if study.inverse:
-                return inverse_replay(plant, study, self.measured)
+                return inverse_replay(plant, study, self.measured, only)
             if coarse:
                 plant.spec.option.timestep *= 2
-            return replay(plant, study, self.measured, self._cache)
+            return replay(plant, study, self.measured, self._cache, only)
         except ValueError as error:  # MuJoCo's, if the model does not compile
             names = " and ".join(str(candidate) for candidate, _ in hypothesis)
             raise StudyError(f"the model with {names} does not compile: {error}") from error
@@ -158,7 +185,15 @@ class Replayer:
 
     @cached_property
     def _light(self) -> mujoco.MjSpec:
-        return light_spec(self.system.study.spec())
+        """The study's model without visual elements, and without meshes that touch nothing."""
+        study, light = self.system.study, light_spec(self.system.study.spec())
+        if not light.meshes:
+            return light
+        plant = build(self.system, self.usual, light)
+        run = inverse_replay if study.inverse else replay
+        found = run(plant, study, self.measured)
+        qpos = np.concatenate([record.qpos for record in found.records])
+        return without_distant_meshes(light, qpos) if np.isfinite(qpos).all() else light
 
     @cached_property
     def usual(self) -> Hypothesis:
@@ -223,7 +258,9 @@ class Replayer:
         return found
 
     def predictions(self, study: Study, hypotheses: Sequence[Hypothesis]) -> list[Floats]:
-        """Predict the readings of another study of the same machine.
+        """Predict the readings of another study of the same machine, to tell hypotheses apart.
+
+        The time step is doubled where that is accurate enough for their differences.
 
         Args:
             study: commands and times of the readings; their values are not used.
@@ -270,4 +307,7 @@ def _predict_study(
     """Predict the readings of another study in units of noise, by default in a worker."""
     found = replayer or _replayer
     assert found is not None
-    return replay(found.light_plant(hypothesis), study, readings).prediction / readings.noise
+    plant = found.light_plant(hypothesis)
+    if found.coarse:
+        plant.spec.option.timestep *= 2
+    return replay(plant, study, readings).prediction / readings.noise

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import mujoco
+import numpy as np
 
 from mjcf_sandbox.errors import UntrustedFileError
 from mjcf_sandbox.mjcf import check_model
@@ -62,6 +63,10 @@ class Episode:
         readings: one for each channel of the study, in its order; a channel may have fewer
             samples than there are commands, or none.
         joints: initial positions of joints [m or rad]; they override the study's ``initial``.
+        log: name of the recording that the episode is a part of; empty if all episodes are parts
+            of one.
+        start: when the episode began, since a moment that is the same for all episodes [s]; None
+            if unknown.
     """
 
     name: str
@@ -69,6 +74,8 @@ class Episode:
     command: Floats
     readings: tuple[Reading, ...]
     joints: Mapping[str, float] = field(default_factory=dict)
+    log: str = ""
+    start: float | None = None
 
     @property
     def duration(self) -> float:
@@ -100,6 +107,8 @@ class Study:
         channels: what was measured.
         episodes: at least one.
         initial: initial state of each episode.
+        absolute_encoders: whether encoders of tendons read lengths; by default they read the
+            difference to the nominal length at the model's ``qpos0``, where they are zeroed.
     """
 
     name: str
@@ -107,6 +116,7 @@ class Study:
     channels: tuple[Channel, ...]
     episodes: tuple[Episode, ...]
     initial: Initial = field(default_factory=Initial)
+    absolute_encoders: bool = False
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new copy of the model.
@@ -120,6 +130,34 @@ class Study:
     def duration(self) -> float:
         """Sum of the durations of all episodes [s]."""
         return sum(episode.duration for episode in self.episodes)
+
+    @property
+    def logs(self) -> tuple[str, ...]:
+        """Names of the logs, each once; a log may have several episodes."""
+        return tuple(dict.fromkeys(episode.log for episode in self.episodes))
+
+    def episodes_of(self, log: str) -> tuple[int, ...]:
+        """Return the indices of the episodes of a log."""
+        return tuple(i for i, episode in enumerate(self.episodes) if episode.log == log)
+
+    def elapsed(self, time: Floats) -> Floats:
+        """Return the time since the first command, including pauses of the log, shape (k,) [s].
+
+        Pauses are known if all episodes have a `start`, and none begins before another has ended.
+
+        Args:
+            time: time of the study, in which an episode begins where the one before it ended [s].
+        """
+        starts = [episode.start for episode in self.episodes]
+        durations = np.array([episode.duration for episode in self.episodes])
+        if None in starts:
+            return time
+        begins = np.array(starts, dtype=np.float64) - float(starts[0] or 0.0)
+        if np.any(np.diff(begins) < durations[:-1] - 1e-9):
+            return time
+        bounds = np.concatenate([[0.0], np.cumsum(durations)])
+        index = np.clip(np.searchsorted(bounds, time, side="right") - 1, 0, len(begins) - 1)
+        return np.asarray(begins[index] + time - bounds[index])
 
     @property
     def inverse(self) -> bool:

@@ -11,6 +11,7 @@ import pytest
 
 from reality_gap.errors import StudyError
 from reality_gap.first_study import DRAFT, correct_columns, write_first_study
+from reality_gap.study.data import Study
 from reality_gap.types import Floats
 from tests.reality_gap.arm_logs import HEADER, motion, table, write_arm
 
@@ -199,3 +200,78 @@ def test_a_folder_that_exists_is_not_overwritten(model: Path, tmp_path: Path) ->
     (tmp_path / "study" / "mine.txt").touch()
     with pytest.raises(StudyError, match="exists and is not overwritten"):
         write_first_study(model, [tmp_path / "log.csv"], tmp_path / "study", print)
+
+
+def drafted(model: Path, folder: Path, *logs: Path) -> tuple[Study, list[str]]:
+    """Draft and correct a study; return it with the notes."""
+    notes: list[str] = []
+    path = write_first_study(model, list(logs), folder / "study", notes.append)
+    return correct_columns(path, notes.append), notes
+
+
+def test_rows_without_a_command_hold_the_one_before(model: Path, tmp_path: Path) -> None:
+    """Merged logs have a row for each message."""
+    time, command, angles = motion()
+    rows = [
+        row
+        for t, c, q in zip(time, command, angles, strict=True)
+        for row in (f"{t},{c[0]},{c[1]},,", f"{t + 0.005},,,{q[0]},{q[1]}")
+    ]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join([HEADER, *rows]))
+    study, notes = drafted(model, tmp_path, log)
+    np.testing.assert_allclose(study.episodes[0].command, np.repeat(command, 2, axis=0))
+    assert len(study.episodes[0].readings[0].value) == len(time)
+    assert any("200 rows without a command" in note for note in notes)
+
+
+def test_a_joint_at_rest_is_left_out_and_keeps_its_position(model: Path, tmp_path: Path) -> None:
+    time, command, angles = motion()
+    rest = np.full(len(time), -0.4)
+    log = table(tmp_path / "log.csv", HEADER, time, command[:, 0], rest, angles[:, 0], rest)
+    study, notes = drafted(model, tmp_path, log)
+    assert [channel.sensor for channel in study.channels] == ["shoulder_pan_position"]
+    assert study.episodes[0].joints["elbow_flex"] == -0.4
+    assert any("elbow_flex_position was left out" in note for note in notes)
+
+
+@pytest.mark.parametrize("shift", [0.3, -0.25, 1.7e9 - 0.4])
+def test_clocks_of_two_files_are_aligned(model: Path, tmp_path: Path, shift: float) -> None:
+    time, command, angles = motion()
+    commands = table(
+        tmp_path / "commands.csv", "time,cmd_shoulder_pan,cmd_elbow_flex", time, *command.T
+    )
+    own = time[20:] + shift
+    readings = table(
+        tmp_path / "readings.csv", "time,q_shoulder_pan,q_elbow_flex", own, *angles[20:].T
+    )
+    study, notes = drafted(model, tmp_path, commands, readings)
+    reading = study.episodes[0].readings[0]
+    expected = np.interp(reading.time, time, angles[:, 0])
+    np.testing.assert_allclose(reading.value, expected, atol=0.01)
+    assert any("it was shifted" in note and "readings.csv" in note for note in notes)
+    assert "shifts: {readings.csv:" in (tmp_path / "study" / "STUDY.yaml").read_text()
+
+
+def test_a_delay_in_one_file_is_reported_and_kept(model: Path, tmp_path: Path) -> None:
+    time, command, angles = motion()
+    late = np.column_stack([np.interp(time - 0.06, time, column) for column in angles.T])
+    log = table(tmp_path / "log.csv", HEADER, time, *command.T, *late.T)
+    study, notes = drafted(model, tmp_path, log)
+    np.testing.assert_allclose(study.episodes[0].readings[0].value, late[:, 0], atol=1e-9)
+    [note] = [note for note in notes if "lag behind" in note]
+    lag = float(note.split(" by ")[1].split(" ms")[0])
+    assert lag == pytest.approx(60.0, abs=3.0)
+
+
+def test_runs_of_one_file_are_one_log_and_keep_their_times(model: Path, tmp_path: Path) -> None:
+    time, command, angles = motion()
+    both = np.concatenate([time, time + 600.0])
+    twice = [np.tile(column, 2) for column in (*command.T, *angles.T)]
+    one = table(tmp_path / "monday.csv", HEADER, both, *twice)
+    other = table(tmp_path / "tuesday.csv", HEADER, time + 86400.0, *command.T, *angles.T)
+    study, _ = drafted(model, tmp_path, one, other)
+    assert study.logs == ("monday", "tuesday")
+    assert study.episodes_of("monday") == (0, 1)
+    begins = np.cumsum([0.0, *(episode.duration for episode in study.episodes[:-1])])
+    np.testing.assert_allclose(study.elapsed(begins + 1.0), [1.0, 601.0, 86401.0])

@@ -71,7 +71,11 @@ def decided(
     [(0.0, Verdict.NOTHING_WRONG), (9.9, Verdict.NOTHING_WRONG), (10.1, Verdict.UNEXPLAINED)],
 )
 def test_without_causes_the_learned_residual_decides(learned: float, expected: Verdict) -> None:
-    assert decided(None, learned, after=5.0) is expected
+    assert decided(None, learned, after=1.2) is expected
+
+
+def test_errors_of_many_noises_are_not_nothing() -> None:
+    assert decided(None, 0.0, after=5.0) is Verdict.UNEXPLAINED
 
 
 @pytest.mark.parametrize(

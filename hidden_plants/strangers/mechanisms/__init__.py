@@ -6,11 +6,14 @@ import mujoco
 
 from hidden_plants.secret import Effect
 from hidden_plants.strangers.mechanisms import (
+    clocks,
     drives,
     encoders,
     friction,
+    gears,
     joints,
     loads,
+    motor_limits,
     outside,
     readings,
     tendons,
@@ -22,11 +25,18 @@ from hidden_plants.strangers.stranger import Stranger
 
 _INSIDE = (friction, joints, loads, drives, encoders, tendons, readings)
 
+_ADDED = (motor_limits, gears, clocks)
+
 MECHANISMS: dict[str, Mechanism] = {
-    mechanism.id: mechanism for module in (*_INSIDE, outside) for mechanism in module.MECHANISMS
+    mechanism.id: mechanism
+    for module in (*_INSIDE, outside, *_ADDED)
+    for mechanism in module.MECHANISMS
 }
 OUTSIDE = tuple(mechanism.id for mechanism in outside.MECHANISMS)
 """Effects that no single cause of a catalogue expresses."""
+ADDED = tuple(mechanism.id for module in _ADDED for mechanism in module.MECHANISMS)
+"""Effects that were added later. They are sampled with random numbers of their own, so that trials
+in which no such effect is sampled hide what they hid before."""
 
 
 def mechanism_of(effect: Effect | Structure) -> Mechanism:

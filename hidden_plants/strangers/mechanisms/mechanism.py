@@ -25,6 +25,7 @@ class Structure:
         size: a usual amplitude for this machine, from which a search starts.
         most: largest physical amplitude.
         shape: parameters that do not scale with the amplitude.
+        least: amplitude below which the effect is not what its name says, although it may be seen.
     """
 
     id: str
@@ -32,6 +33,7 @@ class Structure:
     size: float
     most: float
     shape: Shape = field(default_factory=dict)
+    least: float = 0.0
 
     def at(self, amplitude: float) -> Effect:
         """The effect of an amplitude, which is the parameter "size"."""

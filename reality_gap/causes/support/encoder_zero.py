@@ -1,9 +1,9 @@
-"""Zero of tendon encoders: encoders are relative and are zeroed at the model's ``qpos0``.
+"""Zero of tendon encoders: relative encoders are zeroed at the model's ``qpos0``.
 
 At ``qpos0`` a person sets the reading of each tendon to the nominal length. A cause that changes
 the path of a tendon therefore shows no error of the length there. The functions of this module add
 such a cause to a model: ``geometry`` changes the paths, and what the lengths at ``qpos0`` change by
-is subtracted from the readings and from the feedback of servos.
+is subtracted from the readings and from the feedback of servos. Absolute encoders read lengths.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Geometry = Callable[[mujoco.MjSpec, System, Location, Values], None]
 def edit_zeroed(
     geometry: Geometry, spec: mujoco.MjSpec, system: System, location: Location, values: Values
 ) -> None:
-    """Edit paths, and let servos feed back lengths that are zeroed at ``qpos0``."""
+    """Edit paths, and let servos feed back what their encoders read."""
     geometry(spec, system, location, values)
     for name, excess in _excess(geometry, system, location, values).items():
         tendon = system.tendon(name)
@@ -34,7 +34,7 @@ def edit_zeroed(
 def attach_zeroed(
     geometry: Geometry, effects: Effects, system: System, location: Location, values: Values
 ) -> None:
-    """Add the effect that encoders read lengths that are zeroed at ``qpos0``."""
+    """Add the effect that relative encoders read lengths that are zeroed at ``qpos0``."""
     excess = _excess(geometry, system, location, values)
 
     def zero(record: Record) -> None:
@@ -48,7 +48,9 @@ def attach_zeroed(
 def _excess(
     geometry: Geometry, system: System, location: Location, values: Values
 ) -> dict[str, float]:
-    """Return by how much tendons are longer than nominal at ``qpos0`` [m]."""
+    """Return by how much relative encoders read too much at ``qpos0`` [m]."""
+    if system.study.absolute_encoders:
+        return {}
     spec = system.study.spec()
     geometry(spec, system, location, values)
     model = spec.compile()

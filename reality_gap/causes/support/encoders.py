@@ -54,6 +54,17 @@ def add_to_reading(record: Record, encoder: Encoder, error: Floats) -> None:
         record.sensors[:, record.column(sensor)] += error
 
 
+def speed_sensors(system: System, joint: str) -> tuple[str, ...]:
+    """Return the measured sensors of a joint's velocity, which come from its encoder."""
+    model = system.model
+    return tuple(
+        name
+        for name in system.sensed
+        if int(model.sensor(name).type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTVEL)
+        and int(model.sensor(name).objid[0]) == model.joint(joint).id
+    )
+
+
 class Feedback:
     """Position feedback of encoders in a model, for hooks that let it be wrong.
 

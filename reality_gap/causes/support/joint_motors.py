@@ -6,7 +6,7 @@ import mujoco
 
 from reality_gap.causes.base import Location
 from reality_gap.causes.support import actuators, elements
-from reality_gap.study.system import System
+from reality_gap.study.system import System, commanded
 
 _SIMPLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
@@ -42,3 +42,43 @@ def each_and_all(system: System, suits: elements.Suits) -> tuple[Location, ...]:
 def joint_of(system: System, actuator: str) -> str:
     """Return the joint that an actuator moves."""
     return system.model.joint(int(system.model.actuator(actuator).trnid[0])).name
+
+
+def motors_of(system: System, joint: str) -> tuple[str, ...]:
+    """Return the names of the motors of a joint."""
+    model = system.model
+    names = (model.actuator(i).name for i in commanded(model) if is_motor(model, i))
+    return tuple(name for name in names if joint_of(system, name) == joint)
+
+
+class MotorForce:
+    """Force of a motor on its joint in the coming step, from the state before that step.
+
+    ``actuator_force`` is that of the previous step, before which the command may have been another.
+    """
+
+    def __init__(self, model: mujoco.MjModel, motor: str, joint: str) -> None:
+        self._index = i = int(model.actuator(motor).id)
+        self._position = int(model.joint(joint).qposadr[0])
+        self._dof = int(model.joint(joint).dofadr[0])
+        self._input, self._act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
+        self._gain, self._gear = (
+            float(model.actuator_gainprm[i, 0]),
+            float(model.actuator_gear[i, 0]),
+        )
+        affine = int(mujoco.mjtBias.mjBIAS_AFFINE)
+        self._feeds = float(int(model.actuator_biastype[i]) == affine)
+        self._limited = bool(model.actuator_forcelimited[i])
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """Return the force behind the gear [N or N m]."""
+        i, bias = self._index, model.actuator_biasprm
+        force = self._gain * (data.ctrl[self._input] if self._act < 0 else data.act[self._act])
+        if self._feeds:
+            force += bias[i, 0] + self._gear * (
+                bias[i, 1] * data.qpos[self._position] + bias[i, 2] * data.qvel[self._dof]
+            )
+        if self._limited:
+            low, high = model.actuator_forcerange[i]
+            force = min(max(force, low), high)
+        return float(self._gear * force)

@@ -163,24 +163,29 @@ class VariableFriction:
     def __init__(
         self, model: mujoco.MjModel, system: System, cause: str, location: Location
     ) -> None:
-        self._bristles: list[tuple[ModelOffset, Floats]] = []
+        self._bristles: list[tuple[ModelOffset, float | Floats]] = []
         self._deflections: Ints | None = None
         if is_available(system):
             names = [_name(system, cause, location, element) for element in location.elements]
             ids = np.array([model.actuator(name).id for name in names])
             self._deflections = model.actuator_actadr[ids]
+            at = int(ids[0]) if len(ids) == 1 else ids
             self._levels = [
-                ModelOffset(model.actuator_biasprm[:, k], ids) for k in (SLIDING, RESTING)
+                ModelOffset(model.actuator_biasprm[:, k], at) for k in (SLIDING, RESTING)
             ]
             for k in (STIFFNESS, DAMPING):
-                offset = ModelOffset(model.actuator_dynprm[:, k], ids)
-                self._bristles.append((offset, model.actuator_dynprm[ids, k]))
+                offset = ModelOffset(model.actuator_dynprm[:, k], at)
+                nominal = model.actuator_dynprm[at, k]
+                self._bristles.append((offset, float(nominal) if len(ids) == 1 else nominal))
         elif location.kind == "tendon":
             ids = np.array([model.tendon(name).id for name in location.elements])
-            self._levels = [ModelOffset(model.tendon_frictionloss, ids)]
+            at = int(ids[0]) if len(ids) == 1 else ids
+            self._levels = [ModelOffset(model.tendon_frictionloss, at)]
         else:
             ids = np.array([model.joint(name).dofadr[0] for name in location.elements])
-            self._levels = [ModelOffset(model.dof_frictionloss, ids)]
+            at = int(ids[0]) if len(ids) == 1 else ids
+            self._levels = [ModelOffset(model.dof_frictionloss, at)]
+        self._single = len(ids) == 1  # floats are faster than short arrays
 
     def directions(self, data: mujoco.MjData, velocity: Floats, creep: float) -> Floats:
         """Return the direction in which each element slides, or slid before it came to rest.
@@ -207,7 +212,11 @@ class VariableFriction:
             force: the friction that was added to the model [N or N m].
             factor: one number or one for each element, shape (k,); at least `SMALLEST` is used.
         """
-        factor = np.maximum(factor, SMALLEST)
+        if self._single:
+            alone = factor if isinstance(factor, float) else float(np.asarray(factor).flat[0])
+            factor = max(alone, SMALLEST)
+        else:
+            factor = np.maximum(factor, SMALLEST)
         for level in self._levels:
             level.set(force * (factor - 1.0))
         for bristle, nominal in self._bristles:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from reality_gap.types import Floats, Ints
 
 
@@ -16,10 +18,18 @@ class ModelOffset:
     """
 
     def __init__(self, values: Floats, entries: int | Ints) -> None:
-        self._values, self._entries = values, entries
+        self._values, self._entries = values, _indices(entries)
         self._added: float | Floats = 0.0
 
     def set(self, amount: float | Floats) -> None:
         """Replace the previous amount by ``amount``, a number or an array of shape (k,)."""
         self._values[self._entries] += amount - self._added
         self._added = amount
+
+
+def _indices(entries: int | Ints) -> slice | Ints:
+    """Return entries as a slice if they follow each other, which is faster in each step."""
+    many = np.atleast_1d(np.asarray(entries))
+    if len(many) and np.array_equal(many, many[0] + np.arange(len(many))):
+        return slice(int(many[0]), int(many[0]) + len(many))
+    return many

@@ -11,7 +11,17 @@ from typing import Any
 
 import mujoco
 
-OF_THE_MODEL = {"classname", "compiler", "frame", "id", "info", "parent", "plugin", "signature"}
+OF_THE_MODEL = {
+    "classname",
+    "compiler",
+    "frame",
+    "id",
+    "info",
+    "parent",
+    "path",
+    "plugin",
+    "signature",
+}
 """Attributes of an element that describe its place in the model; they are not copied."""
 
 
@@ -28,6 +38,11 @@ def add_geom(body: mujoco.MjsBody, **attributes: Any) -> mujoco.MjsGeom:
 def add_site(body: mujoco.MjsBody, **attributes: Any) -> mujoco.MjsSite:
     """Add a site with these attributes and MuJoCo's defaults for all others."""
     return _set(body.add_site(), mujoco.MjSpec().worldbody.add_site(), attributes)
+
+
+def add_tendon(spec: mujoco.MjSpec, **attributes: Any) -> mujoco.MjsTendon:
+    """Add a tendon without a path, with these attributes and MuJoCo's defaults for all others."""
+    return _set(spec.add_tendon(), mujoco.MjSpec().add_tendon(), attributes)
 
 
 def _set(new: Any, plain: Any, attributes: dict[str, Any]) -> Any:

@@ -91,6 +91,23 @@ def wrap_around(
     _add(spec, replace(old, path=(*old.path[:at], wrap, *old.path[at:])))
 
 
+def scale_coefficient(spec: mujoco.MjSpec, tendon: str, joint: str, factor: float) -> None:
+    """Multiply the coefficient of a joint in a fixed tendon by a factor.
+
+    Args:
+        spec: edited in place.
+        tendon: name of the tendon.
+        joint: name of the joint.
+        factor: the factor.
+    """
+    old = _copy(spec.tendon(tendon))
+    path = tuple(
+        replace(one, number=factor * one.number) if one.name == joint else one for one in old.path
+    )
+    spec.delete(spec.tendon(tendon))
+    _add(spec, replace(old, path=path))
+
+
 def _copy(tendon: mujoco.MjsTendon) -> _Tendon:
     attributes = {}
     for name in _ATTRIBUTES:

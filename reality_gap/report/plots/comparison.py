@@ -96,7 +96,14 @@ def _at(other: Signal, signal: Signal, value: Floats, residual: Floats, per: str
 
 
 def _rate(other: Signal) -> Floats:
-    return np.gradient(other.after) / np.maximum(np.gradient(other.time), 1e-9)
+    """Return the rate of a channel within each episode, shape (k,); 0 in those with one reading."""
+    found = np.zeros(len(other.time))
+    for e in np.unique(other.episode):
+        at = np.flatnonzero(other.episode == e)
+        if len(at) > 1:
+            steps = np.maximum(np.gradient(other.time[at]), 1e-9)
+            found[at] = np.gradient(other.after[at]) / steps
+    return found
 
 
 def _bins(value: Floats) -> NDArray[np.int64]:

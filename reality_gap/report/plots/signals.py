@@ -122,7 +122,7 @@ def residual_map(found: list[Signal]) -> Figure:
     label_rows(axes[0, 0], [signal.name for signal in rows])
     axes[0, 0].set_ylim(len(rows) - 0.5, -0.5)
     bar = made.colorbar(image, ax=list(axes[0]), pad=0.02, aspect=30, format="{x:g}")
-    bar.set_label("residual [standard deviations of noise]", fontsize=8)
+    bar.set_label("residual\n[noise sd]", fontsize=8)
     return made
 
 

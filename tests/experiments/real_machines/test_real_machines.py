@@ -12,8 +12,9 @@ import pytest
 
 from experiments.harness.errors import ExperimentError
 from experiments.real_machines import run, trial, xl330
-from experiments.real_machines.baselines import fit, predict
+from experiments.real_machines.baselines import fit
 from experiments.real_machines.machines import MACHINES, missing
+from experiments.real_machines.parameters import predict
 from experiments.real_machines.run import Args
 from experiments.real_machines.tables import metrics
 from experiments.real_machines.trial import EXTENDED, NOMINAL, held_out_errors

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 import pytest
 
 from hidden_plants.secret import Effect
-from hidden_plants.strangers import Oracle, make_stranger, sample_secret
-from hidden_plants.strangers.mechanisms import MECHANISMS, OUTSIDE, build, mechanism_of
+from hidden_plants.strangers import Oracle, Secret, make_stranger, sample_secret
+from hidden_plants.strangers.mechanisms import ADDED, MECHANISMS, OUTSIDE, build, mechanism_of
 from hidden_plants.strangers.mechanisms.mechanism import Structure
 from hidden_plants.strangers.mismatch import mismatch_at, mismatch_size
 from hidden_plants.strangers.oracle import THRESHOLD
@@ -23,7 +24,7 @@ SEEDS = (3, 6, 8, 5, 7, 10)
 STEP = 0.0025
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def stranger(seed: int) -> Stranger:
     return make_stranger(seed, 3.0)
 
@@ -128,3 +129,48 @@ def test_a_payload_moves_the_centre_of_mass_and_keeps_the_sum() -> None:
     assert float(body.mass[0]) == pytest.approx(float(nominal.mass[0]) + 2.0 * link.mass)
     centre = float(nominal.mass[0]) * nominal.ipos + 2.0 * link.mass * np.array([link.length, 0, 0])
     np.testing.assert_allclose(body.ipos, centre / float(body.mass[0]), rtol=1e-9)
+
+
+class NoOracle:
+    """Floors that need no simulation."""
+
+    def floor(self, structure: Structure) -> float:
+        return structure.size
+
+
+def secret_of(seed: int, kind: str) -> Secret:
+    rng = np.random.default_rng([seed, 7])
+    return sample_secret(rng, stranger(seed), cast(Oracle, NoOracle()), kind)
+
+
+@pytest.mark.parametrize("kind", ["single", "pair", "outside"])
+def test_effects_that_were_added_later_leave_other_trials_as_they_were(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hidden_plants.strangers.sampling._is_sound", lambda *one: True)
+    after = {seed: secret_of(seed, kind) for seed in range(24)}
+    monkeypatch.setattr(
+        "hidden_plants.strangers.sampling.MECHANISMS",
+        {id: one for id, one in MECHANISMS.items() if id not in ADDED},
+    )
+    before = {seed: secret_of(seed, kind) for seed in range(24)}
+    kept = [s for s in after if not {e.id for e in after[s].effects} & set(ADDED)]
+
+    assert len(kept) > 10
+    assert all(after[seed] == before[seed] for seed in kept)
+    assert (len(kept) < len(after)) == (kind != "outside")
+
+
+@pytest.mark.parametrize("id", ["torque_speed_curve", "speed_limit", "dead_zone", "motor_coupling"])
+def test_effects_of_motors_are_on_machines_with_motors_at_their_joints(id: str) -> None:
+    kinds = {stranger(seed).traits.kind for seed, _ in structures(id)}
+    assert kinds <= {"motors", "servos"}
+
+
+def test_a_limit_of_speed_is_below_the_planned_speed() -> None:
+    """Higher limits only delay commands, which is another effect."""
+    machine = stranger(6)
+    for one in MECHANISMS["speed_limit"].structures(machine, np.random.default_rng(1)):
+        slowness = true_size(machine, one.at(one.least))
+        assert slowness is not None
+        assert slowness * one.shape["speed"] > 1.2

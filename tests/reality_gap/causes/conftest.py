@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from reality_gap.study.system import System, compile_system
-from tests.reality_gap.causes.machines import arm_study, elbow_study, screw_study
+from tests.reality_gap.causes.machines import arm_study, elbow_study, hand_study, screw_study
 from tests.reality_gap.causes.plants import robot
 
 
@@ -15,6 +15,7 @@ def systems(tmp_path_factory: pytest.TempPathFactory) -> dict[str, System]:
     return {
         "elbow": compile_system(elbow_study(folder)),
         "arm": compile_system(arm_study(folder)),
+        "hand": compile_system(hand_study(folder)),
         "screw": compile_system(screw_study(folder)),
         "effort": compile_system(screw_study(folder, effort=True)),
     }

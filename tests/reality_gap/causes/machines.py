@@ -1,7 +1,8 @@
-"""Machines for tests of causes: an elbow with three tendons, and a screw with a position servo."""
+"""Machines for tests of causes: an elbow with three tendons, an arm, a hand, and a screw."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -119,6 +120,79 @@ ARM = """
   </sensor>
 </mujoco>
 """
+
+
+HAND = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <default><joint type="hinge" axis="0 1 0" armature="0.002" damping="0.05"/></default>
+  <worldbody>
+    <body name="proximal">
+      <joint name="proximal" range="-90 90" limited="true"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0.1 0 0" mass="0.2"/>
+      <body name="middle" pos="0.1 0 0">
+        <joint name="middle"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0.08 0 0" mass="0.1"/>
+        <body name="distal" pos="0.08 0 0">
+          <joint name="distal"/>
+          <geom type="capsule" size="0.02" fromto="0 0 0 0.06 0 0" mass="0.05"/>
+        </body>
+      </body>
+    </body>
+    <body name="thumb" pos="0 0.1 0">
+      <joint name="thumb" range="-90 90" limited="true"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0.1 0 0" mass="0.2"/>
+      <body name="tip" pos="0.1 0 0">
+        <joint name="tip" stiffness="0.3"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0.08 0 0" mass="0.1"/>
+      </body>
+    </body>
+    <body name="little" pos="0 -0.1 0">
+      <joint name="knuckle"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0.1 0 0" mass="0.2"/>
+      <body name="end" pos="0.1 0 0">
+        <joint name="end" stiffness="0.3"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0.08 0 0" mass="0.1"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="both"><joint joint="knuckle" coef="1"/><joint joint="end" coef="0.5"/></fixed>
+  </tendon>
+  <equality>
+    <joint joint1="distal" joint2="middle" polycoef="0 0.8 0 0 0"/>
+  </equality>
+  <actuator>
+    <position name="proximal" joint="proximal" kp="8" kv="0.4" forcerange="-2 2"/>
+    <position name="middle" joint="middle" kp="4" kv="0.2" forcerange="-1 1"/>
+    <position name="thumb" joint="thumb" kp="8" kv="0.4" forcerange="-2 2"/>
+    <position name="little" tendon="both" kp="8" kv="0.4" forcerange="-2 2"/>
+  </actuator>
+  <sensor>
+    <jointpos name="position_proximal" joint="proximal"/>
+    <jointpos name="position_middle" joint="middle"/>
+    <jointpos name="position_distal" joint="distal"/>
+    <jointpos name="position_thumb" joint="thumb"/>
+    <jointpos name="position_tip" joint="tip"/>
+    <jointpos name="position_knuckle" joint="knuckle"/>
+    <jointpos name="position_end" joint="end"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def hand_study(folder: Path, duration: float = 1.5, model: str = HAND) -> Study:
+    """A log of a hand: two fingers with coupled joints, and a thumb whose tip swings freely."""
+    path = folder / "hand.xml"
+    path.write_text(model)
+    channels = tuple(
+        replace(channel, noise=1e-3) for channel in sensed(mujoco.MjModel.from_xml_path(str(path)))
+    )
+    time = np.arange(0.0, duration, 0.02)
+    rates, sizes = (5.0, 8.0, 6.0, 4.0), (0.5, 0.6, 0.6, 0.5)
+    command = np.stack([a * np.sin(w * time) for a, w in zip(sizes, rates, strict=True)], axis=1)
+    episode = Episode("grasp", time, command, silent(channels, duration))
+    return Study("hand", path, channels, (episode,), Initial(settle=0.3))
 
 
 def arm_study(folder: Path, duration: float = 1.5, model: str = ARM) -> Study:

@@ -56,6 +56,16 @@ IDS = (
     "force_limit",
     "effort_scale",
     "effort_offset",
+    "torque_speed_curve",
+    "speed_limit",
+    "coupling_ratio",
+    "joint_coupling",
+    "motor_coupling",
+    "stribeck_friction",
+    "gear_friction",
+    "joint_elasticity",
+    "dead_zone",
+    "clock_drift",
 )
 """Ids that are part of the interface: verdicts and extended models contain them."""
 
@@ -113,7 +123,7 @@ def test_a_null_leaves_the_model_identical(systems: dict[str, System], id: str) 
 @pytest.mark.parametrize("id", CATALOGUE)
 def test_towards_null_the_replay_converges(systems: dict[str, System], id: str) -> None:
     shown = 0.0
-    nulls = {name: predict(systems[name]) for name in ("elbow", "arm")}
+    nulls = {name: predict(systems[name]) for name in ("elbow", "arm", "hand")}
     found = [(name, c) for name in nulls for c in candidates_of(systems[name], id)]
     for name, candidate in found:
         system, null = systems[name], nulls[name]

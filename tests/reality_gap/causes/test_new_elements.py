@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import CATALOGUE
-from reality_gap.causes.support.new_elements import add_actuator, add_geom, add_site
+from reality_gap.causes.support.new_elements import add_actuator, add_geom, add_site, add_tendon
 from reality_gap.simulation.episode import compile_with_probes
 from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.study.system import System, compile_system
@@ -19,6 +19,7 @@ from tests.reality_gap.causes.machines import (
     arm_study,
     candidates_of,
     elbow_study,
+    hand_study,
     screw_study,
     towards_null,
 )
@@ -32,6 +33,8 @@ OTHER = """
       solmix="2" solref="0.1 2" solimp="0.1 0.2 0.3 0.4 3" margin="0.1" gap="0.05"
       rgba="1 0 0 1" density="3" mass="5"/>
 <site type="box" size="0.3" group="2" rgba="1 0 0 1"/>
+<tendon damping="4" stiffness="9" frictionloss="5" armature="2" limited="true" range="0 0.01"
+        group="2" margin="0.1" solreflimit="0.1 2" springlength="0.1 0.2"/>
 """
 INHERITED = ("actuator_acc0", "geom_bodyid", "site_bodyid")
 """The first depends on the masses of bodies, and the others are not attributes."""
@@ -63,6 +66,7 @@ def extended(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     bar = spec.body("bar")
     add_geom(bar, name="post", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.1, 0.2, 0.0], mass=0.0)
     add_site(bar, name="side", pos=[0.1, 0.2, 0.3])
+    add_tendon(spec, name="coupling").wrap_joint("hinge", 2.0)
     return spec
 
 
@@ -82,7 +86,7 @@ def test_new_elements_inherit_nothing(
 ) -> None:
     plain = build(extended(model_with("", False)))
     other = build(extended(model_with(OTHER, own_class)))
-    for kind, new in (("actuator", 2), ("geom", 1), ("site", 1)):
+    for kind, new in (("actuator", 2), ("geom", 1), ("site", 1), ("tendon", 1)):
         for name in (n for n in dir(plain) if n.startswith(f"{kind}_") and n not in INHERITED):
             value = getattr(plain, name)
             if isinstance(value, np.ndarray) and len(value):
@@ -98,8 +102,9 @@ def test_friction_is_not_limited_by_the_defaults_of_the_model() -> None:
     assert data.qfrc_actuator[0] == pytest.approx(-0.15, rel=0.02)
 
 
-WRITTEN = {"tendon_lengthspring"}
-"""A model that MuJoCo writes has explicit rest lengths, also of tendons without stiffness."""
+WRITTEN = {"tendon_lengthspring", "tendon_width"}
+"""A model that MuJoCo writes has explicit rest lengths, also of tendons without stiffness, and no
+widths of fixed tendons, which are not seen."""
 
 
 def set_odd_defaults(default: mujoco.MjsDefault) -> None:
@@ -134,7 +139,7 @@ def twins(
 ) -> list[tuple[System, System]]:
     """Systems, each with one whose elements are the same but whose defaults are odd."""
     folder, found = tmp_path_factory.mktemp("twins"), []
-    kinds = (elbow_study, arm_study, screw_study, partial(screw_study, effort=True))
+    kinds = (elbow_study, arm_study, hand_study, screw_study, partial(screw_study, effort=True))
     for study in (make(folder) for make in kinds):
         spec = mujoco.MjSpec.from_file(str(study.model))
         if request.param == "model":

@@ -120,7 +120,7 @@ def test_a_value_is_added_to_the_usual_friction(lever_study: Study) -> None:
 def test_predictions_of_other_studies_include_it(lever_study: Study) -> None:
     with Replayer(lever_study) as replayer:
         [found] = replayer.predictions(lever_study, [[]])
-        expected = replayer.replay([]).prediction / replayer.measured.noise
+        expected = replayer.replay([], replayer.coarse).prediction / replayer.measured.noise
 
     np.testing.assert_allclose(found, expected)
 

@@ -26,6 +26,7 @@ FINE = {
     "direction_dependent_friction",
     "load_dependent_friction",
     "missing_wrapping",
+    "stribeck_friction",
     "wire_elongation",
 }
 PLAIN = ("viscous_friction", "tension_offset", "joint_stiffness")

@@ -14,6 +14,7 @@ from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.gauss_newton import Fit, Stepwise, fit_stepwise, rescore
 from reality_gap.inference.held_out import selection_score
+from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
 from reality_gap.inference.refinement import PROMISE
 from reality_gap.study.splits import FIT, SELECT, split
@@ -223,13 +224,15 @@ def test_readings_of_an_autocorrelated_channel_count_less(tmp_path: Path) -> Non
     for k in range(1, len(TIME)):
         red[k] = 0.6 * red[k - 1] + SHAPES[k, 0]
 
-    inflated = case.problem.inflated(red)
+    red *= 0.8  # its variance is 1, as that of the noise
 
-    full, less = (
-        np.sum(problem.noise_model.whiten(case.null) ** 2) for problem in (case.problem, inflated)
-    )
+    def power(problem: Problem) -> float:
+        return float(np.sum(problem.noise_model.whiten(case.null) ** 2))
+
+    full = power(case.problem)
     assert full == pytest.approx(np.sum(case.null[case.learned] ** 2))
-    assert less == pytest.approx(full * 0.4 / 1.6, rel=0.3)
+    assert power(case.problem.inflated(red)) == pytest.approx(full * 0.4 / 1.6, rel=0.3)
+    assert power(case.problem.inflated(9.0 * red)) == pytest.approx(full * 0.25 / 81.0, rel=0.3)
 
 
 @pytest.mark.parametrize("size", [0.0, 0.5])

@@ -201,8 +201,10 @@ def test_evidence_counts_for_less_where_errors_above_the_noise_are_left(tmp_path
     case = Case(tmp_path, 0.3 * SHAPES[:, 0], crowd(2))
     result = case.search()
 
+    left = result.problem.reinflated(result.best.residual + 3.0 * SHAPES[:, 3])
+
     [usual] = alternatives(result, Settings())
-    [rough] = alternatives(result, Settings(), misfit=9.0)
+    [rough] = alternatives(replace(result, problem=left), Settings())
 
     assert usual.confidence[0] > 0.95
     assert rough.confidence[0] < usual.confidence[0]

@@ -10,6 +10,7 @@ from reality_gap.study.measurements import Measured
 from reality_gap.types import Floats
 
 COUNT, TOLERANCES = 4000, 25
+ONES = np.ones(COUNT)
 
 
 def measured() -> Measured:
@@ -32,7 +33,8 @@ def test_the_scale_of_all_deviations_is_found(true: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     effects = columns(rng)
     deviations = true * rng.standard_normal(TOLERANCES)
-    found = roughness(measured(), effects, effects @ deviations + rng.standard_normal(COUNT))
+    remainder = effects @ deviations + rng.standard_normal(COUNT)
+    found = roughness(measured(), effects, remainder, ONES)
     assert max(1.0, true) / 2.0 <= found <= 2.0 * max(1.0, true)
 
 
@@ -43,6 +45,18 @@ def test_a_fault_that_is_explained_leaves_no_roughness(size: float) -> None:
     deviations = rng.standard_normal(TOLERANCES)
     deviations[18] = size
     remainder = effects @ deviations + rng.standard_normal(COUNT)
-    assert roughness(measured(), effects, remainder) <= size / 2.0
+    assert roughness(measured(), effects, remainder, ONES) <= size / 2.0
     without = remainder - effects[:, 18] * size
-    assert roughness(measured(), effects, without) == 1.0
+    assert roughness(measured(), effects, without, ONES) == 1.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_that_no_tolerance_has_do_not_make_a_model_rough(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    effects = columns(rng)
+    time = np.linspace(0.0, 40.0, COUNT)
+    wrong = 40.0 * np.sin(3.7 * time + 0.4 * np.sin(2.1 * time))
+    remainder = wrong + rng.standard_normal(COUNT)
+    assert roughness(measured(), effects, remainder, ONES) > 1.0
+    inflation = np.full(COUNT, 40.0**2 / 2.0 * 50.0)
+    assert roughness(measured(), effects, remainder, inflation) == 1.0

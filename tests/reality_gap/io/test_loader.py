@@ -209,3 +209,38 @@ def test_ranges_in_radians_that_the_model_reads_as_degrees(study_folder: Any) ->
     model.write_text(text.replace('range="-60 60"', 'range="-1 1"'), encoding="utf-8")
     with pytest.raises(StudyError, match="the model's ranges are in radians, without compiler"):
         load_study(study_folder.write())
+
+
+def test_episodes_have_logs_starts_and_shifts(study_folder: Any) -> None:
+    before = load_study(study_folder.path)
+    first, second = study_folder.content["episodes"]
+    first |= {"log": "monday", "shifts": {"camera_0.csv": 0.1}}
+    second |= {"start": 3600.0}
+    study = load_study(study_folder.write())
+    assert before.logs == ("",)
+    assert study.logs == ("monday", "robot_1")
+    # The first episode lasts 4 s with the last picture of its camera.
+    np.testing.assert_allclose(study.elapsed(np.array([1.0, 5.0])), [1.0, 3601.0])
+    camera = len(study.channels) - 1
+    shifted, plain = (s.episodes[0].readings[camera].time for s in (study, before))
+    np.testing.assert_allclose(shifted, plain + 0.1)
+
+
+def test_pauses_are_unknown_if_clocks_restart(study_folder: Any) -> None:
+    time = np.array([0.0, 3.0, 6.0])
+    np.testing.assert_array_equal(load_study(study_folder.path).elapsed(time), time)
+
+
+def test_a_shift_of_an_unknown_file_is_refused(study_folder: Any) -> None:
+    study_folder.content["episodes"][0]["shifts"] = {"camera.csv": 0.1}
+    with pytest.raises(StudyError, match=r"'camera\.csv' is none of them: camera_0\.csv"):
+        load_study(study_folder.write())
+
+
+def test_encoders_are_relative_or_absolute(study_folder: Any) -> None:
+    assert not load_study(study_folder.path).absolute_encoders
+    study_folder.content["encoders"] = "absolute"
+    assert load_study(study_folder.write()).absolute_encoders
+    study_folder.content["encoders"] = "both"
+    with pytest.raises(StudyError, match="encoders must be relative or absolute"):
+        load_study(study_folder.write())

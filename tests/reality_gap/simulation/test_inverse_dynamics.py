@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from reality_gap.causes.base import Effects
+from reality_gap.check import check_study
 from reality_gap.errors import StudyError
 from reality_gap.simulation.hypothesis import Plant
-from reality_gap.simulation.inverse_dynamics import inverse_replay, prepare
+from reality_gap.simulation.inverse_dynamics import inverse_replay, left_out, prepare
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.measurements import measured
 from reality_gap.types import Floats
@@ -168,6 +169,24 @@ def test_samples_of_a_standing_joint_are_left_out(study: Study) -> None:
     shoulder, elbow = prepare(changed).episodes[0].readings
     assert np.sum((shoulder.time > 3.2) & (shoulder.time < 5.8)) > 30
     assert np.sum((elbow.time > 3.2) & (elbow.time < 5.8)) == 0
+
+
+def test_the_effort_of_a_joint_that_rests_is_left_out_with_a_warning(study: Study) -> None:
+    episode = study.episodes[0]
+    readings = list(episode.readings)
+    rest = 1e-5 * np.random.default_rng(1).standard_normal(len(readings[1].time))
+    readings[1] = replace(readings[1], value=rest)
+    resting = replace(study, episodes=(replace(episode, readings=tuple(readings)),))
+    assert left_out(study) == []
+    assert left_out(resting) == ["torque_elbow"]
+    prepared = prepare(resting)
+    assert [channel.name for channel in prepared.channels] == ["torque_shoulder"]
+    assert np.isfinite(errors(resting, Plant(study.spec(), Effects()))).all()
+    assert "the torque_elbow is not compared" in " ".join(check_study(resting))
+    readings[0] = replace(readings[0], value=rest)
+    still = replace(study, episodes=(replace(episode, readings=tuple(readings)),))
+    with pytest.raises(StudyError, match="joints of all efforts hardly move"):
+        prepare(still)
 
 
 def test_as_many_samples_are_kept_as_are_independent(study: Study) -> None:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from reality_gap.simulation.light_model import can_collide, light_spec
+from reality_gap.simulation.light_model import can_collide, light_spec, without_distant_meshes
 
 SPHERE = " ".join(
     f"{x:.4f}" for x in np.random.default_rng(0).standard_normal((2000, 3)).ravel() / 10
@@ -82,3 +82,49 @@ def test_geoms_collide_by_the_filters_of_mujoco(edit: str, colliding: set[str]) 
     model = mujoco.MjModel.from_xml_string(MODEL.replace("</mujoco>", f"{edit}</mujoco>"))
     found = {model.geom(i).name for i in np.flatnonzero(can_collide(model))}
     assert found == colliding
+
+
+ARM = f"""
+<mujoco>
+  <asset><mesh name="shape" vertex="{SPHERE}"/></asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 1" pos="0 0 -2"/>
+    <body name="upper">
+      <joint name="shoulder" axis="0 1 0" damping="1"/>
+      <geom name="hull" type="mesh" mesh="shape" mass="1"/>
+      <body name="middle" pos="0.5 0 0">
+        <joint name="elbow" axis="0 1 0" damping="1"/>
+        <geom name="forearm" type="mesh" mesh="shape" mass="0.5"/>
+        <body name="lower" pos="0.5 0 0">
+          <joint name="wrist" axis="0 1 0" damping="1"/>
+          <geom name="hand" type="mesh" mesh="shape" mass="0.2"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def motion(angles: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.zeros_like(angles), angles, np.zeros_like(angles)])
+
+
+def test_meshes_that_touch_nothing_in_a_motion_are_left_out_of_it() -> None:
+    spec = mujoco.MjSpec.from_string(ARM)
+    light = without_distant_meshes(spec, motion(np.linspace(-0.3, 0.3, 30)))
+    assert [geom.name for geom in light.geoms] == ["floor"]
+    np.testing.assert_allclose(swing(light), swing(spec), rtol=1e-9)
+
+
+def test_meshes_that_come_close_in_a_motion_stay() -> None:
+    spec = mujoco.MjSpec.from_string(ARM)
+    folded = without_distant_meshes(spec, motion(np.linspace(0.0, 3.0, 200)))
+    assert {"hull", "hand"} <= {geom.name for geom in folded.geoms}
+
+
+def test_meshes_that_a_sensor_sees_stay() -> None:
+    seen = '<sensor><distance geom1="hull" geom2="hand" cutoff="1"/></sensor></mujoco>'
+    spec = mujoco.MjSpec.from_string(ARM.replace("</mujoco>", seen))
+    light = without_distant_meshes(spec, motion(np.zeros(3)))
+    assert [geom.name for geom in light.geoms] == ["floor", "hull", "forearm", "hand"]

@@ -1,0 +1,134 @@
+"""Dead zone of a drive: small commands, or small errors of a servo, have no effect.
+
+A motor with a dead zone of half-width ``d`` exerts the force of the command ``u`` less its nearest
+value within ``[-d, d]``. In a position servo, this applies to its error, the difference between
+command and reading, as with the "dead band" of hobby servos. Source: G. Tao and P. V. Kokotovic,
+"Adaptive Control of Systems with Actuator and Sensor Nonlinearities", 1996.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
+from reality_gap.causes.support import elements, joint_motors, typical_scales
+from reality_gap.study.system import System, column
+from reality_gap.types import Floats
+
+OF_TRAVEL = (0.01, 0.05)
+"""Half-widths of a servo's dead zone at which the cause is screened in addition to a small one,
+over the travel of its joint."""
+OF_FORCE = (0.1, 0.4)
+"""The same of a motor, over its typical force."""
+ODDS = -2.0
+"""Log odds of a dead zone [nats]: it explains a little of anything that sticks or lags."""
+
+
+def _locations(system: System) -> tuple[Location, ...]:
+    servos = joint_motors.each_and_all(system, joint_motors.is_servo)
+    motors = joint_motors.each_and_all(system, _is_open)
+    return servos + tuple(p for p in motors if _command_force(system, p))
+
+
+def _is_open(model: mujoco.MjModel, actuator: int) -> bool:
+    """Return whether a joint motor has no feedback of a position."""
+    return joint_motors.is_motor(model, actuator) and not joint_motors.is_servo(model, actuator)
+
+
+def _command_force(system: System, location: Location) -> bool:
+    """Return whether commands of all motors exert a force."""
+    return all(float(system.model.actuator(name).gainprm[0]) for name in location.elements)
+
+
+def _is_of_servos(system: System, location: Location) -> bool:
+    return joint_motors.is_servo(system.model, system.model.actuator(location.elements[0]).id)
+
+
+def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    if _is_of_servos(system, location):
+        joints = [joint_motors.joint_of(system, name) for name in location.elements]
+        size, unit = min(
+            typical_scales.joint_travel(system, Location("joint", (name,)))[::-1] for name in joints
+        )
+        shares, scale, tolerance, high = OF_TRAVEL, 0.003 * size, 1e-4 * size, 0.5 * size
+    else:
+        each = [Location("actuator", (name,)) for name in location.elements]
+        size, unit = min(typical_scales.actuator_force(system, one)[::-1] for one in each)
+        tolerance = min(typical_scales.force_tolerance(system, one) for one in each)
+        shares, scale, high = OF_FORCE, 0.02 * size, 2.0 * size
+    values = elements.secants(system, location, tuple(share * size for share in shares))
+    hints = SearchHints(secants=values)
+    return (Parameter("half_width", unit, scale, tolerance, 0.0, high, hints=hints),)
+
+
+def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
+    half, names = values["half_width"], location.elements
+    if not half:
+        return
+    if _is_of_servos(system, location):
+        joints = {name: joint_motors.joint_of(system, name) for name in names}
+        effects.add_hook(lambda model: _DeadBand(model, joints, half))
+    else:
+        effects.commands.append(partial(_deadened, names, half))
+
+
+def _deadened(
+    names: tuple[str, ...], half: float, model: mujoco.MjModel, time: Floats, command: Floats
+) -> Floats:
+    found = command.copy()
+    for name in names:
+        at, width = column(model, name), half / abs(float(model.actuator(name).gainprm[0]))
+        found[:, at] -= np.clip(command[:, at], -width, width)
+    return found
+
+
+class _DeadBand:
+    """Hook that takes the nearest error within the dead zone off the errors of servos.
+
+    It computes with floats, which is faster than with short arrays.
+    """
+
+    def __init__(self, model: mujoco.MjModel, joints: dict[str, str], half: float) -> None:
+        self._servos = [_Servo(model, name, joint, half) for name, joint in joints.items()]
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Write the biases that make up for the errors within the dead zone."""
+        bias, command, position = model.actuator_biasprm, data.ctrl, data.qpos
+        for servo in self._servos:
+            drive = command[servo.input] if servo.act < 0 else data.act[servo.act]
+            error = servo.ratio * drive - servo.gear * position[servo.position]
+            added = -servo.stiffness * min(max(error, -servo.half), servo.half)
+            bias[servo.index, 0] += added - servo.added
+            servo.added = added
+
+
+class _Servo:
+    """Coefficients of a servo, and the amount that is added to its bias."""
+
+    def __init__(self, model: mujoco.MjModel, name: str, joint: str, half: float) -> None:
+        self.index = i = int(model.actuator(name).id)
+        self.position = int(model.joint(joint).qposadr[0])
+        self.input, self.act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
+        self.gear = float(model.actuator_gear[i, 0])
+        self.half = half * abs(self.gear)
+        self.stiffness = -float(model.actuator_biasprm[i, 1])
+        self.ratio = float(model.actuator_gainprm[i, 0]) / self.stiffness
+        self.added = 0.0
+
+
+def _prior(location: Location) -> float:
+    return ODDS
+
+
+CAUSE = Cause(
+    id="dead_zone",
+    title="dead zone of a drive",
+    explanation="Commands to a motor, or errors of a servo, that are below a size have no effect.",
+    locations=_locations,
+    parameters=_parameters,
+    attach=_attach,
+    prior=_prior,
+)

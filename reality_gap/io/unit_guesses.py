@@ -1,0 +1,109 @@
+"""Unit guesses: the unit of a column from its name, its size and the joint that it belongs to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from reality_gap.io.column_names import named_unit
+from reality_gap.types import Floats
+
+DEGREES, MILLIMETRES = 10.0, 20.0
+"""Sizes above which positions are taken as degrees or millimetres, not as rad [rad] or m [m]."""
+TICKS = 720.0
+"""Size above which whole numbers are taken as ticks of an encoder, not as degrees."""
+ONWARD = 0.8
+"""Share of its range by which a position moves from first to last if it turns on and on."""
+LONG = 0.95
+"""Quantile of the magnitudes that is called the size of a column."""
+_JOINTPOS = (int(mujoco.mjtSensor.mjSENS_JOINTPOS), int(mujoco.mjtSensor.mjSENS_ACTUATORPOS))
+_ACTUATORPOS = int(mujoco.mjtSensor.mjSENS_ACTUATORPOS)
+_JOINT_TRANSMISSIONS = (
+    int(mujoco.mjtTrn.mjTRN_JOINT),
+    int(mujoco.mjtTrn.mjTRN_JOINTINPARENT),
+)
+
+
+class UnitGuess(NamedTuple):
+    """Unit of a column.
+
+    Attributes:
+        unit: symbol of the unit.
+        conversion: further keys of the line of the study, such as ", scale: 0.001".
+        reason: why, as the end of a sentence about the column; empty if its name states the unit.
+    """
+
+    unit: str
+    conversion: str = ""
+    reason: str = ""
+
+
+def guess_unit(
+    column: str, units: tuple[str, ...], cells: Floats | None, endless: bool = False
+) -> UnitGuess:
+    """Return the unit in a column's name, or else a guess from the size of its values.
+
+    Args:
+        column: name of the column.
+        units: SI units that are valid, the usual one first.
+        cells: its values, shape (n,); None if they are unknown.
+        endless: whether the joint has no limits, so that a large angle is not unusual.
+    """
+    named = named_unit(column, units)
+    if named:
+        return UnitGuess(named)
+    size = 0.0 if cells is None else float(np.quantile(np.abs(cells), LONG))
+    if cells is None or units[0] not in ("rad", "m"):
+        return UnitGuess(units[0])
+    if units[0] == "m":
+        return UnitGuess("mm", "", "is taken as mm") if size > MILLIMETRES else UnitGuess("m")
+    if size <= DEGREES or (endless and _turns_on(cells)):
+        return UnitGuess("rad")
+    if size > TICKS and np.all(cells == np.round(cells)):
+        return _ticks(cells)
+    return UnitGuess("deg", "", "is taken as deg")
+
+
+def _turns_on(cells: Floats) -> bool:
+    """Return whether a position moves on and on, as that of a wheel does."""
+    return bool(abs(cells[-1] - cells[0]) > ONWARD * np.ptp(cells) > 0.0)
+
+
+def _ticks(cells: Floats) -> UnitGuess:
+    """Return the conversion of ticks, as many a turn as the next power of two, at least 4096."""
+    bits = max(12, int(np.ceil(np.log2(1.0 + float(np.max(np.abs(cells)))))))
+    count = 2**bits
+    # Servos with 4096 ticks are at zero in the middle of their turn.
+    zero = count // 2 if np.min(cells) >= 0.0 else 0
+    scale = 2.0 * np.pi / count
+    offset = f", offset: {-zero * scale:.9g}" if zero else ""
+    reason = f"is taken as ticks of an encoder with {count} per turn, zero at {zero}"
+    return UnitGuess("rad", f", scale: {scale:.9g}{offset}", reason)
+
+
+def is_endless(model: mujoco.MjModel, part: str, name: str) -> bool:
+    """Return whether a sensor or actuator belongs to a hinge without limits.
+
+    Args:
+        model: the compiled model.
+        part: "sensors", "actuators" or "efforts".
+        name: name of the element in this part of a study.
+    """
+    joint = -1
+    if part == "sensors" and int(model.sensor(name).type[0]) in _JOINTPOS:
+        joint = int(model.sensor(name).objid[0])
+        if int(model.sensor(name).type[0]) == _ACTUATORPOS:
+            joint = _joint_of(model, joint)
+    elif part == "actuators":
+        joint = _joint_of(model, int(model.actuator(name).id))
+    hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
+    return joint >= 0 and int(model.jnt_type[joint]) == hinge and not model.jnt_limited[joint]
+
+
+def _joint_of(model: mujoco.MjModel, actuator: int) -> int:
+    """Return the id of the joint that an actuator moves; -1 if it moves something else."""
+    if int(model.actuator_trntype[actuator]) not in _JOINT_TRANSMISSIONS:
+        return -1
+    return int(model.actuator_trnid[actuator, 0])

@@ -1,0 +1,131 @@
+"""Replay warnings: a time step that is too coarse, and parts of the model that touch."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from reality_gap.causes.base import Record
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Episode, Study
+
+SECONDS, EPISODES = 5.0, 3
+"""How much of an episode is replayed [s], and of how many episodes."""
+COARSE, UNKNOWN = 10.0, 0.3
+"""RMS effect of the time step on a channel, of which a tenth is tolerated, and of what is uncertain
+after extrapolation, from which on the step is too coarse [noise]."""
+FINEST = 1e-4
+"""Smallest time step that is advised [s]."""
+SAMPLES = 100
+"""Number of moments of an episode at which contacts are counted."""
+OFTEN = 0.02
+"""Share of these moments from which on a contact is reported."""
+MOST = 3
+"""Largest number of pairs that are reported."""
+
+
+def replay_warnings(study: Study) -> list[str]:
+    """Return sentences on the time step and on contacts in replays of the nominal model."""
+    if study.inverse:
+        return []
+    with Replayer(_shortened(study)) as replayer:
+        replay = replayer.replay([])
+        if not np.isfinite(replay.prediction).all():
+            return []
+        return [*_coarse_step(replayer), *_contacts(replayer.system.model, replay.records)]
+
+
+def _shortened(study: Study) -> Study:
+    """Return the first seconds of the first episodes, or of all if the others have no readings."""
+    episodes = tuple(_first_seconds(episode) for episode in study.episodes[:EPISODES])
+    counts = zip(*([len(r.time) for r in episode.readings] for episode in episodes), strict=True)
+    return replace(study, episodes=episodes) if all(map(any, counts)) else study
+
+
+def _first_seconds(episode: Episode) -> Episode:
+    rows = episode.time <= SECONDS
+    readings = tuple(
+        replace(r, time=r.time[r.time <= SECONDS], value=r.value[r.time <= SECONDS])
+        for r in episode.readings
+    )
+    return replace(
+        episode, time=episode.time[rows], command=episode.command[rows], readings=readings
+    )
+
+
+def _coarse_step(replayer: Replayer) -> list[str]:
+    """Return a sentence if the time step changes a channel by more than its noise."""
+    study, measured = replayer.system.study, replayer.measured
+    worst = (0.0, 0.0, "")
+    for c, channel in enumerate(study.channels):
+        at = measured.channel == c
+        effect, error = (
+            float(np.sqrt(np.mean((x[at] / measured.noise[at]) ** 2)))
+            for x in (replayer.drift, replayer.drift_error)
+        )
+        if effect > COARSE or error > UNKNOWN:
+            worst = max(worst, (effect, error, channel.name))
+    effect, error, name = worst
+    if not name:
+        return []
+    step = float(study.spec().option.timestep)
+    # The effect is of first order, and what extrapolation leaves is of second order.
+    share = 0.5 * min(COARSE / max(effect, COARSE), np.sqrt(UNKNOWN / max(error, UNKNOWN)))
+    finer = _rounded(step * share)
+    advice = f", such as timestep={finer:g}" if finer >= FINEST else " or integrator=RK4"
+    return [
+        f"the model's time step of {1e3 * step:.3g} ms changes {name} by {effect:.2g} times its "
+        f"noise, and by {error:.2g} times after extrapolation to finer steps, so that smaller "
+        f"errors of the model do not show; use a finer step{advice}"
+    ]
+
+
+def _rounded(step: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten up to a step."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(max(x * power for x in (1.0, 2.0, 5.0) if x * power <= step * (1 + 1e-9)))
+
+
+def _contacts(model: mujoco.MjModel, records: tuple[Record, ...]) -> list[str]:
+    """Return a sentence on each pair of bodies that touch often, the most frequent first."""
+    counts, moments = Counter[tuple[int, int]](), 0
+    for record in records:
+        rows = np.unique(np.linspace(0, len(record.time) - 1, SAMPLES).astype(int))
+        moments += len(rows)
+        for row in rows:
+            counts.update(set(_touching(model, record.qpos[row])))
+    return [
+        _contact_sentence(model, pair, count / moments)
+        for pair, count in counts.most_common(MOST)
+        if count > OFTEN * moments
+    ]
+
+
+def _touching(model: mujoco.MjModel, qpos: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Yield pairs of bodies that touch in a posture."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    for contact in data.contact:
+        if contact.dist < 0.0 and min(contact.geom1, contact.geom2) >= 0:
+            one, other = (int(model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2))
+            yield (one, other) if one < other else (other, one)
+
+
+def _contact_sentence(model: mujoco.MjModel, pair: tuple[int, int], share: float) -> str:
+    one, other = (model.body(i).name or f"body {i}" for i in pair)
+    if model.body_weldid[pair[0]] == 0:
+        what = f"{one} is fixed to the world" if pair[0] else "this is the world"
+        reason = f"{what}, with which MuJoCo lets every link collide, also the next one"
+    else:
+        reason = "both are links of the machine"
+    return (
+        f"{one} and {other} of the model touch in {100.0 * share:.0f} % of its replay; {reason}. "
+        f'If the machine does not touch there, add <exclude body1="{one}" body2="{other}"/>'
+    )
