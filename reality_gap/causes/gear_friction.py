@@ -24,6 +24,8 @@ SECANTS = (0.3,)
 """Coefficients at which the cause is screened in addition to a small one."""
 MOST = 0.9
 """Largest coefficient; a gear with a larger one does not move."""
+PERIOD = 0.006
+"""Time between changes of the friction [s]."""
 ODDS = -1.0
 """Log odds of friction that grows with the load [nats]: constant friction does nearly the same."""
 
@@ -88,7 +90,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
         return inverse if system.study.inverse else hook
 
-    effects.add_hook(make)
+    effects.add_hook(make, period=PERIOD)
 
 
 def _prior(location: Location) -> float:

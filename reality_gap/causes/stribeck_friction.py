@@ -31,6 +31,8 @@ SECANTS = (0.1, 0.4)
 """Sizes at which the cause is screened in addition to a small one, over the joint's force."""
 SLOW = (0.25, 0.06)
 """Stribeck velocities from which fits start, over the typical velocity of a joint."""
+PERIOD = 0.004
+"""Time between changes of the friction [s]."""
 ODDS = -1.0
 """Log odds of Stribeck friction [nats]: Coulomb friction, which is much more usual, does nearly the
 same in a slow motion."""
@@ -80,7 +82,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
         return hook
 
-    effects.add_hook(make)
+    effects.add_hook(make, period=PERIOD)
 
 
 def _prior(location: Location) -> float:

@@ -35,13 +35,13 @@ SWAP = 1.0
 
 PROBABLE = 5.0
 """Evidence from which on a single candidate is tried again in later searches [nats]."""
-SETTLINGS = 5
+SETTLINGS = 3
 """Largest number of times that fits are repeated where a model is wrong by many noises."""
 SETTLED = 6
 """How many fits are repeated."""
 STABLE = 0.9
 """Mean square, in units of the variance before, from which on another fit changes little."""
-SCREENED = 40
+SCREENED = 30
 """Number of candidates that are screened again beside causes."""
 ANTICIPATIONS = 3
 """How often the remainder of the first cause is anticipated where a model is wrong by much."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import CATALOGUE
+from reality_gap.causes.gear_friction import PERIOD
 from reality_gap.causes.speed_limit import followed
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
@@ -89,7 +90,9 @@ def test_friction_of_a_gear_follows_the_torque_of_its_motor(systems: dict[str, S
     found, expected = -brake * np.sign(speed), 0.3 * np.abs(motor)
 
     assert np.count_nonzero(sliding) > 50
-    np.testing.assert_allclose(found[sliding], expected[sliding], atol=0.05)
+    held = round(PERIOD / model.opt.timestep)  # the friction keeps its value for so many steps
+    recent = np.stack([np.roll(expected, k) for k in range(held + 2)])
+    assert np.abs(recent - found)[:, sliding].min(axis=0).max() < 0.05
 
 
 def test_a_machine_of_another_size_has_other_scales(tmp_path: Path) -> None:
