@@ -13,6 +13,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
+import mujoco
+
 from reality_gap.causes import CATALOGUE
 from reality_gap.errors import StudyError
 from reality_gap.simulation.inverse_dynamics import ensure_prepared
@@ -27,6 +29,8 @@ WORKER = 2.5e8
 """Memory of a further process apart from the model [bytes]."""
 PER_NUMBER = 110.0
 """Memory for each reading and parameter: measured on logs of 600 to 20 000 readings [bytes]."""
+COPIES = 4.0
+"""How often a process holds the model: as loaded, as compiled, and as edited."""
 FEWEST = 200
 """Number of readings of a channel below which a study is not thinned."""
 
@@ -59,7 +63,7 @@ def fit_memory(
     Raises:
         StudyError: the bound does not suffice even so.
     """
-    model, parameters = used_memory(), _count_parameters(study)
+    model, parameters = model_memory(study), _count_parameters(study)
     count, fewest = _count_readings(ensure_prepared(study))
     data = PER_NUMBER * parameters * count
     fixed = model + BASE
@@ -101,15 +105,9 @@ def thinned(study: Study, stride: int) -> Study:
     return replace(study, episodes=tuple(episodes))
 
 
-def used_memory() -> float:
-    """Return the memory that this process uses, or its largest so far where that is unknown."""
-    try:
-        with open("/proc/self/statm", encoding="ascii") as file:
-            import resource
-
-            return float(file.read().split()[1]) * resource.getpagesize()
-    except (OSError, ImportError):
-        return peak_memory()
+def model_memory(study: Study) -> float:
+    """Return about what a study's model needs in a process [bytes]."""
+    return COPIES * float(mujoco.mj_sizeModel(compile_system(study).model))
 
 
 def peak_memory() -> float:

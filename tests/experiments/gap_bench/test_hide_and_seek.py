@@ -21,7 +21,7 @@ from reality_gap import Diagnosis, Options, Verdict, diagnose, load_study
 SECONDS = {"elbow": 12.0, "arm": 5.0}
 LARGE = 10.0
 """Amplitude relative to the detection limit of the oracle."""
-QUICK = ("force_scale", "delay", "link_mass", "length_offset", "viscous_friction")
+QUICK = ("force_scale", "delay", "length_offset", "viscous_friction")
 """Effects whose tests are not slow: of forces, in time, of a link, a sensor and friction."""
 ON_ELBOW = [
     pytest.param(id, marks=() if id in QUICK else pytest.mark.slow)
@@ -37,7 +37,7 @@ OUTSIDE = (
     ),
 )
 PAIRS = (
-    ("force_scale", "attachment_shift"),
+    pytest.param(("force_scale", "attachment_shift"), marks=pytest.mark.slow),
     pytest.param(("length_offset", "tension_scale"), marks=pytest.mark.slow),
     pytest.param(("backlash", "force_offset"), marks=pytest.mark.slow),
 )
