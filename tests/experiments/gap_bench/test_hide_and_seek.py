@@ -22,7 +22,7 @@ SECONDS = {"elbow": 12.0, "arm": 5.0}
 LARGE = 10.0
 """Amplitude relative to the detection limit of the oracle."""
 QUICK = ("force_scale", "delay", "length_offset", "viscous_friction")
-"""Effects whose tests are not slow: of forces, in time, of a link, a sensor and friction."""
+"""Effects whose tests are not slow: of forces, in time, a sensor and friction."""
 ON_ELBOW = [
     pytest.param(id, marks=() if id in QUICK else pytest.mark.slow)
     for id in hidden_plants.CATALOGUE
