@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from reality_gap.inference.deferral import Deferred
 from reality_gap.inference.gauss_newton import (
     Fit,
@@ -22,8 +20,8 @@ from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
 from reality_gap.inference.refinement import PROMISE, fit_next
 from reality_gap.inference.screening import Sensitivity, screen
+from reality_gap.inference.settling import settle, whitened_power
 from reality_gap.simulation.hypothesis import Hypothesis
-from reality_gap.types import Floats
 
 LONG = 20.0
 """Length of a log from which on the errors of nearly right causes add up [s]."""
@@ -35,12 +33,6 @@ SWAP = 1.0
 
 PROBABLE = 5.0
 """Evidence from which on a single candidate is tried again in later searches [nats]."""
-SETTLINGS = 3
-"""Largest number of times that fits are repeated where a model is wrong by many noises."""
-SETTLED = 6
-"""How many fits are repeated."""
-STABLE = 0.9
-"""Mean square, in units of the variance before, from which on another fit changes little."""
 SCREENED = 30
 """Number of candidates that are screened again beside causes."""
 ANTICIPATIONS = 3
@@ -159,7 +151,7 @@ def search(
             tried = _with_known(beside, tried, known)
         if not tried:
             break
-        problem, tried = _settle(plain, tried)
+        problem, tried = settle(plain, tried)
         far = problem.noise_model.is_far
         base = profile(problem, best) if far else rescore(problem, best)
         if not far and _accept(base, tried[0], settings):
@@ -173,35 +165,6 @@ def search(
         if problem.noise_model.is_far:
             near = _screen_beside(problem, sensitivities, best)
     return Search(problem, tuple(steps), best, tuple(sensitivities))
-
-
-def _settle(plain: Problem, tried: Sequence[Fit]) -> tuple[Problem, tuple[Fit, ...]]:
-    """Return the problem inflated by what the best of some fits leaves, and all fits, best first.
-
-    Where a model is wrong by many noises, the more a fit leaves, the nearer to the null a prior
-    holds it. Each is therefore repeated with the variance of what it leaves itself.
-    """
-    problem = plain.inflated(tried[0].residual)
-    tried = _rescored(problem, tried)
-    if not problem.noise_model.is_far:
-        return problem, tried
-    first, rest = tried[:SETTLED], tried[SETTLED:]
-    for _ in range(SETTLINGS):
-        own = [problem.widened(f.residual) for f in first]
-        pairs = zip(own, first, strict=True)
-        fits = [fit_stepwise(one, f.hypothesis, f.jacobian) for one, f in pairs]
-        again = run_together(problem.replayer, fits)
-        powers = [_power(one, f.residual) for one, f in zip(own, again, strict=True)]
-        first = tuple(again)
-        if min(powers) > STABLE:
-            break
-    ordered = sorted((profile(problem, f) for f in (*first, *rest)), key=lambda f: -f.evidence)
-    return plain.inflated(ordered[0].residual), tuple(ordered)
-
-
-def _rescored(problem: Problem, fits: Sequence[Fit]) -> tuple[Fit, ...]:
-    """Return fits with the evidence that a problem's noise model gives them, best first."""
-    return tuple(sorted((rescore(problem, f) for f in fits), key=lambda f: -f.evidence))
 
 
 def _with_known(problem: Problem, tried: Sequence[Fit], known: Sequence[Fit]) -> tuple[Fit, ...]:
@@ -261,7 +224,7 @@ def _anticipate(
     unless the model is wrong by many noises.
     """
     for _ in range(ANTICIPATIONS if base.is_null else 1):
-        if base.is_null and _power(problem, base.residual) < FAR:
+        if base.is_null and whitened_power(problem, base.residual) < FAR:
             break
         ranked = rank(problem, sensitivities, base)
         if not ranked:
@@ -269,11 +232,6 @@ def _anticipate(
         _, likely, theta = ranked[0]
         problem = plain.inflated(base.residual - likely.columns @ theta)
     return problem
-
-
-def _power(problem: Problem, residual: Floats) -> float:
-    """Return the mean square of a whitened residual."""
-    return float(np.mean(problem.noise_model.whiten(residual) ** 2))
 
 
 def _accept(base: Fit, best: Fit, settings: Settings, far: bool = False) -> bool:
