@@ -131,8 +131,13 @@ def diagnose(command: Diagnose, console: Console) -> None:
     study = load_study(command.study)
     for sentence in check_study(study):
         _print(console, f"note: {sentence}")
-    limit = command.memory * GIGABYTE
-    plan = fit_memory(study, command.jobs, limit, lambda text: _print(console, f"note: {text}"))
+    plan = fit_memory(
+        study,
+        command.jobs,
+        command.memory * GIGABYTE,
+        lambda text: _print(console, f"note: {text}"),
+        considered,
+    )
     work = command.out.absolute().with_name(f".{command.out.name}.work")
     with shown_progress(console) as progress:
         diagnosis = pipeline.diagnose(

@@ -31,6 +31,8 @@ class Thresholds:
     """Evidence that each further cause must add [nats]."""
     root: float = 0.5
     """Multiple of the square root of the evidence so far that each further cause must add."""
+    weak: float = 3.0
+    """Evidence that each further cause must add where a model is wrong by many noises [nats]."""
     visible: float = 3.0
     """Change of the readings by three typical faults from which on a cause is judged [noise]."""
     certain: float = 10.0
@@ -70,7 +72,7 @@ class Diagnose:
     tolerance: float = 1.0
     """Factor of all tolerances of the model; larger for a rough model, such as 3."""
     memory: float = 4.0
-    """Bound of the memory of all processes; readings are left out to stay within it [GB]."""
+    """Memory of all processes, as estimated; readings are left out to stay within it [GB]."""
     causes: tuple[str, ...] = ()
     """Ids of the causes to consider, as the command causes lists them; by default all."""
     without: tuple[str, ...] = ()

@@ -96,6 +96,9 @@ def correct_columns(path: Path, note: Note) -> Study:
     Raises:
         StudyError: the study cannot be loaded, because the draft lacks columns, for example.
     """
+    guessed = _guessed_clocks(path.parent / DRAFT)
+    if guessed:  # with a wrong clock, readings may follow the replay with the opposite sign
+        correct_clocks(path, guessed, note, only=guessed)
     noted: set[tuple[str, int]] = set()
     reasons: dict[str, list[str]] = {}
     for _ in range(ROUNDS):
@@ -111,15 +114,14 @@ def correct_columns(path: Path, note: Note) -> Study:
         if not lines.changed:
             break
         lines.write()
-    _correct_clocks(path, note)
+    correct_clocks(path, guessed, note)
     (path.parent / DRAFT).unlink(missing_ok=True)
     return load_study(path)
 
 
-def _correct_clocks(path: Path, note: Note) -> None:
-    draft = path.parent / DRAFT
-    guessed = draft.read_text(encoding="utf-8").splitlines()[1:] if draft.is_file() else []
-    correct_clocks(path, guessed, note)
+def _guessed_clocks(draft: Path) -> list[str]:
+    """Return the names of the files whose clock had no time in common with the commands'."""
+    return draft.read_text(encoding="utf-8").splitlines()[1:] if draft.is_file() else []
 
 
 def _errors(study: Study, note: Note) -> tuple[ColumnError, ...]:

@@ -19,7 +19,7 @@ from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
-from reality_gap.inference.expansion import Expanded, expand, is_linear
+from reality_gap.inference.expansion import UNEXPLAINED, Expanded, expand, is_linear
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search, search
 from reality_gap.inference.gauss_newton import Fit
@@ -52,6 +52,8 @@ Progress = Callable[[float, str], None]
 Watch = Callable[[Replayer, Floats, Sequence[Sensitivity]], None]
 """Called with the replayer, the residual of the nominal model (n,), and all sensitivities."""
 
+MOST_BESIDE = 2
+"""Largest number of causes beside which readings are linearised."""
 FEW_TENDONS = 20
 """Number of tendons up to which single causes are searched for, too, if groups explain the log."""
 INVISIBLE = "three typical faults would change the readings by less than their noise"
@@ -190,7 +192,7 @@ class _Run:
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
         columns = tolerance_columns(replayer, tolerances, null)
         result = self._search_with(columns, null, screened)
-        if not is_linear(replayer, columns, null):
+        if not is_linear(replayer, columns, result.best.residual):
             self.progress(0.7, "linearising about the likeliest deviations")
             likeliest = self._expand(tolerances, columns, result.best)
             if likeliest.expansion.parts and likeliest.power < FAR:
@@ -222,7 +224,9 @@ class _Run:
         replayer = self.replayer
         found = expand(replayer, tolerances, columns, [], self.null_residual)
         count = np.count_nonzero(split(replayer.measured) <= SELECT)
-        for i in range(1, min(len(best.hypothesis), 2) + 1):
+        for i in range(1, min(len(best.hypothesis), MOST_BESIDE) + 1):
+            if found.power < UNEXPLAINED:
+                break
             first = best.hypothesis[:i]
             residual = replayer.residual(first)
             beside = expand(replayer, tolerances, columns, first, residual)

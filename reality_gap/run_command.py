@@ -38,7 +38,7 @@ class Run:
     tolerance: float = 1.0
     """Factor of all tolerances of the model; larger for a rough model, such as 3."""
     memory: float = 4.0
-    """Bound of the memory of all processes; readings are left out to stay within it [GB]."""
+    """Memory of all processes, as estimated; readings are left out to stay within it [GB]."""
 
 
 def diagnosis_of(command: Run, study: Path) -> Diagnose:

@@ -75,9 +75,10 @@ def make_machine(path: Path, model: PublicModel) -> Machine:
     driven = _driven(spec)
     if not driven:
         raise ExperimentError(f"no actuator of {path} drives a joint or a tendon")
-    sensors = tuple(_add_sensor(spec, element) for element in driven)
+    compiled = spec.copy().compile()
+    sensors = tuple(_add_sensor(spec, compiled, element) for element in driven)
     spec.compile()
-    end = _end_body(spec)
+    end = _end_body(compiled)
     return Machine(path, spec, sensors, end, model.torques, dict(model.home or {}), tuple(notes))
 
 
@@ -138,7 +139,7 @@ def _driven(spec: mujoco.MjSpec) -> list[tuple[str, bool]]:
     return list(found)
 
 
-def _add_sensor(spec: mujoco.MjSpec, driven: tuple[str, bool]) -> Sensor:
+def _add_sensor(spec: mujoco.MjSpec, model: mujoco.MjModel, driven: tuple[str, bool]) -> Sensor:
     element, is_tendon = driven
     kinds, objects = mujoco.mjtSensor, mujoco.mjtObj
     name = f"at_{element}"
@@ -150,7 +151,6 @@ def _add_sensor(spec: mujoco.MjSpec, driven: tuple[str, bool]) -> Sensor:
     )
     if is_tendon:
         return Sensor(name, element, "m", np.nan)
-    model = spec.copy().compile()
     joint = model.joint(element)
     low, high = joint.range
     slides = int(joint.type[0]) == int(SLIDE)
@@ -158,9 +158,8 @@ def _add_sensor(spec: mujoco.MjSpec, driven: tuple[str, bool]) -> Sensor:
     return Sensor(name, element, "m" if slides else "rad", width)
 
 
-def _end_body(spec: mujoco.MjSpec) -> str:
-    """Return the body of the last driven joint on the longest chain of joints."""
-    model = spec.copy().compile()
+def _end_body(model: mujoco.MjModel) -> str:
+    """Return the body with a mass at the end of the longest chain of joints."""
 
     def depth(body: int) -> int:
         joints = 0

@@ -82,7 +82,9 @@ def main(args: Args) -> Summary:
     folder = args.out / "trials"
     results = run_tasks(trial, tasks, args.jobs, folder, digest(args))
     spent = core_seconds(folder, tasks)
-    return conclude(args, list(results.values()), skipped, time.perf_counter() - begin, spent)
+    # At least the time of all tasks, also of those that ran before.
+    wall_s = max(time.perf_counter() - begin, spent / args.jobs)
+    return conclude(args, list(results.values()), skipped, wall_s, spent)
 
 
 def choose(args: Args) -> tuple[list[str], dict[str, str]]:

@@ -97,8 +97,8 @@ def payload_mass(motion: Motion, noise: Noise) -> tuple[float, float]:
 
 
 def write_study(folder: Path, machine: Machine, log: Log, noise: Noise, seed: int) -> None:
-    """Write model.xml with its assets, log.csv and STUDY.yaml into a new folder."""
-    folder.mkdir(parents=True)
+    """Write model.xml with its assets, log.csv and STUDY.yaml."""
+    folder.mkdir(parents=True, exist_ok=True)
     write_model(machine.spec.copy().to_xml(), machine.path, folder / "model.xml")
     rng = np.random.default_rng([seed, 9])
     readings = log.readings + noise.size * rng.standard_normal(log.readings.shape)

@@ -19,8 +19,8 @@ SAME = ("payload", "link_mass")
 def is_right(trial: Trial) -> bool:
     """Whether the answer is right.
 
-    Without a payload, nothing must be wrong. With one, it must be named first, as itself or as the
-    mass of the same link, or be declared equivalent, and no other cause may be named.
+    Without a payload, nothing must be wrong. With one, a cause must be named, and each named cause
+    must be a payload or a link's mass at that link, or be declared equivalent to one.
     """
     if trial["kind"] == NULL:
         return bool(trial["verdict"] == "nothing_wrong")
@@ -65,7 +65,7 @@ def _metric(must: str, value: float, unit: str, reached: bool) -> dict[str, obje
 def tables(trials: Sequence[Trial], skipped: Mapping[str, str]) -> list[Table]:
     """All tables of the report."""
     found = [models_table(trials), wrong_table(trials), changes_table(trials)]
-    left_out = [(name, reason) for name, reason in skipped.items()]
+    left_out = list(skipped.items())
     left_out += [(f"{t['model']}, {t['kind']}", t["unusable"]) for t in trials if t["unusable"]]
     if left_out:
         found.append(Table("Left out", ("model", "reason"), left_out))

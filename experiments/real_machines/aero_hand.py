@@ -33,6 +33,9 @@ NOISE = 1e-4
 to 0.06 m/s. At 4 Hz it cannot be estimated from the log."""
 FINGERS = {"index": 5, "middle": 8}
 """Fingers that are used, and the numbers of their servos."""
+LOG = f"{FOLDER}/motor_data_{{}}.csv"
+"""Log of a servo."""
+FILES = (*(LOG.format(number) for number in FINGERS.values()), MODEL)
 ACTUATOR, SENSOR = "right_{}_A_pip", "len_{}f"
 """Names of a finger's actuator and of the sensor of its tendon's length in the model."""
 JOINTS = tuple(
@@ -71,7 +74,7 @@ def make_study(data: Path, out: Path, seconds: float) -> Study:
     )
     episodes = []
     for finger, number in FINGERS.items():
-        rows = read_log(data / FOLDER / f"motor_data_{number}.csv", number)
+        rows = read_log(data / LOG.format(number), number)
         time, goal, length = rows[rows[:, 0] <= seconds / len(FINGERS)].T
         command = np.tile([longest[f] for f in FINGERS], (len(time), 1))
         command[:, order.index(actuators[finger])] = longest[finger] - goal

@@ -116,6 +116,12 @@ def fit(study: Study, kinds: Sequence[str], shared: bool = False) -> Baseline:
     return problem.predict(best.x)
 
 
+def require_sysid() -> None:
+    """Raise `ExperimentError` unless the extra ``mujoco[sysid]`` is installed."""
+    if not sysid_installed():
+        raise ExperimentError("The baseline needs mujoco[sysid]: pip install 'mujoco[sysid]'.")
+
+
 def fit_by_mujoco(study: Study, kinds: Sequence[str], shared: bool = False) -> Baseline:
     """Fit parameters of some kinds by `mujoco.sysid`, from close to the nominal model on.
 
@@ -127,8 +133,7 @@ def fit_by_mujoco(study: Study, kinds: Sequence[str], shared: bool = False) -> B
     Raises:
         ExperimentError: the extra ``mujoco[sysid]`` is not installed.
     """
-    if not sysid_installed():
-        raise ExperimentError("The baseline needs mujoco[sysid]: pip install 'mujoco[sysid]'.")
+    require_sysid()
     from mujoco import sysid
 
     logging.getLogger("absl").setLevel(logging.ERROR)

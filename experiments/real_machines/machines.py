@@ -25,7 +25,7 @@ class Machine(NamedTuple):
 
     Attributes:
         title: its name in tables and pictures.
-        files: pattern of its files, relative to the user's folder.
+        files: patterns of its files, relative to the user's folder; each must have a match.
         study: makes its study from that folder, the folder of the results and the longest log [s].
         baselines: names of the freed parameters by name of the baseline.
         published: values that the authors of the data published, as parameters of a baseline; see
@@ -35,7 +35,7 @@ class Machine(NamedTuple):
     """
 
     title: str
-    files: str
+    files: tuple[str, ...]
     study: Callable[[Path, Path, float], Study]
     baselines: Mapping[str, tuple[str, ...]]
     published: Mapping[str, float] | None
@@ -83,24 +83,22 @@ EFFORT = {PACE_NAME: PACE_EFFORT, PERSON_NAME: PERSON_EFFORT}
 MACHINES = {
     "xl330_kp100": Machine(
         "XL330 pendulum, gain 100",
-        f"{xl330.FOLDER}/*.json",
+        (f"{xl330.FOLDER}/*.json",),
         partial(xl330_study, 100.0),
         SERVO,
         xl330.PUBLISHED,
     ),
     "xl330_kp400": Machine(
         "XL330 pendulum, gain 400",
-        f"{xl330.FOLDER}/*.json",
+        (f"{xl330.FOLDER}/*.json",),
         partial(xl330_study, 400.0),
         SERVO,
         xl330.PUBLISHED,
     ),
-    "so101": Machine(
-        "SO-101 arm", f"{so101.FOLDER}/*/control.csv", so101.make_study, SERVO, so101.PUBLISHED
-    ),
+    "so101": Machine("SO-101 arm", so101.FILES, so101.make_study, SERVO, so101.PUBLISHED),
     "emps": Machine(
         "EMPS drive",
-        EMPS_FILE,
+        (EMPS_FILE,),
         emps_study,
         EFFORT,
         {
@@ -109,20 +107,18 @@ MACHINES = {
             "offset": emps.PUBLISHED["offset"],
         },
     ),
-    "tiago": Machine("TIAGo arm", f"{tiago.LOG}/*.csv", tiago.make_study, EFFORT, None),
+    "tiago": Machine("TIAGo arm", tiago.FILES, tiago.make_study, EFFORT, None),
     "tx40": Machine(
         "Staubli TX40",
-        tx40.TORQUE,
+        (tx40.POSITION, tx40.TORQUE, tx40.MODEL),
         tx40.make_study,
         EFFORT,
         per_joint(tx40.PUBLISHED, tx40.MEASURED),
     ),
-    "two_link": Machine("two-link arm", two_link.LOG, two_link.make_study, EFFORT, None),
-    "psm": Machine("dVRK PSM with 205 g", psm.LOG, psm.make_study, EFFORT, None),
-    "davinci": Machine("da Vinci cable", cable.FILE, cable.make_study, SERVO, None),
-    "aero_hand": Machine(
-        "Aero hand", f"{aero_hand.FOLDER}/motor_data_*.csv", aero_hand.make_study, SERVO, None, True
-    ),
+    "two_link": Machine("two-link arm", (two_link.LOG,), two_link.make_study, EFFORT, None),
+    "psm": Machine("dVRK PSM with 205 g", (psm.LOG,), psm.make_study, EFFORT, None),
+    "davinci": Machine("da Vinci cable", (cable.FILE,), cable.make_study, SERVO, None),
+    "aero_hand": Machine("Aero hand", aero_hand.FILES, aero_hand.make_study, SERVO, None, True),
 }
 """All machines by key."""
 
@@ -130,6 +126,7 @@ MACHINES = {
 def missing(name: str, data: Path) -> str | None:
     """Return one sentence if the files of a machine are missing, and else None."""
     machine = MACHINES[name]
-    if any(data.glob(machine.files)):
-        return None
-    return f"{machine.title} is left out, for there is no {data / machine.files}."
+    for pattern in machine.files:
+        if not any(data.glob(pattern)):
+            return f"{machine.title} is left out, for there is no {data / pattern}."
+    return None

@@ -17,13 +17,21 @@ from typing import Any
 
 from rich.console import Console
 
-from experiments.harness.common import ROOT, Summary, check_jobs, files_digest, make_summary
+from experiments.harness.common import (
+    ROOT,
+    SHOWING,
+    Summary,
+    check_jobs,
+    files_digest,
+    make_summary,
+)
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import LEAST_WIDTH
 from experiments.harness.report import print_table, write_report
 from experiments.harness.runner import core_seconds, run_tasks
+from experiments.real_machines.baselines import require_sysid
 from experiments.real_machines.figures import pictures
-from experiments.real_machines.machines import MACHINES, missing
+from experiments.real_machines.machines import MACHINES, PERSON_NAME, missing
 from experiments.real_machines.tables import metrics, tables
 from experiments.real_machines.trial import trial
 from mjcf_sandbox.files import write_json
@@ -31,7 +39,8 @@ from mjcf_sandbox.files import write_json
 NAME = "real-machines"
 TITLE = "Diagnosis of measured machines"
 QUICK_SECONDS = 4.0
-FOLDER = ROOT / "experiments/real_machines"
+FOLDERS = tuple(ROOT / "experiments" / name for name in ("real_machines", "emps", "davinci"))
+"""Folders of this experiment, and of those whose loaders it uses."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +77,7 @@ def main(args: Args) -> Summary:
     seconds = QUICK_SECONDS if args.quick else args.seconds
     tasks = {name: (name, args.data, args.out / name, seconds) for name in chosen}
     folder = args.out / "trials"
-    results = run_tasks(trial, tasks, args.jobs, folder, digest(args, chosen))
+    results = run_tasks(trial, tasks, args.jobs, folder, digest(args))
     for name, result in results.items():
         if result["refused"]:
             skipped[name] = result["refused"]
@@ -77,7 +86,9 @@ def main(args: Args) -> Summary:
     if not done:
         raise ExperimentError(f"No machine can be used. {' '.join(skipped.values())}")
     spent = core_seconds(folder, tasks)
-    return conclude(args, done, skipped, time.perf_counter() - begin, spent)
+    # At least the time of all tasks, also of those that ran before.
+    wall_s = max(time.perf_counter() - begin, spent / args.jobs)
+    return conclude(args, done, skipped, wall_s, spent)
 
 
 def choose(args: Args) -> tuple[list[str], dict[str, str]]:
@@ -93,15 +104,21 @@ def choose(args: Args) -> tuple[list[str], dict[str, str]]:
         raise ExperimentError(f"The longest log is {args.seconds:g} s, but must be above 0.")
     names = args.only or tuple(MACHINES)
     skipped = {name: text for name in names if (text := missing(name, args.data)) is not None}
-    return [name for name in names if name not in skipped], skipped
+    chosen = [name for name in names if name not in skipped]
+    if any(PERSON_NAME in MACHINES[name].baselines for name in chosen):
+        require_sysid()  # before the first diagnosis, which takes minutes
+    return chosen, skipped
 
 
-def digest(args: Args, names: list[str]) -> str:
-    """Digest of the options, the code and the data that results depend on."""
-    shown = ("figures.py", "run.py", "tables.py")
-    paths = [p for p in sorted(FOLDER.glob("*.py")) if p.name not in shown]
+def digest(args: Args) -> str:
+    """Digest of the options, the code and the data that results depend on.
+
+    It has the data of all machines, so that machines can be run one by one with ``--only``.
+    """
+    shown = (*SHOWING, "run.py")
+    paths = [p for f in FOLDERS for p in sorted(f.glob("*.py")) if p.name not in shown]
     paths += sorted((ROOT / "reality_gap").rglob("*.py"))
-    for pattern in {MACHINES[name].files for name in names}:
+    for pattern in sorted({pattern for one in MACHINES.values() for pattern in one.files}):
         paths += sorted(args.data.glob(pattern))
     return files_digest(paths, repr((args.seconds, args.quick)))
 

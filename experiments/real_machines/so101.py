@@ -28,6 +28,8 @@ FOLDER = "so101"
 MODEL = f"{FOLDER}/so101_new_calib.xml"
 MOTIONS = ("friction_gravity", "inertia_coupling")
 """Motions that are used: a slow and a fast one."""
+FILES = (*(f"{FOLDER}/{motion}/*.csv" for motion in MOTIONS), MODEL)
+"""Patterns of the files."""
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 """Joints of the model in the order of the log."""
 COLUMNS = 6

@@ -25,6 +25,8 @@ FOLDER = "tiago"
 """Folder of the log and of the model in the user's data."""
 LOG = f"{FOLDER}/data/identification/dynamic"
 MODEL = f"{FOLDER}/urdf/tiago_48_schunk.urdf"
+POSITION, CURRENT = f"{LOG}/tiago_position.csv", f"{LOG}/tiago_effort.csv"
+FILES = (POSITION, CURRENT, MODEL)
 JOINTS = ("torso_lift_joint", *(f"arm_{k}_joint" for k in range(1, 8)))
 """Joints in the order of the columns."""
 TORQUE_PER_AMPERE = {
@@ -44,8 +46,8 @@ def make_study(data: Path, out: Path, seconds: float) -> Study:
     Raises:
         ExperimentError: the files cannot be used.
     """
-    position = read_table(data / LOG / "tiago_position.csv", len(JOINTS) + 1)
-    current = read_table(data / LOG / "tiago_effort.csv", len(JOINTS) + 1)
+    position = read_table(data / POSITION, len(JOINTS) + 1)
+    current = read_table(data / CURRENT, len(JOINTS) + 1)
     spec = read_model(data / MODEL, JOINTS)
     use = (position[:, 0] >= BEGIN) & (position[:, 0] <= BEGIN + seconds)
     time = position[use, 0]

@@ -7,10 +7,8 @@ Quartz clocks differ by up to 1e-4, but the RC oscillators of microcontrollers b
 
 from __future__ import annotations
 
-import numpy as np
-
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
-from reality_gap.causes.delay import LEAST
+from reality_gap.causes.support import clocks
 from reality_gap.study.system import System
 
 USUAL = 2e-5
@@ -31,20 +29,14 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     per = 1.0 / system.duration
     secants = tuple(sign * late * per for late in SECANTS for sign in (1.0, -1.0))
     hints = SearchHints(secants=secants)
-    least = 2.0 * LEAST * system.model.opt.timestep * per
+    least = 2.0 * clocks.least_delay(system) * per
     return (Parameter("drift", "1", LATE * per, USUAL, -0.5, 0.5, hints=hints, least=least),)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     def drift(record: Record) -> None:
         since = record.time - record.time[0]
-        then = since / (1.0 + values["drift"])
-        for column in {
-            record.column(name, i)
-            for name in system.sensed
-            for i in range(int(record.model.sensor(name).dim[0]))
-        }:
-            record.sensors[:, column] = np.interp(then, since, record.sensors[:, column])
+        clocks.read_at(record, system.sensed, since / (1.0 + values["drift"]), since)
 
     effects.readings.append(drift)
 

@@ -9,15 +9,7 @@ from __future__ import annotations
 
 import mujoco
 
-from reality_gap.causes.base import (
-    Cause,
-    Effects,
-    Location,
-    Parameter,
-    Record,
-    SearchHints,
-    Values,
-)
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, lugre, motors, shared_amounts, typical_scales
 from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
 from reality_gap.study.system import System
@@ -69,9 +61,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         low = 0.0 if location.note == BEFORE else -BEYOND * nominal
         hints = SearchHints(secants=elements.secants(system, location, (0.1 * size, 0.4 * size)))
         friction = Parameter("friction", unit, 0.02 * size, tolerance, low, 2.0 * size, hints=hints)
-    if not lugre.is_available(system):
-        return (friction,)
-    return (friction, lugre.presliding_parameter(system, location))
+    return (friction, *lugre.presliding_parameters(system, location))
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
@@ -82,8 +72,7 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
             joint = spec.joint(name)
             joint.frictionloss = max(0.0, joint.frictionloss + amount)
     elif values["friction"]:
-        distance = lugre.presliding(values, system, location)
-        lugre.add_friction(spec, system, CAUSE.id, location, values["friction"], distance)
+        lugre.add_friction(spec, system, CAUSE.id, location, values["friction"], values)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
-from reality_gap.causes.support import efforts, elements
+from reality_gap.causes.support import clocks, efforts, elements
 from reality_gap.study.system import System, column, commanded
 from reality_gap.types import Floats
 
@@ -43,9 +43,6 @@ read after them, so that this delay may be negative."""
 EARLIEST = 0.5
 """Largest time by which the sensors of a kind, or all commands, are early [s]: where time stamps of
 commands are late, or logs were aligned wrongly, readings show what a command does before it."""
-LEAST = 0.6
-"""Delay up to which it is not named, in time steps of the model: an integrator may be late or early
-by half a step, more or less for each kind of sensor."""
 LINEAR = 1
 """MuJoCo's value of ``interp`` for linear interpolation."""
 
@@ -73,7 +70,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "sensor" or len(location.elements) == len(commanded(system.model)):
         early, secants = -EARLIEST, (*(-s for s in SECANTS), *SECANTS)
     hints = SearchHints(secants=secants, nearby=NEARBY)
-    least = LEAST * system.model.opt.timestep
+    least = clocks.least_delay(system)
     return (Parameter("delay", "s", 0.004, 0.00005, early, 0.5, hints=hints, least=least),)
 
 
@@ -98,13 +95,13 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         effects.efforts.append(partial(_late_efforts, location.elements, delay))
         return
     if location.kind == "sensor":
-        effects.readings.append(lambda record: _late(record, location.elements, delay))
+        effects.readings.append(partial(_read_late, location.elements, delay))
         return
 
     def command(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
         columns = [column(model, name) for name in location.elements]
         if delay < 0.0:
-            return _early(time, command, columns, delay)
+            return clocks.delayed(time, command, columns, delay)
         command = command.copy()
         change = np.diff(command[:, columns], axis=0)
         command[1:, columns] -= change * delay / model.opt.timestep
@@ -114,12 +111,8 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         effects.commands.append(command)
 
 
-def _early(time: Floats, command: Floats, columns: list[int], delay: float) -> Floats:
-    """Return commands of which some columns act by ``-delay`` earlier, shape (k, nu)."""
-    found = command.copy()
-    for i in columns:
-        found[:, i] = np.interp(time - delay, time, command[:, i])
-    return found
+def _read_late(sensors: tuple[str, ...], delay: float, record: Record) -> None:
+    clocks.read_at(record, sensors, record.time - delay, record.time)
 
 
 def _late_efforts(
@@ -129,14 +122,6 @@ def _late_efforts(
     then = np.clip(time - delay, time[0], time[-1])
     # The samples are too far apart for linear interpolation.
     effort[:, dofs] = CubicSpline(time, effort[:, dofs])(then)
-
-
-def _late(record: Record, sensors: tuple[str, ...], delay: float) -> None:
-    for name in sensors:
-        for i in range(int(record.model.sensor(name).dim[0])):
-            column = record.column(name, i)
-            values = record.sensors[:, column]
-            record.sensors[:, column] = np.interp(record.time - delay, record.time, values)
 
 
 CAUSE = Cause(

@@ -23,9 +23,6 @@ from reality_gap.causes.support.constant_force import constant_force
 from reality_gap.causes.support.model_overrides import ModelOffset
 from reality_gap.study.system import System
 
-PERIOD = 0.004
-"""Time between changes of the friction [s]."""
-
 CREEP = 2e-3
 """Share of the typical velocity below which the direction is not clear."""
 
@@ -35,8 +32,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    available = lugre.is_available(system)
-    presliding = (lugre.presliding_parameter(system, location),) if available else ()
+    presliding = lugre.presliding_parameters(system, location)
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
         sizes = (0.03 * size, 0.001 * size, 0.0, 2.0 * size)
@@ -66,8 +62,7 @@ def _half(values: Values, kind: str = "") -> float:
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if _mean(values):
         constant = -_half(values) if lugre.is_available(system) else 0.0
-        distance = lugre.presliding(values, system, location)
-        lugre.add_friction(spec, system, CAUSE.id, location, _mean(values), distance, constant)
+        lugre.add_friction(spec, system, CAUSE.id, location, _mean(values), values, constant)
     if location.kind == "joint":
         spec.joint(location.elements[0]).damping[0] += _mean(values, "_viscous")
 
@@ -78,7 +73,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
         effects.add_hook(lambda model: constant_force(model, location.kind, name, -_half(values)))
     if location.kind == "joint" and _half(values, "_viscous"):
         creep = CREEP * typical_scales.joint_speed(system, location)
-        effects.add_hook(lambda model: _drag(model, name, creep, values), period=PERIOD)
+        effects.add_hook(lambda model: _drag(model, name, creep, values), period=lugre.SPEED_PERIOD)
 
 
 def _drag(model: mujoco.MjModel, joint: str, creep: float, values: Values) -> Hook:

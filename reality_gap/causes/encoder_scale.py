@@ -35,20 +35,16 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("scale", "1", 0.02, 0.0003, -0.9, 2.0),)
 
 
-def _zero(system: System, joint: str) -> float:
-    return float(system.model.qpos0[system.model.joint(joint).qposadr[0]])
-
-
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     [encoder] = encoders.encoders(system, location)
     if encoder.actuator and location.note != READING:
-        about = _zero(system, encoder.element)
+        about = encoders.zero(system, encoder.element)
         servos.add_reading_error(spec, encoder.actuator, 0.0, values["scale"], about)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     [encoder] = encoders.encoders(system, location)
-    about = _zero(system, encoder.element)
+    about = encoders.zero(system, encoder.element)
     speeds = encoders.speed_sensors(system, encoder.element)
 
     def stretch(record: Record) -> None:

@@ -24,8 +24,6 @@ SECANTS = (0.3,)
 """Coefficients at which the cause is screened in addition to a small one."""
 MOST = 0.9
 """Largest coefficient; a gear with a larger one does not move."""
-PERIOD = 0.006
-"""Time between changes of the friction [s]."""
 ODDS = -1.0
 """Log odds of friction that grows with the load [nats]: constant friction does nearly the same."""
 
@@ -42,9 +40,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     hints = SearchHints(secants=elements.secants(system, location, SECANTS))
     coefficient = Parameter("coefficient", "1", 0.05, 0.002, 0.0, MOST, hints=hints)
-    if not lugre.is_available(system):
-        return (coefficient,)
-    return (coefficient, lugre.presliding_parameter(system, location))
+    return (coefficient, *lugre.presliding_parameters(system, location))
 
 
 def _usual(system: System, location: Location, coefficient: float) -> float:
@@ -55,8 +51,7 @@ def _usual(system: System, location: Location, coefficient: float) -> float:
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["coefficient"]:
         usual = _usual(system, location, values["coefficient"])
-        distance = lugre.presliding(values, system, location)
-        lugre.add_friction(spec, system, CAUSE.id, location, usual, distance)
+        lugre.add_friction(spec, system, CAUSE.id, location, usual, values)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -90,7 +85,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
         return inverse if system.study.inverse else hook
 
-    effects.add_hook(make, period=PERIOD)
+    effects.add_hook(make, period=lugre.LOAD_PERIOD)
 
 
 def _prior(location: Location) -> float:

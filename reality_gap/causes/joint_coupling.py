@@ -18,7 +18,6 @@ import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import joint_tree, typical_scales
-from reality_gap.causes.support.new_elements import add_tendon
 from reality_gap.study.system import System
 
 WITH, AGAINST = "with ", "against "
@@ -60,21 +59,14 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
     if not values["rigidity"]:
         return
     [joint], before = location.elements, location.note.split(" ", 1)[1]
-    name = f"{CAUSE.id}/{joint}/{before}"
-    while spec.tendon(name) is not None:
-        name += "'"
     inertia = typical_scales.joint_inertia(system, joint)
-    force, travel = (
-        scale(system, Location("joint", (joint,)))[1]
-        for scale in (typical_scales.joint_force, typical_scales.joint_travel)
-    )
+    _, force = typical_scales.joint_force(system, location)
+    _, travel = typical_scales.joint_travel(system, location)
     stiffest = STABLE * inertia / float(system.model.opt.timestep) ** 2
     stiffness = min(math.expm1(values["rigidity"]) * force / travel, stiffest)
-    tendon = add_tendon(spec, name=name)
+    tendon = joint_tree.add_fixed_tendon(spec, CAUSE.id, joint, before, -values["ratio"])
     tendon.stiffness[0] = stiffness
     tendon.damping[0] = 2.0 * DAMPED * math.sqrt(stiffness * inertia)
-    tendon.wrap_joint(joint, 1.0)
-    tendon.wrap_joint(before, -values["ratio"])
 
 
 def _prior(location: Location) -> float:

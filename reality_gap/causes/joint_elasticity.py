@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import encoders, joint_motors, typical_scales
+from reality_gap.causes.support import clocks, encoders, joint_motors, typical_scales
 from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
@@ -75,10 +75,8 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     damping = -float(actuator.biasprm[2] * actuator.gear[0] ** 2)
 
     def lag(model: mujoco.MjModel, time: Floats, command: Floats) -> Floats:
-        command, i = command.copy(), column(model, name)
         late = damping * compliance / softer
-        command[:, i] = np.interp(time - late, time, command[:, i])
-        return command
+        return clocks.delayed(time, command, [column(model, name)], late)
 
     def read(record: Record) -> None:
         i = record.model.actuator(name).id

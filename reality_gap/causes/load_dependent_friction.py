@@ -1,8 +1,8 @@
 """Load-dependent friction: friction of a tendon that grows with its tension ``T``.
 
-In guides, the friction is ``mu T``. Around bends, it follows the capstan equation with the sum
-``phi`` of all bend angles: ``T (exp(mu phi) - 1)`` while the tendon becomes longer against its
-motor, and ``T (1 - exp(-mu phi))`` while it becomes shorter. Both are
+In guides, the friction is ``mu T``. Around bends, it is capstan friction: with the sum ``phi`` of
+all bend angles, the capstan equation gives ``T (exp(mu phi) - 1)`` while the tendon becomes longer
+against its motor, and ``T (1 - exp(-mu phi))`` while it becomes shorter. Both are
 
     T (sinh(mu phi) + s (cosh(mu phi) - 1)),    s = 1 lengthening, s = -1 shortening
 
@@ -25,9 +25,6 @@ from reality_gap.types import Floats
 
 CAPSTAN = "capstan"
 """Note of a location with friction around bends."""
-
-PERIOD = 0.006
-"""Time between changes of the friction [s]."""
 
 ANGLE_PERIOD = 0.01
 """Time between computations of the bend angles [s]."""
@@ -60,16 +57,13 @@ def _bends(model: mujoco.MjModel, tendon: str) -> bool:
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     scale = 0.1 if location.note == CAPSTAN else 0.05
     coefficient = Parameter("coefficient", "1", scale, 0.01 * scale, 0.0, 1.0)
-    if not lugre.is_available(system):
-        return (coefficient,)
-    return (coefficient, lugre.presliding_parameter(system, location))
+    return (coefficient, *lugre.presliding_parameters(system, location))
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["coefficient"]:
         usual = values["coefficient"] * typical_scales.tendon_force(system, location)
-        distance = lugre.presliding(values, system, location)
-        lugre.add_friction(spec, system, CAUSE.id, location, usual, distance)
+        lugre.add_friction(spec, system, CAUSE.id, location, usual, values)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -98,7 +92,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
         return hook
 
-    effects.add_hook(make, period=PERIOD)
+    effects.add_hook(make, period=lugre.LOAD_PERIOD)
 
 
 class _Bends:

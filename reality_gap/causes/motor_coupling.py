@@ -12,8 +12,7 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import elements, encoders, joint_motors, joint_tree
-from reality_gap.causes.support.new_elements import add_tendon
+from reality_gap.causes.support import elements, encoders, joint_motors, joint_tree, servos
 from reality_gap.study.system import System
 
 WITH = "with "
@@ -48,30 +47,21 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     return (Parameter("ratio", "1", 0.02, 0.0005, -2.0, 2.0),)
 
 
-def _zero(system: System, joint: str) -> float:
-    return float(system.model.qpos0[system.model.joint(joint).qposadr[0]])
-
-
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     ratio = values["ratio"]
     if not ratio or location.note.endswith(READING):
         return
     [joint], before = location.elements, _before(location)
-    name = f"{CAUSE.id}/{joint}/{before}"
-    while spec.tendon(name) is not None:
-        name += "'"
-    tendon = add_tendon(spec, name=name)
-    tendon.wrap_joint(joint, 1.0)
-    tendon.wrap_joint(before, ratio)
+    tendon = joint_tree.add_fixed_tendon(spec, CAUSE.id, joint, before, ratio)
     actuator = spec.actuator(joint_motors.motors_of(system, joint)[0])
-    actuator.trntype, actuator.target = mujoco.mjtTrn.mjTRN_TENDON, name
-    actuator.biasprm[0] -= actuator.biasprm[1] * actuator.gear[0] * ratio * _zero(system, before)
+    actuator.trntype, actuator.target = mujoco.mjtTrn.mjTRN_TENDON, tendon.name
+    servos.add_reading_error(spec, actuator.name, -ratio * encoders.zero(system, before))
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     ratio, [joint], before = values["ratio"], location.elements, _before(location)
     sensors, speeds = _sensors(system, joint), encoders.speed_sensors(system, joint)
-    zero = _zero(system, before)
+    zero = encoders.zero(system, before)
 
     def add(record: Record) -> None:
         other = record.model.joint(before)

@@ -14,8 +14,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.delay import LEAST
-from reality_gap.causes.support import elements, joint_motors, typical_scales
+from reality_gap.causes.support import clocks, elements, joint_motors
 from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
@@ -30,16 +29,14 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    joints = [joint_motors.joint_of(system, name) for name in location.elements]
-    speed = max(typical_scales.joint_speed(system, Location("joint", (name,))) for name in joints)
-    unit = "s/m" if typical_scales.slides(system, joints[0]) else "s/rad"
+    unit, speed = joint_motors.typical_speed(system, location)
     values = elements.secants(system, location, tuple(1.0 / (x * speed) for x in SPEEDS))
     hints = SearchHints(secants=values or (1.0 / (SPEEDS[1] * speed),))
     sizes = (0.1 / speed, 0.002 / speed, 0.0, 1.0 / (LOWEST * speed))
     # A set point that needs a part of each period for its step is late by half of that part.
-    late = 2.0 * LEAST * system.model.opt.timestep / _command_period(system)
+    late = 2.0 * clocks.least_delay(system) / _command_period(system)
     least = min(late, 1.0 / SPEEDS[0]) / speed
-    return (Parameter("slowness", unit, *sizes, hints=hints, least=least),)
+    return (Parameter("slowness", f"s/{unit}", *sizes, hints=hints, least=least),)
 
 
 def _command_period(system: System) -> float:

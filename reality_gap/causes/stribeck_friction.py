@@ -15,15 +15,7 @@ import math
 
 import mujoco
 
-from reality_gap.causes.base import (
-    Cause,
-    Effects,
-    Hook,
-    Location,
-    Parameter,
-    SearchHints,
-    Values,
-)
+from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, SearchHints, Values
 from reality_gap.causes.support import elements, lugre, typical_scales
 from reality_gap.study.system import System
 
@@ -31,8 +23,6 @@ SECANTS = (0.1, 0.4)
 """Sizes at which the cause is screened in addition to a small one, over the joint's force."""
 SLOW = (0.25, 0.06)
 """Stribeck velocities from which fits start, over the typical velocity of a joint."""
-PERIOD = 0.004
-"""Time between changes of the friction [s]."""
 ODDS = -1.0
 """Log odds of Stribeck friction [nats]: Coulomb friction, which is much more usual, does nearly the
 same in a slow motion."""
@@ -49,23 +39,18 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     starts = tuple(share * speed for share in SLOW)
     per = "m/s" if typical_scales.slides(system, location.elements[0]) else "rad/s"
     secants = elements.secants(system, location, tuple(share * size for share in SECANTS))
-    found = (
-        Parameter(
-            "stiction", unit, 0.02 * size, tolerance, 0.0, 2.0 * size, 0.0, SearchHints((), secants)
-        ),
-        Parameter(
-            "speed", per, 0.05 * speed, 0.0, 0.005 * speed, speed, starts[0], SearchHints(starts)
-        ),
+    hints, sizes = SearchHints(secants=secants), (0.02 * size, tolerance, 0.0, 2.0 * size)
+    speeds = (0.05 * speed, 0.0, 0.005 * speed, speed)
+    return (
+        Parameter("stiction", unit, *sizes, hints=hints),
+        Parameter("speed", per, *speeds, null=starts[0], hints=SearchHints(starts)),
+        *lugre.presliding_parameters(system, location),
     )
-    if not lugre.is_available(system):
-        return found
-    return (*found, lugre.presliding_parameter(system, location))
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     if values["stiction"]:
-        distance = lugre.presliding(values, system, location)
-        lugre.add_friction(spec, system, CAUSE.id, location, values["stiction"], distance)
+        lugre.add_friction(spec, system, CAUSE.id, location, values["stiction"], values)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
@@ -82,7 +67,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
 
         return hook
 
-    effects.add_hook(make, period=PERIOD)
+    effects.add_hook(make, period=lugre.SPEED_PERIOD)
 
 
 def _prior(location: Location) -> float:

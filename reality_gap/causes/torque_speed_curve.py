@@ -19,7 +19,7 @@ import math
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import elements, joint_motors, typical_scales
+from reality_gap.causes.support import elements, joint_motors
 from reality_gap.causes.support.force_limits import limit_force, nominal_limit
 from reality_gap.study.system import System
 
@@ -36,14 +36,12 @@ def _locations(system: System) -> tuple[Location, ...]:
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    joints = [joint_motors.joint_of(system, name) for name in location.elements]
-    speed = max(typical_scales.joint_speed(system, Location("joint", (name,))) for name in joints)
-    unit = "s/m" if typical_scales.slides(system, joints[0]) else "s/rad"
+    unit, speed = joint_motors.typical_speed(system, location)
     values = elements.secants(system, location, tuple(share / speed for share in SHARES))
     # The slope at zero tells nothing, so that at least one size is tried in each machine.
     hints = SearchHints(secants=values or (SHARES[1] / speed,))
     sizes = (0.05 / speed, 0.005 / speed, 0.0, LARGEST / speed)
-    return (Parameter("drop", unit, *sizes, hints=hints),)
+    return (Parameter("drop", f"s/{unit}", *sizes, hints=hints),)
 
 
 def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:

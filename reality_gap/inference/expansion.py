@@ -59,18 +59,18 @@ class Expanded(NamedTuple):
     power: float
 
 
-def is_linear(replayer: Replayer, columns: Floats, null_residual: Floats) -> bool:
+def is_linear(replayer: Replayer, columns: Floats, residual: Floats) -> bool:
     """Return whether what tolerances explain of a residual is small, or is explained well.
 
     Args:
         replayer: has the readings.
         columns: changes by all tolerances, shape (n, p).
-        null_residual: residual of the nominal model, shape (n,).
+        residual: residual of the causes that were found, shape (n,).
     """
     whitened = _Whitened(replayer)
-    if whitened.explained(columns, null_residual) < LARGE:
+    if whitened.explained(columns, residual) < LARGE:
         return True
-    return whitened.power(columns, null_residual) < UNEXPLAINED
+    return whitened.power(columns, residual) < UNEXPLAINED
 
 
 def expand(

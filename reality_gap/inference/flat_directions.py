@@ -31,7 +31,7 @@ from reality_gap.inference.typical_effects import (
 )
 from reality_gap.log_findings import FlatDirection, Remedy
 from reality_gap.simulation.hypothesis import Hypothesis, Part
-from reality_gap.types import Floats
+from reality_gap.types import Bools, Floats
 
 SECONDS, TRIED = 30.0, 6.0
 """Duration of a remedy, and how much of it is replayed [s]."""
@@ -64,9 +64,10 @@ def flat_directions(
     by_cause: dict[str, list[int]] = {}
     for i in hidden:
         by_cause.setdefault(own[i].candidate.cause.id, []).append(i)
-    groups = [*by_cause.values(), *_inseparable(known, set(hidden), visible)]
-    foremost = {id(group): max(group, key=known.size) for group in groups}
-    wanted = [[foremost[id(g)]] if g in by_cause.values() else g[:2] for g in groups]
+    together = _inseparable(known, set(hidden), visible)
+    groups = [*by_cause.values(), *together]
+    wanted = [[max(group, key=known.size)] for group in by_cause.values()]
+    wanted += [group[:2] for group in together]
     chosen = list(dict.fromkeys(i for some in wanted for i in some))[: _most(problem)]
     trials = _trials(problem, [own[i] for i in chosen])
     found = []
@@ -102,20 +103,16 @@ def _inseparable(known: Effects, hidden: set[int], visible: float) -> list[list[
     """Return groups of candidates that show, but not which of them it is; the largest first."""
     shown = [i for i in range(known.count) if i not in hidden]
     distance = np.array([known.distances(j) for j in range(known.count)])
-    near = {
-        (i, j)
-        for i in shown
-        for j in shown
-        if i < j and max(distance[i, j], distance[j, i]) <= visible
-    }
-    groups: list[list[int]] = []
+    near = np.maximum(distance, distance.T) <= visible
+    groups = list[list[int]]()
+    common = list[Bools]()  # which candidates are near all those of a group
     for i in sorted(shown, key=lambda one: -known.size(one)):
-        for group in groups:
-            if all((min(i, j), max(i, j)) in near for j in group):
-                group.append(i)
-                break
-        else:
-            groups.append([i])
+        k = next((k for k, one in enumerate(common) if one[i]), len(groups))
+        if k == len(groups):
+            groups.append([])
+            common.append(near[i])
+        groups[k].append(i)
+        common[k] = common[k] & near[i]
     return [group for group in groups if len(group) > 1]
 
 

@@ -11,16 +11,15 @@ from reality_gap.inference.gauss_newton import (
     fit,
     fit_stepwise,
     null_fit,
-    profile,
     rescore,
     run_together,
 )
 from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.ranking import rank
-from reality_gap.inference.refinement import PROMISE, fit_next
+from reality_gap.inference.refinement import fit_next
 from reality_gap.inference.screening import Sensitivity, screen
-from reality_gap.inference.settling import settle, whitened_power
+from reality_gap.inference.settling import Settled, settle, whitened_power
 from reality_gap.simulation.hypothesis import Hypothesis
 
 LONG = 20.0
@@ -35,8 +34,6 @@ PROBABLE = 5.0
 """Evidence from which on a single candidate is tried again in later searches [nats]."""
 SCREENED = 30
 """Number of candidates that are screened again beside causes."""
-ANTICIPATIONS = 3
-"""How often the remainder of the first cause is anticipated where a model is wrong by much."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +46,9 @@ class Settings:
         further: evidence that each further cause must add [nats].
         root: multiple of the square root of the evidence so far that each further cause must add:
             what a right cause leaves, because its form is not exactly right, grows with it.
+        weak: evidence that each further cause must add where a model is wrong by many noises. The
+            errors are so correlated there that a log counts as few readings, and held-out readings
+            decide [nats].
         most: largest number of causes.
     """
 
@@ -57,6 +57,7 @@ class Settings:
     threshold: float = 7.0
     further: float = 8.0
     root: float = 0.5
+    weak: float = 3.0
     most: int = 5
 
     def for_log(self, seconds: float) -> Settings:
@@ -67,9 +68,18 @@ class Settings:
         """
         return replace(self, further=self.further * max(1.0, seconds / LONG))
 
-    def needed(self, evidence: float) -> float:
-        """Return what a further cause must add to causes of this evidence [nats]."""
-        return max(self.further, self.root * max(evidence, 0.0) ** 0.5)
+    def needed(self, base: Fit, far: bool) -> float:
+        """Return the evidence that a cause must add to others [nats].
+
+        Args:
+            base: the other causes.
+            far: whether the model is wrong by many noises.
+        """
+        if base.is_null:
+            return self.threshold
+        if far:
+            return self.weak
+        return max(self.further, self.root * max(base.evidence, 0.0) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -78,13 +88,21 @@ class Step:
 
     Attributes:
         base: the causes so far.
-        tried: fits of ``base`` with one candidate more each, best first.
-        accepted: whether the best of them was accepted.
+        tried: fits of ``base`` with one candidate more each, best first: by their evidence, or by
+            their profile likelihood where the model is wrong by many noises.
+        gain: what the best of them adds to the evidence of ``base`` [nats].
+        needed: what it must add to be accepted [nats].
     """
 
     base: Fit
     tried: tuple[Fit, ...]
-    accepted: bool
+    gain: float
+    needed: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the best candidate was accepted."""
+        return self.gain > self.needed
 
 
 @dataclass(frozen=True)
@@ -144,27 +162,34 @@ def search(
         if deferred:
             released = deferred.release(rank(beside, near, best))
             sensitivities, near = [*sensitivities, *released], [*near, *released]
-        first = best.is_null or problem.noise_model.is_far
-        refits = settings.refits if first else settings.more_refits
+        widely = best.is_null or problem.noise_model.is_far
+        refits = settings.refits if widely else settings.more_refits
         tried = fit_next(beside, near, best, refits)
         if best.is_null:
             tried = _with_known(beside, tried, known)
         if not tried:
             break
-        problem, tried = settle(plain, tried)
-        far = problem.noise_model.is_far
-        base = profile(problem, best) if far else rescore(problem, best)
-        if not far and _accept(base, tried[0], settings):
-            tried = polish(problem, tried)
-        accepted = _accept(base, tried[0], settings, far)
-        base, tried = rescore(problem, base), tuple(rescore(problem, f) for f in tried)
-        steps.append(Step(base, tried, accepted))
-        best = tried[0] if accepted else base
-        if not accepted:
+        settled = settle(plain, tried, best)
+        problem, step = settled.problem, _judge(settled, settings)
+        steps.append(step)
+        best = step.tried[0] if step.accepted else step.base
+        if not step.accepted:
             break
         if problem.noise_model.is_far:
             near = _screen_beside(problem, sensitivities, best)
     return Search(problem, tuple(steps), best, tuple(sensitivities))
+
+
+def _judge(settled: Settled, settings: Settings) -> Step:
+    """Return the step of a search, whose best candidates are fitted fully."""
+    problem, tried, base, profiled = settled
+    needed = settings.needed(base, profiled)
+    if profiled:
+        alike = tuple(rescore(problem, f) for f in tried)
+        return Step(rescore(problem, base), alike, tried[0].evidence - base.evidence, needed)
+    if tried[0].evidence - base.evidence > needed:
+        tried = polish(problem, tried)
+    return Step(base, tried, tried[0].evidence - base.evidence, needed)
 
 
 def _with_known(problem: Problem, tried: Sequence[Fit], known: Sequence[Fit]) -> tuple[Fit, ...]:
@@ -223,31 +248,13 @@ def _anticipate(
     the noise by so much that the cause has no evidence. The first cause is ranked without inflation
     unless the model is wrong by many noises.
     """
-    for _ in range(ANTICIPATIONS if base.is_null else 1):
-        if base.is_null and whitened_power(problem, base.residual) < FAR:
-            break
-        ranked = rank(problem, sensitivities, base)
-        if not ranked:
-            break
-        _, likely, theta = ranked[0]
-        problem = plain.inflated(base.residual - likely.columns @ theta)
-    return problem
-
-
-def _accept(base: Fit, best: Fit, settings: Settings, far: bool = False) -> bool:
-    """Return whether the last candidate of ``best`` adds enough evidence to ``base``.
-
-    Args:
-        base: the causes so far.
-        best: these with one candidate more.
-        settings: thresholds.
-        far: whether a model is wrong by many noises. Its errors are so correlated that a log counts
-            as few readings, and held-out readings decide.
-    """
-    if base.is_null:
-        return best.evidence > settings.threshold
-    more = best.evidence - base.evidence
-    return more > (PROMISE if far else settings.needed(base.evidence))
+    if base.is_null and whitened_power(plain, base.residual) < FAR:
+        return plain
+    ranked = rank(problem, sensitivities, base)
+    if not ranked:
+        return problem
+    _, likely, theta = ranked[0]
+    return plain.inflated(base.residual - likely.columns @ theta)
 
 
 def revise(result: Search, settings: Settings) -> Search:
@@ -269,10 +276,11 @@ def revise(result: Search, settings: Settings) -> Search:
                 break
             continue
         tried = fit_next(problem, result.sensitivities, without, settings.refits)
-        better = bool(tried) and tried[0].evidence > best.evidence + SWAP
-        if better:
+        needed = best.evidence + SWAP - without.evidence
+        if tried and tried[0].evidence - without.evidence > needed:
             tried = polish(problem, tried)
             best = tried[0]
-        step = Step(without, tried, better)
+        gain = tried[0].evidence - without.evidence if tried else 0.0
+        step = Step(without, tried, gain, needed)
         result = replace(result, revised=(*result.revised, step))
     return replace(result, best=best)

@@ -285,9 +285,8 @@ def profile(problem: Problem, fitted: Fit) -> Fit:
     The fit and the nominal model have a variance of each channel each, which makes what they leave
     likeliest. Without this, a cause that explains one channel whole would excuse the others.
     """
-    own, null = problem.widened(fitted.residual), problem.widened(problem.null_residual)
-    quality = own.noise_model.log_likelihood(fitted.residual)
-    quality -= null.noise_model.log_likelihood(problem.null_residual)
+    own = problem.widened(fitted.residual)
+    quality = own.noise_model.log_likelihood(fitted.residual) - problem.null_likelihood
     return _penalised(own, fitted, quality)
 
 

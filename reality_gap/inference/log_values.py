@@ -3,10 +3,10 @@
 Let theta_k be the parameters in log k, and J the slopes of the residual at the fit to all logs. The
 rows of J that belong to log k are the slopes of theta_k; those of other logs are zero. All logs are
 fitted together, whitened by the noise model, so that a deviation within the tolerances, which is
-the same in all logs, counts once. With the estimates x and their covariance V, the differences
-d = D x between logs are tested by the Wald statistic d' (D V D')^-1 d, which is chi-square
-distributed if the parameters are the same. V is multiplied by the mean square of what remains where
-that is above 1, because errors without a name scatter the values, too.
+the same in all logs, counts once. The noise model has the variance of what the causes leave,
+because errors without a name scatter the values, too. With the estimates x and their covariance V,
+the differences d = D x between logs are tested by the Wald statistic d' (D V D')^-1 d, which is
+chi-square distributed if the parameters are the same.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def compare_logs(problem: Problem, best: Fit) -> tuple[LogComparison | None, ...
     """Compare the values of each candidate of a hypothesis between the logs of a study.
 
     Args:
-        problem: what is explained.
+        problem: what is explained, with the noise model that the hypothesis was fitted with.
         best: the hypothesis, fitted to all logs.
 
     Returns:
@@ -93,42 +93,35 @@ class _Fitted:
         self._parameters = free_parameters(self._start)
         self._low, self._high = theta_bounds([p for _, p in self._parameters])
         self.theta = np.array([to_theta(_completed(self.candidates, some)) for some in each])
-        self._residual, self._jacobian = best.residual, self._merged(best)
+        [self._residual] = self._replayed([self.theta])
+        self._jacobian = self._slopes()
         self.free = self._shown()
         columns = [
             np.where(self._log == k, self._jacobian[:, j], 0.0)
             for k, j in np.argwhere(self.free).tolist()
         ]
-        stacked = np.column_stack([np.zeros((len(best.residual), 0)), *columns])
+        stacked = np.column_stack([np.zeros((len(self._residual), 0)), *columns])
         self._columns = problem.noise_model.whiten(stacked)
         weights = np.broadcast_to(prior_weights(self._start), self.free.shape)[self.free]
         information = self._columns.T @ self._columns + np.diag(weights**2)
         self.covariance = np.linalg.pinv(information, hermitian=True)
 
-    def _merged(self, best: Fit) -> Floats:
-        """Return the slopes of each candidate in all logs, shape (n, p).
+    def _slopes(self) -> Floats:
+        """Return the change of the prediction per scale of each parameter, shape (n, p).
 
-        Where a cause was fitted in one log only, its slopes in the others are differences.
+        They are differences, because a cause that was fitted in one log has none in the others.
         """
-        found = np.zeros((len(best.residual), len(self._parameters)))
         step = np.where(self.theta.max(axis=0) + STEP <= self._high, STEP, -STEP)
-        base = self._replayed(self.theta)
-        for j in range(len(self._parameters)):
-            moved = self.theta.copy()
-            moved[:, j] += step[j]
-            found[:, j] = (base - self._replayed(moved)) / step[j]
-        return np.nan_to_num(found)
+        moved = self._replayed([self.theta + one for one in np.diag(step)])
+        return np.nan_to_num((self._residual[:, None] - np.column_stack(moved)) / step)
 
     def advance(self) -> None:
-        """Take Gauss-Newton steps towards the values in each log, and scale the covariance."""
+        """Take Gauss-Newton steps towards the values in each log."""
         for _ in range(ROUNDS):
             right = self._problem.noise_model.whiten(self._residual)
             step = self.covariance @ (self._columns.T @ right)
             if not self._move(step) or np.all(np.abs(step) < SMALL * self._deviation):
                 break
-        rest = self._problem.noise_model.whiten(self._residual)
-        count = max(1, len(rest) - int(self.free.sum()))
-        self.covariance = self.covariance * max(1.0, float(rest @ rest) / count)
 
     @property
     def _deviation(self) -> Floats:
@@ -142,7 +135,7 @@ class _Fitted:
             moved = self.theta.copy()
             moved[self.free] += share * step
             moved = np.clip(moved, self._low, self._high)
-            residual = self._replayed(moved)
+            [residual] = self._replayed([moved])
             if np.isfinite(residual).all() and self._cost(residual) < before:
                 self.theta, self._residual = moved, residual
                 return True
@@ -212,15 +205,18 @@ class _Fitted:
     def _cost(self, residual: Floats) -> float:
         return float(np.sum(self._problem.noise_model.whiten(residual) ** 2))
 
-    def _replayed(self, theta: Floats) -> Floats:
-        """Return the residual with the values of each log (logs, p), shape (n,)."""
+    def _replayed(self, trials: Sequence[Floats]) -> list[Floats]:
+        """Return the residuals (n,) with the values of each log, shape (logs, p) each."""
+        return self._problem.replayer.residuals([self._parts(theta) for theta in trials])
+
+    def _parts(self, theta: Floats) -> list[Part]:
+        """Return each candidate in each log with its values (logs, p)."""
         parts: list[Part] = []
         for log, row in zip(self._logs, theta, strict=True):
             for candidate, values in with_theta(self._start, row):
                 location = replace(candidate.location, log=log)
                 parts.append((replace(candidate, location=location), values))
-        [residual] = self._problem.replayer.residuals([parts])
-        return residual
+        return parts
 
 
 def _key(candidate: Candidate) -> tuple[str, Location]:

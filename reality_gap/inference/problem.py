@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -46,6 +47,17 @@ class Problem:
     def widened(self, remainder: Floats) -> Problem:
         """Return the problem with the variance of a remainder; see `NoiseModel.widened`."""
         return replace(self, noise_model=self.noise_model.widened(remainder))
+
+    @cached_property
+    def null_likelihood(self) -> float:
+        """Log likelihood of the nominal model with the variance of what it leaves [nats]."""
+        null = self.widened(self.null_residual)
+        return null.noise_model.log_likelihood(self.null_residual)
+
+    def without_tolerances(self) -> Problem:
+        """Return the problem in which tolerances explain nothing."""
+        none = np.zeros((len(self.null_residual), 0))
+        return replace(self, noise_model=replace(self.noise_model, tolerances=none))
 
     def uninflated(self) -> Problem:
         """Return the problem in which all readings count in full."""

@@ -89,7 +89,7 @@ def search_outcome(
         next_experiment=_advice(result, fitted, doubt or 0.0)
         if named and options.suggest
         else None,
-        criteria=(*_search_criteria(result, options), *held_out_criteria(paying), *judged),
+        criteria=(*_search_criteria(result), *held_out_criteria(paying), *judged),
         waterfall=steps,
         rejected=_rejected(paying, judged, named),
     )
@@ -113,15 +113,13 @@ def _rejected(paying: Paying, judged: Sequence[Criterion], named: bool) -> tuple
     return (*refuted, *found)
 
 
-def _search_criteria(result: Search, options: Options) -> tuple[Criterion, ...]:
+def _search_criteria(result: Search) -> tuple[Criterion, ...]:
     """Return the criteria by which the search accepted its causes."""
-    settings, found = options.search, list[Criterion]()
-    for i, step in enumerate(result.steps):
-        best, base = step.tried[0].evidence, step.base.evidence
-        needed = settings.threshold if i == 0 else settings.needed(base)
-        text = "explains no more than chance would"
-        found.append(Criterion(f"evidence_{i + 1}", best - base, needed, step.accepted, text))
-    return tuple(found)
+    text = "explains no more than chance would"
+    return tuple(
+        Criterion(f"evidence_{i + 1}", step.gain, step.needed, step.accepted, text)
+        for i, step in enumerate(result.steps)
+    )
 
 
 def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
@@ -215,7 +213,7 @@ def _refused(result: Search) -> float:
     last = result.steps[-1] if result.steps else None
     if last is None or last.accepted:
         return 0.0
-    return last.tried[0].evidence - last.base.evidence
+    return last.gain
 
 
 def _explainable_fraction(problem: Problem, residual: Floats, remainder: Remainder) -> float:

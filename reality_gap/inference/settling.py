@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,31 +16,61 @@ SETTLINGS = 3
 SETTLED = 6
 """How many fits are repeated."""
 STABLE = 0.9
-"""Mean square, in units of the variance before, from which on another fit changes little."""
+"""Share of the variance before that is left, from which on another fit changes little."""
 
 
-def settle(plain: Problem, tried: Sequence[Fit]) -> tuple[Problem, tuple[Fit, ...]]:
-    """Return the problem inflated by what the best of some fits leaves, and all fits, best first.
+class Settled(NamedTuple):
+    """Fits of one step of a search.
+
+    Attributes:
+        problem: the problem, inflated by what the best fit leaves.
+        tried: the fits, best first: by their evidence, or by their profile likelihood.
+        base: the fit without the last candidates, with an evidence of the same kind.
+        profiled: whether they were compared by their profile likelihood.
+    """
+
+    problem: Problem
+    tried: tuple[Fit, ...]
+    base: Fit
+    profiled: bool
+
+
+def settle(plain: Problem, tried: Sequence[Fit], base: Fit) -> Settled:
+    """Compare fits by what the best of them leaves.
 
     Where a model is wrong by many noises, the more a fit leaves, the nearer to the null a prior
-    holds it. Each is therefore repeated with the variance of what it leaves itself.
+    holds it. Each is therefore repeated with the variance of what it leaves itself, as in a
+    least-squares fit of unknown variance. Tolerances have no part in this: what they explain is
+    small beside such errors, and along their directions other causes would go unnoticed.
+
+    Args:
+        plain: the problem without inflation.
+        tried: fits of ``base`` with one candidate more each, best first.
+        base: the causes so far.
     """
     problem = plain.inflated(tried[0].residual)
-    tried = rescored(problem, tried)
     if not problem.noise_model.is_far:
-        return problem, tried
+        return Settled(problem, rescored(problem, tried), rescore(problem, base), False)
+    bare = problem.without_tolerances()
+    tried = rescored(bare, tried)
     first, rest = tried[:SETTLED], tried[SETTLED:]
+    own = [bare.widened(f.residual) for f in first]
     for _ in range(SETTLINGS):
-        own = [problem.widened(f.residual) for f in first]
+        before = own
         pairs = zip(own, first, strict=True)
         fits = [fit_stepwise(one, f.hypothesis, f.jacobian) for one, f in pairs]
-        again = run_together(problem.replayer, fits)
-        powers = [whitened_power(one, f.residual) for one, f in zip(own, again, strict=True)]
-        first = tuple(again)
-        if min(powers) > STABLE:
+        first = tuple(run_together(problem.replayer, fits))
+        own = [bare.widened(f.residual) for f in first]
+        if all(_left(a) > STABLE * _left(b) for a, b in zip(own, before, strict=True)):
             break
-    ordered = sorted((profile(problem, f) for f in (*first, *rest)), key=lambda f: -f.evidence)
-    return plain.inflated(ordered[0].residual), tuple(ordered)
+    ordered = sorted((profile(bare, f) for f in (*first, *rest)), key=lambda f: -f.evidence)
+    best = plain.inflated(ordered[0].residual)
+    return Settled(best, tuple(ordered), profile(bare, base), True)
+
+
+def _left(problem: Problem) -> float:
+    """Return the mean variance of a noise model."""
+    return float(np.mean(problem.noise_model.variance))
 
 
 def rescored(problem: Problem, fits: Sequence[Fit]) -> tuple[Fit, ...]:

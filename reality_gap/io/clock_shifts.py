@@ -11,7 +11,7 @@ from reality_gap.io.loader import load_study
 from reality_gap.io.schema import StudyFile, read_study_file
 from reality_gap.io.tables import read_header
 from reality_gap.io.template import yaml_text
-from reality_gap.simulation.clock_lags import ClockLag, clock_lags
+from reality_gap.simulation.clock_lags import ClockLag, clock_lag
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 
@@ -36,7 +36,9 @@ class _Part(NamedTuple):
     channels: tuple[int, ...]
 
 
-def correct_clocks(path: Path, guessed: Collection[str], note: Note) -> None:
+def correct_clocks(
+    path: Path, guessed: Collection[str], note: Note, only: Collection[str] | None = None
+) -> None:
     """Shift the clocks of readings in a drafted study that lag behind a replay of its model.
 
     Only files of their own are shifted, and by lags that are too long for a delay, or if their
@@ -46,16 +48,20 @@ def correct_clocks(path: Path, guessed: Collection[str], note: Note) -> None:
         path: STUDY.yaml; lines that are added say why.
         guessed: names of the files whose clock has no time in common with that of the commands.
         note: called with a sentence on each lag.
+        only: names of the files to consider; by default all.
     """
     file, study = read_study_file(path), load_study(path)
     if study.inverse:
         return
     shifted = dict[tuple[int, str], tuple[float, str]]()
     with Replayer(study) as replayer:
+        records = replayer.replay([]).records
         for part in _parts(file, study):
+            if only is not None and part.file not in only:
+                continue
             own_clock = part.file in guessed
-            lags = clock_lags(replayer, part.channels, own_clock)
-            lag = next((one for one in lags if one.episode == part.episode), None)
+            record = records[part.episode]
+            lag = clock_lag(replayer, record, part.episode, part.channels, own_clock)
             if lag is None:
                 continue
             commands = file.episodes[part.episode].names[0]

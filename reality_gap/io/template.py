@@ -24,7 +24,6 @@ from reality_gap.io.column_names import (
 from reality_gap.io.dimensions import actuator_units, joint_units, sensor_units
 from reality_gap.io.tables import read_header, read_table
 from reality_gap.io.unit_guesses import guess_unit, is_endless
-from reality_gap.io.units import parse_unit
 from reality_gap.io.validation import actuator_names, sensor_names, simple_joints
 from reality_gap.study.data import load_untrusted_spec
 
@@ -198,7 +197,7 @@ def _resting(
         cells = np.concatenate([np.zeros(0), *(one for one in held if one is not None)])
         if len(cells) and np.ptp(cells) == 0.0:
             unit = guess_unit(group[0], sensor_units(model, element.name) or ("1",), cells)
-            values[element.name] = parse_unit(unit.unit).factor * float(cells[0])
+            values[element.name] = unit.si(float(cells[0]))
     return values
 
 

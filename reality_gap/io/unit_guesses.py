@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.io.column_names import named_unit
+from reality_gap.io.units import parse_unit
 from reality_gap.types import Floats
 
 DEGREES, MILLIMETRES = 10.0, 20.0
@@ -31,13 +32,24 @@ class UnitGuess(NamedTuple):
 
     Attributes:
         unit: symbol of the unit.
-        conversion: further keys of the line of the study, such as ", scale: 0.001".
         reason: why, as the end of a sentence about the column; empty if its name states the unit.
+        scale, offset: value = scale * cell + offset, in this unit.
     """
 
     unit: str
-    conversion: str = ""
     reason: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def conversion(self) -> str:
+        """Further keys of the line of the study, such as ", scale: 0.001"; empty without any."""
+        scale = f", scale: {self.scale:.9g}" if self.scale != 1.0 else ""
+        return scale + (f", offset: {self.offset:.9g}" if self.offset else "")
+
+    def si(self, cell: float) -> float:
+        """Return the value of a cell in SI units."""
+        return parse_unit(self.unit).factor * (self.scale * cell + self.offset)
 
 
 def guess_unit(
@@ -58,12 +70,12 @@ def guess_unit(
     if cells is None or units[0] not in ("rad", "m"):
         return UnitGuess(units[0])
     if units[0] == "m":
-        return UnitGuess("mm", "", "is taken as mm") if size > MILLIMETRES else UnitGuess("m")
+        return UnitGuess("mm", "is taken as mm") if size > MILLIMETRES else UnitGuess("m")
     if size <= DEGREES or (endless and _turns_on(cells)):
         return UnitGuess("rad")
     if size > TICKS and np.all(cells == np.round(cells)):
         return _ticks(cells)
-    return UnitGuess("deg", "", "is taken as deg")
+    return UnitGuess("deg", "is taken as deg")
 
 
 def _turns_on(cells: Floats) -> bool:
@@ -78,9 +90,8 @@ def _ticks(cells: Floats) -> UnitGuess:
     # Servos with 4096 ticks are at zero in the middle of their turn.
     zero = count // 2 if np.min(cells) >= 0.0 else 0
     scale = 2.0 * np.pi / count
-    offset = f", offset: {-zero * scale:.9g}" if zero else ""
     reason = f"is taken as ticks of an encoder with {count} per turn, zero at {zero}"
-    return UnitGuess("rad", f", scale: {scale:.9g}{offset}", reason)
+    return UnitGuess("rad", reason, scale, -zero * scale)
 
 
 def is_endless(model: mujoco.MjModel, part: str, name: str) -> bool:

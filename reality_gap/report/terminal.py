@@ -33,14 +33,14 @@ def shown_progress(console: Console) -> Iterator[Callable[[float, str], None]]:
             task = bar.add_task("reading", total=1.0)
             yield lambda share, text: bar.update(task, completed=share, description=text)
         return
-    shown = (-1, "")
+    before = (-1, "")
 
     def tick(share: float, text: str) -> None:
-        nonlocal shown
+        nonlocal before
         now = int(LINES * share), text
-        if now != shown:
+        if now != before:
             print(f"{100.0 * share:.0f} % {text}", file=sys.stderr, flush=True)
-            shown = now
+            before = now
 
     yield tick
 

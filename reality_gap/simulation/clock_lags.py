@@ -14,7 +14,7 @@ import numpy as np
 
 from reality_gap.causes.base import Record
 from reality_gap.simulation.replayer import Replayer
-from reality_gap.study.data import Reading, Study
+from reality_gap.study.data import Reading
 from reality_gap.types import Floats
 
 COARSE, FINE = 0.02, 0.001
@@ -27,6 +27,8 @@ MOVES = 3.0
 """Standard deviation of a reading and of its replay from which on they are compared [noise]."""
 FEWEST = 20
 """Number of readings from which on a channel is compared."""
+MOST = 2000
+"""Largest number of readings of a channel that the search in steps of `COARSE` compares."""
 FOLLOWS = 0.9
 """Mean correlation from which on readings follow the replay."""
 BETTER = 0.5
@@ -39,40 +41,42 @@ class ClockLag(NamedTuple):
     """Lag of readings behind the replay.
 
     Attributes:
-        episode: index of the episode.
         seconds: how late the readings are [s].
         before, after: root mean square of the correlations without and with the lag.
     """
 
-    episode: int
     seconds: float
     before: float
     after: float
 
 
-def clock_lags(
-    replayer: Replayer, channels: Sequence[int], own_clock: bool = False
-) -> tuple[ClockLag, ...]:
-    """Return the lag of some channels in each episode, where the readings follow the replay.
+def clock_lag(
+    replayer: Replayer,
+    record: Record,
+    episode: int,
+    channels: Sequence[int],
+    own_clock: bool = False,
+) -> ClockLag | None:
+    """Return the lag of some channels in an episode; None if there is no clear one.
 
     Args:
         replayer: replays the study.
+        record: the replay of the episode.
+        episode: index of the episode.
         channels: indices of the channels that have one clock.
         own_clock: whether this clock has nothing in common with that of the commands.
     """
-    study = replayer.system.study
-    records = replayer.replay([]).records
-    found = []
-    for e, (episode, record) in enumerate(zip(study.episodes, records, strict=True)):
-        signals = [
-            signal
-            for c in channels
-            if (signal := _signal(study, c, episode.readings[c], record, replayer)) is not None
-        ]
-        if signals:
-            limit = HALF * episode.duration if own_clock else min(LATE, HALF * episode.duration)
-            found.append(_lag(e, signals, limit))
-    return tuple(lag for lag in found if _is_clear(lag))
+    measured = replayer.system.study.episodes[episode]
+    signals = [
+        signal
+        for c in channels
+        if (signal := _signal(replayer, c, measured.readings[c], record)) is not None
+    ]
+    if not signals:
+        return None
+    limit = HALF * measured.duration
+    lag = _lag(signals, limit if own_clock else min(LATE, limit))
+    return lag if _is_clear(lag) else None
 
 
 class _Signal(NamedTuple):
@@ -88,6 +92,11 @@ class _Signal(NamedTuple):
     at: Floats
     replayed: Floats
 
+    def thinned(self) -> _Signal:
+        """Return a signal with at most `MOST` of its readings."""
+        kept = slice(None, None, len(self.time) // MOST + 1)
+        return self._replace(time=self.time[kept], value=self.value[kept])
+
     def correlation(self, lag: float) -> float:
         """Return the correlation of the readings with the replay that is late by ``lag``."""
         inside = (self.time >= self.at[0] + lag) & (self.time <= self.at[-1] + lag)
@@ -102,11 +111,9 @@ class _Signal(NamedTuple):
         return float(product) / deviations
 
 
-def _signal(
-    study: Study, c: int, reading: Reading, record: Record, replayer: Replayer
-) -> _Signal | None:
+def _signal(replayer: Replayer, c: int, reading: Reading, record: Record) -> _Signal | None:
     """Return readings with their replay; None if they hardly move, or the replay diverges."""
-    channel, measured = study.channels[c], replayer.measured
+    channel, measured = replayer.system.study.channels[c], replayer.measured
     if channel.kind == "effort" or len(reading.time) < FEWEST:
         return None
     replayed = record.sensors[:, record.column(channel.sensor, channel.component)]
@@ -117,17 +124,19 @@ def _signal(
     return _Signal(reading.time, reading.value, record.time - record.time[0], replayed)
 
 
-def _lag(e: int, signals: Sequence[_Signal], limit: float) -> ClockLag:
-    def score(lag: float) -> float:
-        return float(np.sqrt(np.mean([max(0.0, s.correlation(lag)) ** 2 for s in signals])))
+def _lag(signals: Sequence[_Signal], limit: float) -> ClockLag:
+    few = [s.thinned() for s in signals]
+
+    def score(lag: float, compared: Sequence[_Signal] = signals) -> float:
+        return float(np.sqrt(np.mean([max(0.0, s.correlation(lag)) ** 2 for s in compared])))
 
     steps = np.arange(1, int(limit / COARSE) + 1)
     # The smallest lag first: periodic motions have several maxima.
     lags = COARSE * np.concatenate([[0], np.column_stack([steps, -steps]).ravel()])
-    coarse = float(max(lags, key=score))
+    coarse = float(max(lags, key=lambda lag: score(lag, few)))
     near = coarse + np.arange(-COARSE, COARSE + FINE / 2, FINE)
     lag = float(max(near, key=score))
-    return ClockLag(e, lag, score(0.0), score(lag))
+    return ClockLag(lag, score(0.0), score(lag))
 
 
 def _is_clear(lag: ClockLag) -> bool:

@@ -16,52 +16,28 @@ from dataclasses import dataclass, fields, replace
 
 import mujoco
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt, welch
 
 from reality_gap.causes.base import Effects, Hook, Record
 from reality_gap.errors import StudyError
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.light_model import light_spec
+from reality_gap.simulation.measured_motion import EDGE as EDGE
+from reality_gap.simulation.measured_motion import Motion as Motion
+from reality_gap.simulation.measured_motion import (
+    effort_cutoff,
+    filtered_effort,
+    low_pass,
+    measured_motion,
+    period_of,
+    standing_still,
+)
 from reality_gap.simulation.replay import Replay
-from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.study.data import Channel, Episode, Study
 from reality_gap.study.measurements import Measured, channel_noise
-from reality_gap.types import Bools, Floats
+from reality_gap.types import Floats
 
-KEPT_POWER = 0.999
-"""Share of an effort's power above its white noise that is kept; the rest is 3 % of it in RMS."""
-MARGIN = 1.5
-"""Cutoff over the frequency below which that power lies; the filter passes 96 % there."""
-POSITION_BAND = 4.0
-"""Cutoff of the positions over that of the efforts, so that it does not affect the efforts."""
-GRID_RATE = 8.0
-"""Samples of the motion per period of the cutoff, at least."""
-EDGE = 3.0
-"""Length that is left out at both ends of a log, where filters start [periods of the cutoff]."""
-LEAST = 10
-"""Number of samples in motion below which an effort is not compared."""
-SLOW = 0.01
-"""Share of its usual speed below which a joint stands still; its dry friction is then unknown."""
 FRICTION_RATE = 1e6
 """Damping of the constraint of dry friction [1/s]; see `_stiffen_dry_friction`."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Motion of one episode on an even grid of k samples.
-
-    Attributes:
-        time: time of each sample, shape (k,) [s].
-        qpos, qvel, qacc: positions, velocities and accelerations in SI units, shapes (k, nq),
-            (k, nv) and (k, nv).
-        cutoff: cutoff of the low-pass filter of the efforts [Hz].
-    """
-
-    time: Floats
-    qpos: Floats
-    qvel: Floats
-    qacc: Floats
-    cutoff: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +56,6 @@ def ensure_prepared(study: Study) -> Study:
 def prepare(study: Study) -> Study:
     """Filter the efforts of a study and compute the motion along which they were measured.
 
-    The cutoff is `MARGIN` times the frequency below which `KEPT_POWER` of each effort's power lies.
     Samples at which the joint stands still are left out, because dry friction then takes any value
     up to its limit.
 
@@ -101,19 +76,19 @@ def prepare(study: Study) -> Study:
     columns = _position_channels(study, model)
     efforts = [c for c, channel in enumerate(study.channels) if channel.kind == "effort"]
     noise = channel_noise(study)
-    period = max(_period(e.readings[c]) for e in study.episodes for c in [*columns, *efforts])
-    cutoff = _cutoff(study, efforts, period)
+    period = max(period_of(e.readings[c]) for e in study.episodes for c in [*columns, *efforts])
+    cutoff = effort_cutoff(study, efforts, period)
     dofs = [_dof(model, study.channels[c]) for c in efforts]
     rng = np.random.default_rng(0)
     episodes, changes = [], []
     for episode in study.episodes:
-        motion = _motion(model, columns, episode, cutoff, period)
-        still = _standing_still(motion, noise[columns], period)
+        motion = measured_motion(columns, episode, cutoff, period)
+        still = standing_still(motion, noise[columns], period)
         readings = tuple(
-            _effort(motion, episode.readings[c], still[:, dof], period)
+            filtered_effort(motion, episode.readings[c], still[:, dof], period)
             for c, dof in zip(efforts, dofs, strict=True)
         )
-        again = _motion(model, columns, _noisy(episode, columns, noise, rng), cutoff, period)
+        again = measured_motion(columns, _noisy(episode, columns, noise, rng), cutoff, period)
         before, after = (
             _filtered(_inverse_dynamics(plant, model, m, 0.0)[0], m, dofs) for m in (motion, again)
         )
@@ -223,7 +198,7 @@ def _inverse_dynamics(
 
 def _filtered(effort: Floats, motion: Motion, dofs: Sequence[int]) -> Floats:
     """Return efforts (k, nv) at some degrees of freedom, low-passed as the measured ones."""
-    return _low_pass(effort[:, dofs], motion.cutoff, _step(motion.time))
+    return low_pass(effort[:, dofs], motion.cutoff, motion.step)
 
 
 def _noisy(
@@ -289,80 +264,3 @@ def _position_channels(study: Study, model: mujoco.MjModel) -> list[int]:
 
 def _dof(model: mujoco.MjModel, channel: Channel) -> int:
     return int(model.joint(channel.sensor).dofadr[0])
-
-
-def _period(reading: Reading) -> float:
-    if len(reading.time) < 10:
-        raise StudyError(
-            f"a reading has {len(reading.time)} samples, but inverse dynamics need at least 10"
-        )
-    return float(np.median(np.diff(reading.time)))
-
-
-def _cutoff(study: Study, efforts: list[int], period: float) -> float:
-    """Return the cutoff of the low-pass filter of the efforts [Hz]."""
-    highest = 0.0
-    for c in efforts:
-        total = frequency = np.zeros(1)
-        size = min(4096, *(len(e.readings[c].value) for e in study.episodes))
-        for episode in study.episodes:
-            value = episode.readings[c].value
-            frequency, power = welch(value, 1.0 / period, nperseg=size)
-            noise = np.median(power[len(power) // 2 :])
-            total = total + np.maximum(power - 2 * noise, 0.0) * len(value)
-        if not np.any(total):
-            raise StudyError(f"the effort {study.channels[c].name} is constant")
-        share = np.cumsum(total) / np.sum(total)
-        highest = max(highest, float(frequency[np.searchsorted(share, KEPT_POWER)]))
-    return min(MARGIN * highest, 0.45 / (POSITION_BAND * period))
-
-
-def _motion(
-    model: mujoco.MjModel, columns: list[int], episode: Episode, cutoff: float, period: float
-) -> Motion:
-    readings = [episode.readings[c] for c in columns]
-    begin = max(r.time[0] for r in episode.readings if len(r.time))
-    end = min(r.time[-1] for r in episode.readings if len(r.time))
-    if end - begin < 20.0 / cutoff:
-        raise StudyError(
-            f"the log {episode.name} lasts {end - begin:.3g} s, which is too short for inverse "
-            f"dynamics at {cutoff:.3g} Hz; at least {20.0 / cutoff:.3g} s are needed"
-        )
-    time = np.arange(begin, end + 1e-9, period)
-    raw = np.stack([CubicSpline(r.time, r.value)(time) for r in readings], axis=1)
-    sections = butter(4, 2 * POSITION_BAND * cutoff * period, output="sos")
-    qpos = sosfiltfilt(sections, raw, axis=0)
-    qvel = np.gradient(qpos, period, axis=0)
-    qacc = np.gradient(qvel, period, axis=0)
-    stride = max(1, int(1.0 / (GRID_RATE * cutoff * period)))
-    kept = slice(None, None, stride)
-    return Motion(time[kept], qpos[kept], qvel[kept], qacc[kept], cutoff)
-
-
-def _standing_still(motion: Motion, noise: Floats, period: float) -> Bools:
-    """Return whether each joint is slower than the noise of its speed or than `SLOW`, (k, nv)."""
-    band = POSITION_BAND * motion.cutoff
-    speed_noise = noise * 2 * np.pi * np.sqrt(2 * period * band**3 / 3)
-    usual = np.quantile(np.abs(motion.qvel), 0.95, axis=0)
-    return np.abs(motion.qvel) < np.maximum(4 * speed_noise, SLOW * usual)
-
-
-def _effort(motion: Motion, reading: Reading, still: Bools, period: float) -> Reading:
-    time = np.arange(motion.time[0], motion.time[-1] + 1e-9, period)
-    value = _low_pass(np.interp(time, reading.time, reading.value), motion.cutoff, period)
-    grid = _step(motion.time)
-    step = max(1, round(0.5 / (motion.cutoff * grid)))
-    edge = int(np.ceil(EDGE / (motion.cutoff * grid)))
-    kept = np.arange(edge, len(motion.time) - edge, step)
-    kept = kept[~still[kept]]
-    if len(kept) < LEAST:
-        kept = kept[:0]
-    return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
-
-
-def _step(time: Floats) -> float:
-    return float(time[1] - time[0])
-
-
-def _low_pass(effort: Floats, cutoff: float, period: float) -> Floats:
-    return sosfiltfilt(butter(4, 2 * cutoff * period, output="sos"), effort, axis=0)

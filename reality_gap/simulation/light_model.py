@@ -75,15 +75,17 @@ def _come_near(model: mujoco.MjModel, qpos: Floats) -> Bools:
     data = mujoco.MjData(model)
     far = FAR * model.stat.extent
     model.geom_margin[:] = np.maximum(model.geom_margin, far)
-    closest = np.full((len(qpos), model.ngeom, model.ngeom), far, dtype=np.float32)
-    for now, distances in zip(qpos, closest, strict=True):
+    least = np.full((model.ngeom, model.ngeom), far)
+    most = np.full_like(least, -np.inf)
+    for now in qpos:
         data.qpos[:] = now
         mujoco.mj_fwdPosition(model, data)
         contacts = data.contact
         rigid = (contacts.geom >= 0).all(axis=1)
+        distances = np.full_like(least, far)
         np.minimum.at(distances, tuple(contacts.geom[rigid].T), contacts.dist[rigid])
-    least, change = closest.min(axis=0), np.ptp(closest, axis=0)
-    touching = (least <= FURTHER * change) & (least < far)
+        least, most = np.minimum(least, distances), np.maximum(most, distances)
+    touching = (least <= FURTHER * (most - least)) & (least < far)
     found: Bools = touching.any(axis=0) | touching.any(axis=1)
     found[np.concatenate([model.pair_geom1, model.pair_geom2]).astype(int)] = True
     return found

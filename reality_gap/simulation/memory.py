@@ -1,6 +1,6 @@
 """Memory: an estimate of what a diagnosis needs, and studies that are thinned to fit a bound.
 
-Most of it are changes of all readings, one for each parameter of each candidate. Where the bound
+Most of it holds changes of all readings, one for each parameter of each candidate. Where the bound
 does not suffice for these, every second reading is left out, or more. Readings that are left out
 make estimates less certain, but not wrong. Efforts are thinned by `inverse_dynamics.prepare`.
 """
@@ -8,14 +8,14 @@ make estimates less certain, but not wrong. Efforts are thinned by `inverse_dyna
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco
 
 from reality_gap.causes import CATALOGUE
+from reality_gap.causes.base import Cause
 from reality_gap.errors import StudyError
 from reality_gap.simulation.inverse_dynamics import ensure_prepared
 from reality_gap.study.data import Study
@@ -50,20 +50,26 @@ class Plan(NamedTuple):
 
 
 def fit_memory(
-    study: Study, jobs: int, limit: float, note: Callable[[str], None] = lambda sentence: None
+    study: Study,
+    jobs: int,
+    limit: float,
+    note: Callable[[str], None] = lambda sentence: None,
+    causes: Sequence[Cause] | None = None,
 ) -> Plan:
-    """Reduce processes and readings until a diagnosis fits a bound.
+    """Reduce processes and readings until a diagnosis is estimated to fit a bound.
 
     Args:
         study: the study.
         jobs: number of processes.
         limit: bound of the memory of all processes [bytes].
         note: called with a sentence on what was reduced.
+        causes: causes that are considered; the catalogue by default.
 
     Raises:
         StudyError: the bound does not suffice even so.
     """
-    model, parameters = model_memory(study), _count_parameters(study)
+    model = model_memory(study)
+    parameters = _count_parameters(study, causes or tuple(CATALOGUE.values()))
     count, fewest = _count_readings(ensure_prepared(study))
     data = PER_NUMBER * parameters * count
     fixed = model + BASE
@@ -110,21 +116,11 @@ def model_memory(study: Study) -> float:
     return COPIES * float(mujoco.mj_sizeModel(compile_system(study).model))
 
 
-def peak_memory() -> float:
-    """Return the largest memory of this process so far [bytes]; 0 where that is unknown."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return 0.0
-    unit = 1.0 if sys.platform == "darwin" else 1024.0
-    return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def _count_parameters(study: Study) -> int:
+def _count_parameters(study: Study, causes: Sequence[Cause]) -> int:
     system = compile_system(study)
     return sum(
         len(cause.parameters(system, location))
-        for cause in CATALOGUE.values()
+        for cause in causes
         for location in cause.locations(system)
     )
 

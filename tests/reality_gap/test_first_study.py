@@ -225,30 +225,49 @@ def test_rows_without_a_command_hold_the_one_before(model: Path, tmp_path: Path)
     assert any("200 rows without a command" in note for note in notes)
 
 
-def test_a_joint_at_rest_is_left_out_and_keeps_its_position(model: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("cell", "unit", "angle"),
+    [
+        (-0.4, "", -0.4),
+        (-30.0, "", np.radians(-30.0)),
+        (-30.0, "_deg", np.radians(-30.0)),
+        (1800.0, "", (1800 - 2048) * 2 * np.pi / 4096),
+    ],
+)
+def test_a_joint_at_rest_is_left_out_and_keeps_its_position(
+    model: Path, tmp_path: Path, cell: float, unit: str, angle: float
+) -> None:
     time, command, angles = motion()
-    rest = np.full(len(time), -0.4)
-    log = table(tmp_path / "log.csv", HEADER, time, command[:, 0], rest, angles[:, 0], rest)
+    rest = np.full(len(time), cell)
+    columns = (time, command[:, 0], 0.0 * time, angles[:, 0], rest)
+    log = table(tmp_path / "log.csv", HEADER + unit, *columns)
     study, notes = drafted(model, tmp_path, log)
     assert [channel.sensor for channel in study.channels] == ["shoulder_pan_position"]
-    assert study.episodes[0].joints["elbow_flex"] == -0.4
+    assert study.episodes[0].joints["elbow_flex"] == pytest.approx(angle, abs=1e-6)
     assert any("elbow_flex_position was left out" in note for note in notes)
 
 
-@pytest.mark.parametrize("shift", [0.3, -0.25, 1.7e9 - 0.4])
-def test_clocks_of_two_files_are_aligned(model: Path, tmp_path: Path, shift: float) -> None:
+@pytest.mark.parametrize(
+    ("shift", "first"),
+    [(0.3, 20), (-0.25, 20), (1.7e9, 20), (1.7e9, 4), (1.7e9, 75)],
+)
+def test_clocks_of_two_files_are_aligned(
+    model: Path, tmp_path: Path, shift: float, first: int
+) -> None:
+    """Files without a time in common begin together at first, though one may have begun later."""
     time, command, angles = motion()
     commands = table(
         tmp_path / "commands.csv", "time,cmd_shoulder_pan,cmd_elbow_flex", time, *command.T
     )
-    own = time[20:] + shift
+    own = time[first:] + shift
     readings = table(
-        tmp_path / "readings.csv", "time,q_shoulder_pan,q_elbow_flex", own, *angles[20:].T
+        tmp_path / "readings.csv", "time,q_shoulder_pan,q_elbow_flex", own, *angles[first:].T
     )
     study, notes = drafted(model, tmp_path, commands, readings)
     reading = study.episodes[0].readings[0]
     expected = np.interp(reading.time, time, angles[:, 0])
     np.testing.assert_allclose(reading.value, expected, atol=0.01)
+    assert len(reading.time) > 100
     assert any("it was shifted" in note and "readings.csv" in note for note in notes)
     assert "shifts: {readings.csv:" in (tmp_path / "study" / "STUDY.yaml").read_text()
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hidden_plants.secret import Effect
 from hidden_plants.strangers.mechanisms.mechanism import Mechanism, Structure, sign, size_of
+from hidden_plants.strangers.mechanisms.readings import sensors_by_kind, tune_delay
 from hidden_plants.strangers.plant import Plant
 from hidden_plants.strangers.stranger import Stranger
 
@@ -28,18 +29,13 @@ def _tune_drift(plant: Plant, effect: Effect) -> None:
 def _early(stranger: Stranger, rng: np.random.Generator) -> list[Structure]:
     if stranger.traits.kind == "efforts":
         return []
-    kinds = dict.fromkeys(sensor.kind for sensor in stranger.sensors)
-    groups = [tuple(s.name for s in stranger.sensors if s.kind == kind) for kind in kinds]
-    return [Structure("early_stamps", names, 0.005, 0.05, {"sign": -1.0}) for names in groups]
-
-
-def _tune_early(plant: Plant, effect: Effect) -> None:
-    for name in effect.elements:
-        delay = plant.reading_delay.get(name, 0.0) + size_of(effect)
-        plant.reading_delay[name] = float(np.round(delay, 9))
+    return [
+        Structure("early_stamps", names, 0.005, 0.05, {"sign": -1.0})
+        for names in sensors_by_kind(stranger)
+    ]
 
 
 MECHANISMS = (
     Mechanism("clock_drift", _drifts, _tune_drift),
-    Mechanism("early_stamps", _early, _tune_early),
+    Mechanism("early_stamps", _early, tune_delay),
 )

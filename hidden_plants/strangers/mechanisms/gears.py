@@ -35,7 +35,7 @@ QUICKEST = 0.002
 
 
 class Bend:
-    """Dry friction of one joint: bristles that bend over a travel, then slide."""
+    """Dry friction of one joint by Dahl's model of bristles that bend over a travel, then slide."""
 
     def __init__(self, travel: float) -> None:
         self.travel, self.share = travel, 0.0
@@ -63,12 +63,12 @@ def _tune_sticking(plant: Plant, effect: Effect) -> None:
     i, shape = joint_of(plant, effect.elements[0]), effect.parameters
     travel = float(plant.joint_bristle[i])
 
-    def make(bend: Bend, state: State) -> None:
+    def rub(bend: Bend, state: State) -> None:
         speed = float(state.data.qvel[i])
         level = shape["size"] * exp(-((speed / shape["slow"]) ** 2))
         state.torque[i] -= level * bend(speed, state.step)
 
-    plant.body_devices.append(lambda: partial(make, Bend(travel)))
+    plant.body_devices.append(lambda: partial(rub, Bend(travel)))
 
 
 def _rubbing(stranger: Stranger, rng: np.random.Generator) -> list[Structure]:
@@ -81,11 +81,11 @@ def _tune_rubbing(plant: Plant, effect: Effect) -> None:
     i, share = joint_of(plant, effect.elements[0]), effect.parameters["size"]
     travel = float(plant.joint_bristle[i])
 
-    def make(bend: Bend, state: State) -> None:
+    def rub(bend: Bend, state: State) -> None:
         level = share * abs(float(state.force[i]))
         state.torque[i] -= level * bend(float(state.data.qvel[i]), state.step)
 
-    plant.body_devices.append(lambda: partial(make, Bend(travel)))
+    plant.body_devices.append(lambda: partial(rub, Bend(travel)))
 
 
 class Windup:

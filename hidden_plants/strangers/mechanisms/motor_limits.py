@@ -2,8 +2,7 @@
 
 Amplitudes: torque_speed_curve, the share of the limit that is lost at the largest speed of the
 planned motion [1]; speed_limit, the largest planned speed over the limit of the set point [1];
-dead_zone, half of its width [rad or m of a servo's error, N or
-N m of a motor's command].
+dead_zone, half of its width [rad or m of a servo's error, N or N m of a motor's command].
 """
 
 from __future__ import annotations
@@ -55,15 +54,15 @@ class Profile:
     """Set point of a servo that follows its command at a limited speed."""
 
     def __init__(self, index: int, most: float, gain: float) -> None:
-        self.index, self.most, self.gain, self.point = index, most, gain, float("nan")
+        self.index, self.most, self.gain = index, most, gain
+        self.point: float | None = None
 
     def __call__(self, state: State) -> None:
         """Correct the force for the set point in place of the command."""
         command = float(state.command[self.index])
-        if self.point != self.point:
-            self.point = command
+        before = command if self.point is None else self.point
         step = self.most * state.step
-        self.point += min(max(command - self.point, -step), step)
+        self.point = before + min(max(command - before, -step), step)
         state.force[self.index] += self.gain * (self.point - command)
 
 

@@ -76,16 +76,23 @@ def _tune_mirror(plant: Plant, effect: Effect) -> None:
 
 
 def _delays(stranger: Stranger, rng: np.random.Generator) -> list[Structure]:
-    kinds = dict.fromkeys(s.kind for s in stranger.sensors)
     if stranger.traits.kind == "efforts":
-        kinds = {"effort": None}
-    groups = [tuple(s.name for s in stranger.sensors if s.kind == kind) for kind in kinds]
+        groups = [tuple(s.name for s in stranger.sensors if s.kind == "effort")]
+    else:
+        groups = sensors_by_kind(stranger)
     return [Structure("sensor_delay", names, 0.005, 0.1) for names in groups]
 
 
-def _tune_delay(plant: Plant, effect: Effect) -> None:
+def sensors_by_kind(stranger: Stranger) -> list[tuple[str, ...]]:
+    """Names of the sensors of each kind."""
+    kinds = dict.fromkeys(s.kind for s in stranger.sensors)
+    return [tuple(s.name for s in stranger.sensors if s.kind == kind) for kind in kinds]
+
+
+def tune_delay(plant: Plant, effect: Effect) -> None:
+    """Let sensors be late by the amplitude, or early if its sign is negative."""
     for name in effect.elements:
-        delay = plant.reading_delay.get(name, 0.0) + effect.parameters["size"]
+        delay = plant.reading_delay.get(name, 0.0) + size_of(effect)
         plant.reading_delay[name] = float(np.round(delay, 9))
 
 
@@ -99,5 +106,5 @@ MECHANISMS = (
     Mechanism(
         "force_reading_zero", partial(_forces, "force_reading_zero", 0.02, 0.3, False), _tune_zero
     ),
-    Mechanism("sensor_delay", _delays, _tune_delay),
+    Mechanism("sensor_delay", _delays, tune_delay),
 )

@@ -54,6 +54,11 @@ def add_to_reading(record: Record, encoder: Encoder, error: Floats) -> None:
         record.sensors[:, record.column(sensor)] += error
 
 
+def zero(system: System, joint: str) -> float:
+    """Return the position of a joint at which its encoder is zeroed [rad or m]."""
+    return float(system.model.joint(joint).qpos0[0])
+
+
 def speed_sensors(system: System, joint: str) -> tuple[str, ...]:
     """Return the measured sensors of a joint's velocity, which come from its encoder."""
     model = system.model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Location
-from reality_gap.causes.support import actuators, elements
+from reality_gap.causes.support import actuators, elements, typical_scales
 from reality_gap.study.system import System, commanded
 
 _SIMPLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
@@ -51,6 +51,13 @@ def motors_of(system: System, joint: str) -> tuple[str, ...]:
     return tuple(name for name in names if joint_of(system, name) == joint)
 
 
+def typical_speed(system: System, location: Location) -> tuple[str, float]:
+    """Return the unit of position, m or rad, and the speed of the fastest of motors' joints."""
+    joints = [Location("joint", (joint_of(system, name),)) for name in location.elements]
+    unit = "m" if typical_scales.slides(system, joints[0].elements[0]) else "rad"
+    return unit, max(typical_scales.joint_speed(system, joint) for joint in joints)
+
+
 class MotorForce:
     """Force of a motor on its joint in the coming step, from the state before that step.
 
@@ -62,10 +69,8 @@ class MotorForce:
         self._position = int(model.joint(joint).qposadr[0])
         self._dof = int(model.joint(joint).dofadr[0])
         self._input, self._act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
-        self._gain, self._gear = (
-            float(model.actuator_gainprm[i, 0]),
-            float(model.actuator_gear[i, 0]),
-        )
+        self._gain = float(model.actuator_gainprm[i, 0])
+        self._gear = float(model.actuator_gear[i, 0])
         affine = int(mujoco.mjtBias.mjBIAS_AFFINE)
         self._feeds = float(int(model.actuator_biastype[i]) == affine)
         self._limited = bool(model.actuator_forcelimited[i])

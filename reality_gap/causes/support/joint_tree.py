@@ -1,4 +1,4 @@
-"""Joint tree: which joint is before which one, and which joints nothing drives."""
+"""Joint tree: the joint before a joint, fixed tendons over both, and joints that nothing drives."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.support import actuators, lever_arms
+from reality_gap.causes.support.new_elements import add_tendon
 from reality_gap.study.system import System
 
 
@@ -20,15 +21,37 @@ def joint_before(system: System, joint: str) -> str:
     body = int(model.jnt_bodyid[here])
     last = here - 1
     while body:
-        first = int(model.body_jntadr[body])
-        for j in range(last, first - 1, -1) if first >= 0 else ():
-            name = model.joint(j).name
-            if name not in system.joints or model.jnt_type[j] != model.jnt_type[here]:
-                return ""
-            return name
+        if 0 <= int(model.body_jntadr[body]) <= last:
+            name = model.joint(last).name
+            same = model.jnt_type[last] == model.jnt_type[here]
+            return name if same and name in system.joints else ""
         body = int(model.body_parentid[body])
         last = int(model.body_jntadr[body] + model.body_jntnum[body]) - 1
     return ""
+
+
+def add_fixed_tendon(
+    spec: mujoco.MjSpec, cause: str, joint: str, before: str, ratio: float
+) -> mujoco.MjsTendon:
+    """Add a fixed tendon over a joint and the joint before it.
+
+    Args:
+        spec: edited in place.
+        cause: id of the cause; the name of the tendon begins with it.
+        joint: name of the joint, whose coefficient is 1.
+        before: name of the joint before it.
+        ratio: coefficient of the joint before.
+
+    Returns:
+        The new tendon.
+    """
+    name = f"{cause}/{joint}/{before}"
+    while spec.tendon(name) is not None:
+        name += "'"
+    tendon = add_tendon(spec, name=name)
+    tendon.wrap_joint(joint, 1.0)
+    tendon.wrap_joint(before, ratio)
+    return tendon
 
 
 def passive_joints(system: System) -> tuple[str, ...]:

@@ -49,6 +49,8 @@ STIFFNESS, DAMPING = 5, 6
 """Entries of ``dynprm`` with stiffness and damping of the bristles."""
 SMALLEST = 1e-3
 """Smallest factor of the friction: MuJoCo needs a stiffness above 0."""
+LOAD_PERIOD, SPEED_PERIOD = 0.006, 0.004
+"""Time between changes of friction that depends on a load, or on the velocity [s]."""
 
 
 def is_available(system: System) -> bool:
@@ -76,9 +78,9 @@ def presliding_parameter(system: System, location: Location) -> Parameter:
     )
 
 
-def presliding(values: Values, system: System, location: Location) -> float:
-    """Return the presliding distance in ``values``, or else the usual one [m or rad]."""
-    return float(values.get("presliding", presliding_parameter(system, location).null))
+def presliding_parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    """Return the presliding parameter, or none where no actuator can represent friction."""
+    return (presliding_parameter(system, location),) if is_available(system) else ()
 
 
 def has_nominal_friction(system: System, location: Location) -> bool:
@@ -99,7 +101,7 @@ def add_friction(
     cause: str,
     location: Location,
     force: float,
-    distance: float,
+    values: Values,
     constant: float = 0.0,
 ) -> None:
     """Add dry friction to all elements of a location.
@@ -110,7 +112,7 @@ def add_friction(
         cause: id of the cause; the names of the new actuators begin with it.
         location: tendons or joints.
         force: friction [N or N m]; a hook can change it during a replay, see `VariableFriction`.
-        distance: presliding distance [m or rad].
+        values: of the cause; without ``presliding``, the distance is the usual one [m or rad].
         constant: additional constant force [N or N m]; only where `is_available`.
     """
     on_tendon = location.kind == "tendon"
@@ -122,6 +124,7 @@ def add_friction(
         return
     kind = mujoco.mjtTrn.mjTRN_TENDON if on_tendon else mujoco.mjtTrn.mjTRN_JOINT
     step = float(system.model.opt.timestep)
+    distance = values.get("presliding", presliding_parameter(system, location).null)
     for name in location.elements:
         limit = STABLE / (_inverse_mass(system, location, name) * step**2)
         stiffness = min(force / distance, limit)

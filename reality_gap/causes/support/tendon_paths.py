@@ -1,6 +1,6 @@
-"""Tendon paths: inserts a wrapping geom into the path of a tendon in a spec.
+"""Tendon paths: inserts a wrapping geom, or changes the coefficient of a joint, in a spec.
 
-`MjSpec` cannot insert an element into a path. The tendon is therefore deleted and created again
+`MjSpec` cannot change a path. The tendon is therefore deleted and created again
 with all its attributes. It then is the last tendon of the model, so that it must be referred to by
 name, as actuators and sensors in a spec do.
 """
@@ -87,8 +87,7 @@ def wrap_around(
         return
     at = pairs.index(between) + 1
     wrap = PathElement(_WRAP.mjWRAP_CYLINDER, geom, side)
-    spec.delete(spec.tendon(tendon))
-    _add(spec, replace(old, path=(*old.path[:at], wrap, *old.path[at:])))
+    _replace(spec, replace(old, path=(*old.path[:at], wrap, *old.path[at:])))
 
 
 def scale_coefficient(spec: mujoco.MjSpec, tendon: str, joint: str, factor: float) -> None:
@@ -104,8 +103,7 @@ def scale_coefficient(spec: mujoco.MjSpec, tendon: str, joint: str, factor: floa
     path = tuple(
         replace(one, number=factor * one.number) if one.name == joint else one for one in old.path
     )
-    spec.delete(spec.tendon(tendon))
-    _add(spec, replace(old, path=path))
+    _replace(spec, replace(old, path=path))
 
 
 def _copy(tendon: mujoco.MjsTendon) -> _Tendon:
@@ -129,7 +127,9 @@ def _path_element(wrap: mujoco.MjsWrap) -> PathElement:
     return PathElement(wrap.type, wrap.target.name, "" if side is None else side.name)
 
 
-def _add(spec: mujoco.MjSpec, tendon: _Tendon) -> None:
+def _replace(spec: mujoco.MjSpec, tendon: _Tendon) -> None:
+    """Delete the tendon of this name, and create this one."""
+    spec.delete(spec.tendon(tendon.name))
     new = spec.add_tendon(tendon.default, name=tendon.name)
     for name, value in tendon.attributes.items():
         setattr(new, name, value)

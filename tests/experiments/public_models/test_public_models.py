@@ -76,6 +76,23 @@ def test_a_legged_model_hangs_on_a_stand_with_named_elements_and_a_sensor(folder
     assert all(model.joint(i).name for i in range(model.njnt))
     heavier = with_payload(found, 0.2).compile()
     assert heavier.body_mass.sum() == pytest.approx(model.body_mass.sum() + 0.2)
+    assert heavier.body("hidden_ball").pos == pytest.approx([0.0, 0.0, -0.15])  # centre of the shin
+
+
+def test_objects_are_removed_and_a_payload_hangs_at_a_site(folder: Path) -> None:
+    text = MODEL.replace("<freejoint/>", '<freejoint/><site name="camera" pos="1 0 0"/>')
+    text = text.replace(
+        'size="0.03" mass="0.5"/>', 'size="0.03" mass="0.5"/><site pos="0 0 -0.3"/>'
+    )
+    ball = '<body name="ball"><joint name="roll"/><geom size="0.1"/></body></worldbody>'
+    text = text.replace("</worldbody>", ball)
+    text = text.replace('<keyframe><key qpos="0 0 0 1 0 0 0 0 0"/></keyframe>', "")
+    (folder / "robots" / "leg.xml").write_text(text)
+    found = machine(folder, ENTRY._replace(without=("ball",)))
+    assert found.spec.copy().compile().nq == 2
+    assert "ball was removed." in found.notes
+    heavier = with_payload(found, 0.2).compile()
+    assert heavier.body("hidden_ball").pos == pytest.approx([0.0, 0.0, -0.3])
 
 
 def test_the_study_is_that_of_the_model_and_a_payload_has_the_wanted_effect(
@@ -97,6 +114,15 @@ def test_the_study_is_that_of_the_model_and_a_payload_has_the_wanted_effect(
     assert np.sqrt(np.mean(change**2)) == pytest.approx(effect)
 
 
+def test_motions_are_made_smaller_until_no_joint_reaches_its_stop(folder: Path) -> None:
+    path = folder / "robots" / "leg.xml"
+    text = MODEL.replace('range="-2 2"', 'range="-0.1 0.1"')
+    path.write_text(text.replace('mass="3"/>', 'mass="3" contype="0" conaffinity="0"/>'))
+    motion = Motion(machine(folder), 3, 4.0)
+    assert motion.share < 0.7
+    assert motion.log(0.0).touching <= 0.02 < motion.log(0.0, 0.7).touching
+
+
 def test_a_machine_that_follows_has_torques_in_its_log(folder: Path, tmp_path: Path) -> None:
     text = MODEL.replace('<position joint="hip" kp="60" ctrlrange="-1 1"', '<motor joint="hip"')
     text = text.replace('ctrllimited="true"', 'ctrlrange="-40 40" ctrllimited="true"')
@@ -107,6 +133,8 @@ def test_a_machine_that_follows_has_torques_in_its_log(folder: Path, tmp_path: P
     log = motion.log(0.0)
     assert log.command.shape == log.readings.shape
     assert np.ptp(log.readings) > 0.2
+    moved = Motion(machine(folder, ENTRY._replace(torques=True, home={"hip": 0.3})), 3, 4.0)
+    assert moved.log(0.0, motion.share).readings == pytest.approx(log.readings + 0.3, abs=0.02)
     write_study(tmp_path / "study", found, log, noise_of(found, log, quantised=False), 0)
     study = load_study(tmp_path / "study" / "STUDY.yaml")
     assert study.inverse
@@ -128,13 +156,17 @@ def test_answers_are_right_if_the_payload_and_nothing_else_is_named() -> None:
     assert is_right(answer(causes=[cause("payload", "shin")]))
     assert is_right(answer(causes=[cause("link_mass", "foot")]))
     assert is_right(answer(causes=[cause("armature", "knee", equivalent=["payload"])]))
+    elsewhere = [{"elements": ["foot"]}]
+    assert is_right(answer(causes=[cause("payload", "thigh", elsewhere=elsewhere)]))
     assert not is_right(answer(verdict="unexplained"))
     assert not is_right(answer(causes=[cause("link_mass", "thigh")]))
     both = answer(causes=[cause("payload", "shin"), cause("delay", "hip", 0.5)])
     assert not is_right(both)
     assert not sure_and_wrong(both)
     assert len(false_names(both)) == 1
-    assert sure_and_wrong(answer(kind="null", causes=[cause("payload", "shin")]))
+    for confidence, sure in ((0.9, True), (0.89, False)):
+        false = answer(kind="null", causes=[cause("payload", "shin", confidence)])
+        assert sure_and_wrong(false) == sure
     assert is_right(answer(kind="null", verdict="nothing_wrong"))
     found = metrics([answer(causes=[cause("payload", "shin")]), answer(verdict="unexplained")])
     assert found["right"]["value"] == 0.5

@@ -144,6 +144,14 @@ def test_parameters_are_fitted_joint_by_joint(tmp_path: Path) -> None:
         assert found.values["friction elbow"] == pytest.approx(0.05, abs=2e-3)
         assert found.values["friction shoulder"] == pytest.approx(0.0, abs=2e-3)
         assert found.values["mass lower"] == pytest.approx(0.0, abs=0.02)
+    model, shifted, late = (
+        predict(study, readings, one) for one in ({}, {"offset elbow": 0.1}, {"delay": 0.05})
+    )
+    elbow = readings.channel == 1
+    assert shifted - model == pytest.approx(np.where(elbow, 0.1, 0.0), abs=1e-6)
+    time = readings.time[elbow]
+    before = np.interp(time - 0.05, time, model[elbow])
+    assert late[elbow][10:] == pytest.approx(before[10:], abs=0.02 * np.ptp(before))
     both = predict(study, readings, {"friction elbow": 0.02, "friction": 0.03})
     assert both[readings.channel == 1] == pytest.approx(
         predict(study, readings, {"friction elbow": 0.05})[readings.channel == 1], abs=1e-9

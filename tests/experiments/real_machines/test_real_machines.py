@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from experiments.harness.errors import ExperimentError
-from experiments.real_machines import run, trial, xl330
+from experiments.real_machines import baselines, run, trial, tx40, xl330
 from experiments.real_machines.baselines import fit
 from experiments.real_machines.machines import MACHINES, missing
 from experiments.real_machines.parameters import predict
 from experiments.real_machines.run import Args
 from experiments.real_machines.tables import metrics
 from experiments.real_machines.trial import EXTENDED, NOMINAL, held_out_errors
+from jmm_agent.types import Floats
 from reality_gap.causes import CATALOGUE
 from reality_gap.study.measurements import measured
 
@@ -90,8 +93,34 @@ def test_baselines_find_what_they_free_and_are_scored_on_held_out_readings(
     ]
     assert errors[1] < 0.002
     assert errors[0] > 10 * errors[1]
+    # The servo holds its encoder at the goal, so that a zero shows in gravity's share only.
+    shift = predict(study, readings, {"bias": 0.1}) - predict(study, readings, {})
+    gravity = 0.3 * 9.81 * 0.1
+    shown = 0.1 * gravity / (1.772 + gravity)
+    assert np.mean(shift[len(shift) // 2 :]) == pytest.approx(shown, abs=0.004)
     heavier = predict(study, readings, {"mass": 0.3, "gain": -0.2, "bias": 0.1})
     assert held_out_errors(study, readings, heavier)["angle [rad]"] > 0.02
+
+
+def held_out(time: Floats) -> NDArray[np.bool_]:
+    """Whether readings at some times [s] are in each fourth quarter of a second, shape (n,)."""
+    return np.floor(4.0 * time) % 4 == 3
+
+
+def test_held_out_readings_are_scored_and_never_fitted(data: Path, tmp_path: Path) -> None:
+    study = MACHINES[NAME].study(data, tmp_path / "study", 10.0)
+    study = replace(study, channels=(replace(study.channels[0], noise=1e-3),))
+    readings = measured(study)
+    scored = held_out(readings.time)
+    errors = held_out_errors(study, readings, readings.value + np.where(scored, 0.01, 5.0))
+    assert errors == {"angle [rad]": pytest.approx(0.01), "all": pytest.approx(10.0)}
+    [episode] = study.episodes
+    [reading] = episode.readings
+    wrong = np.where(held_out(reading.time), 0.3 - reading.value, reading.value)
+    changed = replace(episode, readings=(replace(reading, value=wrong),))
+    baseline = fit(replace(study, episodes=(changed,)), ("friction", "delay"))
+    assert baseline.values["friction"] == pytest.approx(FRICTION, abs=0.006)
+    assert baseline.values["delay"] == pytest.approx(DELAY, abs=0.003)
 
 
 def test_a_log_goes_through_the_runner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,23 +132,28 @@ def test_a_log_goes_through_the_runner(tmp_path: Path, monkeypatch: pytest.Monke
         trial, "diagnose", lambda study, options: diagnose(study, causes=some, options=options)
     )
     monkeypatch.setattr(trial, "write_diagnosis", lambda found, study, out: out.mkdir())
-    baselines = {"one": ("friction", "gain"), "two": ("friction", "delay")}
-    monkeypatch.setitem(MACHINES, NAME, MACHINES[NAME]._replace(baselines=baselines))
+    kinds = {"one": ("friction", "gain"), "two": ("friction", "delay")}
+    monkeypatch.setitem(MACHINES, NAME, MACHINES[NAME]._replace(baselines=kinds))
     summary = run.main(Args(data, tmp_path / "out"))
     saved = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert saved["metrics"] == summary["metrics"]
     found = saved["machines"][NAME]
     assert [cause["cause"] for cause in found["causes"]] == ["delay"]
-    errors = {key: found["errors"][key]["angle [rad]"] for key in (NOMINAL, EXTENDED)}
+    errors = {key: one["angle [rad]"] for key, one in found["errors"].items()}
     assert errors[EXTENDED] < 0.2 * errors[NOMINAL]
     metric = saved["metrics"][f"ratio_{NAME}"]
     assert metric["value"] == found["ratio"]
+    assert found["ratio"] == pytest.approx(errors[EXTENDED] / min(errors["one"], errors["two"]))
     assert metric["reached"] == (found["ratio"] <= 1.05)
     assert set(saved["skipped"]) == set(MACHINES) - {NAME}
     assert "no run with kp 100" in saved["skipped"]["xl330_kp100"]
     assert "emps_train.csv" in saved["skipped"]["emps"]
     assert (tmp_path / "out" / NAME / "diagnosis").is_dir()
     assert (tmp_path / "out" / "report.html").stat().st_size > 20_000
+    monkeypatch.delattr(trial, "diagnose")  # what was diagnosed among all is so among some
+    again = run.main(Args(data, tmp_path / "out", only=(NAME,)))
+    assert again["machines"] == saved["machines"]
+    assert again["wall_s"] >= again["core_s"] > 0.0
 
 
 def test_missing_files_are_named(tmp_path: Path) -> None:
@@ -132,6 +166,22 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
         run.main(Args(tmp_path / "none", tmp_path / "out"))
     with pytest.raises(ExperimentError, match="no machine 'robot'; there are: xl330"):
         run.main(Args(tmp_path, tmp_path / "out", only=("robot",)))
+    for file in (tx40.POSITION, tx40.TORQUE):
+        path = tmp_path / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    sentence = missing("tx40", tmp_path)
+    assert sentence is not None
+    assert "tx40_mdh_modified.urdf" in sentence
+
+
+def test_a_missing_extra_is_named_before_the_first_diagnosis(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(baselines, "sysid_installed", lambda: False)
+    with pytest.raises(ExperimentError, match=r"pip install 'mujoco\[sysid\]'"):
+        run.main(Args(data, tmp_path / "out", only=(NAME,)))
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

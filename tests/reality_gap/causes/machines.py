@@ -19,12 +19,10 @@ from reality_gap.types import Floats
 
 TENDONS = ("biceps", "brachialis", "triceps")
 
-
 SERVO = (
     '<general name="{0}" tendon="{0}" gainprm="20000" biastype="affine" biasprm="-20 -20000 0" '
     'forcelimited="true" forcerange="-400 -20"/>'
 )
-
 
 ELBOW = f"""
 <mujoco>
@@ -68,7 +66,6 @@ ELBOW = f"""
 </mujoco>
 """
 
-
 SCREW = """
 <mujoco>
   <option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/>
@@ -90,7 +87,6 @@ SCREW = """
   </sensor>
 </mujoco>
 """
-
 
 ARM = """
 <mujoco>
@@ -120,7 +116,6 @@ ARM = """
   </sensor>
 </mujoco>
 """
-
 
 HAND = """
 <mujoco>
@@ -183,27 +178,24 @@ HAND = """
 
 def hand_study(folder: Path, duration: float = 1.5, model: str = HAND) -> Study:
     """A log of a hand: two fingers with coupled joints, and a thumb whose tip swings freely."""
-    path = folder / "hand.xml"
-    path.write_text(model)
-    channels = tuple(
-        replace(channel, noise=1e-3) for channel in sensed(mujoco.MjModel.from_xml_path(str(path)))
-    )
-    time = np.arange(0.0, duration, 0.02)
-    rates, sizes = (5.0, 8.0, 6.0, 4.0), (0.5, 0.6, 0.6, 0.5)
-    command = np.stack([a * np.sin(w * time) for a, w in zip(sizes, rates, strict=True)], axis=1)
-    episode = Episode("grasp", time, command, silent(channels, duration))
-    return Study("hand", path, channels, (episode,), Initial(settle=0.3))
+    waves = ((0.0, 0.5, 5.0), (0.0, 0.6, 8.0), (0.0, 0.6, 6.0), (0.0, 0.5, 4.0))
+    found = _swing(folder / "hand.xml", model, duration, *waves)
+    return replace(found, channels=tuple(replace(c, noise=1e-3) for c in found.channels))
 
 
 def arm_study(folder: Path, duration: float = 1.5, model: str = ARM) -> Study:
     """A log of two position servos that swing a heavy arm, one of them up to its limit."""
-    path = folder / "arm.xml"
+    return _swing(folder / "arm.xml", model, duration, (0.0, 0.8, 5.0), (0.3, 0.9, 8.0))
+
+
+def _swing(path: Path, model: str, duration: float, *waves: tuple[float, float, float]) -> Study:
+    """A log of a model whose commands are sines, each with a mean, an amplitude and a rate."""
     path.write_text(model)
     channels = sensed(mujoco.MjModel.from_xml_path(str(path)))
     time = np.arange(0.0, duration, 0.02)
-    command = np.stack([0.8 * np.sin(5.0 * time), 0.3 + 0.9 * np.sin(8.0 * time)], axis=1)
+    command = np.stack([mean + size * np.sin(rate * time) for mean, size, rate in waves], axis=1)
     episode = Episode("swing", time, command, silent(channels, duration))
-    return Study("arm", path, channels, (episode,), Initial(settle=0.3))
+    return Study(path.stem, path, channels, (episode,), Initial(settle=0.3))
 
 
 def elbow_study(folder: Path, duration: float = 1.5) -> Study:
@@ -253,7 +245,7 @@ def sensed(model: mujoco.MjModel) -> tuple[Channel, ...]:
             f"{model.sensor(s).name}_{i}",
             model.sensor(s).name,
             i,
-            noise=noise.get(model.sensor(s).name[0], 1e-4),
+            noise=noise.get(model.sensor(s).name[:1], 1e-4),
         )
         for s in range(model.nsensor)
         for i in range(int(model.sensor(s).dim[0]))

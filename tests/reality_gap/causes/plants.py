@@ -12,6 +12,7 @@ from reality_gap.causes.base import Location
 from reality_gap.simulation.hypothesis import Candidate, Plant, build
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.system import System, compile_system
+from tests.reality_gap.causes.machines import sensed
 
 ASSETS = Path(__file__).parents[3] / "assets" / "mjcf" / "kengoro_arm"
 
@@ -20,11 +21,7 @@ def system_of(path: Path) -> System:
     """A system all of whose sensors are measured."""
     model = mujoco.MjModel.from_xml_path(str(path))
     time = np.array([0.0, 1.0])
-    channels = tuple(
-        Channel(f"{model.sensor(s).name}_{i}", model.sensor(s).name, i)
-        for s in range(model.nsensor)
-        for i in range(int(model.sensor(s).dim[0]))
-    )
+    channels = tuple(Channel(c.name, c.sensor, c.component) for c in sensed(model))
     readings = tuple(Reading(time, np.zeros(2)) for _ in channels)
     episode = Episode("still", time, np.zeros((2, model.nu)), readings)
     return compile_system(Study("test", path, channels, (episode,)))

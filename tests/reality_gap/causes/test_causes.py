@@ -141,3 +141,15 @@ def test_a_tendon_does_not_bend_between_branches_of_a_pulley() -> None:
 def test_play_moves_only_beyond_its_gap() -> None:
     out = played(np.array([0.0, 0.4, 1.0, 0.6, 0.1, -1.0]), 0.5)
     np.testing.assert_allclose(out, [0.0, 0.0, 0.5, 0.5, 0.5, -0.5])
+
+
+def test_each_episode_begins_without_a_drift_of_the_clock(systems: dict[str, System]) -> None:
+    system = systems["elbow"]
+    one = candidates_of(system, "clock_drift")[0]
+    pairs = zip(records(system, (one, {"drift": 0.25})), records(system), strict=True)
+    for found, null in pairs:
+        since = null.time - null.time[0]
+        for sensor in system.sensed:
+            column = null.column(sensor, 0)
+            expected = np.interp(since / 1.25, since, null.sensors[:, column])
+            np.testing.assert_allclose(found.sensors[:, column], expected, atol=1e-9)

@@ -9,22 +9,14 @@ import numpy as np
 import pytest
 
 from reality_gap.causes import CATALOGUE
-from reality_gap.causes.base import Location
 from reality_gap.causes.support.joint_tree import joint_before, passive_joints
-from reality_gap.simulation.hypothesis import Candidate, build
+from reality_gap.simulation.hypothesis import build
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, compile_system
-from reality_gap.types import Floats
+from tests.reality_gap.causes.candidates import candidate, with_cause
 from tests.reality_gap.causes.machines import ARM, HAND, arm_study, hand_study, predict
 
 RATIO = 0.3
-
-
-def with_cause(system: System, id: str, location: str, **values: float) -> Floats:
-    """The replay with one cause, in units of noise."""
-    found = next(p for p in CATALOGUE[id].locations(system) if str(p) == location)
-    one = Candidate(CATALOGUE[id], found, CATALOGUE[id].parameters(system, found))
-    return predict(system, (one, one.null_values() | values))
 
 
 @pytest.mark.parametrize(
@@ -132,9 +124,7 @@ def test_absolute_angles_move_nothing(systems: dict[str, System]) -> None:
 
 def test_a_motor_that_turns_along_is_written_with_the_model(systems: dict[str, System]) -> None:
     system = systems["arm"]
-    location = Location("joint", ("elbow",), "with shoulder")
-    cause = CATALOGUE["motor_coupling"]
-    one = Candidate(cause, location, cause.parameters(system, location))
+    one = candidate(system, "motor_coupling", "elbow (with shoulder)")
     spec = build(system, [(one, {"ratio": RATIO})]).spec
     spec.compile()
     model = mujoco.MjModel.from_xml_string(spec.to_xml())
@@ -147,12 +137,8 @@ def test_a_compensation_of_gravity_acts_on_a_motor_that_turns_along(
     systems: dict[str, System],
 ) -> None:
     system = systems["arm"]
-    location = Location("joint", ("elbow",), "with shoulder")
-    coupling = CATALOGUE["motor_coupling"]
-    motor = Location("actuator", ("elbow",))
-    gravity = CATALOGUE["gravity_compensation"]
-    one = Candidate(coupling, location, coupling.parameters(system, location))
-    other = Candidate(gravity, motor, gravity.parameters(system, motor))
+    one = candidate(system, "motor_coupling", "elbow (with shoulder)")
+    other = candidate(system, "gravity_compensation", "elbow")
     both = predict(system, (one, {"ratio": 1e-9}), (other, {"share": 0.5}))
 
     np.testing.assert_allclose(both, predict(system, (other, {"share": 0.5})), atol=1e-3)
@@ -162,12 +148,24 @@ def test_the_order_of_causes_at_one_motor_does_not_matter(systems: dict[str, Sys
     system = systems["arm"]
     parts = []
     for id, location, values in (
-        ("motor_coupling", Location("joint", ("elbow",), "with shoulder"), {"ratio": 0.2}),
-        ("force_limit", Location("actuator", ("elbow",)), {"limit": 1.0}),
-        ("torque_speed_curve", Location("actuator", ("elbow",)), {"drop": 0.1}),
+        ("motor_coupling", "elbow (with shoulder)", {"ratio": 0.2}),
+        ("force_limit", "elbow", {"limit": 1.0}),
+        ("torque_speed_curve", "elbow", {"drop": 0.1}),
     ):
-        cause = CATALOGUE[id]
-        one = Candidate(cause, location, cause.parameters(system, location))
+        one = candidate(system, id, location)
         parts.append((one, one.null_values() | values))
 
     np.testing.assert_array_equal(predict(system, *parts), predict(system, *reversed(parts)))
+
+
+def test_a_motor_that_turns_along_is_zeroed_where_the_model_is(tmp_path: Path) -> None:
+    bent = ARM.replace('name="shoulder" axis="0 1 0"', 'name="shoulder" axis="0 1 0" ref="30"')
+    assert bent != ARM
+    system = compile_system(arm_study(tmp_path, model=bent))
+    one = candidate(system, "motor_coupling", "elbow (with shoulder)")
+    model = build(system, [(one, {"ratio": RATIO})]).spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+
+    assert data.joint("shoulder").qpos[0] == pytest.approx(np.radians(30.0))
+    assert data.actuator("elbow").force[0] == pytest.approx(0.0, abs=1e-9)

@@ -10,22 +10,18 @@ import pytest
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location
 from reality_gap.causes.coulomb_friction import BEFORE
-from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System
 from reality_gap.types import Floats
-from tests.reality_gap.causes.machines import predict
+from tests.reality_gap.causes.candidates import with_cause
 
 BICEPS = Location("tendon", ("biceps",))
 
 
 def readings(system: System, location: Location, level: float) -> dict[str, Floats]:
     """Readings of each sensor's first channel with friction at a location."""
-    cause = CATALOGUE["coulomb_friction"]
-    assert location in cause.locations(system)
-    one = Candidate(cause, location, cause.parameters(system, location))
     known = measured(system.study)
-    found = predict(system, (one, one.null_values() | {"friction": level})) * known.noise
+    found = with_cause(system, "coulomb_friction", location, friction=level) * known.noise
     channels = system.study.channels
     first = known.episode == 0
     return {c.name: found[first & (known.channel == i)] for i, c in enumerate(channels)}

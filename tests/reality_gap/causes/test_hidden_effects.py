@@ -9,9 +9,9 @@ import pytest
 
 from reality_gap import Options, Verdict, diagnose
 from reality_gap.causes import CATALOGUE
-from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
 from tests.reality_gap.causes import hidden_effects
+from tests.reality_gap.causes.candidates import candidate
 from tests.reality_gap.causes.hidden_arm import Machine, make_study
 
 EFFECTS: list[tuple[str, str, str, dict[str, float]]] = [
@@ -33,19 +33,13 @@ def rms(values: object) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def candidate(replayer: Replayer, id: str, location: str) -> Candidate:
-    system, cause = replayer.system, CATALOGUE[id]
-    found = next(p for p in cause.locations(system) if str(p) == location)
-    return Candidate(cause, found, cause.parameters(system, found))
-
-
 @pytest.mark.parametrize(("machine", "id", "location", "values"), EFFECTS)
 def test_a_cause_is_what_the_machine_does(
     machine: str, id: str, location: str, values: dict[str, float], tmp_path: Path
 ) -> None:
     real: Machine = getattr(hidden_effects, machine)(seconds=4.0)
     with Replayer(make_study(real, tmp_path)) as replayer:
-        one = candidate(replayer, id, location)
+        one = candidate(replayer.system, id, location)
         hypotheses = [[], [(one, one.null_values() | values)]]
         before, after = (rms(r) for r in replayer.residuals(hypotheses))
 
@@ -70,9 +64,7 @@ def test_readings_may_be_stamped_before_the_commands_that_they_show(
     with Replayer(make_study(hidden_effects.EarlyStamps(seconds=4.0), tmp_path)) as replayer:
         system = replayer.system
         found = [p for p in cause.locations(system) if p.kind in chosen and len(p.elements) > 1]
-        parts = [
-            (Candidate(cause, p, cause.parameters(system, p)), {"delay": -early}) for p in found
-        ]
+        parts = [(candidate(system, "delay", location), {"delay": -early}) for location in found]
         before, after = (rms(r) for r in replayer.residuals([[], parts]))
 
     assert all(p.low < -early for part, _ in parts for p in part.parameters)

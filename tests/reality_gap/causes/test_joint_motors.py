@@ -11,17 +11,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location
 from reality_gap.causes.encoder_scale import READING
 from reality_gap.causes.joint_stiffness import NOMINAL
 from reality_gap.causes.support.shared_amounts import FACTOR
-from reality_gap.simulation.hypothesis import Candidate, build
-from reality_gap.simulation.replayer import Replayer
-from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.simulation.hypothesis import build
 from reality_gap.study.measurements import measured
 from reality_gap.study.system import System, compile_system
-from reality_gap.types import Floats
+from tests.reality_gap.causes.candidates import candidate, with_cause
 from tests.reality_gap.causes.machines import predict
 from tests.reality_gap.causes.plants import system_of
 
@@ -31,18 +28,6 @@ MOTORS = Location("actuator", BOTH)
 AT_ELBOW = Location("joint", ("elbow",))
 COUNT = itertools.count()
 Edit = Callable[[mujoco.MjSpec], None]
-
-
-def candidate(system: System, id: str, location: Location) -> Candidate:
-    cause = CATALOGUE[id]
-    assert location in cause.locations(system), f"{id} has {cause.locations(system)}"
-    return Candidate(cause, location, cause.parameters(system, location))
-
-
-def with_cause(system: System, id: str, location: Location, **values: float) -> Floats:
-    """The replay with one cause, in units of noise."""
-    one = candidate(system, id, location)
-    return predict(system, (one, one.null_values() | values))
 
 
 def edited(system: System, edit: Edit) -> System:
@@ -283,61 +268,6 @@ def set_limit(spec: mujoco.MjSpec, size: float) -> None:
     spec.actuator("elbow").forcerange = (-size, size)
 
 
-def test_measured_efforts_may_have_a_scale_and_an_offset(systems: dict[str, System]) -> None:
-    system = systems["arm"]
-    at = Location("sensor", ("force_elbow",))
-    readings = measured(system.study)
-    own, before = readings.channel == 4, predict(system)
-
-    scaled = with_cause(system, "effort_scale", at, scale=0.5)
-    shifted = with_cause(system, "effort_offset", at, offset=0.3)
-
-    np.testing.assert_allclose(scaled, np.where(own, 1.5 * before, before), atol=1e-9)
-    np.testing.assert_allclose(shifted, before + np.where(own, 0.3 / readings.noise, 0), atol=1e-9)
-
-
-def effort_study(system: System, late: float) -> Study:
-    """A log of efforts of a carriage with a mass of 90 kg, which are late."""
-    time = np.arange(0.0, 12.0, 0.005)
-    motion = 0.1 * np.sin(4.0 * time) + 0.05 * np.sin(7.0 * time)
-
-    def effort(t: Floats) -> Floats:
-        speed = 0.4 * np.cos(4.0 * t) + 0.35 * np.cos(7.0 * t)
-        return 200 * speed - 90 * (1.6 * np.sin(4.0 * t) + 2.45 * np.sin(7.0 * t))
-
-    channels = (
-        Channel("position", "position", unit="m", noise=1e-6),
-        Channel("effort", "screw", unit="N", noise=0.1, kind="effort"),
-    )
-    readings = (Reading(time, motion), Reading(time, effort(time - late)))
-    episode = Episode("waves", time, np.zeros((len(time), 1)), readings)
-    return Study("screw", system.study.model, channels, (episode,))
-
-
-@pytest.mark.parametrize("late", [0.03, -0.03])
-def test_efforts_may_be_later_than_positions_or_earlier(
-    systems: dict[str, System], late: float
-) -> None:
-    with Replayer(effort_study(systems["screw"], late)) as replayer:
-        [location] = CATALOGUE["delay"].locations(replayer.system)
-        one = candidate(replayer.system, "delay", location)
-        before, after = replayer.residuals([[], [(one, {"delay": late})]])
-
-    assert np.sqrt(np.mean(after**2)) < 0.05 * np.sqrt(np.mean(before**2))
-
-
-def test_a_scale_of_efforts_scales_what_inverse_dynamics_compute(
-    systems: dict[str, System],
-) -> None:
-    one = candidate(systems["effort"], "effort_scale", Location("joint", ("screw",)))
-    with Replayer(effort_study(systems["screw"], 0.0)) as replayer:
-        plain, scaled = (
-            replayer.replay(parts).prediction for parts in ([], [(one, {"scale": 0.5})])
-        )
-
-    np.testing.assert_allclose(scaled, 1.5 * plain)
-
-
 def test_replays_of_the_same_arm_are_the_same(systems: dict[str, System]) -> None:
     """Hooks of gravity compensation write into a copy of the model."""
     system = systems["arm"]
@@ -345,3 +275,17 @@ def test_replays_of_the_same_arm_are_the_same(systems: dict[str, System]) -> Non
     first, again = (predict(system, (one, {"share": 0.5})) for _ in range(2))
 
     np.testing.assert_array_equal(first, again)
+
+
+@pytest.mark.parametrize(("speed", "low", "high"), [(1.0, -2.0, 1.4), (-1.0, -1.4, 2.0)])
+def test_a_motor_that_brakes_has_its_whole_force(
+    systems: dict[str, System], speed: float, low: float, high: float
+) -> None:
+    system = systems["arm"]
+    plant = build(system, [(candidate(system, "torque_speed_curve", ELBOW), {"drop": 0.3})])
+    model = plant.spec.compile()
+    data = mujoco.MjData(model)
+    data.joint("elbow").qvel = speed
+    plant.effects.hooks[0].make(model)(model, data)
+
+    np.testing.assert_allclose(model.actuator("elbow").forcerange, [low, high])

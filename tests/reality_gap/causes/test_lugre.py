@@ -33,7 +33,7 @@ def braked(
     """The cart without friction of its own, with that of bristles."""
     spec = system.study.spec()
     spec.joint("rail").frictionloss = 0.0
-    lugre.add_friction(spec, system, "rub", location, level, bend)
+    lugre.add_friction(spec, system, "rub", location, level, {"presliding": bend})
     return spec
 
 
@@ -144,8 +144,8 @@ def test_the_stiffness_is_as_specified_for_heavy_bodies(tmp_path: Path) -> None:
 def test_sums_of_forces_need_frictionloss(tmp_path: Path, measured: str, kind: Kind) -> None:
     system = cart_system(tmp_path, measured, kind=kind)
     spec = system.study.spec()
-    lugre.add_friction(spec, system, "rub", ON_BOTH, LEVEL, BEND)
-    lugre.add_friction(spec, system, "rub", ON_RAIL, LEVEL, BEND)
+    lugre.add_friction(spec, system, "rub", ON_BOTH, LEVEL, {"presliding": BEND})
+    lugre.add_friction(spec, system, "rub", ON_RAIL, LEVEL, {"presliding": BEND})
     model = spec.compile()
 
     assert not lugre.is_available(system)

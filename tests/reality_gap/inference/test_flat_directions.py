@@ -62,6 +62,14 @@ def test_a_friction_does_not_show_at_rest_but_in_a_motion(lever_study: Study) ->
     assert found.remedy.seconds == 30.0
 
 
+def test_a_friction_that_depends_on_the_load_shows_best_with_a_mass(lever_study: Study) -> None:
+    [found] = flat_of(at_rest(lever_study, 0, 0.0), "load_dependent_friction")
+    assert found.separable
+    assert found.remedy is not None
+    assert found.remedy.mass > 0.0
+    assert found.remedy.body.startswith("lever")
+
+
 def test_all_that_shows_and_can_be_separated_is_not_flat(lever_study: Study) -> None:
     assert flat_of(lever_study, "length_offset") == ()
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reality_gap.causes import find_cause
 from reality_gap.errors import StudyError
 from reality_gap.simulation import memory
-from reality_gap.simulation.memory import GIGABYTE, fit_memory, peak_memory, thinned
+from reality_gap.simulation.memory import GIGABYTE, fit_memory, thinned
 from tests.reality_gap.simulation.test_replayer import carriage
 
 
@@ -55,5 +56,10 @@ def test_thinned_readings_keep_their_times(tmp_path: Path) -> None:
     np.testing.assert_array_equal(reading.time, study.episodes[0].readings[0].time[::3])
 
 
-def test_memory_is_measured() -> None:
-    assert peak_memory() > 1e7
+def test_fewer_causes_need_less(tmp_path: Path) -> None:
+    study = carriage(tmp_path, seconds=2.0)
+    every, one = fit_memory(study, 1, GIGABYTE), find_cause("viscous_friction")
+    few = fit_memory(study, 1, GIGABYTE, causes=[one])
+    fixed = memory.model_memory(study) + memory.BASE
+    assert few.needed - fixed == pytest.approx(memory.PER_NUMBER * 50)  # one parameter, 50 readings
+    assert every.needed > few.needed

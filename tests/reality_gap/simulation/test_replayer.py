@@ -200,6 +200,27 @@ def test_another_study_of_the_machine_is_predicted_alike_by_processes(
     assert rms(found[1] - found[0]) > 1.0
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_what_diverges_writes_no_log_and_leaves_the_handler_of_the_caller(
+    study: Study, tmp_path: Path, own: bool
+) -> None:
+    """MuJoCo writes MUJOCO_LOG.TXT into the current folder unless warnings have a handler."""
+    warnings = list[str]()
+    before, handler = mujoco.get_mju_user_warning(), warnings.append if own else None
+    mujoco.set_mju_user_warning(handler)
+    try:
+        with Replayer(study) as outer:
+            with Replayer(study) as inner:
+                assert np.all(np.isnan(inner.residual([push(1e7)])))
+            assert np.all(np.isnan(outer.residual([push(1e7)])))
+        after = mujoco.get_mju_user_warning()
+    finally:
+        mujoco.set_mju_user_warning(before)
+    assert after == handler
+    assert warnings == []
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
 def test_what_diverges_is_nan(replayer: Replayer) -> None:
     assert np.all(np.isnan(replayer.residual([push(1e7)])))
 
