@@ -61,6 +61,23 @@ def doubt_of_partial(named: float, left: float, instead: float) -> float:
     return max(unmodelled(named + left, instead), MIMICRY * share)
 
 
+def doubt_beside_unknown(gained: Floats, left: Floats) -> float:
+    """Return the probability that a cause is wrong because of what remains beside it.
+
+    What remains has unknown causes. The smaller the part of a cause is beside theirs, the likelier
+    is it that the cause makes up for one of them, in whose place it then is.
+
+    Args:
+        gained: what the cause takes from the mean square of each channel, shape (c,) [noise^2].
+        left: mean square that all causes leave of each channel, shape (c,) [noise^2].
+    """
+    gained, excess = np.maximum(gained, 0.0), np.maximum(left - 1.0, 0.0)
+    total = float(gained.sum())
+    if total == 0.0:
+        return MIMICRY if excess.any() else 0.0
+    return MIMICRY * float(gained @ (excess / np.maximum(excess + gained, 1e-12))) / total
+
+
 def tempered(evidence: Floats, temper: float) -> Floats:
     """Return probabilities from evidence, shape (k,).
 

@@ -134,11 +134,11 @@ def _errors(replayer: Replayer, records: Sequence[Record]) -> list[Bank]:
 
 
 def _drifts(replayer: Replayer, records: Sequence[Record]) -> Bank:
-    """Return the bank in which a channel has an error that changes slowly with the time."""
+    """Return the bank in which a channel has an error that is constant or changes slowly."""
     measured = replayer.measured
     time = measured.time + np.array([r.time[0] for r in records])[measured.episode]
     phase = (time - time.min()) / max(float(np.ptp(time)), 1e-9)
-    waves = np.cos(np.pi * phase[:, None] * np.arange(1, SLOW + 1))
+    waves = np.cos(np.pi * phase[:, None] * np.arange(SLOW + 1))
     columns = [
         np.where((measured.channel == c)[:, None], waves, 0.0) for c in np.unique(measured.channel)
     ]

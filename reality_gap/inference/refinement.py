@@ -49,6 +49,8 @@ MORE_STICKY = 5
 """How many more sticky candidates are fitted where one of them explains much."""
 MORE_FAR = 3
 """How many more candidates with far starts are fitted where slopes do not hold."""
+MORE_MEMBERS = 4
+"""How many elements of a group that explains much are fitted alone."""
 
 
 def fit_next(
@@ -75,6 +77,9 @@ def fit_next(
         quick += _fit_more(problem, ranked, MORE_STICKY, quick, base, _is_sticky)
     if any(one.misfit > NONLINEAR for one in leaders):
         quick += _fit_more(problem, ranked, MORE_FAR, quick, base, _has_far_starts)
+    groups = [one.candidate for one in leaders if len(one.candidate.location.elements) > 1]
+    if groups:
+        quick += _fit_more(problem, ranked, MORE_MEMBERS, quick, base, _is_member_of(groups))
     least = floor + FAINT * _most(quick, floor)
     quick = run_together(problem.replayer, [_fit_far(problem, one, least) for one in quick])
     least = floor + WORTH * _most(quick, floor)
@@ -107,6 +112,21 @@ def _is_sticky(candidate: Candidate) -> bool:
 
 def _has_far_starts(candidate: Candidate) -> bool:
     return any(p.hints.far_starts for p in candidate.parameters)
+
+
+def _is_member_of(groups: Sequence[Candidate]) -> Callable[[Candidate], bool]:
+    """Return whether a candidate acts on one element of a group on which its cause acts, too."""
+
+    def is_member(candidate: Candidate) -> bool:
+        place = candidate.location
+        return len(place.elements) == 1 and any(
+            candidate.cause.id == group.cause.id
+            and place.kind == group.location.kind
+            and place.elements[0] in group.location.elements
+            for group in groups
+        )
+
+    return is_member
 
 
 def _most(quick: Sequence[_QuickFit], floor: float) -> float:

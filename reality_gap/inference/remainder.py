@@ -70,19 +70,40 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
     else:
         learned = best(problem, fitted.residual)
         instead = best(problem, problem.null_residual)
-    role, ones = split(problem.measured), np.ones(len(fitted.residual))
-
-    def remaining(residual: Floats) -> Floats:
-        tolerances = problem.noise_model.tolerances
-        return residual - explained_by_tolerances(tolerances, ones, role <= SELECT, residual)
+    report = split(problem.measured) == REPORT
 
     def rms(residual: Floats) -> float:
-        return float(np.sqrt(np.mean(residual[role == REPORT] ** 2)))
+        return float(np.sqrt(np.mean(residual[report] ** 2)))
 
-    before, after = remaining(problem.null_residual), remaining(fitted.residual)
+    before = beyond_tolerances(problem, problem.null_residual)
+    after = beyond_tolerances(problem, fitted.residual)
     depends_on = dependences(problem.replayer, after, records)
     explained = rms(fitted.residual - after)
     return Remainder(learned, instead, depends_on, rms(before), rms(after), explained)
+
+
+def beyond_tolerances(problem: Problem, residual: Floats) -> Floats:
+    """Return a residual (n,) without what tolerances explain of it [noise]."""
+    use = split(problem.measured) <= SELECT
+    ones = np.ones(len(residual))
+    return residual - explained_by_tolerances(problem.noise_model.tolerances, ones, use, residual)
+
+
+def channel_power(problem: Problem, residual: Floats) -> Floats:
+    """Return the mean square of each channel on the report split, without tolerances [noise^2].
+
+    Args:
+        problem: what is to be explained.
+        residual: residual in units of noise, shape (n,).
+
+    Returns:
+        Power by channel, shape (c,).
+    """
+    report = split(problem.measured) == REPORT
+    left = beyond_tolerances(problem, residual)[report]
+    channel, count = problem.measured.channel[report], len(problem.system.study.channels)
+    square = np.bincount(channel, left**2, minlength=count)
+    return np.asarray(square / np.maximum(np.bincount(channel, minlength=count), 1))
 
 
 def dependences(

@@ -16,7 +16,7 @@ from reality_gap.diagnosis import (
     Share,
     Verdict,
 )
-from reality_gap.inference.confidence import doubt_of_partial, unmodelled
+from reality_gap.inference.confidence import doubt_beside_unknown, doubt_of_partial, unmodelled
 from reality_gap.inference.equivalence import Alternatives, alternatives, first_attempt
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
@@ -27,7 +27,7 @@ from reality_gap.inference.next_experiment import next_experiment
 from reality_gap.inference.outcome import Outcome
 from reality_gap.inference.paying import NO_GAIN, Paying, held_out_criteria
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.remainder import Remainder
+from reality_gap.inference.remainder import Remainder, channel_power
 from reality_gap.inference.verdict import Options, decide, judge
 from reality_gap.inference.waterfall import waterfall
 from reality_gap.study.splits import REPORT, split
@@ -64,8 +64,10 @@ def search_outcome(
     found = alternatives(result, options.search, named, refused)
     if best.is_null and verdict is Verdict.UNEXPLAINED:
         found = first_attempt(result)
+    doubts = _doubts(paying, doubt or 0.0) if verdict is Verdict.PARTLY_NAMED else []
     fitted = tuple(
-        replace(one, confidence=(1.0 - (doubt or 0.0)) * one.confidence) for one in found
+        replace(one, confidence=(1.0 - (doubts[i] if doubts else doubt or 0.0)) * one.confidence)
+        for i, one in enumerate(found)
     )
     scored = tried if named else score(study, measured, null, null)
     causes = _named_causes(paying, fitted) if named else ()
@@ -128,6 +130,14 @@ def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
     if verdict is Verdict.PARTLY_NAMED:
         return doubt_of_partial(named, remainder.learned.evidence, instead)
     return unmodelled(named, instead)
+
+
+def _doubts(paying: Paying, doubt: float) -> list[float]:
+    """Return the probability of each partial cause that unknown causes have its effect."""
+    problem = paying.result.problem
+    left = channel_power(problem, paying.result.best.residual)
+    without = [channel_power(problem, one.residual) for one in paying.tested.without]
+    return [max(doubt, doubt_beside_unknown(more - left, left)) for more in without]
 
 
 def _advice(result: Search, fitted: Sequence[Alternatives], doubt: float) -> Experiment | None:

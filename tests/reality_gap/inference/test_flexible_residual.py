@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
@@ -114,6 +115,24 @@ def test_the_effects_of_tolerances_are_not_learned(replayer: Replayer, bank: Ban
 
     assert found.evidence < 1.0
     assert learned(replayer, bank, residual).evidence > 50.0
+
+
+@pytest.mark.parametrize("shape", [lambda t: np.ones_like(t), lambda t: 1.0 - np.exp(-t / 2.0)])
+def test_an_error_that_is_constant_or_settles_is_learned(
+    lever_study: Study, shape: Callable[[Floats], Floats]
+) -> None:
+    replayer = Replayer(lever_study)
+    measured, records = replayer.measured, replayer.replay([]).records
+    start = np.array([record.time[0] for record in records])[measured.episode]
+    drift = np.where(measured.channel == 1, shape(measured.time + start), 0.0)
+    residual = drift + noise(replayer, 6)
+
+    tried = [learned(replayer, bank, residual) for bank in banks(replayer, [], records)]
+
+    best = max(tried, key=lambda one: one.evidence)
+    assert best.name == "readings by the time"
+    error = float(np.mean((best.prediction - drift) ** 2))
+    assert error < 0.1 * float(np.mean(drift**2))
 
 
 def swinging(study: Study) -> Study:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from reality_gap.causes.attachment_shift import CAUSE as attachment_shift
+from reality_gap.causes.base import Location
 from reality_gap.inference.evidence import PRIOR
 from reality_gap.inference.gauss_newton import fit, null_fit
 from reality_gap.inference.likelihood import independent_noise
@@ -247,6 +248,19 @@ def test_more_sticky_candidates_are_fitted_if_one_explains_much(
     tried = case.next(refits=1)
 
     assert [ids(one) for one in tried] == [["quiet"], ["loud"]]
+
+
+def test_the_elements_of_a_group_that_explains_much_are_fitted_alone(tmp_path: Path) -> None:
+    """The slope of the right element says little, because its effect grows with its size."""
+    right = candidate("damping", SHAPES[:, 0], "c", answer=slipping, low=0.0)
+    others = [candidate("damping", SHAPES[:, i], name) for i, name in ((1, "a"), (2, "b"))]
+    group = candidate("damping", SHAPES[:, 0] + 0.6 * SHAPES[:, 1])
+    group = replace(group, location=Location("joint", ("a", "b", "c")))
+    case = Case(tmp_path, 3.0 * SHAPES[:, 0], [group, *others, right])
+
+    best = case.next(refits=1)[0]
+
+    assert best.candidates[0].location.elements == ("c",)
 
 
 def test_no_more_sticky_candidates_are_fitted_if_one_explains_little(tmp_path: Path) -> None:
