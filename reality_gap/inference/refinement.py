@@ -118,11 +118,11 @@ def _is_member_of(groups: Sequence[Candidate]) -> Callable[[Candidate], bool]:
     """Return whether a candidate acts on one element of a group on which its cause acts, too."""
 
     def is_member(candidate: Candidate) -> bool:
-        place = candidate.location
-        return len(place.elements) == 1 and any(
+        location = candidate.location
+        return len(location.elements) == 1 and any(
             candidate.cause.id == group.cause.id
-            and place.kind == group.location.kind
-            and place.elements[0] in group.location.elements
+            and location.kind == group.location.kind
+            and location.elements[0] in group.location.elements
             for group in groups
         )
 

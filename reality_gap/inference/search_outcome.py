@@ -64,10 +64,10 @@ def search_outcome(
     found = alternatives(result, options.search, named, refused)
     if best.is_null and verdict is Verdict.UNEXPLAINED:
         found = first_attempt(result)
-    doubts = _doubts(paying, doubt or 0.0) if verdict is Verdict.PARTLY_NAMED else []
+    doubts = _doubts(paying, doubt or 0.0, verdict, len(found))
     fitted = tuple(
-        replace(one, confidence=(1.0 - (doubts[i] if doubts else doubt or 0.0)) * one.confidence)
-        for i, one in enumerate(found)
+        replace(one, confidence=(1.0 - d) * one.confidence)
+        for one, d in zip(found, doubts, strict=True)
     )
     scored = tried if named else score(study, measured, null, null)
     causes = _named_causes(paying, fitted) if named else ()
@@ -132,8 +132,10 @@ def _doubt(best: Fit, remainder: Remainder, verdict: Verdict) -> float:
     return unmodelled(named, instead)
 
 
-def _doubts(paying: Paying, doubt: float) -> list[float]:
-    """Return the probability of each partial cause that unknown causes have its effect."""
+def _doubts(paying: Paying, doubt: float, verdict: Verdict, count: int) -> list[float]:
+    """Return the probability of each cause that unknown causes have its effect."""
+    if verdict is not Verdict.PARTLY_NAMED:
+        return [doubt] * count
     problem = paying.result.problem
     left = channel_power(problem, paying.result.best.residual)
     without = [channel_power(problem, one.residual) for one in paying.tested.without]

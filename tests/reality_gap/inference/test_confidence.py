@@ -21,7 +21,7 @@ def test_a_cause_that_is_small_beside_what_is_left_is_in_doubt() -> None:
     assert doubt([9900.0], [101.0]) == pytest.approx(0.01 * MIMICRY)
 
 
-def test_errors_of_channels_that_a_cause_does_not_change_say_nothing_against_it() -> None:
+def test_errors_of_channels_that_a_cause_does_not_change_raise_no_doubt() -> None:
     assert doubt([50.0, 0.0], [1.0, 1000.0]) == 0.0
 
 
