@@ -60,10 +60,7 @@ def search_outcome(
     after = replayer.without_expansion(best.hypothesis, best.residual)
     tried = score(study, measured, null, after)
     doubt = None if best.is_null else _doubt(best, remainder, verdict)
-    refused = [one.candidate for one in paying.dropped] if named else []
-    found = alternatives(result, options.search, named, refused)
-    if best.is_null and verdict is Verdict.UNEXPLAINED:
-        found = first_attempt(result)
+    found = _alternatives(paying, result, verdict, options)
     doubts = _doubts(paying, doubt or 0.0, verdict, len(found))
     fitted = tuple(
         replace(one, confidence=(1.0 - d) * one.confidence)
@@ -95,6 +92,17 @@ def search_outcome(
         waterfall=steps,
         rejected=_rejected(paying, judged, named),
     )
+
+
+def _alternatives(
+    paying: Paying, result: Search, verdict: Verdict, options: Options
+) -> tuple[Alternatives, ...]:
+    """Return what was tried in the place of each cause, or first if there is none."""
+    if result.best.is_null and verdict is Verdict.UNEXPLAINED:
+        return first_attempt(result)
+    named = verdict.has_names
+    refused = [one.candidate for one in paying.dropped] if named else []
+    return alternatives(result, options.search, named, refused)
 
 
 def _waterfall(paying: Paying, causes: Sequence[NamedCause], scored: Score) -> tuple[Share, ...]:
