@@ -45,7 +45,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import mujoco
 
@@ -70,6 +70,9 @@ class SearchHints:
         nearby: differences from a fitted value from which further fits start, because the misfit
             has minima side by side, as where a machine sticks or is sampled.
         shape: whether the parameter has no effect while the others are at their null values.
+        period: for the period of an event that repeats, where its times are counted from: the start
+            of the "study" or of each "episode". Only those starts are screened at which the data
+            repeat most; starts of other times belong to the largest period and scale with it.
     """
 
     starts: tuple[float, ...] = ()
@@ -77,6 +80,7 @@ class SearchHints:
     far_starts: tuple[float, ...] = ()
     nearby: tuple[float, ...] = ()
     shape: bool = False
+    period: Literal["study", "episode"] | None = None
 
 
 @dataclass(frozen=True)
@@ -196,6 +200,20 @@ class ReadingEffect(Protocol):
         """Edit ``record.sensors`` in place."""
 
 
+class MotionEffect(Protocol):
+    """Effect on the measured motion along which efforts are computed by inverse dynamics."""
+
+    def __call__(self, model: mujoco.MjModel, qpos: Floats, qvel: Floats, qacc: Floats) -> None:
+        """Replace the measured motion by the true one, in place.
+
+        Args:
+            model: the model.
+            qpos: positions, shape (k, nq) [m or rad].
+            qvel: velocities, shape (k, nv) [m/s or rad/s].
+            qacc: accelerations, shape (k, nv) [m/s^2 or rad/s^2].
+        """
+
+
 class EffortEffect(Protocol):
     """Effect on efforts, where these are compared by inverse dynamics."""
 
@@ -237,12 +255,14 @@ class Effects:
         commands: applied to the commands of an episode, in order.
         hooks: called before physics steps.
         readings: applied to the record of an episode, in order.
+        motions: applied in order to the measured motion, where efforts are computed.
         efforts: applied in order to computed efforts; these have no other readings.
     """
 
     commands: list[Command] = field(default_factory=list)
     hooks: list[ScheduledHook] = field(default_factory=list)
     readings: list[ReadingEffect] = field(default_factory=list)
+    motions: list[MotionEffect] = field(default_factory=list)
     efforts: list[EffortEffect] = field(default_factory=list)
 
     def add_hook(

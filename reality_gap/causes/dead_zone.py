@@ -14,13 +14,13 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import elements, joint_motors, typical_scales
+from reality_gap.causes.support import drives, elements, typical_scales
 from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
 OF_TRAVEL = (0.01, 0.05)
 """Half-widths of a servo's dead zone at which the cause is screened in addition to a small one,
-over the travel of its joint."""
+over the travel of its joint or tendon."""
 OF_FORCE = (0.1, 0.4)
 """The same of a motor, over its typical force."""
 ODDS = -2.0
@@ -28,14 +28,14 @@ ODDS = -2.0
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    servos = joint_motors.each_and_all(system, joint_motors.is_servo)
-    motors = joint_motors.each_and_all(system, _is_open)
+    servos = drives.each_and_all(system, drives.is_servo)
+    motors = drives.each_and_all(system, _is_open)
     return servos + tuple(p for p in motors if _command_force(system, p))
 
 
 def _is_open(model: mujoco.MjModel, actuator: int) -> bool:
-    """Return whether a joint motor has no feedback of a position."""
-    return joint_motors.is_motor(model, actuator) and not joint_motors.is_servo(model, actuator)
+    """Return whether a drive has no feedback of a position."""
+    return drives.is_drive(model, actuator) and not drives.is_servo(model, actuator)
 
 
 def _command_force(system: System, location: Location) -> bool:
@@ -44,15 +44,12 @@ def _command_force(system: System, location: Location) -> bool:
 
 
 def _is_of_servos(system: System, location: Location) -> bool:
-    return joint_motors.is_servo(system.model, system.model.actuator(location.elements[0]).id)
+    return drives.is_servo(system.model, system.model.actuator(location.elements[0]).id)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if _is_of_servos(system, location):
-        joints = [joint_motors.joint_of(system, name) for name in location.elements]
-        size, unit = min(
-            typical_scales.joint_travel(system, Location("joint", (name,)))[::-1] for name in joints
-        )
+        unit, size = drives.typical_travel(system, location)
         shares, scale, tolerance, high = OF_TRAVEL, 0.003 * size, 1e-4 * size, 0.5 * size
     else:
         each = [Location("actuator", (name,)) for name in location.elements]
@@ -69,8 +66,7 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     if not half:
         return
     if _is_of_servos(system, location):
-        joints = {name: joint_motors.joint_of(system, name) for name in names}
-        effects.add_hook(lambda model: _DeadBand(model, joints, half))
+        effects.add_hook(lambda model: _DeadBand(model, names, half))
     else:
         effects.commands.append(partial(_deadened, names, half))
 
@@ -91,15 +87,15 @@ class _DeadBand:
     It computes with floats, which is faster than with short arrays.
     """
 
-    def __init__(self, model: mujoco.MjModel, joints: dict[str, str], half: float) -> None:
-        self._servos = [_Servo(model, name, joint, half) for name, joint in joints.items()]
+    def __init__(self, model: mujoco.MjModel, names: tuple[str, ...], half: float) -> None:
+        self._servos = [_Servo(model, name, half) for name in names]
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Write the biases that make up for the errors within the dead zone."""
-        bias, command, position = model.actuator_biasprm, data.ctrl, data.qpos
+        bias, command = model.actuator_biasprm, data.ctrl
         for servo in self._servos:
             drive = command[servo.input] if servo.act < 0 else data.act[servo.act]
-            error = servo.ratio * drive - servo.gear * position[servo.position]
+            error = servo.ratio * drive - servo.motion.position(model, data)
             added = -servo.stiffness * min(max(error, -servo.half), servo.half)
             bias[servo.index, 0] += added - servo.added
             servo.added = added
@@ -108,12 +104,11 @@ class _DeadBand:
 class _Servo:
     """Coefficients of a servo, and the amount that is added to its bias."""
 
-    def __init__(self, model: mujoco.MjModel, name: str, joint: str, half: float) -> None:
+    def __init__(self, model: mujoco.MjModel, name: str, half: float) -> None:
         self.index = i = int(model.actuator(name).id)
-        self.position = int(model.joint(joint).qposadr[0])
+        self.motion = drives.Motion(model, name)
         self.input, self.act = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
-        self.gear = float(model.actuator_gear[i, 0])
-        self.half = half * abs(self.gear)
+        self.half = half * abs(float(model.actuator_gear[i, 0]))
         self.stiffness = -float(model.actuator_biasprm[i, 1])
         self.ratio = float(model.actuator_gainprm[i, 0]) / self.stiffness
         self.added = 0.0
@@ -131,4 +126,5 @@ CAUSE = Cause(
     parameters=_parameters,
     attach=_attach,
     prior=_prior,
+    fine=True,
 )

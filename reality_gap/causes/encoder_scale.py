@@ -7,22 +7,22 @@ log is wrong, the reading alone is.
 
 from __future__ import annotations
 
+from functools import partial
+
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
-from reality_gap.causes.support import elements, encoders, servos
+from reality_gap.causes.support import encoders, servos
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 
 READING = "reading only"
 """Note of a location where the servo's feedback is right."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    each = elements.each_joint(system)
-    used = [p for p in each if encoders.is_used(*encoders.encoders(system, p))]
-    return tuple(used) + tuple(
-        Location(p.kind, p.elements, READING) for p in used if has_both(system, p)
-    )
+    used = encoders.joints_with_encoders(system)
+    return used + tuple(Location(p.kind, p.elements, READING) for p in used if has_both(system, p))
 
 
 def has_both(system: System, location: Location) -> bool:
@@ -46,6 +46,9 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
     [encoder] = encoders.encoders(system, location)
     about = encoders.zero(system, encoder.element)
     speeds = encoders.speed_sensors(system, encoder.element)
+    if system.study.inverse:
+        effects.motions.append(partial(_shrink, encoder.element, about, 1.0 + values["scale"]))
+        return
 
     def stretch(record: Record) -> None:
         travel = encoders.true_position(record, encoder) - about
@@ -54,6 +57,21 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
             record.sensors[:, record.column(sensor)] *= 1.0 + values["scale"]
 
     effects.readings.append(stretch)
+
+
+def _shrink(
+    joint: str,
+    about: float,
+    factor: float,
+    model: mujoco.MjModel,
+    qpos: Floats,
+    qvel: Floats,
+    qacc: Floats,
+) -> None:
+    at, dof = model.joint(joint).qposadr[0], model.joint(joint).dofadr[0]
+    qpos[:, at] = about + (qpos[:, at] - about) / factor
+    qvel[:, dof] /= factor
+    qacc[:, dof] /= factor
 
 
 CAUSE = Cause(

@@ -9,18 +9,21 @@ only the zero of the log is wrong, its servo is not affected.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.causes.encoder_scale import READING, has_both
 from reality_gap.causes.support import (
-    elements,
     encoders,
     lever_arms,
     machine_size,
     servos,
 )
 from reality_gap.study.system import System
+from reality_gap.types import Floats
 
 EVERY = "every joint"
 """Note of the location of all joints, each with its own offset."""
@@ -29,9 +32,7 @@ TENDONS = "zero of its tendons"
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    own = [
-        p for p in elements.each_joint(system) if encoders.is_used(*encoders.encoders(system, p))
-    ]
+    own = encoders.joints_with_encoders(system)
     by_tendons = _joints_with_tendons(system)
     every = by_tendons or tuple(p.elements[0] for p in own)
     group = (Location("model", every, EVERY),) if len(every) > 1 else ()
@@ -43,7 +44,7 @@ def _locations(system: System) -> tuple[Location, ...]:
 def _joints_with_tendons(system: System) -> tuple[str, ...]:
     """Return the joints that tendons with used encoders cross."""
     read = any(tendon.servo or tendon.length_sensors for tendon in system.tendons)
-    return lever_arms.actuated_joints(system) if read else ()
+    return lever_arms.actuated_joints(system) if read and not system.study.inverse else ()
 
 
 def _by_tendons(system: System, location: Location) -> bool:
@@ -89,6 +90,9 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     errors = _errors(system, location, values)
+    if system.study.inverse:
+        effects.motions.append(partial(_move, errors))
+        return
 
     def shift(record: Record) -> None:
         for encoder, error in errors:
@@ -96,6 +100,17 @@ def _attach(effects: Effects, system: System, location: Location, values: Values
                 record.sensors[:, record.column(sensor)] += error
 
     effects.readings.append(shift)
+
+
+def _move(
+    errors: Sequence[tuple[encoders.Encoder, float]],
+    model: mujoco.MjModel,
+    qpos: Floats,
+    qvel: Floats,
+    qacc: Floats,
+) -> None:
+    for encoder, error in errors:
+        qpos[:, model.joint(encoder.element).qposadr[0]] -= error
 
 
 CAUSE = Cause(

@@ -1,4 +1,4 @@
-"""Position gain: the gain kp of a joint's position servo differs from that of the model.
+"""Position gain: the gain kp of a position servo differs from that of the model.
 
 The servo exerts ``kp (command - position) - kd velocity``. A firmware counts kp in its own unit, so
 that a conversion factor is wrong for one servo, or for all of a kind.
@@ -9,15 +9,23 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import elements, joint_motors
+from reality_gap.causes.support import drives, elements, joint_motors
 from reality_gap.study.system import System
 
 SECANTS = (-0.5,)
 """Relative errors at which the cause is screened in addition to a small one."""
+ODDS = -2.0
+"""Log odds at tendons [nats]: the scale of the force does nearly the same there."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return joint_motors.each_and_all(system, joint_motors.is_servo)
+    return drives.each_and_all(system, _has_own_gain)
+
+
+def _has_own_gain(model: mujoco.MjModel, actuator: int) -> bool:
+    """Return whether kp is not the scale of all the force, as that of a tendon without kd is."""
+    at_joint = joint_motors.is_motor(model, actuator) and drives.is_servo(model, actuator)
+    return at_joint or drives.is_damped(model, actuator)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
@@ -32,6 +40,10 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
         actuator.biasprm[1] *= 1 + values["excess"]
 
 
+def _prior(location: Location) -> float:
+    return ODDS if location.note == drives.OF_TENDON else 0.0
+
+
 CAUSE = Cause(
     id="position_gain",
     title="wrong position gain",
@@ -39,4 +51,5 @@ CAUSE = Cause(
     locations=_locations,
     parameters=_parameters,
     edit=_edit,
+    prior=_prior,
 )

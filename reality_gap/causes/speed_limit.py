@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import clocks, elements, joint_motors
+from reality_gap.causes.support import clocks, drives, elements
 from reality_gap.study.system import System, column
 from reality_gap.types import Floats
 
@@ -25,11 +25,11 @@ LOWEST = 0.05
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return joint_motors.each_and_all(system, joint_motors.is_servo)
+    return drives.each_and_all(system, drives.is_servo)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    unit, speed = joint_motors.typical_speed(system, location)
+    unit, speed = drives.typical_speed(system, location)
     values = elements.secants(system, location, tuple(1.0 / (x * speed) for x in SPEEDS))
     hints = SearchHints(secants=values or (1.0 / (SPEEDS[1] * speed),))
     sizes = (0.1 / speed, 0.002 / speed, 0.0, 1.0 / (LOWEST * speed))
@@ -90,4 +90,5 @@ CAUSE = Cause(
     locations=_locations,
     parameters=_parameters,
     attach=_attach,
+    fine=True,
 )

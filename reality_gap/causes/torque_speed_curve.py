@@ -14,29 +14,27 @@ nothing; the cause is screened at several sizes.
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import elements, joint_motors
+from reality_gap.causes.support import drives, elements
 from reality_gap.causes.support.force_limits import limit_force, nominal_limit
 from reality_gap.study.system import System
 
 SHARES = (0.15, 0.4, 1.0)
-"""Shares of the limit that are lost at the typical speed of a joint, at which the cause is screened
+"""Shares of the limit that are lost at the typical speed of a drive, at which the cause is screened
 in addition to a small one."""
 LARGEST = 20.0
 """Largest drop over the inverse of the typical speed."""
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    every = joint_motors.each_and_all(system, joint_motors.is_motor)
+    every = drives.each_and_all(system, drives.is_drive)
     return tuple(p for p in every if all(nominal_limit(system, name) for name in p.elements))
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    unit, speed = joint_motors.typical_speed(system, location)
+    unit, speed = drives.typical_speed(system, location)
     values = elements.secants(system, location, tuple(share / speed for share in SHARES))
     # The slope at zero tells nothing, so that at least one size is tried in each machine.
     hints = SearchHints(secants=values or (SHARES[1] / speed,))
@@ -52,31 +50,33 @@ def _edit(spec: mujoco.MjSpec, system: System, location: Location, values: Value
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:
     if values["drop"]:
-        joints = {name: joint_motors.joint_of(system, name) for name in location.elements}
-        effects.add_hook(lambda model: _Curve(model, joints, values["drop"]))
+        effects.add_hook(lambda model: _Curve(model, location.elements, values["drop"]))
 
 
 class _Curve:
-    """Hook that lets the force limits of motors fall with the speeds of their joints.
+    """Hook that lets the force limits of motors fall with the speeds of their joints or tendons.
 
-    It computes with floats, which is faster than with short arrays.
+    A limit of the other sign, such as the least tension of a tendon, is not kept at a speed at
+    which the motor cannot exert it. It computes with floats, which is faster than short arrays.
     """
 
-    def __init__(self, model: mujoco.MjModel, joints: dict[str, str], drop: float) -> None:
+    def __init__(self, model: mujoco.MjModel, names: tuple[str, ...], drop: float) -> None:
         self._motors = []
-        for name, joint in joints.items():
-            i, dof = int(model.actuator(name).id), int(model.joint(joint).dofadr[0])
+        for name in names:
+            i = int(model.actuator(name).id)
             low, high = (float(x) for x in model.actuator_forcerange[i])
-            signed = math.copysign(drop, float(model.actuator_gear[i, 0]))
-            self._motors.append((i, dof, signed, low, high))
+            per = drop / abs(float(model.actuator_gear[i, 0]))
+            self._motors.append((i, drives.Motion(model, name), per, low, high))
 
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Write the limits."""
-        limits, speed = model.actuator_forcerange, data.qvel
-        for i, dof, drop, low, high in self._motors:
-            lost = drop * speed[dof]
-            limits[i, 0] = low * min(max(1.0 + lost, 0.0), 1.0)
-            limits[i, 1] = high * min(max(1.0 - lost, 0.0), 1.0)
+        limits = model.actuator_forcerange
+        for i, motion, per, low, high in self._motors:
+            lost = per * motion.velocity(data)
+            least = low * min(max(1.0 + lost, 0.0), 1.0) if low < 0.0 else low
+            most = high * min(max(1.0 - lost, 0.0), 1.0) if high > 0.0 else high
+            limits[i, 0] = min(least, most) if low > 0.0 else least
+            limits[i, 1] = max(least, most) if high < 0.0 else most
 
 
 CAUSE = Cause(
@@ -87,4 +87,5 @@ CAUSE = Cause(
     parameters=_parameters,
     edit=_edit,
     attach=_attach,
+    fine=True,
 )

@@ -1,7 +1,7 @@
-"""Velocity gain: the gain kd of a joint's position servo differs from that of the model.
+"""Velocity gain: the gain kd of a position servo differs from that of the model.
 
-A servo without a velocity gain has no such location: viscous friction of its joint then does the
-same.
+A servo without a velocity gain has no such location: viscous friction of its joint or tendon then
+does the same.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 import mujoco
 
 from reality_gap.causes.base import Cause, Location, Parameter, Values
-from reality_gap.causes.support import joint_motors
+from reality_gap.causes.support import drives
 from reality_gap.causes.support.shared_amounts import BEYOND
 from reality_gap.study.system import System
 
 
 def _locations(system: System) -> tuple[Location, ...]:
-    return joint_motors.each_and_all(system, joint_motors.is_damped)
+    return drives.each_and_all(system, drives.is_damped)
 
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:

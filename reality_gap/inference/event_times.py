@@ -22,6 +22,8 @@ from reality_gap.types import Floats
 
 DURATIONS = (0.4, 2.0, 4.0, 8.0)
 """Durations that are tried first, over the fitted one."""
+LATER = 3
+"""Number of periods by which an event that repeats may begin later than it was fitted."""
 STEPS = (2.0, 1.0, 0.5, 0.25, 0.1)
 """Moves of an edge, in scales of its time, from large to small."""
 REPEATS = 6
@@ -51,19 +53,17 @@ def search_times(problem: Problem, old: Fit, base: Fit) -> Stepwise[Fit]:
         other, left = yield from _refitted(problem, others, candidate, trial, base)
         if left < cost - GAIN:
             best, cost = other, left
+    if trials := _later(candidate, best, timed):
+        other, left, scale = yield from _best_of(problem, others, candidate, trials, without)
+        if left < cost - GAIN:
+            best, cost, size = other, left, scale
     for step in STEPS:
         for _ in range(REPEATS):
             trials = [_moved(candidate, best, timed, step * move) for move in moves]
-            hypotheses: list[Hypothesis] = [[*others, (candidate, trial)] for trial in trials]
-            residuals = yield hypotheses
-            found = [
-                _left(without, whiten(r)) if np.all(np.isfinite(r)) else (np.inf, 1.0)
-                for r in residuals
-            ]
-            k = int(np.argmin([left for left, _ in found]))
-            if found[k][0] > cost - GAIN:
+            other, left, scale = yield from _best_of(problem, others, candidate, trials, without)
+            if left > cost - GAIN:
                 break
-            best, (cost, size) = trials[k], found[k]
+            best, cost, size = other, left, scale
     if cost > first - GAIN:
         return old
     start: Hypothesis = [*others, (candidate, _resized(candidate, best, timed, size))]
@@ -80,13 +80,41 @@ def _durations(
     """
     start, found = candidate.parameter(timed[0]), list[dict[str, float]]()
     for p in (candidate.parameter(name) for name in timed[1:]):
-        for factor in DURATIONS if p.low > 0.0 else ():
+        for factor in DURATIONS if p.low > 0.0 and not p.hints.period else ():
             longer = float(np.clip(factor * values[p.name], p.low, p.high))
             for share in (0.0, 0.5, 1.0):
                 begin = values[start.name] - share * (longer - values[p.name])
                 begin = float(np.clip(begin, start.low, start.high))
                 found.append(values | {start.name: begin, p.name: longer})
     return found
+
+
+def _later(
+    candidate: Candidate, values: dict[str, float], timed: Sequence[str]
+) -> list[dict[str, float]]:
+    """Return the values with starts one or more periods later, if the event repeats."""
+    start = candidate.parameter(timed[0])
+    periods = [values[name] for name in timed if candidate.parameter(name).hints.period]
+    later = [values[start.name] + k * period for period in periods for k in range(1, LATER + 1)]
+    return [values | {start.name: time} for time in later if time <= start.high]
+
+
+def _best_of(
+    problem: Problem,
+    others: Hypothesis,
+    candidate: Candidate,
+    trials: Sequence[dict[str, float]],
+    without: Floats,
+) -> Stepwise[tuple[dict[str, float], float, float]]:
+    """Return the best of some values, the misfit that is left at its best size, and that size."""
+    hypotheses: list[Hypothesis] = [[*others, (candidate, trial)] for trial in trials]
+    residuals = yield hypotheses
+    found = [
+        _left(without, problem.noise_model.whiten(r)) if np.all(np.isfinite(r)) else (np.inf, 1.0)
+        for r in residuals
+    ]
+    k = int(np.argmin([left for left, _ in found]))
+    return trials[k], *found[k]
 
 
 def _refitted(

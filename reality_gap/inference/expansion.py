@@ -9,7 +9,9 @@ the changes N(s) of the readings by one more tolerance each, the residual
 
 is that of the nominal model apart from what is not linear up to s. Replays of hypotheses are
 corrected alike, so that the deviations still have a normal prior with the mean 0. The most probable
-s is found by Gauss-Newton steps.
+s is found by Gauss-Newton steps, each as long as it makes s more probable, with other tolerances
+integrated out: first from the begin of each episode, where little has grown yet, then from more of
+it, as one fits trajectories that diverge.
 """
 
 from __future__ import annotations
@@ -31,12 +33,14 @@ LARGE = 5.0
 """RMS of what tolerances explain from which on it is not taken for linear [noise]."""
 UNEXPLAINED = 1.05
 """Mean square of the whitened residual up to which linear columns suffice."""
-STEPS = 3
-"""Largest number of steps."""
-SHARES = (1.0, 0.5, 0.25)
+HORIZONS = (0.25, 0.5, 1.0)
+"""Shares of each episode from which deviations are inferred, one after the other."""
+STEPS = 4
+"""Largest number of steps with each of these."""
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)
 """Shares of a step that are tried."""
 BETTER = 0.98
-"""Factor by which a step must reduce the mean square of the whitened residual."""
+"""Factor by which a step must reduce minus the log probability."""
 MOST = 3.0
 """Largest deviation of a parameter in the expansion, in tolerances."""
 COUNT = 80
@@ -89,40 +93,61 @@ def expand(
         hypothesis: causes with their values; none for the nominal model.
         residual: its residual, shape (n,).
     """
-    whitened = _Whitened(replayer)
-    found = Expanded(Expansion(), columns, whitened.power(columns, residual))
-    chosen = _choose(replayer, tolerances, whitened, columns, residual, hypothesis)
+    whole = _Whitened(replayer)
+    found = Expanded(Expansion(), columns, whole.power(columns, residual))
+    chosen = _choose(replayer, tolerances, whole, columns, residual, hypothesis)
     if not chosen:
         return found
     parts = _Deviations([tolerances[i] for i in chosen], hypothesis, replayer)
+    others = np.delete(columns, chosen, axis=1)
     sizes, wide = np.zeros(len(chosen)), columns
-    for _ in range(STEPS):
-        corrected = residual + wide[:, chosen] @ sizes
-        aim = np.clip(whitened.sizes(wide, corrected)[chosen], parts.low, parts.high)
-        trials = [sizes + share * (aim - sizes) for share in SHARES]
-        pairs = list(zip(trials, parts.residuals(trials), strict=True))
-        powers = [whitened.power(wide, r + wide[:, chosen] @ s) for s, r in pairs]
-        if not np.isfinite(min(powers)):
-            break
-        sizes, residual = pairs[int(np.argmin(powers))]
-        slopes = parts.slopes(sizes, residual)
-        if not np.isfinite(slopes).all():
-            break
-        wide = wide.copy()
-        wide[:, chosen] = slopes
-        power = whitened.power(wide, residual + slopes @ sizes)
-        if not power < BETTER * found.power:
-            break
-        found = Expanded(Expansion(parts.at(sizes), slopes @ sizes), wide, power)
+    for whitened in (_Whitened(replayer, share) for share in HORIZONS):
+        least = whitened.cost(others, residual, sizes)
+        for _ in range(STEPS):
+            corrected = residual + wide[:, chosen] @ sizes
+            aim = np.clip(whitened.sizes(wide, corrected)[chosen], parts.low, parts.high)
+            trials = [sizes + share * (aim - sizes) for share in SHARES]
+            pairs = list(zip(parts.residuals(trials), trials, strict=True))
+            costs = [whitened.cost(others, *pair) for pair in pairs]
+            if not min(costs) < BETTER * least:
+                break
+            least, (moved, there) = min(costs), pairs[int(np.argmin(costs))]
+            slopes = parts.slopes(there, moved)
+            if not np.isfinite(slopes).all():
+                return found
+            sizes, residual, wide = there, moved, wide.copy()
+            wide[:, chosen] = slopes
+            power = whole.power(wide, residual + slopes @ sizes)
+            if power < found.power:
+                found = Expanded(Expansion(parts.at(sizes), slopes @ sizes), wide, power)
     return found
 
 
 class _Whitened:
-    """Whitens residuals of the readings from which causes are inferred."""
+    """Whitens residuals of the readings from which causes are inferred.
 
-    def __init__(self, replayer: Replayer) -> None:
-        self._use = split(replayer.measured) <= SELECT
+    Args:
+        replayer: has the readings.
+        horizon: share of each episode, from its begin on, that is used.
+    """
+
+    def __init__(self, replayer: Replayer, horizon: float = 1.0) -> None:
+        measured = replayer.measured
+        durations = np.array([one.duration for one in replayer.system.study.episodes])
+        near = measured.time <= horizon * durations[measured.episode]
+        self._use = (split(measured) <= SELECT) & (near if horizon < 1.0 else True)
         self._ones = np.ones(len(self._use))
+
+    def cost(self, columns: Floats, residual: Floats, sizes: Floats) -> float:
+        """Return minus twice the log probability of deviations, per reading.
+
+        Args:
+            columns: changes by the other tolerances, shape (n, q).
+            residual: residual with the deviations, shape (n,).
+            sizes: the deviations, in tolerances, shape (p,).
+        """
+        prior = float(sizes @ sizes) / np.count_nonzero(self._use)
+        return self.power(columns, residual) + prior
 
     def power(self, columns: Floats, residual: Floats) -> float:
         """Return the mean square of a whitened residual (n,); infinite if it is not finite."""

@@ -89,6 +89,15 @@ class NoiseModel:
         wider = plain._widened(remainder)
         return replace(wider, inflation=wider.variance * self.correlation)
 
+    def alike(self) -> NoiseModel:
+        """Return a noise model in which readings of all channels are equally correlated.
+
+        The same number of readings count in all channels together. Otherwise a channel would count
+        for less, the more smoothly a model is wrong there.
+        """
+        common = 1.0 / float(np.mean(1.0 / self.correlation[self.whiten.use]))
+        return replace(self, inflation=self.variance * common)
+
     def _widened(self, remainder: Floats) -> NoiseModel:
         """Return a noise model with the likeliest variance of each channel, at least the noise's.
 

@@ -55,9 +55,9 @@ class Problem:
         return null.noise_model.log_likelihood(self.null_residual)
 
     def without_tolerances(self) -> Problem:
-        """Return the problem in which tolerances explain nothing."""
+        """Return the problem in which tolerances explain nothing, and all channels are alike."""
         none = np.zeros((len(self.null_residual), 0))
-        return replace(self, noise_model=replace(self.noise_model, tolerances=none))
+        return replace(self, noise_model=replace(self.noise_model, tolerances=none).alike())
 
     def uninflated(self) -> Problem:
         """Return the problem in which all readings count in full."""

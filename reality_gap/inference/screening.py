@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reality_gap.causes.base import Cause, Parameter
+from reality_gap.causes.base import Cause, Parameter, SearchHints
 from reality_gap.inference.checkpoint import Checkpoint, Columns
+from reality_gap.inference.repetition import repeating_periods
 from reality_gap.inference.theta import theta_bounds
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis
 from reality_gap.simulation.replayer import Replayer
@@ -25,6 +26,9 @@ CHUNK = 32
 """Number of candidates that are screened between two checkpoints."""
 TYPICAL_FAULTS = 3.0
 """Size of a fault, in scales of a parameter, whose change of the readings decides on visibility."""
+
+FindPeriods = Callable[[SearchHints], tuple[float, ...]]
+"""Returns the starts of a period from which fits start."""
 
 NO_CHECKPOINT = Checkpoint(None, "")
 """Keeps nothing."""
@@ -106,11 +110,14 @@ def screen(
     Returns:
         One or more sensitivities of each candidate, but those whose replay diverges.
     """
+    find = cache(
+        partial(repeating_periods, replayer.system.study, replayer.measured, null_residual)
+    )
     if replayer.coarse:
         null_residual = replayer.residuals([[*base]], True)[0]
     found = []
     for i in range(0, len(candidates), CHUNK):
-        trials = [trial for one in candidates[i : i + CHUNK] for trial in _trials(one)]
+        trials = [trial for one in candidates[i : i + CHUNK] for trial in _trials(one, find)]
         columns = checkpoint.get(
             i // CHUNK, partial(_columns, replayer, trials, null_residual, base)
         )
@@ -161,12 +168,12 @@ def _columns(
     return found
 
 
-def _trials(candidate: Candidate) -> list[_Trial]:
+def _trials(candidate: Candidate, find: FindPeriods) -> list[_Trial]:
     """Return which parameters to change, and at which values of the others.
 
     A parameter with starts is fixed at each of them while the others change. If it is the only one,
     the secants to its starts are taken. The secants of a parameter are taken in addition, with the
-    first start of each other one.
+    first start of each other one. Of the starts of a period, those are used that ``find`` returns.
     """
     with_starts = [p for p in candidate.parameters if p.hints.starts]
     free = [p for p in candidate.parameters if not p.hints.starts]
@@ -176,13 +183,27 @@ def _trials(candidate: Candidate) -> list[_Trial]:
         free, with_starts = with_starts, []
     names, values = tuple(p.name for p in free), tuple(p.null + STEP * p.scale for p in free)
     nulls = {p.name: p.null for p in free}
-    trials = []
-    for starts in product(*(p.hints.starts for p in with_starts)):
-        fixed = dict(zip((p.name for p in with_starts), starts, strict=True))
-        trials.append(_Trial(candidate, nulls | fixed, names, values))
+    trials = [
+        _Trial(candidate, nulls | fixed, names, values) for fixed in _starts(with_starts, find)
+    ]
     for p in candidate.parameters:
         trials += _secants(candidate, p, p.hints.secants)
     return trials
+
+
+def _starts(parameters: Sequence[Parameter], find: FindPeriods) -> Iterator[dict[str, float]]:
+    """Yield the starts of parameters, in all combinations."""
+    period = next((p for p in parameters if p.hints.period), None)
+    others = [p for p in parameters if p is not period]
+    names = [p.name for p in others]
+    for starts in product(*(p.hints.starts for p in others)):
+        if period is None:
+            yield dict(zip(names, starts, strict=True))
+            continue
+        for value in find(period.hints):
+            share = value / max(period.hints.starts)
+            scaled = [share * start for start in starts]
+            yield dict(zip(names, scaled, strict=True)) | {period.name: value}
 
 
 def _secants(candidate: Candidate, p: Parameter, values: Sequence[float]) -> list[_Trial]:

@@ -16,8 +16,9 @@ import numpy as np
 
 from reality_gap.types import Bools, Floats, Ints
 
-LEAST_POWER = 1e-6
-"""Smallest power of a direction of the tolerances, relative to the largest."""
+LEAST_POWER = 1e-12
+"""Smallest power of a direction of the tolerances, relative to the largest: where that is 1e5
+noises, as in a machine that moves without feedback, one of a noise counts."""
 
 
 @dataclass(frozen=True)

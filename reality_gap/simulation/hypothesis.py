@@ -141,4 +141,6 @@ def has_effects(system: System, candidate: Candidate, values: Values) -> bool:
         values: values of its parameters.
     """
     effects = build(system, [(candidate, values)]).effects
-    return bool(effects.commands or effects.hooks or effects.readings or effects.efforts)
+    return any(
+        (effects.commands, effects.hooks, effects.readings, effects.motions, effects.efforts)
+    )

@@ -152,7 +152,7 @@ def inverse_replay(
         if only is not None and e not in only:
             start += episode.duration
             continue
-        motion = episode.motion
+        motion = _true_motion(plant, model, episode.motion)
         effort, record = _inverse_dynamics(plant, model, motion, start)
         for effect in plant.effects.efforts:
             effect(model, record.time, effort)
@@ -163,6 +163,16 @@ def inverse_replay(
         records.append(record)
         start += episode.duration
     return Replay(prediction, tuple(records))
+
+
+def _true_motion(plant: Plant, model: mujoco.MjModel, measured: Motion) -> Motion:
+    """Return the motion of a plant, in which sensors may measure another one."""
+    if not plant.effects.motions:
+        return measured
+    qpos, qvel, qacc = measured.qpos.copy(), measured.qvel.copy(), measured.qacc.copy()
+    for effect in plant.effects.motions:
+        effect(model, qpos, qvel, qacc)
+    return replace(measured, qpos=qpos, qvel=qvel, qacc=qacc)
 
 
 def _inverse_dynamics(

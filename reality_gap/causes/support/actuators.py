@@ -20,6 +20,12 @@ def is_linear(model: mujoco.MjModel, actuator: int) -> bool:
     return gain in gains and bias in biases
 
 
+def feeds_back(model: mujoco.MjModel, actuator: int) -> bool:
+    """Return whether an actuator's force depends on the position of what it moves."""
+    affine = int(model.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+    return affine and model.actuator_biasprm[actuator, 1] != 0.0
+
+
 def make_affine(actuator: mujoco.MjsActuator) -> None:
     """Give an actuator without bias an affine bias of 0."""
     if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Location, Record
+from reality_gap.causes.support import elements
 from reality_gap.causes.support.model_overrides import ModelOffset
 from reality_gap.study.system import System, commanded
 from reality_gap.types import Floats
@@ -39,6 +40,15 @@ def encoders(system: System, location: Location) -> tuple[Encoder, ...]:
 def is_used(encoder: Encoder) -> bool:
     """Return whether an error of the encoder shows in a measured channel or in the motion."""
     return bool(encoder.sensors or encoder.actuator)
+
+
+def joints_with_encoders(system: System) -> tuple[Location, ...]:
+    """Return the joints an error of whose encoder shows; all, if efforts are computed along it."""
+    return tuple(
+        joint
+        for joint in elements.each_joint(system)
+        if system.study.inverse or is_used(*encoders(system, joint))
+    )
 
 
 def true_position(record: Record, encoder: Encoder) -> Floats:

@@ -23,13 +23,7 @@ def is_motor(model: mujoco.MjModel, actuator: int) -> bool:
 
 def is_servo(model: mujoco.MjModel, actuator: int) -> bool:
     """Return whether a joint motor feeds the position of its joint back."""
-    affine = int(model.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
-    return is_motor(model, actuator) and affine and model.actuator_biasprm[actuator, 1] != 0.0
-
-
-def is_damped(model: mujoco.MjModel, actuator: int) -> bool:
-    """Return whether a position servo feeds the velocity of its joint back, too."""
-    return is_servo(model, actuator) and model.actuator_biasprm[actuator, 2] != 0.0
+    return is_motor(model, actuator) and actuators.feeds_back(model, actuator)
 
 
 def each_and_all(system: System, suits: elements.Suits) -> tuple[Location, ...]:

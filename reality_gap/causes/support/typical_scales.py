@@ -93,14 +93,19 @@ def weakest_force(system: System, location: Location) -> tuple[str, float]:
 
 def joint_speed(system: System, location: Location) -> float:
     """Return the typical velocity of a joint: the measured RMS, or else half its range a second."""
-    joint, squares = location.elements[0], list[float]()
-    for reading in _positions(system, joint):
+    joint = location.elements[0]
+    return _speed(_positions(system, joint)) or _half_range(system, joint)
+
+
+def _speed(readings: list[Reading]) -> float:
+    """Return the RMS of the velocity of a position in several episodes; 0 without readings."""
+    squares = list[float]()
+    for reading in readings:
         period = (reading.time[-1] - reading.time[0]) / (len(reading.time) - 1)
         stride = max(1, round(SPEED_PERIOD / period))
         time, value = reading.time[::stride], reading.value[::stride]
         squares.append(float(np.mean((np.diff(value) / np.diff(time)) ** 2)))
-    speed = float(np.sqrt(np.mean(squares))) if squares else 0.0
-    return speed or _half_range(system, joint)
+    return float(np.sqrt(np.mean(squares))) if squares else 0.0
 
 
 def joint_damping(system: System, location: Location) -> tuple[str, float]:
@@ -183,6 +188,17 @@ def tendon_speed(system: System) -> float:
     return RATE * tendon_travel(system)
 
 
+def own_tendon_speed(system: System, tendon: str) -> float:
+    """Return the typical velocity of a tendon: the measured RMS, or that of all tendons [m/s]."""
+    return _speed(_lengths(system, tendon)) or tendon_speed(system)
+
+
+def own_tendon_travel(system: System, tendon: str) -> float:
+    """Return the typical change of length of a tendon: the measured one, or that of all [m]."""
+    travels = [float(np.ptp(reading.value)) for reading in _lengths(system, tendon)]
+    return max(travels, default=0.0) or tendon_travel(system)
+
+
 def link_size(system: System) -> float:
     """Return the size of the machine's largest link [m]."""
     return machine_size.machine_size(system).link
@@ -218,13 +234,22 @@ def _readings(system: System) -> Iterator[tuple[Channel, Reading]]:
 
 def _positions(system: System, joint: str) -> list[Reading]:
     """Return the measured positions of a joint in each episode."""
-    model, id_ = system.model, system.model.joint(joint).id
-    kind = int(mujoco.mjtSensor.mjSENS_JOINTPOS)
+    return _measured(system, mujoco.mjtSensor.mjSENS_JOINTPOS, system.model.joint(joint).id)
+
+
+def _lengths(system: System, tendon: str) -> list[Reading]:
+    """Return the measured lengths of a tendon in each episode."""
+    return _measured(system, mujoco.mjtSensor.mjSENS_TENDONPOS, system.model.tendon(tendon).id)
+
+
+def _measured(system: System, kind: mujoco.mjtSensor, element: int) -> list[Reading]:
+    """Return the readings of the sensors of a kind at an element in each episode."""
+    model = system.model
     return [
         reading
         for channel, reading in _readings(system)
         if channel.kind == "sensor"
-        and int(model.sensor(channel.sensor).type[0]) == kind
-        and int(model.sensor(channel.sensor).objid[0]) == id_
+        and int(model.sensor(channel.sensor).type[0]) == int(kind)
+        and int(model.sensor(channel.sensor).objid[0]) == element
         and len(reading.time) > 1
     ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from reality_gap.types import Floats
-from tests.reality_gap.causes.hidden_arm import LIMIT, PERIOD, STEP, Machine
+from tests.reality_gap.causes.hidden_arm import LIMIT, PERIOD, SETTLE, STEP, Machine
 
 
 @dataclass
@@ -137,6 +137,26 @@ class DeadMotor(Machine):
         found = command.copy()
         found[1] -= np.clip(command[1], -0.4, 0.4)
         return found
+
+
+@dataclass
+class StruckArm(Machine):
+    """A wheel with a bump presses on the lower link each 1.3 s, or at other times."""
+
+    strikes: tuple[float, ...] = tuple(0.4 + 1.3 * k for k in range(20))
+
+    def passive(self, q: Floats, v: Floats, force: Floats) -> Floats:
+        """Torques of a force of -5 N along z at the middle of the lower link for 0.2 s.
+
+        It rises and falls within 40 ms.
+        """
+        steps = self.memory.setdefault("steps", np.zeros(1))
+        time = float(steps[0]) * STEP - SETTLE
+        steps += 1.0
+        edges = (min(time - begin, begin + 0.2 - time) / 0.04 for begin in self.strikes)
+        down = 5.0 * sum(min(max(edge, 0.0), 1.0) for edge in edges)
+        lower = 0.125 * np.cos(q[0] + q[1])
+        return down * np.array([0.3 * np.cos(q[0]) + lower, lower])
 
 
 @dataclass

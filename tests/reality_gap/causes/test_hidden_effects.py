@@ -24,6 +24,12 @@ EFFECTS: list[tuple[str, str, str, dict[str, float]]] = [
     ("ElasticGear", "joint_elasticity", "elbow", {"compliance": 0.01}),
     ("DeadBand", "dead_zone", "elbow", {"half_width": 0.02}),
     ("DeadMotor", "dead_zone", "elbow", {"half_width": 0.4}),
+    (
+        "StruckArm",
+        "external_force",
+        "lower (at regular intervals)",
+        {"z": -5.0, "start": 0.42, "duration": 0.16, "period": 1.3},
+    ),
     ("FastClock", "clock_drift", "sensors", {"drift": 0.01}),
 ]
 """Machine, and the id, location and values of its cause."""

@@ -39,10 +39,16 @@ joint="elbow"/></sensor></mujoco>"""
 KINDS = ("link_mass", "centre_of_mass", "joint_stiffness", "viscous_friction", "force_scale")
 
 
-def study_of(folder: Path, deviations: list[Part]) -> Study:
+FALLING = SWING.replace("<option", '<option gravity="0 0 9.81"').replace(
+    'stiffness="0.5"', 'stiffness="1.5"'
+)
+"""The same links upside down, so that small deviations grow."""
+
+
+def study_of(folder: Path, deviations: list[Part], model: str = SWING) -> Study:
     """A log of the machine with deviations."""
     path = folder / "swing.xml"
-    path.write_text(SWING)
+    path.write_text(model)
     time = np.arange(0.0, 6.0, 0.02)
     command = np.stack([0.5 * np.sin(4.1 * time), 0.3 * np.sin(6.3 * time)], axis=1)
     channels = tuple(Channel(name, name, noise=NOISE) for name in ("shoulder_angle", "elbow_angle"))
@@ -81,9 +87,9 @@ def deviations_of(tolerances: list[Tolerance], seed: int) -> list[Part]:
     return [one.deviation(1.5 * float(rng.choice([-1.0, 1.0]))) for one in tolerances]
 
 
-def powers(folder: Path, deviations: list[Part]) -> tuple[float, float]:
+def powers(folder: Path, deviations: list[Part], model: str = SWING) -> tuple[float, float]:
     """The power with linear columns, and that of the expansion."""
-    with Replayer(study_of(folder, deviations)) as replayer:
+    with Replayer(study_of(folder, deviations, model)) as replayer:
         null, own = replayer.residual([]), tolerances_of(replayer)
         columns = tolerance_columns(replayer, own, null)
         assert np.sqrt(np.mean(null**2)) > 100.0
@@ -99,7 +105,19 @@ def test_large_effects_of_small_deviations_are_not_taken_for_a_fault(
     tmp_path: Path, tolerances: list[Tolerance], seed: int
 ) -> None:
     linear, corrected = powers(tmp_path, deviations_of(tolerances, seed))
-    assert linear > 2.5
+    assert linear > 2.0
+    assert corrected < 1.3
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_deviations_that_grow_with_the_time_are_found(tmp_path: Path, seed: int) -> None:
+    """Each is of 1.5 tolerances, so that their prior alone leaves 1.1."""
+    with Replayer(study_of(tmp_path, [], FALLING)) as replayer:
+        deviations = deviations_of(tolerances_of(replayer), seed)
+
+    linear, corrected = powers(tmp_path, deviations, FALLING)
+
+    assert linear > 20.0
     assert corrected < 1.3
 
 

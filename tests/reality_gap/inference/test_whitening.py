@@ -54,6 +54,19 @@ def test_the_square_of_a_residual_is_that_under_the_covariance(case: Case, seed:
     assert np.sum(whitened**2) == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.parametrize("largest", [1e2, 1e4, 1e5])
+def test_small_tolerances_count_beside_large_ones(largest: float) -> None:
+    """What deviations of one tolerance each do is explained to within their prior."""
+    rng = np.random.default_rng(0)
+    tolerances = rng.standard_normal((300, 8)) @ rng.standard_normal((8, 8))
+    tolerances *= np.geomspace(1.0, largest, 8)
+    residual = tolerances @ np.where(rng.random(8) < 0.5, -1.0, 1.0)
+
+    whitened = whitening(tolerances, np.ones(300), np.ones(300, bool))(residual)
+
+    assert np.sum(whitened**2) <= 8.01
+
+
 def test_columns_are_whitened_one_by_one() -> None:
     rng = np.random.default_rng(0)
     tolerances, columns = rng.standard_normal((10, 2)), rng.standard_normal((10, 3))
