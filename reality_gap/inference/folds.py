@@ -30,7 +30,6 @@ from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.held_out import LEAST_WEIGHT
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.theta import prior_weights
-from reality_gap.inference.whitening import directions
 from reality_gap.study.splits import REPORT, TURN, blocks, turn
 from reality_gap.types import Floats, Ints
 
@@ -178,5 +177,6 @@ def _removal(gram: Floats) -> Floats:
     Args:
         gram: N'N of the readings in use, in units of the inflated noise, shape (p, p).
     """
-    power, vectors = directions(gram)
+    power, vectors = np.linalg.eigh(gram)
+    power = np.maximum(power, 1e-9)  # rounding errors may make it negative
     return np.asarray((vectors * ((1.0 - 1.0 / np.sqrt(1.0 + power)) / power)) @ vectors.T)

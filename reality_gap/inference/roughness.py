@@ -35,7 +35,7 @@ def roughness(
     use = split(measured) <= SELECT
     weight = 1.0 / np.sqrt(inflation[use])
     columns = tolerances[use] * weight[:, None]
-    power, vectors = directions(columns.T @ columns)
+    power, vectors = directions(columns)
     along = (vectors.T @ (columns.T @ (weight * remainder[use]))) ** 2 / power
     evidence = [
         0.5 * float(np.sum(along * s**2 * power / (1.0 + s**2 * power)))

@@ -16,8 +16,8 @@ import numpy as np
 
 from reality_gap.types import Bools, Floats, Ints
 
-LEAST_POWER = 1e-12
-"""Smallest power of a direction of the tolerances, relative to the largest: where that is 1e5
+LEAST = 1e-10
+"""Smallest size of a direction of the tolerances, relative to the largest. Where that is 1e7
 noises, as in a machine that moves without feedback, one of a noise counts."""
 
 
@@ -54,20 +54,23 @@ def whitening(tolerances: Floats, inflation: Floats, use: Bools) -> Whitening:
     """
     weight = 1.0 / np.sqrt(inflation[use])
     scaled = tolerances[use] * weight[:, None]
-    power, vectors = directions(scaled.T @ scaled)
+    power, vectors = directions(scaled)
     basis = scaled @ (vectors / np.sqrt(power))
     return Whitening(use, weight, basis, 1.0 - 1.0 / np.sqrt(1.0 + power))
 
 
-def directions(gram: Floats) -> tuple[Floats, Floats]:
+def directions(tolerances: Floats) -> tuple[Floats, Floats]:
     """Return power (k,) and orthonormal vectors (p, k) of the directions that tolerances have.
 
+    Their squares are not formed, in which small directions would be lost beside large ones.
+
     Args:
-        gram: N'N, shape (p, p).
+        tolerances: N, shape (n, p).
     """
-    power, vectors = np.linalg.eigh(gram)
-    large = power > LEAST_POWER * max(1.0, float(power.max(initial=0.0)))
-    return power[large], vectors[:, large]
+    triangle = np.linalg.qr(tolerances, mode="r")
+    _, size, vectors = np.linalg.svd(triangle, full_matrices=False)
+    large = size > LEAST * max(1.0, float(size.max(initial=0.0)))
+    return size[large] ** 2, vectors[large].T
 
 
 def variance_inflation(remainder: Floats, channels: Ints, limit: int = 100) -> Floats:
