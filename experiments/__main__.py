@@ -48,6 +48,7 @@ RUNNERS = {
     "gap-to-skill": Runner("a diagnosis of a minute's motion, as a map", True),
     "gap-bench": Runner("hidden effects: how often the diagnosis is right"),
     "strangers-bench": Runner("hidden effects in machines of all kinds and sizes"),
+    "estimator-variance": Runner("errors of estimated sizes beside their Cramer-Rao bound"),
     "gap-calibrate": Runner("calibration of the diagnosis's confidence"),
     "record": Runner("a log of a moving robot, as a study for reality_gap"),
     "emps": Runner("a measured drive: force that a mass alone does not explain"),

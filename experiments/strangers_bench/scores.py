@@ -152,11 +152,19 @@ def covered(trial: Trial) -> bool | None:
     if not right_location(trial) or len(trial["causes"]) > 1:
         return None
     effect, cause = trial["truth"][0], trial["causes"][0]
+    name = sized_parameter(trial, effect, cause)
+    if name is None:
+        return None
+    _, low, high = cause["parameters"][name]
+    return bool(low <= effect["size"] <= high)
+
+
+def sized_parameter(
+    trial: Trial, effect: Mapping[str, Any], cause: Mapping[str, Any]
+) -> str | None:
+    """Parameter of a cause whose value is the size of a hidden effect; None if not comparable."""
     name = PARAMETERS.get(cause["cause"])
     exact = cause["cause"] in true_names(trial, effect)
     if effect["size"] is None or not exact or name not in cause["parameters"]:
         return None
-    if len(cause["elements"]) != len(effect["elements"]):
-        return None
-    _, low, high = cause["parameters"][name]
-    return bool(low <= effect["size"] <= high)
+    return name if len(cause["elements"]) == len(effect["elements"]) else None

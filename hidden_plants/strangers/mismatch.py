@@ -130,6 +130,6 @@ def mismatch_at(stranger: Stranger, unit: Floats, tolerances: Tolerances | None 
 
 
 def sample_mismatch(stranger: Stranger) -> Mismatch:
-    """Mismatches of the real machine of a seed."""
-    rng = np.random.default_rng([stranger.seed, 1])
+    """Mismatches of the real machine of a seed and realisation."""
+    rng = stranger.generator(1)
     return mismatch_at(stranger, rng.uniform(-1.0, 1.0, mismatch_size(stranger)))

@@ -59,8 +59,8 @@ class Oracle:
 
     def distance(self, effect: Effect) -> float:
         """Detectability d of an effect; NaN if the machine leaves its ranges."""
-        known = self._known()
-        readings = self._readings((effect,))
+        known = self.background
+        readings = self.readings((effect,))
         if np.isnan(readings).any():
             return float("nan")
         change = known.weight * readings - known.middle
@@ -89,7 +89,7 @@ class Oracle:
             amplitude = following
         return high
 
-    def _readings(self, effects: tuple[Effect, ...] = (), step: float | None = None) -> Floats:
+    def readings(self, effects: tuple[Effect, ...] = (), step: float | None = None) -> Floats:
         """Whitened readings of a machine with its mean mismatches; NaN if it leaves its ranges."""
         none = mismatch_at(self.stranger, np.zeros(mismatch_size(self.stranger)))
         found = run(self.stranger, none, effects, step or self.step)
@@ -98,11 +98,13 @@ class Oracle:
     def _natively(self, unit: Floats) -> Floats:
         return whitened_natively(self.stranger, mismatch_at(self.stranger, unit), self.step)
 
-    def _known(self) -> Background:
+    @property
+    def background(self) -> Background:
+        """Readings without an effect, and their change with the mismatches."""
         if self._background is None:
             units = np.eye(mismatch_size(self.stranger))
-            middle, start = self._readings(), self._natively(0.0 * units[0])
-            exact = self._readings(step=real_step(self.stranger))
+            middle, start = self.readings(), self._natively(0.0 * units[0])
+            exact = self.readings(step=real_step(self.stranger))
             if np.isnan(middle).any() or np.isnan(exact).any():
                 raise ValueError(f"machine {self.stranger.seed} leaves its ranges")
             weight = self._weight(start - exact)

@@ -97,7 +97,7 @@ def reading_times(stranger: Stranger, episode: int, jitter: float) -> Floats:
 
 def noisy(stranger: Stranger, episode: int, clean: Readings) -> Readings:
     """Add noise to the readings of an episode and round them to the steps of their sensors."""
-    rng, found = np.random.default_rng([stranger.seed, 4, episode]), {}
+    rng, found = stranger.generator(4, episode), {}
     for sensor in stranger.sensors:
         values = clean[sensor.name]
         values = values + sensor.noise * rng.standard_normal(len(values))

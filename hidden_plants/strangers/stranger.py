@@ -41,6 +41,8 @@ class Stranger:
         sensors: what is measured, in the order of the log.
         paths: planned motion of each episode.
         commands: times (k,) [s] and commands (k, drives) of each episode.
+        realisation: number of the real machine and its readings: those of each number have their
+            own mismatches and noise, and the same time stamps.
     """
 
     seed: int
@@ -55,6 +57,12 @@ class Stranger:
     sensors: tuple[Sensor, ...]
     paths: tuple[Path, ...]
     commands: tuple[tuple[Floats, Floats], ...]
+    realisation: int = 0
+
+    def generator(self, *purpose: int) -> np.random.Generator:
+        """Random numbers of a purpose, in this realisation."""
+        own = (self.realisation,) if self.realisation else ()
+        return np.random.default_rng([self.seed, *purpose, *own])
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from hidden_plants.secret import Effect
 from hidden_plants.strangers.mechanisms import build, motor_limits
 from hidden_plants.strangers.mechanisms.mechanism import index_of, joint_of, size_of
-from hidden_plants.strangers.mismatch import sample_mismatch
+from hidden_plants.strangers.mismatch import Mismatch, sample_mismatch
 from hidden_plants.strangers.plant import Plant, real_step
 from hidden_plants.strangers.stranger import Stranger
 
@@ -47,7 +47,7 @@ PLAIN = (
 """Effects with one number that means the same to everybody."""
 
 
-def true_size(stranger: Stranger, effect: Effect) -> float | None:
+def true_size(stranger: Stranger, effect: Effect, mismatch: Mismatch | None = None) -> float | None:
     """Difference of the real machine from the nominal one by an effect and its mismatch.
 
     A reduction of a number of the model is negative; a limit of a force is the limit itself, that
@@ -56,6 +56,7 @@ def true_size(stranger: Stranger, effect: Effect) -> float | None:
     Args:
         stranger: nominal machine.
         effect: a hidden effect.
+        mismatch: of the real machine; those of its seed by default.
 
     Returns:
         The difference in SI units; None for an effect whose size has more than one definition.
@@ -64,7 +65,8 @@ def true_size(stranger: Stranger, effect: Effect) -> float | None:
         return None
     if effect.id in motor_limits.TRUE_SIZES:
         return motor_limits.TRUE_SIZES[effect.id](effect)
-    plant = build(stranger, sample_mismatch(stranger), (effect,), real_step(stranger))
+    real = sample_mismatch(stranger) if mismatch is None else mismatch
+    plant = build(stranger, real, (effect,), real_step(stranger))
     if effect.id in _OF_JOINTS:
         return _of_joint(stranger, plant, effect)
     if effect.id in ("servo_kp", "servo_kd", "torque_limit") and len(effect.elements) == 1:

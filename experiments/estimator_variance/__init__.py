@@ -1,0 +1,1 @@
+"""Errors of estimated sizes of hidden effects of known structure, beside their lower bound."""
