@@ -133,9 +133,12 @@ class _Whitened:
 
     def __init__(self, replayer: Replayer, horizon: float = 1.0) -> None:
         measured = replayer.measured
-        durations = np.array([one.duration for one in replayer.system.study.episodes])
-        near = measured.time <= horizon * durations[measured.episode]
-        self._use = (split(measured) <= SELECT) & (near if horizon < 1.0 else True)
+        near = np.zeros(len(measured.time), dtype=bool)
+        for e in np.unique(measured.episode):
+            own = measured.episode == e
+            since = measured.time - measured.time[own].min()
+            near |= own & (since <= horizon * since[own].max())
+        self._use = (split(measured) <= SELECT) & near
         self._ones = np.ones(len(self._use))
 
     def cost(self, columns: Floats, residual: Floats, sizes: Floats) -> float:

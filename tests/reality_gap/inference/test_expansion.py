@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -168,3 +169,19 @@ def test_deviations_are_silent_and_a_fault_beside_them_is_not(
 def fault_of(found: Diagnosis) -> list[Part]:
     """The named causes with their values."""
     return [(c.candidate, {n: e.value for n, e in c.parameters.items()}) for c in found.causes]
+
+
+def test_deviations_are_found_where_clocks_do_not_begin_at_zero(tmp_path: Path) -> None:
+    """Readings begin 2 s after the commands, as in a log that was cut."""
+    with Replayer(study_of(tmp_path, [], FALLING)) as replayer:
+        deviations = deviations_of(tolerances_of(replayer), 1)
+    study = study_of(tmp_path, deviations, FALLING)
+    [episode] = study.episodes
+    cut = tuple(Reading(r.time[100:], r.value[100:]) for r in episode.readings)
+    with Replayer(replace(study, episodes=(replace(episode, readings=cut),))) as replayer:
+        null, own = replayer.residual([]), tolerances_of(replayer)
+        columns = tolerance_columns(replayer, own, null)
+        found = expand(replayer, own, columns, [], null)
+        replayer.expansion = found.expansion
+
+        assert power(found.columns, replayer.residual([])) < 1.3
