@@ -19,7 +19,7 @@ from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
-from reality_gap.inference.expansion import UNEXPLAINED, Expanded, expand, is_linear
+from reality_gap.inference.expansion import Expanded, expand, is_linear, is_noise
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search, search
 from reality_gap.inference.gauss_newton import Fit
@@ -225,7 +225,7 @@ class _Run:
         found = expand(replayer, tolerances, columns, [], self.null_residual)
         count = np.count_nonzero(split(replayer.measured) <= SELECT)
         for i in range(1, min(len(best.hypothesis), MOST_BESIDE) + 1):
-            if found.power < UNEXPLAINED:
+            if is_noise(replayer, found.power):
                 break
             first = best.hypothesis[:i]
             residual = replayer.residual(first)

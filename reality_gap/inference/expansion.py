@@ -31,8 +31,8 @@ from reality_gap.types import Floats
 
 LARGE = 5.0
 """RMS of what tolerances explain from which on it is not taken for linear [noise]."""
-UNEXPLAINED = 1.05
-"""Mean square of the whitened residual up to which linear columns suffice."""
+CHANCE = 3.0
+"""Deviations of the mean square of noise above 1 up to which a whitened residual is noise."""
 HORIZONS = (0.25, 0.5, 1.0)
 """Shares of each episode from which deviations are inferred, one after the other."""
 STEPS = 4
@@ -74,7 +74,13 @@ def is_linear(replayer: Replayer, columns: Floats, residual: Floats) -> bool:
     whitened = _Whitened(replayer)
     if whitened.explained(columns, residual) < LARGE:
         return True
-    return whitened.power(columns, residual) < UNEXPLAINED
+    return is_noise(replayer, whitened.power(columns, residual))
+
+
+def is_noise(replayer: Replayer, power: float) -> bool:
+    """Return whether a mean square of a whitened residual is that of noise."""
+    count = np.count_nonzero(split(replayer.measured) <= SELECT)
+    return power < 1.0 + CHANCE * float(np.sqrt(2.0 / count))
 
 
 def expand(
