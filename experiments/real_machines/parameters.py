@@ -37,6 +37,8 @@ ACTS_ON = {
 """Kinds of parameters, and on what each acts: rotor inertia, viscous and dry friction of a joint,
 offset of its effort, zero of its encoder; relative error of a servo's stiffness, damping of a
 servo; relative error of a link's mass and inertia; delay of all commands."""
+TAKEN = {"armature": "armature", "damping": "damping", "friction": "frictionloss"}
+"""Attribute of a joint by kind: what it has may be taken away, too."""
 LARGEST = 200
 """Largest number of states in which the sizes are computed."""
 LEAST = 1e-3
@@ -80,10 +82,12 @@ def expand(study: Study, kinds: Sequence[str], shared: bool = False) -> list[Fre
     for kind in kinds:
         names = _elements(study, ACTS_ON[kind])
         scales = {name: _scale(kind, name, sizes) for name in names}
+        nominal = {name: _nominal(study, kind, name) for name in names}
         if len(names) == 1 or (shared and names):
-            scales = {"": max(scales.values())}
+            scales, nominal = {"": max(scales.values())}, {"": max(nominal.values())}
         for name, scale in scales.items():
-            found.append(Free(f"{kind} {name}".strip(), scale, *_bounds(kind, scale)))
+            low, high = _bounds(kind, scale, nominal[name])
+            found.append(Free(f"{kind} {name}".strip(), scale, low, high))
     return found
 
 
@@ -123,12 +127,20 @@ def _scale(kind: str, name: str, sizes: Sizes) -> float:
     }[kind]
 
 
-def _bounds(kind: str, scale: float) -> tuple[float, float]:
+def _nominal(study: Study, kind: str, name: str) -> float:
+    """Return what the model has of a property of a joint, which a fit may take away."""
+    if kind not in TAKEN:
+        return 0.0
+    joint = study.spec().joint(name)
+    return float(np.ravel(getattr(joint, TAKEN[kind]))[0])
+
+
+def _bounds(kind: str, scale: float, nominal: float) -> tuple[float, float]:
     if kind in ("bias", "offset"):
         return -10.0 * scale, 10.0 * scale
     if kind in ("mass", "gain"):
         return -0.999, 3.0
-    return 0.0, 20.0 * scale
+    return -nominal, 20.0 * scale
 
 
 def find_sizes(study: Study) -> Sizes:
@@ -201,9 +213,9 @@ def predict(study: Study, readings: Measured, values: Mapping[str, float]) -> Fl
         return values.get(kind, 0.0) + values.get(f"{kind} {name}", 0.0)
 
     for joint in spec.joints:
-        joint.armature += value("armature", joint.name)
+        joint.armature = max(joint.armature + value("armature", joint.name), 0.0)
         joint.damping[0] = max(joint.damping[0] + value("damping", joint.name), 0.0)
-        joint.frictionloss += value("friction", joint.name)
+        joint.frictionloss = max(joint.frictionloss + value("friction", joint.name), 0.0)
     for body in spec.bodies:
         _scale_mass(body, 1.0 + value("mass", body.name))
     for actuator in spec.actuators:

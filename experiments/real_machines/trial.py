@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from experiments.real_machines.baselines import Baseline, fit, fit_by_mujoco
@@ -13,6 +16,7 @@ from experiments.real_machines.parameters import predict
 from jmm_agent.types import Floats
 from reality_gap import Diagnosis, Options, RealityGapError, diagnose
 from reality_gap.report.files import check_out, write_diagnosis
+from reality_gap.simulation.episode import silence
 from reality_gap.simulation.inverse_dynamics import ensure_prepared
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured, measured
@@ -66,10 +70,24 @@ def trial(name: str, data: Path, out: Path, seconds: float) -> dict[str, Any]:
 
 def fit_baselines(machine: Machine, study: Study) -> dict[str, Baseline]:
     """Fit all baselines of a machine; that of a person by `mujoco.sysid`, too."""
-    found = {title: fit(study, kinds, machine.shared) for title, kinds in machine.baselines.items()}
-    if PERSON_NAME in found:
-        found[MUJOCO] = fit_by_mujoco(study, machine.baselines[PERSON_NAME], machine.shared)
+    found = dict[str, Baseline]()
+    with _silenced():
+        for title, kinds in machine.baselines.items():
+            found[title] = fit(study, kinds, machine.shared)
+        if PERSON_NAME in found:
+            found[MUJOCO] = fit_by_mujoco(study, machine.baselines[PERSON_NAME], machine.shared)
     return found
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Keep MuJoCo from warning of trial values with which a replay diverges."""
+    before = mujoco.get_mju_user_warning()
+    silence()
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def held_out_errors(study: Study, readings: Measured, prediction: Floats) -> dict[str, float]:
