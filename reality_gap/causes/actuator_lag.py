@@ -13,7 +13,7 @@ import math
 import mujoco
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, SearchHints, Values
-from reality_gap.causes.support import clocks, elements
+from reality_gap.causes.support import elements
 from reality_gap.study.system import System
 
 COMMAND = "of the command"
@@ -44,7 +44,7 @@ def _can_lag(model: mujoco.MjModel, actuator: int) -> bool:
 
 def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     hints = SearchHints(secants=elements.secants(system, location, SECANTS))
-    least = clocks.least_delay(system)
+    least = float(system.model.opt.timestep)  # which does not resolve a faster filter
     return (Parameter("time_constant", "s", 0.004, 0.0001, 0.0, 0.5, hints=hints, least=least),)
 
 

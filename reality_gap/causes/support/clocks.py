@@ -10,10 +10,9 @@ from reality_gap.causes.base import Record
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
-LEAST = 1.0
+LEAST = 0.6
 """Delay up to which it is not named, in time steps of the model: an integrator may be late or early
-by half a step, more or less for each kind of sensor, and readings are interpolated between steps.
-Where a clock drifts, they come so close to the jumps of commands that this shows."""
+by half a step, more or less for each kind of sensor."""
 
 
 def least_delay(system: System) -> float:

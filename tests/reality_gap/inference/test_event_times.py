@@ -85,11 +85,11 @@ def test_a_limit_that_was_never_reached_is_screened_and_fitted(tmp_path: Path) -
     assert fit.hypothesis[0][1]["limit"] == pytest.approx(3.0, rel=0.1)
 
 
-@pytest.mark.parametrize(("steps", "tolerable"), [(0.5, True), (0.9, True), (1.5, False)])
+@pytest.mark.parametrize(("steps", "tolerable"), [(0.5, True), (1.0, False)])
 def test_a_deviation_that_every_good_model_has_is_no_cause(
     tmp_path: Path, steps: float, tolerable: bool
 ) -> None:
-    """However precise the data are, a delay below a time step is that of an integrator."""
+    """However precise the data are, a delay of half a time step is that of an integrator."""
     study = elbow_study(tmp_path)
     late = candidate(study, "delay", "actuator", 3)
     delay = {"delay": steps * study.spec().option.timestep}
