@@ -9,8 +9,9 @@ import numpy as np
 
 from reality_gap.causes.base import Record
 from reality_gap.diagnosis import Dependence
-from reality_gap.inference.flexible_residual import Learned, banks, learn
+from reality_gap.inference.flexible_residual import banks
 from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.learned_residual import Learned, learn
 from reality_gap.inference.problem import Problem
 from reality_gap.inference.whitening import explained_by_tolerances
 from reality_gap.simulation.replayer import Replayer
