@@ -21,16 +21,15 @@ from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
 from reality_gap.inference.expansion import Expanded, expand, is_linear, is_noise
 from reality_gap.inference.flat_directions import flat_directions
-from reality_gap.inference.forward_selection import Search, search
+from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.group_fit import BETTER, GroupFit, fit_groups, power
-from reality_gap.inference.likelihood import FAR, independent_noise
+from reality_gap.inference.likelihood import FAR
 from reality_gap.inference.log_candidates import in_each_log
 from reality_gap.inference.outcome import Outcome, groups_outcome
 from reality_gap.inference.paying import Paying
-from reality_gap.inference.problem import Problem
 from reality_gap.inference.remainder import Remainder
-from reality_gap.inference.roughness import roughness
+from reality_gap.inference.rough_search import search_roughly
 from reality_gap.inference.screening import NO_CHECKPOINT, Sensitivity, list_candidates, screen
 from reality_gap.inference.search_outcome import search_outcome
 from reality_gap.inference.tolerances import (
@@ -208,16 +207,9 @@ class _Run:
         """Search for causes of the nominal residual (n,), with columns of tolerances (n, p)."""
         replayer, options = self.replayer, self.options
         deferred = Deferred(replayer, null, screened.deferred, options.visible)
-        sensitivities, rough = screened.judged, 1.0
-        while True:
-            noise_model = independent_noise(replayer.measured, rough * columns)
-            problem = Problem(replayer, null, noise_model, rough)
-            result = search(problem, sensitivities, options.search, deferred, known)
-            inflation = result.problem.noise_model.inflation
-            found = roughness(replayer.measured, columns, result.best.residual, inflation)
-            if found <= rough:
-                return result
-            sensitivities, rough, known = result.sensitivities, found, result.singles
+        return search_roughly(
+            replayer, null, columns, screened.judged, options.search, deferred, known
+        )
 
     def _expand(self, tolerances: Sequence[Tolerance], columns: Floats, best: Fit) -> Expanded:
         """Linearise about the likeliest deviations, with as many of the causes as are needed."""

@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from experiments.emps.log import at_readings, measured_force, motion, relative_error
 from jmm_agent.types import Floats
-from reality_gap.simulation.inverse_dynamics import Motion
+from reality_gap.simulation.measured_motion import Motion
 from reality_gap.study.data import Study
 
 BLOCKS = 24

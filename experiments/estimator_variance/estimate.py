@@ -17,16 +17,17 @@ from reality_gap import CATALOGUE, Candidate, Options
 from reality_gap.diagnosis import Estimate
 from reality_gap.inference.deferral import split_deferred
 from reality_gap.inference.expansion import expand, is_linear
-from reality_gap.inference.forward_selection import search
-from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.forward_selection import Search, Settings
 from reality_gap.inference.intervals import intervals
-from reality_gap.inference.likelihood import FAR, independent_noise
-from reality_gap.inference.problem import Problem
-from reality_gap.inference.roughness import roughness
+from reality_gap.inference.likelihood import FAR
+from reality_gap.inference.rough_search import search_roughly
 from reality_gap.inference.screening import Sensitivity, list_candidates, screen
 from reality_gap.inference.tolerances import Tolerance, list_tolerances, tolerance_columns
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
+
+KNOWN = Settings(threshold=-np.inf, most=1)
+"""Accepts the known cause, whatever its evidence."""
 
 
 class Slopes(NamedTuple):
@@ -94,25 +95,17 @@ def estimate(replayer: Replayer, slopes: Slopes, name: str) -> Estimate:
         name: of the parameter.
     """
     slopes = slopes.in_noise_of(replayer.measured.noise)
-    problem, best = _fit(replayer, slopes.right, slopes.columns)
+    result = _fit(replayer, slopes.right, slopes.columns)
+    best = result.best
     if not is_linear(replayer, slopes.columns, best.residual):
         columns, hypothesis = slopes.columns, best.hypothesis
         found = expand(replayer, slopes.tolerances, columns, hypothesis, best.residual)
         if found.expansion.parts and found.power < FAR:
             replayer.expansion = found.expansion
-            problem, best = _fit(replayer, slopes.right, found.columns)
-    return intervals(problem, best)[0][name]
+            result = _fit(replayer, slopes.right, found.columns)
+    return intervals(result.problem, result.best)[0][name]
 
 
-def _fit(replayer: Replayer, right: Sequence[Sensitivity], columns: Floats) -> tuple[Problem, Fit]:
+def _fit(replayer: Replayer, right: Sequence[Sensitivity], columns: Floats) -> Search:
     """Fit the known cause with as rough tolerances as its remainder shows."""
-    null, rough = replayer.residual([]), 1.0
-    while True:
-        noise_model = independent_noise(replayer.measured, rough * columns)
-        settings = Options().search.for_log(replayer.system.study.duration)
-        found = search(Problem(replayer, null, noise_model, rough), right, settings)
-        best, inflation = found.steps[0].tried[0], found.problem.noise_model.inflation
-        rougher = roughness(replayer.measured, columns, best.residual, inflation)
-        if rougher <= rough:
-            return found.problem, best
-        rough = rougher
+    return search_roughly(replayer, replayer.residual([]), columns, right, KNOWN)

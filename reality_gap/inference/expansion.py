@@ -16,13 +16,18 @@ it, as one fits trajectories that diverge.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from reality_gap.inference.tolerances import Tolerance
-from reality_gap.inference.whitening import explained_by_tolerances, whitening
+from reality_gap.inference.whitening import (
+    Whitening,
+    explained_by_tolerances,
+    likeliest_sizes,
+    whitening,
+)
 from reality_gap.simulation.hypothesis import Hypothesis, Part, has_effects
 from reality_gap.simulation.replayer import Expansion, Replayer
 from reality_gap.study.splits import SELECT, split
@@ -108,13 +113,14 @@ def expand(
     others = np.delete(columns, chosen, axis=1)
     sizes, wide = np.zeros(len(chosen)), columns
     for whitened in (_Whitened(replayer, share) for share in HORIZONS):
-        least = whitened.cost(others, residual, sizes)
+        cost = whitened.cost_beside(others)
+        least = cost(residual, sizes)
         for _ in range(STEPS):
             corrected = residual + wide[:, chosen] @ sizes
             aim = np.clip(whitened.sizes(wide, corrected)[chosen], parts.low, parts.high)
             trials = [sizes + share * (aim - sizes) for share in SHARES]
             pairs = list(zip(parts.residuals(trials), trials, strict=True))
-            costs = [whitened.cost(others, *pair) for pair in pairs]
+            costs = [cost(*pair) for pair in pairs]
             if not min(costs) < BETTER * least:
                 break
             least, (moved, there) = min(costs), pairs[int(np.argmin(costs))]
@@ -147,22 +153,22 @@ class _Whitened:
         self._use = (split(measured) <= SELECT) & near
         self._ones = np.ones(len(self._use))
 
-    def cost(self, columns: Floats, residual: Floats, sizes: Floats) -> float:
-        """Return minus twice the log probability of deviations, per reading.
+    def cost_beside(self, columns: Floats) -> Callable[[Floats, Floats], float]:
+        """Return a function of a residual (n,) with deviations, and of these in tolerances (p,).
 
-        Args:
-            columns: changes by the other tolerances, shape (n, q).
-            residual: residual with the deviations, shape (n,).
-            sizes: the deviations, in tolerances, shape (p,).
+        It is minus twice the log probability of the deviations, per reading, with the other
+        tolerances, whose changes are the columns (n, q), integrated out.
         """
-        prior = float(sizes @ sizes) / np.count_nonzero(self._use)
-        return self.power(columns, residual) + prior
+        whiten, count = whitening(columns, self._ones, self._use), np.count_nonzero(self._use)
+
+        def cost(residual: Floats, sizes: Floats) -> float:
+            return _mean_square(whiten, residual) + float(sizes @ sizes) / count
+
+        return cost
 
     def power(self, columns: Floats, residual: Floats) -> float:
         """Return the mean square of a whitened residual (n,); infinite if it is not finite."""
-        if not np.isfinite(residual).all():
-            return float("inf")
-        return float(np.mean(whitening(columns, self._ones, self._use)(residual) ** 2))
+        return _mean_square(whitening(columns, self._ones, self._use), residual)
 
     def explained(self, columns: Floats, residual: Floats) -> float:
         """Return the RMS of what columns (n, p) explain of a residual (n,)."""
@@ -171,9 +177,12 @@ class _Whitened:
 
     def sizes(self, columns: Floats, residual: Floats) -> Floats:
         """Return the most probable weights of columns (n, p), shape (p,)."""
-        x = columns[self._use]
-        gram = x.T @ x + np.eye(x.shape[1])
-        return np.asarray(np.linalg.solve(gram, x.T @ residual[self._use]), dtype=np.float64)
+        return likeliest_sizes(columns, self._ones, self._use, residual)
+
+
+def _mean_square(whiten: Whitening, residual: Floats) -> float:
+    """Return the mean square of a whitened residual (n,); infinite if it is not finite."""
+    return float(np.mean(whiten(residual) ** 2)) if np.isfinite(residual).all() else float("inf")
 
 
 class _Deviations:

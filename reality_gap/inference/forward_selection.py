@@ -175,7 +175,7 @@ def search(
         best = step.tried[0] if step.accepted else step.base
         if not step.accepted:
             break
-        if problem.noise_model.is_far:
+        if problem.noise_model.is_far and len(steps) < settings.most:
             near = _screen_beside(problem, sensitivities, best)
     return Search(problem, tuple(steps), best, tuple(sensitivities))
 

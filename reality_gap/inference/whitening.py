@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from reality_gap.types import Bools, Floats, Ints
 
@@ -105,12 +106,11 @@ def variance_inflation(remainder: Floats, channels: Ints, limit: int = 100) -> F
     return result
 
 
-def explained_by_tolerances(
-    tolerances: Floats, inflation: Floats, use: Bools, residual: Floats
-) -> Floats:
-    """Estimate the part of a residual that tolerances explain.
+def likeliest_sizes(tolerances: Floats, inflation: Floats, use: Bools, residual: Floats) -> Floats:
+    """Estimate the deviations that tolerances have, from a residual.
 
-    It is the posterior mean of N s with s ~ N(0, I), given the readings in use.
+    They are the posterior mean of s with the residual N s and s ~ N(0, I), given the readings in
+    use. As in `directions`, squares are not formed.
 
     Args:
         tolerances: N, shape (n, p).
@@ -119,9 +119,20 @@ def explained_by_tolerances(
         residual: residual of all readings in units of sensor noise, shape (n,).
 
     Returns:
-        The explained part of the residual of all readings, shape (n,).
+        Deviations in tolerances, shape (p,).
     """
-    scaled = tolerances[use] / np.sqrt(inflation[use])[:, None]
-    right = scaled.T @ (residual[use] / np.sqrt(inflation[use]))
-    size = np.linalg.solve(scaled.T @ scaled + np.eye(scaled.shape[1]), right)
-    return tolerances @ size
+    weight, count = 1.0 / np.sqrt(inflation[use]), tolerances.shape[1]
+    matrix = np.vstack([tolerances[use] * weight[:, None], np.eye(count)])
+    basis, triangle = np.linalg.qr(matrix)
+    right = basis.T @ np.concatenate([residual[use] * weight, np.zeros(count)])
+    return np.asarray(solve_triangular(triangle, right), dtype=np.float64)
+
+
+def explained_by_tolerances(
+    tolerances: Floats, inflation: Floats, use: Bools, residual: Floats
+) -> Floats:
+    """Estimate the part of a residual that tolerances explain, shape (n,).
+
+    The arguments are those of `likeliest_sizes`.
+    """
+    return tolerances @ likeliest_sizes(tolerances, inflation, use, residual)

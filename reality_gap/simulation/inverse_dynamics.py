@@ -21,9 +21,8 @@ from reality_gap.causes.base import Effects, Hook, Record
 from reality_gap.errors import StudyError
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.light_model import light_spec
-from reality_gap.simulation.measured_motion import EDGE as EDGE
-from reality_gap.simulation.measured_motion import Motion as Motion
 from reality_gap.simulation.measured_motion import (
+    Motion,
     effort_cutoff,
     filtered_effort,
     low_pass,

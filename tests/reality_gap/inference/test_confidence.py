@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from reality_gap.inference.confidence import MIMICRY, doubt_beside_unknown
+from reality_gap.inference.search_outcome import search_outcome
+from reality_gap.inference.verdict import Options, revise_and_evaluate
+from tests.reality_gap.inference.imperfect_models import SHAPES, Case, crowd
 
 
 def doubt(gained: list[float], left: list[float]) -> float:
@@ -27,3 +32,17 @@ def test_errors_of_channels_that_a_cause_does_not_change_raise_no_doubt() -> Non
 
 def test_a_cause_that_takes_nothing_is_in_doubt() -> None:
     assert doubt([-1.0, 0.0], [5.0, 1.0]) == MIMICRY
+
+
+@pytest.mark.parametrize(("unknown", "most"), [(0.0, 1.0), (3.0, 0.8), (10.0, 0.6)])
+def test_a_partial_cause_is_doubted_by_what_it_leaves(
+    tmp_path: Path, unknown: float, most: float
+) -> None:
+    """No candidate has the second error, and nothing can be learned of it."""
+    error = 3.0 * SHAPES[:, 0] + unknown * SHAPES[:, 4]
+    result = Case(tmp_path, error, crowd(1)).search()
+    paying, remainder = revise_and_evaluate(result, Options())
+
+    [cause] = search_outcome(paying, remainder, (), Options(suggest=False)).causes
+
+    assert most - 0.3 < cause.confidence <= most

@@ -85,6 +85,28 @@ def test_a_limit_that_was_never_reached_is_screened_and_fitted(tmp_path: Path) -
     assert fit.hypothesis[0][1]["limit"] == pytest.approx(3.0, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("id", "kind", "note", "least"),
+    [
+        ("delay", "actuator", "", 0.6),
+        ("delay", "sensor", "", 1.0),
+        ("actuator_lag", "actuator", "of the command", 1.0),
+    ],
+)
+def test_times_below_what_a_time_step_resolves_are_no_causes(
+    tmp_path: Path, id: str, kind: str, note: str, least: float
+) -> None:
+    """A delay of all commands by 0.77 steps is one; readings are interpolated between steps."""
+    study = elbow_study(tmp_path)
+    system, step = compile_system(study), study.spec().option.timestep
+    found = [x for x in CATALOGUE[id].locations(system) if x.kind == kind and x.note == note]
+
+    assert found
+    for location in found:
+        [parameter] = CATALOGUE[id].parameters(system, location)
+        assert parameter.least == pytest.approx(least * step)
+
+
 @pytest.mark.parametrize(("steps", "tolerable"), [(0.5, True), (1.0, False)])
 def test_a_deviation_that_every_good_model_has_is_no_cause(
     tmp_path: Path, steps: float, tolerable: bool

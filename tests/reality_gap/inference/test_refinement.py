@@ -250,17 +250,26 @@ def test_more_sticky_candidates_are_fitted_if_one_explains_much(
     assert [ids(one) for one in tried] == [["quiet"], ["loud"]]
 
 
+def growing(size: float) -> float:
+    """Has hardly any effect until it is of three scales."""
+    return float(np.interp(size, [0.0, 1.0, 4.0], [0.0, 0.02, 4.0]))
+
+
 def test_the_elements_of_a_group_that_explains_much_are_fitted_alone(tmp_path: Path) -> None:
     """The slope of the right element says little, because its effect grows with its size."""
-    right = candidate("damping", SHAPES[:, 0], "c", answer=slipping, low=0.0)
+    right = candidate("damping", SHAPES[:, 0], "c", answer=growing, low=0.0)
+    [size] = right.parameters
+    right = replace(right, parameters=(replace(size, high=5.0),))
     others = [candidate("damping", SHAPES[:, i], name) for i, name in ((1, "a"), (2, "b"))]
     group = candidate("damping", SHAPES[:, 0] + 0.6 * SHAPES[:, 1])
     group = replace(group, location=Location("joint", ("a", "b", "c")))
     case = Case(tmp_path, 3.0 * SHAPES[:, 0], [group, *others, right])
+    assert case.rank()[0].sensitivity.candidate.matches(group)
 
     best = case.next(refits=1)[0]
 
     assert best.candidates[0].location.elements == ("c",)
+    assert size_of(best, "damping") == pytest.approx(3.25, abs=0.2)
 
 
 def test_no_more_sticky_candidates_are_fitted_if_one_explains_little(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ from scipy.stats import multivariate_normal
 
 from reality_gap import Options, Verdict, diagnose
 from reality_gap.causes import CATALOGUE
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
 from reality_gap.types import Floats
 from tests.reality_gap.inference.imperfect_models import SHAPES, TIME, Case
@@ -135,3 +139,26 @@ def test_the_variance_is_the_likeliest(tmp_path: Path) -> None:
         return type(model)(model.measured, model.tolerances, other, other).log_likelihood(case.null)
 
     assert max((0.8, 0.9, 1.0, 1.1, 1.25), key=likelihood) == 1.0
+
+
+def test_channels_that_are_wrong_smoothly_count_like_others(tmp_path: Path) -> None:
+    """The first channel has white errors, the second one half a wave."""
+    study = pendulum(tmp_path, 0.5, 0.1, 0)
+    [episode] = study.episodes
+    names = ("white", "smooth")
+    channels = tuple(replace(study.channels[0], name=name) for name in names)
+    both = replace(episode, readings=2 * episode.readings)
+    with Replayer(replace(study, channels=channels, episodes=(both,))) as replayer:
+        time = replayer.measured.time
+        white = 30.0 * np.random.default_rng(0).standard_normal(len(time))
+        wave = 30.0 * np.sin(np.pi * time / time.max())
+        error = np.where(replayer.measured.channel == 0, white, wave)
+        model = independent_noise(replayer.measured, np.zeros((len(time), 0)))
+        problem = Problem(replayer, error, model).inflated(error)
+
+    apart = problem.noise_model.correlation
+    alike = problem.without_tolerances().noise_model.correlation
+
+    assert apart.max() > 10.0 * apart.min()
+    assert np.ptp(alike) < 1e-9
+    assert np.sum(1.0 / alike) == pytest.approx(np.sum(1.0 / apart), rel=0.01)

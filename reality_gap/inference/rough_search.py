@@ -1,0 +1,47 @@
+"""Search for causes with tolerances as large as what the causes leave shows; see `roughness`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from reality_gap.inference.deferral import Deferred
+from reality_gap.inference.forward_selection import Search, Settings, search
+from reality_gap.inference.gauss_newton import Fit
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.roughness import roughness
+from reality_gap.inference.screening import Sensitivity
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.types import Floats
+
+
+def search_roughly(
+    replayer: Replayer,
+    null_residual: Floats,
+    columns: Floats,
+    sensitivities: Sequence[Sensitivity],
+    settings: Settings,
+    deferred: Deferred | None = None,
+    known: Sequence[Fit] = (),
+) -> Search:
+    """Search for causes, again with larger tolerances as long as these are likelier.
+
+    Args:
+        replayer: replays hypotheses.
+        null_residual: residual of the nominal model, shape (n,).
+        columns: changes by all tolerances, shape (n, p).
+        sensitivities: of the candidates.
+        settings: thresholds.
+        deferred: candidates that are screened on demand.
+        known: fits of single causes that are tried in any case.
+    """
+    rough = 1.0
+    while True:
+        noise_model = independent_noise(replayer.measured, rough * columns)
+        problem = Problem(replayer, null_residual, noise_model, rough)
+        result = search(problem, sensitivities, settings, deferred, known)
+        inflation = result.problem.noise_model.inflation
+        found = roughness(replayer.measured, columns, result.best.residual, inflation)
+        if found <= rough:
+            return result
+        sensitivities, rough, known = result.sensitivities, found, result.singles
