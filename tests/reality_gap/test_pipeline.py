@@ -241,7 +241,7 @@ def test_the_evidence_for_further_causes_follows_the_length_of_all_episodes(
     def stop(*arguments: Any) -> None:
         raise Searched(arguments[2])
 
-    monkeypatch.setattr("reality_gap.pipeline.search", stop)
+    monkeypatch.setattr("reality_gap.inference.rough_search.search", stop)
     (tmp_path / "still.xml").write_text(STILL)
     time = np.arange(0.0, 30.0, 0.1)
     channel = Channel("position", "position", unit="m", noise=1.0)
