@@ -3,7 +3,9 @@
 The detector knows the structure of the effect, the noise, and the distribution of the mismatches,
 but not their values. Let dy be the change of all readings by the effect. Its detectability is d
 with d^2 = dy' C^-1 dy, where C is the covariance of the noise plus that of the mismatches, which
-comes from finite differences of the simulation in every mismatch. The noise of a channel includes
+comes from finite differences in every mismatch: of a quicker simulation where they are small. As
+they are not linear, the likeliest mismatches are simulated, too, and d^2 is at most what these
+leave of dy, and what they cost. The noise of a channel includes
 the RMS by which the nominal model misses a machine without mismatches, because of its time step and
 of its law of friction. The floor is the amplitude at which d = 5.
 """
@@ -15,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hidden_plants.secret import Effect
+from hidden_plants.strangers.inverse import seen_torques
 from hidden_plants.strangers.mechanisms.mechanism import Structure
 from hidden_plants.strangers.mismatch import mismatch_at, mismatch_size
 from hidden_plants.strangers.native import whitened_natively
-from hidden_plants.strangers.plant import real_step
-from hidden_plants.strangers.readings import run, whitened
+from hidden_plants.strangers.readings import real_run, run, whitened
 from hidden_plants.strangers.stranger import Stranger
 from hidden_plants.types import Floats
 
@@ -27,6 +29,8 @@ THRESHOLD = 5.0
 """Value of d at the floor."""
 STEPS = 7
 """Largest number of simulations in the search of a floor."""
+LARGE = 10.0
+"""Change by a mismatch from which on it is simulated as the effects are."""
 SPREAD = 3.0**-0.5
 """Standard deviation of a uniform number in [-1, 1]."""
 
@@ -65,7 +69,11 @@ class Oracle:
             return float("nan")
         change = known.weight * readings - known.middle
         along = change @ known.slopes
-        squared = float(change @ change) - float(along @ known.inner @ along)
+        sizes = known.inner @ along
+        squared = float(change @ change) - float(along @ sizes)
+        alike = known.weight * self.readings(sizes=SPREAD * sizes) - known.middle
+        if not np.isnan(alike).any():
+            squared = min(squared, float(np.sum((change - alike) ** 2) + sizes @ sizes))
         return float(np.sqrt(max(squared, 0.0)))
 
     def floor(self, structure: Structure) -> float:
@@ -89,14 +97,33 @@ class Oracle:
             amplitude = following
         return high
 
-    def readings(self, effects: tuple[Effect, ...] = (), step: float | None = None) -> Floats:
-        """Whitened readings of a machine with its mean mismatches; NaN if it leaves its ranges."""
-        none = mismatch_at(self.stranger, np.zeros(mismatch_size(self.stranger)))
-        found = run(self.stranger, none, effects, step or self.step)
-        return whitened(self.stranger, found) if found.sound else np.array([np.nan])
+    def readings(
+        self, effects: tuple[Effect, ...] = (), sizes: Floats | None = None, real: bool = False
+    ) -> Floats:
+        """Whitened readings of a machine; NaN if it leaves its ranges.
+
+        Args:
+            effects: hidden effects.
+            sizes: deviations of the mismatches from their means, over their half widths (m,).
+            real: whether the machine has no physics step; otherwise it has the model's.
+        """
+        unit = np.zeros(mismatch_size(self.stranger)) if sizes is None else sizes
+        mismatch = mismatch_at(self.stranger, unit)
+        if real:
+            found = real_run(self.stranger, mismatch, effects)
+        else:
+            found = run(self.stranger, mismatch, effects, self.step)
+        return self._seen(whitened(self.stranger, found)) if found.sound else np.array([np.nan])
 
     def _natively(self, unit: Floats) -> Floats:
-        return whitened_natively(self.stranger, mismatch_at(self.stranger, unit), self.step)
+        mismatch = mismatch_at(self.stranger, unit)
+        return self._seen(whitened_natively(self.stranger, mismatch, self.step))
+
+    def _seen(self, readings: Floats) -> Floats:
+        """What a detector compares, over its standard deviations (k,)."""
+        if self.stranger.traits.kind == "efforts":
+            return seen_torques(self.stranger, readings)
+        return readings
 
     @property
     def background(self) -> Background:
@@ -104,13 +131,18 @@ class Oracle:
         if self._background is None:
             units = np.eye(mismatch_size(self.stranger))
             middle, start = self.readings(), self._natively(0.0 * units[0])
-            exact = self.readings(step=real_step(self.stranger))
+            exact = self.readings(real=True)
             if np.isnan(middle).any() or np.isnan(exact).any():
                 raise ValueError(f"machine {self.stranger.seed} leaves its ranges")
-            weight = self._weight(start - exact)
             if self.stranger.traits.kind == "efforts":  # nothing is integrated there
-                weight = np.ones_like(weight)
+                weight = np.ones_like(middle)
+            else:
+                weight = self._weight(start - exact)
             columns = [weight * (self._natively(unit) - start) for unit in units]
+            for i, unit in enumerate(units):
+                if np.linalg.norm(columns[i]) > LARGE:
+                    exactly = weight * self.readings(sizes=unit) - weight * middle
+                    columns[i] = columns[i] if np.isnan(exactly).any() else exactly
             slopes = SPREAD * np.array(columns).T
             inner = np.asarray(np.linalg.inv(units + slopes.T @ slopes), dtype=np.float64)
             self._background = Background(weight, weight * middle, slopes, inner)

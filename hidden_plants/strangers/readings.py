@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from hidden_plants.secret import Effect
 from hidden_plants.strangers.loop import simulate
 from hidden_plants.strangers.mechanisms import build
 from hidden_plants.strangers.mismatch import Mismatch
-from hidden_plants.strangers.plant import Readings
+from hidden_plants.strangers.plant import Readings, real_step
 from hidden_plants.strangers.stranger import Stranger
 from hidden_plants.types import Floats
 
@@ -76,6 +76,26 @@ def run(
         peak = np.maximum(peak, np.abs(trace.force).max(axis=0))
         start += stranger.paths[k].duration
     return Run(tuple(times), tuple(readings), peak, sound)
+
+
+def real_run(
+    stranger: Stranger, mismatch: Mismatch, effects: tuple[Effect, ...], jitter: float = 0.0
+) -> Run:
+    """Simulate all episodes of a real machine, which has no physics step.
+
+    Readings are extrapolated to a step of zero from two small ones (Richardson): a stiff servo
+    multiplies what even a small step does to a position.
+
+    Args:
+        stranger, mismatch, effects, jitter: see `run`.
+    """
+    step = real_step(stranger)
+    rough, fine = (run(stranger, mismatch, effects, x, jitter) for x in (step, 0.5 * step))
+    if not rough.sound:
+        return rough
+    pairs = zip(rough.readings, fine.readings, strict=fine.sound)
+    readings = tuple({name: 2.0 * b[name] - a[name] for name in a} for a, b in pairs)
+    return replace(fine, readings=readings)
 
 
 def command_times(stranger: Stranger, episode: int, jitter: float) -> Floats:

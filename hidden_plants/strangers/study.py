@@ -8,8 +8,8 @@ import numpy as np
 
 from hidden_plants.secret import Effect
 from hidden_plants.strangers.mismatch import sample_mismatch
-from hidden_plants.strangers.plant import Readings, real_step
-from hidden_plants.strangers.readings import Run, command_times, noisy, run
+from hidden_plants.strangers.plant import Readings
+from hidden_plants.strangers.readings import Run, command_times, noisy, real_run
 from hidden_plants.strangers.stranger import SETTLE, Stranger
 from hidden_plants.types import Floats
 
@@ -33,7 +33,7 @@ def write_study(folder: Path, stranger: Stranger, effects: tuple[Effect, ...] = 
     Raises:
         ValueError: the machine leaves its ranges with these effects.
     """
-    found = run(stranger, sample_mismatch(stranger), effects, real_step(stranger), JITTER)
+    found = real_run(stranger, sample_mismatch(stranger), effects, JITTER)
     if not found.sound:
         names = ", ".join(effect.id for effect in effects) or "no effect"
         raise ValueError(f"machine {stranger.seed} leaves its ranges with {names}")

@@ -179,12 +179,23 @@ def _crosstalks(stranger: Stranger, rng: np.random.Generator) -> list[Structure]
     names = list(ranges)
     found = []
     for i, name in enumerate(names):
-        others = [k for k in range(len(names)) if k != i]
+        before = _encoder_before(stranger, name)
+        others = [k for k in range(len(names)) if k != i and names[k] != before]
         if others:
             source = names[int(rng.choice(others))]
             shape = {"sign": sign(rng), "ratio": ranges[name] / ranges[source]}
             found.append(Structure("crosstalk", (name, source), 0.02, 0.4, shape))
     return found
+
+
+def _encoder_before(stranger: Stranger, name: str) -> str | None:
+    """Encoder of the joint before that of an encoder: the sum of both is a coupled reading."""
+    [sensor] = [one for one in stranger.sensors if one.name == name]
+    if sensor.kind != "position":
+        return None
+    parent = stranger.skeleton.links[sensor.index].parent
+    found = [s.name for s in stranger.sensors if s.kind == "position" and s.index == parent]
+    return found[0] if found else None
 
 
 def _tune_crosstalk(plant: Plant, effect: Effect) -> None:
