@@ -19,7 +19,7 @@ from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
-from reality_gap.inference.expansion import Expanded, expand, is_linear, is_noise
+from reality_gap.inference.expansion import Expanded, expand, is_noise, is_small
 from reality_gap.inference.flat_directions import flat_directions
 from reality_gap.inference.forward_selection import Search
 from reality_gap.inference.gauss_newton import Fit
@@ -191,7 +191,7 @@ class _Run:
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
         columns = tolerance_columns(replayer, tolerances, null)
         result = self._search_with(columns, null, screened)
-        if not is_linear(replayer, columns, result.best.residual):
+        if not is_small(replayer, columns, result.best.residual):
             self.progress(0.7, "linearising about the likeliest deviations")
             likeliest = self._expand(tolerances, columns, result.best)
             if likeliest.expansion.parts and likeliest.power < FAR:

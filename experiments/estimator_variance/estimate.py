@@ -16,7 +16,7 @@ import numpy as np
 from reality_gap import CATALOGUE, Candidate, Options
 from reality_gap.diagnosis import Estimate
 from reality_gap.inference.deferral import split_deferred
-from reality_gap.inference.expansion import expand, is_linear
+from reality_gap.inference.expansion import expand, is_small
 from reality_gap.inference.forward_selection import Search, Settings
 from reality_gap.inference.intervals import intervals
 from reality_gap.inference.likelihood import FAR
@@ -97,7 +97,7 @@ def estimate(replayer: Replayer, slopes: Slopes, name: str) -> Estimate:
     slopes = slopes.in_noise_of(replayer.measured.noise)
     result = _fit(replayer, slopes.right, slopes.columns)
     best = result.best
-    if not is_linear(replayer, slopes.columns, best.residual):
+    if not is_small(replayer, slopes.columns, best.residual):
         columns, hypothesis = slopes.columns, best.hypothesis
         found = expand(replayer, slopes.tolerances, columns, hypothesis, best.residual)
         if found.expansion.parts and found.power < FAR:

@@ -11,12 +11,13 @@ is that of the nominal model apart from what is not linear up to s. Replays of h
 corrected alike, so that the deviations still have a normal prior with the mean 0. The most probable
 s is found by Gauss-Newton steps, each as long as it makes s more probable, with other tolerances
 integrated out: first from the begin of each episode, where little has grown yet, then from more of
-it, as one fits trajectories that diverge.
+it, as one fits trajectories that diverge. N is replayed again where steps with an older one do not
+lead there quickly: it costs a replay for each deviation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,23 +35,32 @@ from reality_gap.study.splits import SELECT, split
 from reality_gap.study.system import System
 from reality_gap.types import Floats
 
+SMALL = 1.0
+"""RMS of what tolerances explain up to which it is taken for linear [noise]."""
 LARGE = 5.0
-"""RMS of what tolerances explain from which on it is not taken for linear [noise]."""
+"""RMS up to which deviations are inferred from whole episodes at once [noise]."""
 CHANCE = 3.0
 """Deviations of the mean square of noise above 1 up to which a whitened residual is noise."""
 HORIZONS = (0.25, 0.5, 1.0)
 """Shares of each episode from which deviations are inferred, one after the other."""
-STEPS = 4
+STEPS = 6
 """Largest number of steps with each of these."""
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)
 """Shares of a step that are tried."""
-BETTER = 0.98
-"""Factor by which a step must reduce minus the log probability."""
+BETTER = 0.02
+"""Share of minus the log probability beyond that of noise, by which a step must reduce it."""
+QUICK = 0.5
+"""The same share, by which a step with older slopes must reduce it."""
+LEAST = 3.0
+"""Smallest gain of log probability that counts [nats]."""
+BENT = 0.5
+"""RMS of what is not linear up to the deviations, from which on slopes are replayed there
+[noise]."""
 MOST = 3.0
 """Largest deviation of a parameter in the expansion, in tolerances."""
 COUNT = 80
 """Largest number of parameters in the expansion: those that explain most."""
-SMALL = 0.25
+DIFFERENCE = 0.25
 """Finite difference, in tolerances."""
 
 
@@ -68,18 +78,15 @@ class Expanded(NamedTuple):
     power: float
 
 
-def is_linear(replayer: Replayer, columns: Floats, residual: Floats) -> bool:
-    """Return whether what tolerances explain of a residual is small, or is explained well.
+def is_small(replayer: Replayer, columns: Floats, residual: Floats) -> bool:
+    """Return whether what tolerances explain of a residual is so small that it is linear.
 
     Args:
         replayer: has the readings.
         columns: changes by all tolerances, shape (n, p).
         residual: residual of the causes that were found, shape (n,).
     """
-    whitened = _Whitened(replayer)
-    if whitened.explained(columns, residual) < LARGE:
-        return True
-    return is_noise(replayer, whitened.power(columns, residual))
+    return _Whitened(replayer).explained(columns, residual) < SMALL
 
 
 def is_noise(replayer: Replayer, power: float) -> bool:
@@ -103,36 +110,95 @@ def expand(
         columns: changes by these, in their order, and by others, shape (n, p).
         hypothesis: causes with their values; none for the nominal model.
         residual: its residual, shape (n,).
+
+    Returns:
+        The linearisation; that about no deviations unless another is surely more probable.
     """
     whole = _Whitened(replayer)
-    found = Expanded(Expansion(), columns, whole.power(columns, residual))
+    plain = found = Expanded(Expansion(), columns, whole.power(columns, residual))
     chosen = _choose(replayer, tolerances, whole, columns, residual, hypothesis)
     if not chosen:
-        return found
+        return plain
     parts = _Deviations([tolerances[i] for i in chosen], hypothesis, replayer)
-    others = np.delete(columns, chosen, axis=1)
-    sizes, wide = np.zeros(len(chosen)), columns
-    for whitened in (_Whitened(replayer, share) for share in HORIZONS):
-        cost = whitened.cost_beside(others)
-        least = cost(residual, sizes)
+    walk = _Walk(parts, chosen, columns, residual)
+    at_once = whole.explained(columns, residual) < LARGE
+    for share in HORIZONS[-1:] if at_once else HORIZONS:
+        for _ in walk.approach(_Whitened(replayer, share)):
+            here = walk.expanded(whole)
+            found = here if here.power < found.power else found
+    if walk.is_bent and walk.replay_slopes():
+        here = walk.expanded(whole)
+        found = here if here.power < found.power or is_noise(replayer, here.power) else found
+    gain = 0.5 * whole.count * (plain.power - found.power)
+    return found if gain > LEAST else plain
+
+
+class _Walk:
+    """A way to the most probable deviations.
+
+    Args:
+        parts: replays of p deviations.
+        chosen: their indices among the columns.
+        columns: changes by all tolerances, shape (n, q).
+        residual: residual without deviations, shape (n,).
+    """
+
+    def __init__(
+        self, parts: _Deviations, chosen: Sequence[int], columns: Floats, residual: Floats
+    ) -> None:
+        self._parts, self._chosen = parts, chosen
+        self._others = np.delete(columns, chosen, axis=1)
+        self._first = self._residual = residual
+        self._columns, self._sizes = columns, np.zeros(len(chosen))
+        self._fresh = True
+
+    @property
+    def _shift(self) -> Floats:
+        return self._columns[:, self._chosen] @ self._sizes
+
+    @property
+    def is_bent(self) -> bool:
+        """Whether older slopes are in use, and what is not linear up to here is large."""
+        bend = self._residual + self._shift - self._first
+        return not self._fresh and float(np.sqrt(np.mean(bend**2))) > BENT
+
+    def expanded(self, whitened: _Whitened) -> Expanded:
+        """Return the linearisation about these deviations."""
+        shift = self._shift
+        power = whitened.power(self._columns, self._residual + shift)
+        return Expanded(Expansion(self._parts.at(self._sizes), shift), self._columns, power)
+
+    def approach(self, whitened: _Whitened) -> Iterator[None]:
+        """Step towards the most probable deviations given some readings; yield after each step."""
+        cost = whitened.cost_beside(self._others)
+        least = cost(self._residual, self._sizes)
         for _ in range(STEPS):
-            corrected = residual + wide[:, chosen] @ sizes
-            aim = np.clip(whitened.sizes(wide, corrected)[chosen], parts.low, parts.high)
-            trials = [sizes + share * (aim - sizes) for share in SHARES]
-            pairs = list(zip(parts.residuals(trials), trials, strict=True))
+            residual = self._residual + self._shift
+            aim = whitened.sizes(self._columns, residual)[self._chosen]
+            aim = np.clip(aim, self._parts.low, self._parts.high)
+            trials = [self._sizes + share * (aim - self._sizes) for share in SHARES]
+            pairs = list(zip(self._parts.residuals(trials), trials, strict=True))
             costs = [cost(*pair) for pair in pairs]
-            if not min(costs) < BETTER * least:
-                break
-            least, (moved, there) = min(costs), pairs[int(np.argmin(costs))]
-            slopes = parts.slopes(there, moved)
-            if not np.isfinite(slopes).all():
-                return found
-            sizes, residual, wide = there, moved, wide.copy()
-            wide[:, chosen] = slopes
-            power = whole.power(wide, residual + slopes @ sizes)
-            if power < found.power:
-                found = Expanded(Expansion(parts.at(sizes), slopes @ sizes), wide, power)
-    return found
+            gain, excess = least - min(costs), least - 1.0
+            better = gain > max(BETTER * excess, 2.0 * LEAST / whitened.count)
+            if better:
+                least, self._fresh = min(costs), False
+                self._residual, self._sizes = pairs[int(np.argmin(costs))]
+            elif self._fresh:
+                return
+            if not (better and gain > QUICK * excess) and not self.replay_slopes():
+                return
+            yield
+
+    def replay_slopes(self) -> bool:
+        """Replay the slopes at these deviations; return whether they are finite."""
+        slopes = self._parts.slopes(self._sizes, self._residual)
+        if not np.isfinite(slopes).all():
+            return False
+        self._columns = self._columns.copy()
+        self._columns[:, self._chosen] = slopes
+        self._fresh = True
+        return True
 
 
 class _Whitened:
@@ -152,6 +218,7 @@ class _Whitened:
             near |= own & (since <= horizon * since[own].max())
         self._use = (split(measured) <= SELECT) & near
         self._ones = np.ones(len(self._use))
+        self.count = int(np.count_nonzero(self._use))
 
     def cost_beside(self, columns: Floats) -> Callable[[Floats, Floats], float]:
         """Return a function of a residual (n,) with deviations, and of these in tolerances (p,).
@@ -159,7 +226,7 @@ class _Whitened:
         It is minus twice the log probability of the deviations, per reading, with the other
         tolerances, whose changes are the columns (n, q), integrated out.
         """
-        whiten, count = whitening(columns, self._ones, self._use), np.count_nonzero(self._use)
+        whiten, count = whitening(columns, self._ones, self._use), self.count
 
         def cost(residual: Floats, sizes: Floats) -> float:
             return _mean_square(whiten, residual) + float(sizes @ sizes) / count
@@ -204,7 +271,7 @@ class _Deviations:
 
     def slopes(self, sizes: Floats, residual: Floats) -> Floats:
         """Return the change of the readings by one more tolerance each, shape (n, p)."""
-        steps = np.where(sizes + SMALL <= self.high, SMALL, -SMALL)
+        steps = np.where(sizes + DIFFERENCE <= self.high, DIFFERENCE, -DIFFERENCE)
         residuals = self.residuals(list(sizes + np.diag(steps)))
         return np.column_stack([(residual - r) / h for r, h in zip(residuals, steps, strict=True)])
 

@@ -197,4 +197,5 @@ def _form(remainder: Remainder, options: Options) -> float:
 
 def _allowed(named: float, options: Options) -> float:
     """Return the evidence that may be learned of what causes of this evidence leave [nats]."""
+    named = max(named, 0.0)
     return max(options.certain, min(options.unexplained * named, options.root * named**0.5))

@@ -31,6 +31,10 @@ Tick = Callable[[], None]
 
 USUAL = "usual"
 """Note of the location of a usual effect; it distinguishes the location from a candidate's."""
+FINER = (0.25, 0.125, 0.0625)
+"""Shares of the time step to which it is refined, as far as predictions still change."""
+SEEN = 0.3
+"""RMS change of a channel by a refinement, relative to noise, above which it is refined again."""
 COARSE = 3.0
 """Mean change by a doubled time step, relative to drift and noise, up to which it is accurate
 enough for differences between replays."""
@@ -151,7 +155,8 @@ class Replayer:
         """Error of the nominal replay due to the time step in SI units, shape (n,).
 
         This part of the gap belongs to the integrator, not to the model. It is found by Richardson
-        extrapolation from a half and a quarter of the step.
+        extrapolation from a half and a quarter of the step, and from smaller ones until this
+        changes no more.
         """
         return self._drifts[0]
 
@@ -162,12 +167,23 @@ class Replayer:
 
     @cached_property
     def _drifts(self) -> tuple[Floats, Floats]:
-        study = self.system.study
+        study, zero = self.system.study, np.zeros(len(self.measured.value))
         if study.inverse:
-            return np.zeros(len(self.measured.value)), np.zeros(len(self.measured.value))
-        whole, half, quarter = (self._at_step(share) for share in (1.0, 0.5, 0.25))
-        rough, fine = 2 * half - whole, 2 * quarter - half
-        return np.nan_to_num(fine - whole), np.nan_to_num(fine - rough)
+            return zero, zero
+        whole, half = self._at_step(1.0), self._at_step(0.5)
+        fine, error, last = 2 * half - whole, zero, half
+        for share in FINER:
+            finer = self._at_step(share)
+            error, fine, last = 2 * finer - last - fine, 2 * finer - last, finer
+            if not self._is_seen(error):
+                break
+        return np.nan_to_num(fine - whole), np.nan_to_num(error)
+
+    def _is_seen(self, error: Floats) -> bool:
+        """Return whether an error of predictions (n,) is seen beside the noise of any channel."""
+        channel = self.measured.channel
+        squares = np.bincount(channel, (error / self.measured.noise) ** 2)
+        return bool(np.any(squares > SEEN**2 * np.bincount(channel)))
 
     def _at_step(self, share: float) -> Floats:
         """Return the nominal prediction at a share of the model's time step, shape (n,)."""

@@ -10,7 +10,7 @@ import pytest
 
 from reality_gap import Diagnosis, Options, Verdict, diagnose
 from reality_gap.causes import CATALOGUE
-from reality_gap.inference.expansion import expand, is_linear
+from reality_gap.inference.expansion import expand, is_small
 from reality_gap.inference.screening import list_candidates, screen
 from reality_gap.inference.tolerances import (
     Tolerance,
@@ -94,7 +94,7 @@ def powers(folder: Path, deviations: list[Part], model: str = SWING) -> tuple[fl
         null, own = replayer.residual([]), tolerances_of(replayer)
         columns = tolerance_columns(replayer, own, null)
         assert np.sqrt(np.mean(null**2)) > 100.0
-        assert not is_linear(replayer, columns, null)
+        assert not is_small(replayer, columns, null)
         found = expand(replayer, own, columns, [], null)
         assert replayer.expansion.parts == ()
         replayer.expansion = found.expansion

@@ -116,6 +116,33 @@ def test_at_rest_there_is_no_drift(study: Study) -> None:
     np.testing.assert_array_equal(Replayer(still).drift, 0.0)
 
 
+SERVO = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="axle" axis="0 1 0"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0.6 0 0" mass="5"/></body></worldbody>
+<actuator><position name="servo" joint="axle" kp="5000" kv="300"/></actuator>
+<sensor><jointpos name="angle" joint="axle"/><actuatorfrc name="torque" actuator="servo"/></sensor>
+</mujoco>"""
+
+
+def test_the_step_is_refined_as_long_as_readings_change(tmp_path: Path) -> None:
+    """A stiff servo multiplies errors of positions, and commands that jump make them rough."""
+    path = tmp_path / "servo.xml"
+    path.write_text(SERVO)
+    time = np.arange(0.0, 3.0, 0.0041)
+    command, late = 0.8 * np.sin(3.0 * time)[:, None], time[:-1] + 0.0019
+    readings = tuple(Reading(late, 0.0 * late) for _ in range(2))
+    channels = (
+        Channel("angle", "angle", unit="rad", noise=1e-4),
+        Channel("torque", "torque", unit="N m", noise=0.1),
+    )
+    study = Study("servo", path, channels, (Episode("only", time, command, readings),))
+    replayer = Replayer(study)
+    limit = exact(study) - replayer.replay([]).prediction
+
+    torque = replayer.measured.channel == 1
+    assert rms(limit[torque]) > 10.0 * 0.1
+    assert rms((replayer.drift - limit)[torque]) < 0.1
+
+
 def push(force: float, name: str = "spring") -> tuple[Candidate, dict[str, float]]:
     """Return a candidate that multiplies the nominal stiffness of the rail by ``force``."""
 
