@@ -6,11 +6,13 @@ import json
 import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -98,15 +100,33 @@ def _run(work: Work, tasks: Tasks, jobs: int, cluster: str | None) -> Iterator[D
     if cluster is not None:
         yield from on_cluster(cluster, timed, work, tasks)
     elif jobs == 1 or len(tasks) < 2:
-        for name, arguments in tasks.items():
-            yield name, *timed(work, arguments)
+        yield from _successful((name, partial(timed, work, tasks[name])) for name in tasks)
     else:
         context = multiprocessing.get_context("spawn")
         count = min(jobs, len(tasks))
         with ProcessPoolExecutor(count, context, initializer=end_with_parent) as pool:
             futures = {pool.submit(timed, work, tasks[name]): name for name in tasks}
-            for future in as_completed(futures):
-                yield futures[future], *future.result()
+            yield from _successful((futures[f], f.result) for f in as_completed(futures))
+
+
+def _successful(calls: Iterable[tuple[str, Callable[[], tuple[Any, float]]]]) -> Iterator[Done]:
+    """Yield what calls return; name each that fails, and raise the first error after the last call.
+
+    The results of the others are not lost, and a run that continues does not repeat them.
+    """
+    failed: Exception | None = None
+    for name, call in calls:
+        try:
+            found = call()
+        except BrokenExecutor:
+            raise
+        except Exception as error:
+            Console(stderr=True).print(f"{name}: {type(error).__name__}: {error}", markup=False)
+            failed = failed or error
+        else:
+            yield name, *found
+    if failed is not None:
+        raise failed
 
 
 def core_seconds(folder: Path, names: Iterable[str]) -> float:

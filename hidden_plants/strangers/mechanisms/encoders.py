@@ -48,9 +48,10 @@ def _tune_offset(plant: Plant, effect: Effect) -> None:
 
 def _tune_scale(plant: Plant, effect: Effect) -> None:
     i = index_of(plant, effect.elements[0])
-    zero = float(plant.model.qpos0[i])
+    zeros = np.array(plant.model.qpos0)
     if plant.stranger.routes:
-        zero = float(tendon_lengths(plant.model, np.array(plant.model.qpos0)[None])[0, i])
+        zeros = tendon_lengths(plant.model, zeros[None])[0]
+    zero = float(zeros[i])
     plant.scale[i] *= 1.0 + size_of(effect)
     plant.offset[i] -= size_of(effect) * zero
 

@@ -117,6 +117,17 @@ def test_two_jobs_have_the_results_of_one(tmp_path: Path) -> None:
     assert run_tasks(pow, tasks, 2, tmp_path / "two", "key") == alone == {"t0": 0, "t1": 1, "t2": 4}
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_task_that_fails_is_named_and_the_others_are_kept(
+    jobs: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    tasks = {"zero": (0.0, -1.0), "one": (1.0, -1.0), "two": (2.0, -1.0)}
+    with pytest.raises(ZeroDivisionError):
+        run_tasks(pow, tasks, jobs, tmp_path, "key")
+    assert "zero: ZeroDivisionError" in capfd.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.json", "two.json"]
+
+
 def test_the_drawing_knows_the_four_groups() -> None:
     sizes = {t.name: (len(t.joint_index), len(t.muscle_index)) for t in nominal_model().topology()}
     assert sizes["shoulder"] == (8, 10)

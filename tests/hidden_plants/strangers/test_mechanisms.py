@@ -64,6 +64,17 @@ def test_an_effect_is_invisible_at_zero_and_visible_above(id: str) -> None:
         assert np.abs(shown - usual(seed)).max() > 1.0, (id, seed)
 
 
+@pytest.mark.parametrize("id", ["length_scale", "length_offset"])
+def test_encoders_of_more_tendons_than_joints_have_effects(id: str) -> None:
+    machine = stranger(5)
+    assert len(machine.moved) > len(machine.joints)
+    none = mismatch_at(machine, np.zeros(mismatch_size(machine)))
+    for structure in MECHANISMS[id].structures(machine, np.random.default_rng(1)):
+        plant = build(machine, none, (structure.at(structure.size),), STEP)
+        changed = (plant.scale != 1.0) | (plant.offset != 0.0)
+        assert [machine.moved[i] for i in np.flatnonzero(changed)] == list(structure.elements)
+
+
 def test_an_unknown_effect_is_named() -> None:
     with pytest.raises(ValueError, match="unknown effect 'rust'; valid are: coulomb_friction"):
         mechanism_of(Effect("rust", (), {}, 1.0))
