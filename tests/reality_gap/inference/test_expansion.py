@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from reality_gap.inference.tolerances import (
     tolerance_columns,
 )
 from reality_gap.inference.whitening import whitening
-from reality_gap.simulation.hypothesis import Part
+from reality_gap.simulation.hypothesis import Hypothesis, Part
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.study.splits import REPORT, split
@@ -120,6 +121,34 @@ def test_deviations_that_grow_with_the_time_are_found(tmp_path: Path, seed: int)
 
     assert linear > 20.0
     assert corrected < 1.3
+
+
+def test_deviations_that_are_hardly_linear_cost_few_replays(
+    tmp_path: Path, tolerances: list[Tolerance], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is not linear is a small part of each reading, and many nats in all of them."""
+    monkeypatch.setattr("reality_gap.inference.expansion.LARGE", 100.0)
+    rng = np.random.default_rng(7)
+    small = [one.deviation(0.4 * float(rng.choice([-1.0, 1.0]))) for one in tolerances]
+    with Replayer(study_of(tmp_path, small)) as replayer:
+        null, own = replayer.residual([]), tolerances_of(replayer)
+        columns = tolerance_columns(replayer, own, null)
+        replayed: list[Hypothesis] = []
+        plain = replayer.residuals
+
+        def counted(hypotheses: Sequence[Hypothesis]) -> list[Floats]:
+            replayed.extend(hypotheses)
+            return plain(hypotheses)
+
+        monkeypatch.setattr(replayer, "residuals", counted)
+        found = expand(replayer, own, columns, [], null)
+        monkeypatch.setattr(replayer, "residuals", plain)
+        replayer.expansion = found.expansion
+        corrected = replayer.residual([])
+
+    assert len(replayed) <= len(own) + 15
+    gain = 0.5 * len(null) * (power(columns, null) - power(found.columns, corrected))
+    assert gain > 3.0
 
 
 def test_a_fault_is_not_taken_for_deviations(tmp_path: Path, tolerances: list[Tolerance]) -> None:
