@@ -213,13 +213,14 @@ class VariableFriction:
 
         Args:
             force: the friction that was added to the model [N or N m].
-            factor: one number or one for each element, shape (k,); at least `SMALLEST` is used.
+            factor: one number or one for each element, shape (k,); at least `SMALLEST` is used,
+                also for NaN, which a replay that diverges has.
         """
         if self._single:
             alone = factor if isinstance(factor, float) else float(np.asarray(factor).flat[0])
-            factor = max(alone, SMALLEST)
+            factor = max(SMALLEST, alone)  # not NaN: no comparison with it is true
         else:
-            factor = np.maximum(factor, SMALLEST)
+            factor = np.fmax(factor, SMALLEST)
         for level in self._levels:
             level.set(force * (factor - 1.0))
         for bristle, nominal in self._bristles:

@@ -194,6 +194,17 @@ def test_scaled_friction_holds_more(
     assert speed(0.0, share=1.4) == pytest.approx(1.4 * too_much, rel=0.02)
 
 
+@pytest.mark.parametrize("location", [ON_TENDON, ON_BOTH])
+def test_a_replay_that_diverged_is_no_error_of_mujoco(tmp_path: Path, location: Location) -> None:
+    system = cart_system(tmp_path)
+    model = braked(system, location).compile()
+    friction = lugre.VariableFriction(model, system, "rub", location)
+
+    friction.scale(LEVEL, np.full(len(location.elements), np.nan))
+
+    assert np.isfinite(pull(model, ramp(0.0, LEVEL))).all()
+
+
 def test_each_element_can_be_scaled_alone(tmp_path: Path) -> None:
     system = cart_system(tmp_path)
     model = braked(system, ON_BOTH).compile()
