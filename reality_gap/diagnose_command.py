@@ -51,6 +51,8 @@ class Thresholds:
     """RMS on held-out data above which the causes are not all that is wrong [noise]."""
     rough: float = 4.0
     """Factor of the tolerances above which they do not excuse what is left."""
+    deviation: float = 20.0
+    """Deviation of a parameter above which it does not excuse what is left [tolerances]."""
     form: float = 0.03
     """Relative error of what tolerances explain of the readings."""
     many: float = 20.0

@@ -85,7 +85,7 @@ def criteria_table(rows: Sequence[Row]) -> Table:
     head = ("", "cases", "value", "95 % interval", "must", "reached")
     lines = []
     for r in rows:
-        value = "" if r.value is None else f"{r.value:.3g} {r.unit}"
+        value = "" if r.value is None else f"{r.value:.3g} {r.unit}".strip()
         ends = "" if r.low is None or r.high is None else f"{r.low:.3g} to {r.high:.3g}"
         answer = {True: "yes", False: "NO", None: ""}[r.reached]
         lines.append((r.name, r.cases, value, ends, r.must, answer))

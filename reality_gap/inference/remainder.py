@@ -13,7 +13,7 @@ from reality_gap.inference.flexible_residual import banks
 from reality_gap.inference.gauss_newton import Fit
 from reality_gap.inference.learned_residual import Learned, learn
 from reality_gap.inference.problem import Problem
-from reality_gap.inference.whitening import explained_by_tolerances
+from reality_gap.inference.whitening import likeliest_sizes
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.measurements import Measured
 from reality_gap.study.splits import FIT, REPORT, SELECT, split
@@ -40,6 +40,7 @@ class Remainder:
         before, after: RMS on the report split of the residuals of the nominal model and of the
             hypothesis, without what tolerances explain, in units of noise.
         explained: RMS of what tolerances explain of the hypothesis's residual there [noise].
+        deviation: largest deviation by which they explain it [tolerances].
     """
 
     learned: Learned
@@ -48,6 +49,7 @@ class Remainder:
     before: float
     after: float
     explained: float = 0.0
+    deviation: float = 0.0
 
 
 def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
@@ -80,14 +82,20 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
     after = beyond_tolerances(problem, fitted.residual)
     depends_on = dependences(problem.replayer, after, records)
     explained = rms(fitted.residual - after)
-    return Remainder(learned, instead, depends_on, rms(before), rms(after), explained)
+    sizes = np.abs(_likeliest(problem, fitted.residual))
+    deviation = problem.roughness * float(sizes.max(initial=0.0))
+    return Remainder(learned, instead, depends_on, rms(before), rms(after), explained, deviation)
 
 
 def beyond_tolerances(problem: Problem, residual: Floats) -> Floats:
     """Return a residual (n,) without what tolerances explain of it [noise]."""
+    return residual - problem.noise_model.tolerances @ _likeliest(problem, residual)
+
+
+def _likeliest(problem: Problem, residual: Floats) -> Floats:
+    """Return the deviations (p,) by which tolerances explain a residual (n,) [tolerances]."""
     use = split(problem.measured) <= SELECT
-    ones = np.ones(len(residual))
-    return residual - explained_by_tolerances(problem.noise_model.tolerances, ones, use, residual)
+    return likeliest_sizes(problem.noise_model.tolerances, np.ones(len(residual)), use, residual)
 
 
 def channel_power(problem: Problem, residual: Floats) -> Floats:

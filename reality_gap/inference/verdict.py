@@ -51,6 +51,7 @@ class Options:
         left: the same RMS above which the causes are not all that is wrong [noise].
         rough: factor of the tolerances above which they do not excuse what is left.
         form: relative error of what tolerances explain, because large deviations are not linear.
+        deviation: largest deviation of a parameter that excuses what is left [tolerances].
         tolerance: factor of all tolerances of the nominal model.
         visible: change of the readings by three typical faults from which on a cause is judged
             [noise].
@@ -72,6 +73,7 @@ class Options:
     left: float = 1.5
     rough: float = 4.0
     form: float = 0.03
+    deviation: float = 20.0
     tolerance: float = 1.0
     visible: float = 3.0
     suggest: bool = True
@@ -159,6 +161,7 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
         most = options.certain * form**2
         found = [
             rough,
+            _at_most("deviation", remainder.deviation, options.deviation, ROUGH),
             _at_most("report_noises", remainder.after, options.left * form, ABOVE),
             _at_most("learned_evidence", instead, most, NO_CAUSE),
         ]

@@ -37,6 +37,7 @@ def decided(
     attempt_pays: bool = False,
     explained: float = 0.0,
     roughness: float = 1.0,
+    deviation: float = 0.0,
 ) -> Verdict:
     """Decide on causes with this evidence, or on none.
 
@@ -49,6 +50,7 @@ def decided(
             model, although none of its causes may be named.
         explained: RMS of what tolerances explain [noise].
         roughness: factor of the tolerances.
+        deviation: largest deviation by which tolerances explain what is left [tolerances].
     """
     candidates = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
     best = SimpleNamespace(evidence=evidence, candidates=candidates, is_null=evidence is None)
@@ -62,6 +64,7 @@ def decided(
         before=before,
         after=after,
         explained=explained,
+        deviation=deviation,
     )
     return decide(paying, judge(paying, remainder, Options()))
 
@@ -90,6 +93,14 @@ def test_what_tolerances_explain_is_not_exactly_linear(
     learned: float, after: float, explained: float, expected: Verdict
 ) -> None:
     assert decided(None, learned, after=after, explained=explained) is expected
+
+
+@pytest.mark.parametrize(
+    ("deviation", "expected"), [(3.0, Verdict.NOTHING_WRONG), (2000.0, Verdict.UNEXPLAINED)]
+)
+def test_one_deviation_of_many_tolerances_is_no_excuse(deviation: float, expected: Verdict) -> None:
+    """An encoder of many bits that is mirrored has another scale by thousands of tolerances."""
+    assert decided(None, deviation=deviation, explained=500.0) is expected
 
 
 @pytest.mark.parametrize(

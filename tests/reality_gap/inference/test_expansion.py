@@ -214,3 +214,31 @@ def test_deviations_are_found_where_clocks_do_not_begin_at_zero(tmp_path: Path) 
         replayer.expansion = found.expansion
 
         assert power(found.columns, replayer.residual([])) < 1.3
+
+
+SERVO = """<mujoco><option timestep="0.002"/><worldbody><body>
+<joint name="hinge" axis="0 1 0" damping="0.1"/>
+<geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3" mass="0.3"/></body></worldbody>
+<actuator><position name="servo" joint="hinge" kp="30" kv="1"/></actuator>
+<sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+
+
+def test_a_mirrored_encoder_is_no_deviation_of_its_scale(tmp_path: Path) -> None:
+    """The scale explains it by thousands of tolerances, beside which its noise is nothing."""
+    path, noise = tmp_path / "servo.xml", 2e-6
+    path.write_text(SERVO)
+    time = np.arange(0.0, 8.0, 0.04)
+    command = 0.8 * np.sin(2.0 * time)[:, None]
+
+    def study(values: Floats) -> Study:
+        episode = Episode("only", time, command, (Reading(time, values),))
+        return Study("servo", path, (Channel("angle", "angle", noise=noise),), (episode,))
+
+    with Replayer(study(0.0 * time)) as replayer:
+        clean = replayer.replay([]).prediction + replayer.drift
+    mirrored = noise * np.random.default_rng(1).standard_normal(len(time)) - clean
+    causes = [CATALOGUE[id] for id in ("joint_offset", "encoder_scale", "viscous_friction")]
+
+    found = diagnose(study(mirrored), causes=causes, options=Options(suggest=False))
+
+    assert found.verdict is not Verdict.NOTHING_WRONG
