@@ -5,9 +5,9 @@ but not their values. Let dy be the change of all readings by the effect. Its de
 with d^2 = dy' C^-1 dy, where C is the covariance of the noise plus that of the mismatches, which
 comes from finite differences in every mismatch: of a quicker simulation where they are small. As
 they are not linear, the likeliest mismatches are simulated, too, and d^2 is at most what these
-leave of dy, and what they cost. The noise of a channel includes
-the RMS by which the nominal model misses a machine without mismatches, because of its time step and
-of its law of friction. The floor is the amplitude at which d = 5.
+leave of dy, and what they cost. The noise of a channel includes the RMS by which the nominal model
+misses a machine without mismatches, because of its time step and of its law of friction. The floor
+is the amplitude at which d = 5.
 """
 
 from __future__ import annotations
@@ -131,13 +131,12 @@ class Oracle:
         if self._background is None:
             units = np.eye(mismatch_size(self.stranger))
             middle, start = self.readings(), self._natively(0.0 * units[0])
-            exact = self.readings(real=True)
+            # Nothing is integrated in a log of torques, so that its model's step has no error.
+            efforts = self.stranger.traits.kind == "efforts"
+            exact = start if efforts else self.readings(real=True)
             if np.isnan(middle).any() or np.isnan(exact).any():
                 raise ValueError(f"machine {self.stranger.seed} leaves its ranges")
-            if self.stranger.traits.kind == "efforts":  # nothing is integrated there
-                weight = np.ones_like(middle)
-            else:
-                weight = self._weight(start - exact)
+            weight = np.ones_like(middle) if efforts else self._weight(start - exact)
             columns = [weight * (self._natively(unit) - start) for unit in units]
             for i, unit in enumerate(units):
                 if np.linalg.norm(columns[i]) > LARGE:

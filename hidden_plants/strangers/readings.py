@@ -90,10 +90,13 @@ def real_run(
         stranger, mismatch, effects, jitter: see `run`.
     """
     step = real_step(stranger)
-    rough, fine = (run(stranger, mismatch, effects, x, jitter) for x in (step, 0.5 * step))
+    rough = run(stranger, mismatch, effects, step, jitter)
     if not rough.sound:
         return rough
-    pairs = zip(rough.readings, fine.readings, strict=fine.sound)
+    fine = run(stranger, mismatch, effects, 0.5 * step, jitter)
+    if not fine.sound:
+        return fine
+    pairs = zip(rough.readings, fine.readings, strict=True)
     readings = tuple({name: 2.0 * b[name] - a[name] for name in a} for a, b in pairs)
     return replace(fine, readings=readings)
 
