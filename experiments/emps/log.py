@@ -18,8 +18,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from experiments.harness.errors import ExperimentError
 from jmm_agent.types import Floats
-from reality_gap.simulation.inverse_dynamics import PreparedEpisode, prepare
+from reality_gap.simulation.inverse_dynamics import prepare
 from reality_gap.simulation.measured_motion import EDGE, Motion
+from reality_gap.simulation.prepared_episode import PreparedEpisode
 from reality_gap.study.data import Channel, Episode, Reading, Study
 
 COLUMNS = ("t_s", "q_ref_m", "q_m", "u_V")

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from experiments.harness.errors import ExperimentError
@@ -57,6 +58,8 @@ def hide(case: Case) -> Hidden:
     Raises:
         ExperimentError: the kind or family is unknown, or no machine shows such an effect.
     """
+    # The oracle tries amplitudes with which a machine diverges; that is recognised by NaN.
+    mujoco.set_mju_user_warning(lambda message: None)
     reason = ""
     for attempt in range(TRIES):
         stranger = make_stranger(case.seed + attempt * NEXT, case.seconds)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reality_gap.inference.flexible_residual import Bank
+from reality_gap.inference.motion_functions import Bank
 from reality_gap.inference.problem import Problem
 from reality_gap.study.splits import REPORT, split
 from reality_gap.types import Floats

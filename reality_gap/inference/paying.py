@@ -5,8 +5,9 @@ none has. Each cause of the final set is therefore tested on readings that its p
 fitted to: the set must predict them better than the set without the cause, fitted again, and than
 the nominal model. In cross-validation over all folds, the 95 % interval of the gain must lie above
 zero; on the report split, which had no part in the choice of the cause either, the gain must be
-positive. The cause that fails most is dropped, until all of the rest pay. A cause with a parameter
-at its bound is dropped before: the fit shows that it stands for another one.
+positive, and the RMS of the residual must not surely grow. The cause that fails most is dropped,
+until all of the rest pay. A cause with a parameter at its bound is dropped before: the fit shows
+that it stands for another one.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from reality_gap.inference.folds import Folds
 from reality_gap.inference.forward_selection import SWAP, Search
 from reality_gap.inference.gauss_newton import Fit, fit, null_fit, rescore
 from reality_gap.inference.held_out import score
+from reality_gap.inference.remainder import beyond_deviations
 from reality_gap.simulation.hypothesis import Candidate, Hypothesis, Part
 
 NEAR = 0.01
@@ -56,7 +58,8 @@ class Tested:
         total: gains over the nominal model.
         each: gains over the other causes alone, fitted again, by cause.
         without: these fits of the other causes.
-        improvement: decrease of the RMS of the residual on the report split [noise].
+        improvement: decrease of the RMS of the residual on the report split, beyond the
+            deviations that are within tolerances; see `beyond_deviations` [noise].
     """
 
     total: Gains
@@ -134,7 +137,9 @@ def held_out_test(result: Search) -> Tested:
     def gains(one: Fit) -> Gains:
         return Gains(folds.cross_validated(one), folds.report(one))
 
-    scored = score(problem.system.study, problem.measured, null.residual, best.residual)
+    # A cause that is found beside deviations may have to undo a part of what these add.
+    before, after = (beyond_deviations(problem, one.residual) for one in (null, best))
+    scored = score(problem.system.study, problem.measured, before, after)
     each = tuple(gains(one) for one in without)
     total = each[0] if len(each) == 1 else gains(null)
     return Tested(total, each, without, scored.improvement)
@@ -155,6 +160,9 @@ def held_out_criteria(paying: Paying) -> tuple[Criterion, ...]:
             Criterion(f"report_gain: {part[0]}", value, 0.0, value > 0.0, NO_GAIN),
             Criterion(f"distance_to_bound: {part[0]}", near, NEAR, near > NEAR, AT_BOUND),
         ]
+    if all_parts:
+        high = paying.attempted.improvement.high
+        found.append(Criterion("rms_gain_high", high, 0.0, high > 0.0, NO_GAIN))
     return tuple(found)
 
 
@@ -206,10 +214,11 @@ def _reduced(result: Search, best: Fit, dropped: Sequence[Candidate]) -> Search:
     """Return the search with fewer causes, and the noise model that these leave.
 
     Where the search tried as many causes that are likelier, these take their place, unless they
-    are dropped ones or have a parameter at its bound.
+    are dropped ones or have a parameter at its bound. If no cause is left, the likeliest single one
+    of the others does that has enough evidence.
     """
     if best.is_null:
-        return replace(result, best=best)
+        return _next_single(replace(result, best=best), dropped)
     problem = result.problem.reinflated(best.residual)
     best = rescore(problem, best)
     for step in (*result.steps, *result.revised):
@@ -221,6 +230,19 @@ def _reduced(result: Search, best: Fit, dropped: Sequence[Candidate]) -> Search:
             if other.evidence > best.evidence + SWAP:
                 best = other
     return replace(result, problem=problem, best=best)
+
+
+def _next_single(result: Search, dropped: Sequence[Candidate]) -> Search:
+    """Return a search without causes, or with the likeliest single one that was not dropped."""
+    for step in result.steps[:1]:
+        for single in step.tried:
+            if at_bound(single.hypothesis) or _has_any(single, dropped):
+                continue
+            problem = result.problem.reinflated(single.residual)
+            single = rescore(problem, single)
+            if single.evidence > step.needed:
+                return replace(result, problem=problem, best=single)
+    return result
 
 
 def _has_any(fitted: Fit, candidates: Sequence[Candidate]) -> bool:

@@ -41,6 +41,8 @@ class Remainder:
             hypothesis, without what tolerances explain, in units of noise.
         explained: RMS of what tolerances explain of the hypothesis's residual there [noise].
         deviation: largest deviation by which they explain it [tolerances].
+        fits: RMS on the report split of what tolerances leave of the residuals of the nominal model
+            and of the hypothesis, with what their deviations cost; see `beyond_deviations` [noise].
     """
 
     learned: Learned
@@ -50,6 +52,7 @@ class Remainder:
     after: float
     explained: float = 0.0
     deviation: float = 0.0
+    fits: tuple[float, float] = (0.0, 0.0)
 
 
 def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
@@ -84,12 +87,34 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
     explained = rms(fitted.residual - after)
     sizes = np.abs(_likeliest(problem, fitted.residual))
     deviation = problem.roughness * float(sizes.max(initial=0.0))
-    return Remainder(learned, instead, depends_on, rms(before), rms(after), explained, deviation)
+    nominal, own = (beyond_deviations(problem, r) for r in (problem.null_residual, fitted.residual))
+    fits = rms(nominal), rms(own)
+    return Remainder(
+        learned=learned,
+        instead=instead,
+        depends_on=depends_on,
+        before=rms(before),
+        after=rms(after),
+        explained=explained,
+        deviation=deviation,
+        fits=fits,
+    )
 
 
 def beyond_tolerances(problem: Problem, residual: Floats) -> Floats:
     """Return a residual (n,) without what tolerances explain of it [noise]."""
     return residual - problem.noise_model.tolerances @ _likeliest(problem, residual)
+
+
+def beyond_deviations(problem: Problem, residual: Floats) -> Floats:
+    """Return the size of what tolerances leave, and of what their deviations cost, (n,) [noise].
+
+    Deviations of many tolerances explain nearly everything. A prior deviation counts as one reading
+    with an error of one noise; all of them are spread evenly over the readings.
+    """
+    sizes = _likeliest(problem, residual)
+    cost = float(sizes @ sizes) / float(np.sum(split(problem.measured) <= SELECT))
+    return np.asarray(np.sqrt(beyond_tolerances(problem, residual) ** 2 + cost))
 
 
 def _likeliest(problem: Problem, residual: Floats) -> Floats:

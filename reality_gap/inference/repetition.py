@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from reality_gap.causes.base import SearchHints
-from reality_gap.simulation.inverse_dynamics import PreparedEpisode
+from reality_gap.simulation.prepared_episode import PreparedEpisode
 from reality_gap.study.data import Study
 from reality_gap.study.measurements import Measured
 from reality_gap.types import Floats, Ints

@@ -46,9 +46,10 @@ class Options:
         better: evidence by which a learned residual must exceed that of the causes to refute
             them [nats].
         by_chance: share of an event's evidence that may be learned without its time.
-        worse: RMS on the report split, without what tolerances explain, that named causes may
-            leave even if it was lower without them [noise].
-        left: the same RMS above which the causes are not all that is wrong [noise].
+        worse: RMS on the report split, without what tolerances explain but with what their
+            deviations cost, that named causes may leave even if it was lower without them [noise].
+        left: RMS on the report split, without what tolerances explain, above which the causes are
+            not all that is wrong [noise].
         rough: factor of the tolerances above which they do not excuse what is left.
         form: relative error of what tolerances explain, because large deviations are not linear.
         deviation: largest deviation of a parameter that excuses what is left [tolerances].
@@ -169,10 +170,10 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
             found.append(_at_most("noises_before", remainder.before, ABOUT * form, TOGETHER))
         return tuple(found)
     named, learned = best.evidence, remainder.learned.evidence
-    most = max(ABOUT * remainder.before, options.worse)
+    before, after = remainder.fits
     found = [
         _at_most("learned_instead", instead, _beside(named, remainder, options), LEARNED),
-        _at_most("report_rms", remainder.after, most, WORSE),
+        _at_most("report_rms", after, max(ABOUT * before, options.worse), WORSE),
     ]
     # A hard stop that the machine touches in each episode looks like an event.
     if all(candidate.cause.event for candidate in best.candidates):

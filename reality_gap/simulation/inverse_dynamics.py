@@ -4,31 +4,35 @@ This is for machines in closed loop, where the controller hides a fault from the
 efforts show it. The method is that of identification with the inverse dynamic model (Gautier, Janot
 and Vandanjon, IEEE Trans. Control Systems Technology 21(2), 2013): positions are low-pass filtered
 with zero phase and differentiated by central differences; measured and computed efforts pass the
-same low-pass filter (parallel filtering); as many samples are kept as are independent after it.
-Noise of the positions becomes noise of the computed efforts. Its size is found by adding the same
-noise once more.
+same filter (parallel filtering); as many samples are kept as are independent after it. Noise of the
+positions becomes noise of the computed efforts. The filter makes the noise of their difference
+white, see `reality_gap.simulation.effort_filter`; its size is found by adding the same noise once
+more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Effects, Hook, Record
 from reality_gap.errors import StudyError
+from reality_gap.simulation.effort_filter import independent_samples, roll_off
 from reality_gap.simulation.hypothesis import Plant
 from reality_gap.simulation.light_model import light_spec
 from reality_gap.simulation.measured_motion import (
     Motion,
     effort_cutoff,
-    filtered_effort,
-    low_pass,
     measured_motion,
     period_of,
-    standing_still,
+)
+from reality_gap.simulation.prepared_episode import (
+    PreparedEpisode,
+    prepared_episodes,
+    weighted_episodes,
 )
 from reality_gap.simulation.replay import Replay
 from reality_gap.study.data import Channel, Episode, Study
@@ -37,13 +41,6 @@ from reality_gap.types import Floats
 
 FRICTION_RATE = 1e6
 """Damping of the constraint of dry friction [1/s]; see `_stiffen_dry_friction`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PreparedEpisode(Episode):
-    """An episode of a prepared study, with the motion along which its efforts were measured."""
-
-    motion: Motion
 
 
 def ensure_prepared(study: Study) -> Study:
@@ -78,37 +75,69 @@ def prepare(study: Study) -> Study:
     period = max(period_of(e.readings[c]) for e in study.episodes for c in [*columns, *efforts])
     cutoff = effort_cutoff(study, efforts, period)
     dofs = [_dof(model, study.channels[c]) for c in efforts]
-    rng = np.random.default_rng(0)
-    episodes, changes = [], []
-    for episode in study.episodes:
-        motion = measured_motion(columns, episode, cutoff, period)
-        still = standing_still(motion, noise[columns], period)
-        readings = tuple(
-            filtered_effort(motion, episode.readings[c], still[:, dof], period)
+    motions = [measured_motion(columns, e, noise[columns], cutoff, period) for e in study.episodes]
+    readings = [
+        [
+            independent_samples(m, e.readings[c], dof, period)
             for c, dof in zip(efforts, dofs, strict=True)
-        )
-        again = measured_motion(columns, _noisy(episode, columns, noise, rng), cutoff, period)
-        before, after = (
-            _filtered(_inverse_dynamics(plant, model, m, 0.0)[0], m, dofs) for m in (motion, again)
-        )
-        used = np.stack([np.isin(motion.time, reading.time) for reading in readings], axis=1)
-        changes.append(np.where(used, after - before, np.nan))
-        kept = {f.name: getattr(episode, f.name) for f in fields(Episode)}
-        episodes.append(PreparedEpisode(**kept | {"readings": readings}, motion=motion))
-    moving = [k for k in range(len(efforts)) if any(len(e.readings[k].time) for e in episodes)]
+        ]
+        for e, m in zip(study.episodes, motions, strict=True)
+    ]
+    moving = [k for k in range(len(efforts)) if any(len(some[k].time) for some in readings)]
     if not moving:
         raise StudyError(
             "the joints of all efforts hardly move; their forces can be compared in motion only"
         )
-    reduction = np.sqrt(2 * cutoff * period)
-    computed = np.sqrt(np.nanmean(np.concatenate(changes)[:, moving] ** 2, axis=0))
-    whole = np.hypot(noise[efforts][moving] * reduction, computed)
+    efforts, dofs = [efforts[k] for k in moving], [dofs[k] for k in moving]
+    effort_noise = np.zeros(model.nv)
+    effort_noise[dofs] = noise[efforts]
+    shapes = roll_off(model, motions, noise[columns], effort_noise)[:, dofs].T
+    own = [[some[k] for k in moving] for some in readings]
+    episodes = weighted_episodes(study.episodes, motions, own, shapes, period)
+    rng = np.random.default_rng(0)
+    noisy = [_noisy(e, columns, noise, rng) for e in study.episodes]
+    again = [measured_motion(columns, e, noise[columns], cutoff, period) for e in noisy]
+    sizes = _noise(plant, model, episodes, again, dofs, noise[efforts])
     channels = tuple(
-        replace(study.channels[efforts[k]], noise=float(size))
-        for k, size in zip(moving, whole, strict=True)
+        replace(study.channels[c], noise=float(size))
+        for c, size in zip(efforts, sizes, strict=True)
     )
-    compared = (replace(e, readings=tuple(e.readings[k] for k in moving)) for e in episodes)
-    return replace(study, channels=channels, episodes=tuple(compared))
+    return replace(study, channels=channels, episodes=tuple(episodes))
+
+
+def _noise(
+    plant: Plant,
+    model: mujoco.MjModel,
+    episodes: Sequence[PreparedEpisode],
+    again: Sequence[Motion],
+    dofs: Sequence[int],
+    effort_noise: Floats,
+) -> Floats:
+    """Return the noise of the compared samples of each effort.
+
+    Args:
+        plant, model: the nominal model.
+        episodes: the measured motion and the efforts that are compared.
+        again: the same motion with the noise of the positions once more.
+        dofs: degrees of freedom of the efforts (c,).
+        effort_noise: of one measured sample of each effort (c,).
+
+    Returns:
+        Standard deviations, shape (c,).
+    """
+    changes: list[list[Floats]] = [[] for _ in dofs]
+    white = np.zeros(len(dofs))
+    for episode, noisy in zip(episodes, again, strict=True):
+        difference = (
+            _inverse_dynamics(plant, model, noisy, 0.0)[0]
+            - _inverse_dynamics(plant, model, episode.motion, 0.0)[0]
+        )
+        for c, dof in enumerate(dofs):
+            changes[c].append(episode.samples(c, difference[:, dof]))
+            white[c] += episode.weights[c].white * len(changes[c][-1])
+    count = np.array([sum(map(len, some)) for some in changes])
+    computed = np.array([float(np.mean(np.concatenate(some) ** 2)) for some in changes])
+    return np.asarray(np.sqrt(effort_noise**2 * white / count + computed))
 
 
 def left_out(study: Study) -> list[str]:
@@ -145,9 +174,7 @@ def inverse_replay(
     prediction = np.full(len(measured.value), np.nan)
     records = []
     start = 0.0
-    for e, episode in enumerate(study.episodes):
-        if not isinstance(episode, PreparedEpisode):
-            raise StudyError(f"the study {study.name} compares efforts and was not prepared")
+    for e, episode in enumerate(prepared_episodes(study)):
         if only is not None and e not in only:
             start += episode.duration
             continue
@@ -155,10 +182,9 @@ def inverse_replay(
         effort, record = _inverse_dynamics(plant, model, motion, start)
         for effect in plant.effects.efforts:
             effect(model, record.time, effort)
-        filtered = _filtered(effort, motion, dofs)
         for c in range(len(study.channels)):
             at = (measured.episode == e) & (measured.channel == c)
-            prediction[at] = np.interp(measured.time[at], motion.time, filtered[:, c])
+            prediction[at] = episode.samples(c, effort[:, dofs[c]])
         records.append(record)
         start += episode.duration
     return Replay(prediction, tuple(records))
@@ -203,11 +229,6 @@ def _inverse_dynamics(
         if model.ntendon:
             record.length[k], record.velocity[k] = data.ten_length, data.ten_velocity
     return effort, record
-
-
-def _filtered(effort: Floats, motion: Motion, dofs: Sequence[int]) -> Floats:
-    """Return efforts (k, nv) at some degrees of freedom, low-passed as the measured ones."""
-    return low_pass(effort[:, dofs], motion.cutoff, motion.step)
 
 
 def _noisy(

@@ -1,8 +1,7 @@
-"""Measured motion: filters of positions and efforts for inverse dynamics.
+"""Measured motion: filtered positions for inverse dynamics, with their derivatives.
 
 Positions are low-pass filtered with zero phase and differentiated by central differences. Efforts
-pass a low-pass filter with a lower cutoff, and as many samples are kept as are independent after
-it.
+pass a low-pass filter with a lower cutoff; see `reality_gap.simulation.effort_filter`.
 """
 
 from __future__ import annotations
@@ -22,14 +21,12 @@ KEPT_POWER = 0.999
 """Share of an effort's power above its white noise that is kept; the rest is 3 % of it in RMS."""
 MARGIN = 1.5
 """Cutoff over the frequency below which that power lies; the filter passes 96 % there."""
-POSITION_BAND = 4.0
-"""Cutoff of the positions over that of the efforts, so that it does not affect the efforts."""
+POSITION_BAND = 2.0
+"""Cutoff of the positions over that of the efforts, which it changes by 0.4 % at most."""
 GRID_RATE = 8.0
 """Samples of the motion per period of the cutoff, at least."""
-EDGE = 3.0
-"""Length that is left out at both ends of a log, where filters start [periods of the cutoff]."""
-LEAST = 10
-"""Number of samples in motion below which an effort is not compared."""
+SHORTEST = 12.0
+"""Least length of a log [periods of the cutoff]."""
 SLOW = 0.01
 """Share of its usual speed below which a joint stands still; its dry friction is then unknown."""
 
@@ -43,6 +40,7 @@ class Motion:
         qpos, qvel, qacc: positions, velocities and accelerations in SI units, shapes (k, nq),
             (k, nv) and (k, nv).
         cutoff: cutoff of the low-pass filter of the efforts [Hz].
+        still: whether each joint stands still, shape (k, nv).
     """
 
     time: Floats
@@ -50,6 +48,7 @@ class Motion:
     qvel: Floats
     qacc: Floats
     cutoff: float
+    still: Bools
 
     @property
     def step(self) -> float:
@@ -100,13 +99,14 @@ def effort_cutoff(study: Study, efforts: Sequence[int], period: float) -> float:
 
 
 def measured_motion(
-    columns: Sequence[int], episode: Episode, cutoff: float, period: float
+    columns: Sequence[int], episode: Episode, noise: Floats, cutoff: float, period: float
 ) -> Motion:
     """Return the motion of an episode, from its positions.
 
     Args:
         columns: the channel of the position of each joint, shape (nq,).
         episode: the measured positions.
+        noise: standard deviation of each position, shape (nq,).
         cutoff: cutoff of the low-pass filter of the efforts [Hz].
         period: of the readings [s].
 
@@ -116,10 +116,10 @@ def measured_motion(
     readings = [episode.readings[c] for c in columns]
     begin = max(r.time[0] for r in episode.readings if len(r.time))
     end = min(r.time[-1] for r in episode.readings if len(r.time))
-    if end - begin < 20.0 / cutoff:
+    if end - begin < SHORTEST / cutoff:
         raise StudyError(
             f"the log {episode.name} lasts {end - begin:.3g} s, which is too short for inverse "
-            f"dynamics at {cutoff:.3g} Hz; at least {20.0 / cutoff:.3g} s are needed"
+            f"dynamics at {cutoff:.3g} Hz; at least {SHORTEST / cutoff:.3g} s are needed"
         )
     time = np.arange(begin, end + 1e-9, period)
     raw = np.stack([CubicSpline(r.time, r.value)(time) for r in readings], axis=1)
@@ -129,39 +129,13 @@ def measured_motion(
     qacc = np.gradient(qvel, period, axis=0)
     stride = max(1, int(1.0 / (GRID_RATE * cutoff * period)))
     kept = slice(None, None, stride)
-    return Motion(time[kept], qpos[kept], qvel[kept], qacc[kept], cutoff)
+    still = _standing_still(qvel, noise, cutoff, period)
+    return Motion(time[kept], qpos[kept], qvel[kept], qacc[kept], cutoff, still[kept])
 
 
-def standing_still(motion: Motion, noise: Floats, period: float) -> Bools:
+def _standing_still(qvel: Floats, noise: Floats, cutoff: float, period: float) -> Bools:
     """Return whether each joint is slower than the noise of its speed or than `SLOW`, (k, nv)."""
-    band = POSITION_BAND * motion.cutoff
+    band = POSITION_BAND * cutoff
     speed_noise = noise * 2 * np.pi * np.sqrt(2 * period * band**3 / 3)
-    usual = np.quantile(np.abs(motion.qvel), 0.95, axis=0)
-    return np.abs(motion.qvel) < np.maximum(4 * speed_noise, SLOW * usual)
-
-
-def filtered_effort(motion: Motion, reading: Reading, still: Bools, period: float) -> Reading:
-    """Return the independent samples of a measured effort after the low-pass filter.
-
-    Samples at which the joint stands still are left out, and all if fewer than `LEAST` remain.
-
-    Args:
-        motion: the motion along which it was measured.
-        reading: the effort.
-        still: where its joint stands still, shape (k,).
-        period: of the readings [s].
-    """
-    time = np.arange(motion.time[0], motion.time[-1] + 1e-9, period)
-    value = low_pass(np.interp(time, reading.time, reading.value), motion.cutoff, period)
-    step = max(1, round(0.5 / (motion.cutoff * motion.step)))
-    edge = int(np.ceil(EDGE / (motion.cutoff * motion.step)))
-    kept = np.arange(edge, len(motion.time) - edge, step)
-    kept = kept[~still[kept]]
-    if len(kept) < LEAST:
-        kept = kept[:0]
-    return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
-
-
-def low_pass(effort: Floats, cutoff: float, period: float) -> Floats:
-    """Return efforts (k, ...) without what is above a cutoff [Hz], with zero phase."""
-    return sosfiltfilt(butter(4, 2 * cutoff * period, output="sos"), effort, axis=0)
+    usual = np.quantile(np.abs(qvel), 0.95, axis=0)
+    return np.abs(qvel) < np.maximum(4 * speed_noise, SLOW * usual)

@@ -1,9 +1,10 @@
 """Measurements as one vector: all readings of all channels in all episodes.
 
 The error of a sensor has two parts: noise, and rounding to the step of its converter. Rounding has
-a variance of step^2 / 12, but is the same in all readings of a run of equal values, which together
-count as one reading. So do the repeats of a sensor that is slower than its log and whose values
-are held.
+a variance of step^2 / 12. It is the same in all readings of a run of equal values, which together
+count as one reading, unless the values go on in one direction: then it rises or falls from one half
+of a step to the other, and its mean is zero. The repeats of a sensor that is slower than its log
+and whose values are held count as one reading, too.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ MULTIPLE, MOSTLY = 0.1, 0.95
 channel count as multiples; share of them that must be."""
 USUAL_STEPS = 20.0
 """Median of these differences in steps; a larger one shows no converter."""
+SINGLE = 1.5
+"""Change of a value, in steps of its converter, below which it is by one step."""
 FEW = 4
 """Number of different values below which no step is recognised."""
 
@@ -65,7 +68,8 @@ class Measured:
 def measured(study: Study) -> Measured:
     """Concatenate the study's readings."""
     values, channels, episodes, times, noises, quaternions = [], [], [], [], [], []
-    step, hold = rounding_steps(study), _holds(study)
+    step = rounding_steps(study)
+    hold = _holds(study, step)
     noise = _channel_noise(study, step)
     four = _quaternion_sensors(study)
     start = 0
@@ -77,8 +81,9 @@ def measured(study: Study) -> Measured:
             times.append(reading.time)
             channels.append(np.full(count, c))
             episodes.append(np.full(count, e))
-            shared = noise[c] if hold[c] > 1 else step[c] / np.sqrt(12.0)
-            repeats = _run_lengths(reading.value) - 1
+            held = hold[c] > 1
+            shared = noise[c] if held else step[c] / np.sqrt(12.0)
+            repeats = _repeats(reading.value, passing=held)
             noises.append(np.sqrt(noise[c] ** 2 + repeats * shared**2))
             if study.channels[c].sensor in four:
                 first.setdefault(study.channels[c].sensor, []).append(start)
@@ -136,10 +141,19 @@ def _step(readings: tuple[Reading, ...]) -> float:
     return float(np.median(gaps / np.round(steps))) if rounded else 0.0
 
 
-def _holds(study: Study) -> Ints:
-    """Return the number of rows for which each channel usually holds a value, shape (c,)."""
-    count = range(len(study.channels))
-    return np.array([_hold(tuple(e.readings[c] for e in study.episodes)) for c in count])
+def _holds(study: Study, steps: Floats) -> Ints:
+    """Return the number of rows for which each channel usually holds a value, shape (c,).
+
+    Values that mostly change by one step of their converter (c,) are not held, but change slowly.
+    """
+    found = []
+    for c, step in enumerate(steps):
+        readings = tuple(episode.readings[c] for episode in study.episodes)
+        jumps = np.concatenate([np.abs(np.diff(reading.value)) for reading in readings])
+        jumps = jumps[jumps > 0.0]
+        slow = len(jumps) > 0 and np.median(jumps) < SINGLE * step
+        found.append(1 if slow else _hold(readings))
+    return np.array(found)
 
 
 def _hold(readings: tuple[Reading, ...]) -> int:
@@ -149,10 +163,19 @@ def _hold(readings: tuple[Reading, ...]) -> int:
     return int(np.ceil(np.median(together))) if len(together) >= FEW + len(lengths) else 1
 
 
-def _run_lengths(values: Floats) -> Floats:
-    """Return the number of equal values in a row that each value is one of, shape (k,)."""
+def _repeats(values: Floats, passing: bool) -> Floats:
+    """Return how many readings beside each one have the same error, shape (k,).
+
+    Args:
+        values: readings (k,).
+        passing: whether that includes runs of equal values between a lower and a higher value.
+    """
     lengths = _lengths(values)
-    return np.repeat(lengths, lengths).astype(np.float64)
+    repeats = lengths - 1
+    if not passing and len(lengths) > 2:
+        rises = np.sign(np.diff(values[np.cumsum(lengths) - 1]))
+        repeats[1:-1][rises[1:] == rises[:-1]] = 0
+    return np.repeat(repeats, lengths).astype(np.float64)
 
 
 def _lengths(values: Floats) -> Ints:

@@ -64,6 +64,7 @@ def decided(
         before=before,
         after=after,
         explained=explained,
+        fits=(before, after),
         deviation=deviation,
     )
     return decide(paying, judge(paying, remainder, Options()))

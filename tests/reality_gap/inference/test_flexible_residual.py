@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from reality_gap.causes.base import Cause, Effects, Hook, Location, Parameter, Values
-from reality_gap.inference.flexible_residual import Bank, banks
+from reality_gap.inference.flexible_residual import banks
 from reality_gap.inference.learned_residual import Learned, learn
 from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.motion_functions import Bank
 from reality_gap.inference.problem import Problem
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer

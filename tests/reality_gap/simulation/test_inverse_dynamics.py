@@ -93,6 +93,19 @@ def study(log: tuple[Floats, Floats, Floats], tmp_path: Path) -> Study:
     return Study("arm", path, CHANNELS, (episode,))
 
 
+def with_noise(study: Study, position: float, effort: float) -> Study:
+    """Return the study with a stated noise of positions [rad] and efforts [N m]."""
+    sizes = {"sensor": position, "effort": effort}
+    return replace(study, channels=tuple(replace(c, noise=sizes[c.kind]) for c in study.channels))
+
+
+def with_efforts(study: Study, effort: Floats) -> Study:
+    """Return the study with the same measured effort (k,) of both joints."""
+    episode = study.episodes[0]
+    readings = (*episode.readings[:2], *(Reading(episode.time, effort),) * 2)
+    return replace(study, episodes=(replace(episode, readings=readings),))
+
+
 def errors(study: Study, plant: Plant) -> Floats:
     """Return the RMS error of the predicted torque relative to the RMS torque, by joint."""
     prepared = prepare(study)
@@ -121,7 +134,7 @@ def test_what_hooks_apply_needs_no_effort(study: Study) -> None:
         data.qfrc_applied[0] += 1.5
         data.xfrc_applied[model.body("forearm").id, 2] += 4.0
 
-    prepared = prepare(study)
+    prepared = prepare(with_noise(study, 1e-6, 0.05))
     values = measured(prepared)
     free = inverse_replay(Plant(study.spec(), Effects()), prepared, values)
     effects = Effects()
@@ -189,39 +202,58 @@ def test_the_effort_of_a_joint_that_rests_is_left_out_with_a_warning(study: Stud
         prepare(still)
 
 
-def test_as_many_samples_are_kept_as_are_independent(study: Study) -> None:
-    at = study.episodes[0].time
-    hum = 2 * np.sin(2 * np.pi * 5 * at)
-    noise = 0.05 * np.random.default_rng(1).standard_normal(len(at))
-    readings = (*study.episodes[0].readings[:2], *(Reading(at, hum + noise),) * 2)
-    noisy = replace(study, episodes=(replace(study.episodes[0], readings=readings),))
-    prepared = prepare(noisy)
-    kept = prepared.episodes[0].readings[1]
-    rate = 1.0 / np.median(np.diff(kept.time))
-    assert 10.0 < rate < 40.0
-    assert len(kept.time) > 0.7 * rate * 10.0
-    wave = np.sin(2 * np.pi * 5 * kept.time)  # which the filter passes, but for a few per cent
-    left = kept.value - wave * (wave @ kept.value) / (wave @ wave)
-    assert np.corrcoef(left[1:], left[:-1])[0, 1] < 0.25
-    assert prepared.channels[1].noise == pytest.approx(np.std(left), rel=0.2)
+@pytest.mark.parametrize("position_noise", [1e-6, 3e-4])
+def test_the_kept_samples_of_noise_are_independent(study: Study, position_noise: float) -> None:
+    """Noise of efforts, and that of positions in computed efforts, is white behind the filter."""
+    rng, time = np.random.default_rng(1), study.episodes[0].time
+    hum = 2 * np.sin(2 * np.pi * 5 * time)
+    stated = with_efforts(with_noise(study, position_noise, 0.05), hum)
+    angles = [
+        replace(r, value=r.value + position_noise * rng.standard_normal(len(time)))
+        for r in stated.episodes[0].readings[:2]
+    ]
+    shaken = replace(stated.episodes[0], readings=(*angles, *stated.episodes[0].readings[2:]))
+    clean, other = prepare(stated), prepare(replace(stated, episodes=(shaken,)))
+    elsewhere = replace(clean.episodes[0], motion=other.episodes[0].motion)
+    moved = replace(clean, episodes=(elsewhere,))
+    noisy = prepare(with_efforts(stated, hum + 0.05 * rng.standard_normal(len(time))))
+    plant = Plant(study.spec(), Effects())
+    before, after = (
+        inverse_replay(plant, one, measured(clean)).prediction for one in (clean, moved)
+    )
+    for c, channel in enumerate(clean.channels):
+        kept = clean.episodes[0].readings[c]
+        of_effort = noisy.episodes[0].readings[c].value - kept.value
+        of_position = (after - before)[measured(clean).channel == c]
+        left = of_effort + of_position
+        rate = 1.0 / np.median(np.diff(kept.time))
+        assert 10.0 < rate < 40.0
+        assert len(kept.time) > 0.6 * rate * 10.0
+        assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.25
+        assert channel.noise == pytest.approx(np.std(left), rel=0.2)
 
 
 def test_noise_of_positions_counts_as_noise_of_efforts(study: Study) -> None:
-    few, much = (
-        prepare(
-            replace(
-                study,
-                channels=tuple(
-                    replace(c, noise=noise if c.kind == "sensor" else 1e-6) for c in study.channels
-                ),
-            )
-        )
-        for noise in (1e-6, 1e-4)
-    )
+    few, much = (prepare(with_noise(study, noise, 1e-6)) for noise in (1e-6, 1e-4))
     for less, more in zip(few.channels, much.channels, strict=True):
         assert less.noise is not None
         assert more.noise is not None
         assert more.noise > 3.0 * less.noise
+
+
+@pytest.mark.parametrize("effort_noise", [0.05, 0.003])
+def test_noise_of_positions_hardly_hides_what_is_slow(study: Study, effort_noise: float) -> None:
+    """A constant torque is seen about as well as without noise of positions.
+
+    That noise grows with the square of the frequency and is small below 1 Hz.
+    """
+
+    def visibility(position_noise: float) -> float:
+        prepared = prepare(with_noise(study, position_noise, effort_noise))
+        seen = prepared.episodes[0].samples(1, np.ones(len(prepared.episodes[0].motion.time)))
+        return float(np.linalg.norm(seen)) / prepared.channels[1].noise
+
+    assert visibility(3e-5) > 0.7 * visibility(1e-7)
 
 
 def test_a_long_log_is_replayed_in_less_than_a_second(study: Study) -> None:

@@ -78,6 +78,20 @@ def test_equal_readings_in_a_row_count_as_one(model: Path) -> None:
     assert np.sum(found**-2) ** -0.5 == pytest.approx(BITS_12 / np.sqrt(12.0), rel=0.01)
 
 
+def test_a_slow_motion_through_the_steps_is_measured_by_all_readings(model: Path) -> None:
+    """Each run of equal values between a lower and a higher one has all errors, with mean zero.
+
+    Where the motion turns, the error of a run is not zero in the mean.
+    """
+    there = np.linspace(0.0, 40.0, 1000) * BITS_12
+    values = rounded(np.r_[there, there[::-1]], BITS_12)
+    found = measured(study(model, values)).noise
+    passing = (values > 0.0) & (values < 40.0 * BITS_12)
+    assert found[passing] == pytest.approx(np.full(passing.sum(), BITS_12 / np.sqrt(12.0)))
+    turn = np.abs(np.arange(len(values)) - 999.5) < 12
+    assert found[turn].min() > 3.0 * BITS_12 / np.sqrt(12.0)
+
+
 def test_noise_above_the_step_averages_out(model: Path) -> None:
     noise = 3.0 * BITS_12 * np.random.default_rng(0).standard_normal(2000)
     found = study(model, rounded(noise, BITS_12), noise=3.0 * BITS_12)

@@ -1,0 +1,168 @@
+"""Filter of measured and computed efforts, after which noise is white.
+
+Let S_t be the power spectral density of the noise of a measured effort, and S_q that of a position.
+To first order, the computed effort has the density (K^2 + D^2 w^2 + M^2 w^4) S_q at the angular
+frequency w, where K, D and M are the derivatives of the inverse dynamics by position, velocity and
+acceleration. It grows so fast that a common weight of all frequencies would hide whatever is slow.
+Samples of measured and computed efforts, behind the same low-pass filter, are therefore multiplied
+by the symmetric inverse root of the covariance of their difference, as in generalised least
+squares, times a constant with which the measured effort keeps its unit and size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.linalg import eigh, toeplitz
+from scipy.signal import butter, sosfiltfilt
+
+from reality_gap.simulation.measured_motion import Motion
+from reality_gap.study.data import Reading
+from reality_gap.types import Floats
+
+EDGE = 3.0
+"""Length that is left out at both ends of a log, where filters start [periods of the cutoff]."""
+LEAST = 10
+"""Number of samples in motion below which an effort is not compared."""
+ORDER = 4
+"""Order of the low-pass filter, which passes forwards and backwards."""
+BLOCK = 200
+"""Largest number of samples that are weighted together."""
+POSTURES = 50
+"""Number of samples of a motion at which its inverse dynamics are differentiated."""
+PRECISION = 1e-12
+"""Least power of a covariance, over its largest one."""
+STEP = 1e-6
+"""Finite difference of these derivatives [SI units]."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the independent samples of an effort in one episode.
+
+    Attributes:
+        blocks: one matrix (b, b) for each b consecutive samples.
+        white: mean square of the weighted samples of white noise with a deviation of 1.
+    """
+
+    blocks: tuple[Floats, ...] = ()
+    white: float = 1.0
+
+    def times(self, factor: float) -> Weights:
+        """Return the weights times a factor."""
+        return Weights(tuple(factor * block for block in self.blocks), factor**2 * self.white)
+
+    def __call__(self, effort: Floats) -> Floats:
+        """Return the weighted samples (n,) of a low-passed effort."""
+        starts = np.cumsum([len(block) for block in self.blocks])[:-1]
+        parts = np.split(effort, starts)
+        products = [block @ part for block, part in zip(self.blocks, parts, strict=True)]
+        return np.concatenate(products) if products else effort
+
+
+def roll_off(
+    model: mujoco.MjModel, motions: Sequence[Motion], noise: Floats, effort_noise: Floats
+) -> Floats:
+    """Return the coefficients a of S(w) / S(0) = 1 + a[0] w^2 + a[1] w^4 of each effort.
+
+    Args:
+        model: the nominal model.
+        motions: the motion of each episode.
+        noise: standard deviation of each position, shape (nv,).
+        effort_noise: that of each effort at the same rate, shape (nv,).
+
+    Returns:
+        Shape (2, nv) [s^2] and [s^4].
+    """
+    smooth = model.__copy__()
+    smooth.dof_frictionloss[:] = 0.0
+    smooth.tendon_frictionloss[:] = 0.0
+    smooth.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    by_position, by_velocity, by_acceleration = (
+        noise**2 @ power for power in _derivative_powers(smooth, motions)
+    )
+    constant = np.maximum(effort_noise**2 + by_position, np.finfo(float).tiny)
+    return np.stack([by_velocity / constant, by_acceleration / constant])
+
+
+def _derivative_powers(model: mujoco.MjModel, motions: Sequence[Motion]) -> tuple[Floats, ...]:
+    """Return mean squares of the derivatives of inverse dynamics, shape (nv, nv) each.
+
+    A row belongs to a position, velocity or acceleration, and a column to an effort.
+    """
+    data, count = mujoco.MjData(model), 0
+    found = [np.zeros((model.nv, model.nv)) for _ in range(3)]
+    for motion in motions:
+        for k in range(0, len(motion.time), max(1, len(motion.time) // POSTURES)):
+            data.qpos, data.qvel, data.qacc = motion.qpos[k], motion.qvel[k], motion.qacc[k]
+            each = [np.zeros((model.nv, model.nv)) for _ in range(3)]
+            mujoco.mjd_inverseFD(model, data, STEP, False, *each, None, None, None, None)
+            found = [total + one**2 for total, one in zip(found, each, strict=True)]
+            count += 1
+    return tuple(total / count for total in found)
+
+
+def low_pass(effort: Floats, cutoff: float, period: float) -> Floats:
+    """Return efforts (k, ...) without what is above a cutoff [Hz], with zero phase."""
+    return sosfiltfilt(butter(ORDER, 2 * cutoff * period, output="sos"), effort, axis=0)
+
+
+def independent_samples(motion: Motion, reading: Reading, dof: int, period: float) -> Reading:
+    """Return the independent samples of a measured effort after the low-pass filter.
+
+    Samples at which the joint stands still are left out, and all if fewer than `LEAST` remain.
+
+    Args:
+        motion: the motion along which it was measured.
+        reading: the effort.
+        dof: its degree of freedom.
+        period: of the readings [s].
+    """
+    time = np.arange(motion.time[0], motion.time[-1] + 1e-9, period)
+    value = low_pass(np.interp(time, reading.time, reading.value), motion.cutoff, period)
+    edge = int(np.ceil(EDGE / (motion.cutoff * motion.step)))
+    kept = np.arange(edge, len(motion.time) - edge, _stride(motion))
+    kept = kept[~motion.still[kept, dof]]
+    if len(kept) < LEAST:
+        kept = kept[:0]
+    return Reading(motion.time[kept], np.interp(motion.time[kept], time, value))
+
+
+def weights(motion: Motion, time: Floats, coefficients: Floats, period: float) -> Weights:
+    """Return the weights of the independent samples of an effort.
+
+    Args:
+        motion: the motion along which it was measured.
+        time: times of the samples (n,) [s].
+        coefficients: see `roll_off`, shape (2,).
+        period: of the readings [s].
+    """
+    step = _stride(motion) * motion.step
+    index = np.rint((time - time[:1]) / step).astype(int)
+    starts = np.flatnonzero(np.diff(index, prepend=-2) != 1)
+    frequency = np.linspace(0.0, min(2.0 * motion.cutoff, 0.5 / period), 4000)
+    passed = (1.0 + (frequency / motion.cutoff) ** (2 * ORDER)) ** -2.0
+    # Central differences, by which positions are differentiated, see less of quick changes.
+    squared = (np.sin(2 * np.pi * frequency * period) / period) ** 2
+    steep = coefficients[0] * squared + coefficients[1] * squared**2
+    lags = np.cos(2 * np.pi * step * np.outer(np.arange(BLOCK), frequency))
+    width = 2.0 * period * frequency[1]
+    white, rest = width * lags @ passed, width * lags @ (passed * steep)
+    blocks, total = [], 0.0
+    for begin, end in zip(starts, [*starts[1:], len(time)], strict=True):
+        for first in range(begin, end, BLOCK):
+            count = min(BLOCK, end - first)
+            power, vectors = eigh(toeplitz((white + rest)[:count]))
+            least = PRECISION * power[-1]
+            block = (vectors * np.maximum(power, least) ** -0.5) @ vectors.T
+            total += float(np.sum((block @ toeplitz(white[:count])) * block))
+            blocks.append(block)
+    return Weights(tuple(blocks), total / max(len(time), 1))
+
+
+def _stride(motion: Motion) -> int:
+    """Return the number of samples of a motion between two independent samples."""
+    return max(1, round(0.5 / (motion.cutoff * motion.step)))
