@@ -18,8 +18,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from experiments.harness.errors import ExperimentError
 from jmm_agent.types import Floats
+from reality_gap.simulation.effort_filter import EDGE
 from reality_gap.simulation.inverse_dynamics import prepare
-from reality_gap.simulation.measured_motion import EDGE, Motion
+from reality_gap.simulation.measured_motion import Motion
 from reality_gap.simulation.prepared_episode import PreparedEpisode
 from reality_gap.study.data import Channel, Episode, Reading, Study
 
@@ -73,17 +74,25 @@ def read_log(path: Path) -> Log:
 
 
 def make_study(log: Log) -> Study:
-    """Make the study: force of a mass along the measured motion of the carriage."""
+    """Make the study: force of a mass along the measured motion of the carriage.
+
+    Errors of the model are larger than those of the sensors, and their size is that of the noise.
+    """
     channels = (
         Channel("position", "position", unit="m"),
-        Channel("force", "carriage", unit="N", kind="effort"),
+        Channel("force", "carriage", unit="N", kind="effort", noise=_model_error(log.force)),
     )
     readings = (Reading(log.time, log.position), Reading(log.time, log.force))
     episode = Episode("EMPS", log.time[:1], np.zeros((1, 0)), readings)
     model = Path(str(files("experiments.emps") / "emps.xml"))
     study = prepare(Study("EMPS", model, channels, (episode,)))
-    noise = MODEL_ERROR * float(np.sqrt(np.mean(measured_force(study) ** 2)))
+    noise = _model_error(measured_force(study))
     return replace(study, channels=(replace(study.channels[0], noise=noise),))
+
+
+def _model_error(force: Floats) -> float:
+    """Error of the model of a force (k,) [N]."""
+    return MODEL_ERROR * float(np.sqrt(np.mean(force**2)))
 
 
 def measured_force(study: Study) -> Floats:

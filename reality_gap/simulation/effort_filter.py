@@ -5,8 +5,8 @@ To first order, the computed effort has the density (K^2 + D^2 w^2 + M^2 w^4) S_
 frequency w, where K, D and M are the derivatives of the inverse dynamics by position, velocity and
 acceleration. It grows so fast that a common weight of all frequencies would hide whatever is slow.
 Samples of measured and computed efforts, behind the same low-pass filter, are therefore multiplied
-by the symmetric inverse root of the covariance of their difference, as in generalised least
-squares, times a constant with which the measured effort keeps its unit and size.
+by the inverse root of the covariance of their difference, as in generalised least squares, over
+that without noise of positions. A constant keeps the unit and size of the measured effort.
 """
 
 from __future__ import annotations
@@ -155,12 +155,18 @@ def weights(motion: Motion, time: Floats, coefficients: Floats, period: float) -
     for begin, end in zip(starts, [*starts[1:], len(time)], strict=True):
         for first in range(begin, end, BLOCK):
             count = min(BLOCK, end - first)
-            power, vectors = eigh(toeplitz((white + rest)[:count]))
-            least = PRECISION * power[-1]
-            block = (vectors * np.maximum(power, least) ** -0.5) @ vectors.T
-            total += float(np.sum((block @ toeplitz(white[:count])) * block))
+            of_effort = toeplitz(white[:count])
+            block = _power(toeplitz((white + rest)[:count]), -0.5) @ _power(of_effort, 0.5)
+            total += float(np.sum((block @ of_effort) * block))
             blocks.append(block)
     return Weights(tuple(blocks), total / max(len(time), 1))
+
+
+def _power(covariance: Floats, exponent: float) -> Floats:
+    """Return a power of a covariance."""
+    sizes, vectors = eigh(covariance)
+    powers = np.maximum(sizes, PRECISION * sizes[-1]) ** exponent
+    return np.asarray((vectors * powers) @ vectors.T)
 
 
 def _stride(motion: Motion) -> int:
