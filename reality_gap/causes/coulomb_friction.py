@@ -8,13 +8,14 @@ and its sensor, as in a gearbox in front of a load cell: the sensor then measure
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import elements, lugre, motors, shared_amounts, typical_scales
 from reality_gap.causes.support.shared_amounts import BEYOND, EXCESS, FACTOR
 from reality_gap.study.system import System
 
-USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 1.5e-3, 1e-3
+USUAL, SPREAD, SPREAD_BEFORE = 1.5e-3, 1.5e-3, 1.3e-3
 """Friction of a tendon whose nominal model has none, its standard deviation, and that of friction
 before a force sensor, each as a share of the tendon's typical force."""
 LEAST_BEFORE = 6e-3
@@ -47,9 +48,11 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     if location.kind == "tendon":
         size = typical_scales.tendon_force(system, location)
         hints = SearchHints(secants=elements.secants(system, location, (0.2 * size,)))
-        usual, spread, least = USUAL * size, SPREAD * size, 0.0
+        each = [Location("tendon", (name,)) for name in location.elements]
+        mean = float(np.mean([typical_scales.tendon_force(system, one) for one in each]))
+        usual, spread, least = USUAL * mean, SPREAD * mean, 0.0
         if location.note == BEFORE:
-            usual, spread, least = 0.0, SPREAD_BEFORE * size, LEAST_BEFORE * size
+            usual, spread, least = 0.0, SPREAD_BEFORE * mean, LEAST_BEFORE * mean
         elif lugre.has_nominal_friction(system, location):
             usual = 0.0
         sizes = (0.03 * size, spread, 0.0, 2.0 * size)

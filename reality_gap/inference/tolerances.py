@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from reality_gap.causes.base import Parameter
-from reality_gap.inference.screening import Sensitivity
-from reality_gap.simulation.hypothesis import Candidate, Part
+from reality_gap.inference.screening import STEP, Sensitivity
+from reality_gap.simulation.hypothesis import Candidate, Part, build
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
 
@@ -17,6 +17,10 @@ DRIFT_TOLERANCE = 0.1
 """Relative tolerance of the error of the time step that was subtracted from residuals."""
 LARGE = 10.0
 """Norm of a tolerance's column from which on it is replayed exactly [noise]."""
+MANY = 5.0
+"""Step of a column, in tolerances, from which on it hardly tells the effect of one tolerance."""
+SEEN = 1.0
+"""Norm of the error of a column up to which it does not matter [noise]."""
 
 
 class Tolerance(NamedTuple):
@@ -71,7 +75,9 @@ def tolerance_columns(
     """Return the columns of all tolerances, in their order, and others behind them, shape (n, p).
 
     If the column of a large tolerance is slightly wrong, the rest of it looks like a fault. Large
-    tolerances are therefore replayed at the full time step. The error of the column is one more
+    tolerances are therefore replayed at the full time step. So are those where joints stick, if the
+    column comes from a step of many tolerances: a small deviation changes what a joint's friction
+    bears while it stands still as much as a large one does. The error of the column is one more
     column and does not replace it, because candidates are ranked by the same columns.
 
     Args:
@@ -81,11 +87,21 @@ def tolerance_columns(
     """
     steps = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
     drifts = [step / replayer.measured.noise for step in steps]
-    large = [one for one in tolerances if np.linalg.norm(one.column) > LARGE]
+    system = replayer.system
+    sticks = system.model.dof_frictionloss.any() or system.model.tendon_frictionloss.any()
+
+    def is_wrong(one: Tolerance) -> bool:
+        if np.linalg.norm(one.column) > LARGE:
+            return True
+        coarse = STEP * abs(one.parameter.scale) > MANY * abs(one.size)
+        return bool(sticks and coarse and not build(system, [one.deviation(1.0)]).effects.hooks)
+
+    large = [one for one in tolerances if is_wrong(one)]
     residuals = replayer.residuals([[one.deviation(1.0)] for one in large])
     errors = [
         null_residual - residual - one.column
         for one, residual in zip(large, residuals, strict=True)
         if np.all(np.isfinite(residual))
     ]
-    return np.column_stack([*(one.column for one in tolerances), *errors, *drifts])
+    seen = [error for error in errors if np.linalg.norm(error) > SEEN]
+    return np.column_stack([*(one.column for one in tolerances), *seen, *drifts])

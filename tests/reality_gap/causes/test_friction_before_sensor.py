@@ -78,4 +78,4 @@ def test_errors_of_forces_are_tolerated_in_proportion_to_the_motors_limit(
         tolerances[location.elements[0].removeprefix("force_")] = parameter.tolerance
     # The motors' limits are 8 and 2 N m, although the elbow's link needs little.
     assert tolerances["shoulder"] == pytest.approx(4.0 * tolerances["elbow"])
-    assert 0.0005 * 2.0 < tolerances["elbow"] < 0.002 * 2.0
+    assert 0.0003 * 2.0 < tolerances["elbow"] < 0.002 * 2.0

@@ -101,6 +101,7 @@ def test_what_the_columns_of_large_tolerances_are_wrong_by_is_tolerated_too(
     screening = Screening(lever_study, "length_scale")
     screened = screening.columns()
     monkeypatch.setattr("reality_gap.inference.tolerances.LARGE", 1.0)
+    monkeypatch.setattr("reality_gap.inference.tolerances.SEEN", 0.0)
     kept, wrong = screening.columns()[:2], screening.columns()[2:]
     tendons = dict.fromkeys(sensitivity.candidate for sensitivity in screening.alone())
 
