@@ -8,7 +8,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Effects, Location, Record, Values
+from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
 from reality_gap.inference.motion_functions import (
     Bank,
     bank,
@@ -66,13 +66,17 @@ def _encoder_drifts(replayer: Replayer, base: Hypothesis, records: Sequence[Reco
     waves, slopes = slow_waves(replayer.measured, records)
     names = moving_joints(replayer.system, records)
     before = replayer.residual(base)
-    trials = [[*base, (_with_error(name, kind), {})] for name in names for kind in ("qpos", "qvel")]
+    trials = [
+        [*base, (_with_error(name, kind), {"size": 1.0})]
+        for name in names
+        for kind in ("qpos", "qvel")
+    ]
     changes = iter(before - after for after in replayer.residuals(trials))
     columns = list[Floats]()
     for _ in names:
         by_position, by_velocity = next(changes), next(changes)
         moved = by_position[:, None] * waves + by_velocity[:, None] * slopes
-        columns += list(moved[:, 1:].T)
+        columns += list(moved.T)
     return bank("position errors by the time", columns)
 
 
@@ -80,7 +84,9 @@ def _with_error(joint: str, kind: str) -> Candidate:
     """Return the candidate in which a joint's position or velocity is measured too large."""
     attach = partial(_attach_error, kind)
     cause = Cause("", "", "", lambda system: (), lambda system, location: (), None, attach)
-    return Candidate(cause, Location("joint", (joint,)), ())
+    return Candidate(
+        cause, Location("joint", (joint,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),)
+    )
 
 
 def _attach_error(

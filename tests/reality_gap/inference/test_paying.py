@@ -113,6 +113,38 @@ def test_no_cause_is_left_if_the_only_one_is_at_its_bound(tmp_path: Path) -> Non
     assert found.attempted.pays  # so that the verdict is not that nothing is wrong
 
 
+def test_the_next_single_cause_is_tested_if_the_likeliest_one_does_not_pay(tmp_path: Path) -> None:
+    """The likeliest one explains the fit and selection splits only, as chance would."""
+    learned = Case(tmp_path, np.zeros(len(TIME)), []).learned
+    chance = np.where(learned, 1.5, -0.8) * SHAPES[:, 4]
+    candidates = [candidate("chance", SHAPES[:, 4]), candidate("right", SHAPES[:, 0])]
+    case = Case(tmp_path, 0.7 * SHAPES[:, 0] + chance, candidates)
+    result = case.search()
+    alone = replace(result, best=result.steps[0].tried[0])
+    assert ids(alone.best) == ["chance"]
+
+    found = keep_paying(alone)
+
+    assert ids(found.result.best) == ["right"]
+    assert reasons(found) == [("chance", NO_GAIN)]
+    assert found.tested.pays
+
+
+def test_a_cause_pays_although_a_deviation_hid_a_part_of_it(tmp_path: Path) -> None:
+    """Half a tolerance cancels most of the cause's error, so that the RMS grows without it."""
+    deviation = 3.0 * SHAPES[:, 0]
+    cause = SHAPES[:, 4] - deviation
+    case = Case(tmp_path, cause + deviation, [candidate("right", cause)])
+    case.problem = case.problem_with(2.0 * deviation[:, None])
+
+    found = keep_paying(case.search())
+
+    assert ids(found.result.best) == ["right"]
+    before, after = (np.sqrt(np.mean(r**2)) for r in (case.null, found.result.best.residual))
+    assert after > 1.5 * before
+    assert found.tested.improvement.low > 0.0
+
+
 def test_an_event_in_one_block_of_the_report_split_pays(tmp_path: Path) -> None:
     """A bootstrap over blocks would leave it out in a third of its samples."""
     case = Case(tmp_path, np.zeros(len(TIME)), [])

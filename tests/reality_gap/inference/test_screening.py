@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from reality_gap.inference.tolerances import (
 )
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.simulation.replayer import Replayer
-from reality_gap.study.data import Study
+from reality_gap.study.data import Channel, Episode, Reading, Study
 from reality_gap.types import Floats
 
 
@@ -115,6 +117,57 @@ def test_what_the_columns_of_large_tolerances_are_wrong_by_is_tolerated_too(
         )
         np.testing.assert_allclose(column + more, replayed, atol=1e-9)
         assert np.linalg.norm(more) < 0.1 * np.linalg.norm(column)
+
+
+STICKING = """
+<mujoco>
+  <option timestep="0.002" gravity="0 0 0"/>
+  <worldbody>
+    <body>
+      <joint name="rail" type="slide" frictionloss="{friction}"/>
+      <geom size="0.1" mass="2"/>
+    </body>
+  </worldbody>
+  <actuator><position name="motor" joint="rail" kp="2000" kv="60"/></actuator>
+  <sensor>
+    <jointpos name="position" joint="rail"/>
+    <actuatorfrc name="force" actuator="motor"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def servo_study(folder: Path, friction: float) -> Study:
+    """Return a servo that moves between rests, at which friction bears a part of its force."""
+    path = folder / "servo.xml"
+    path.write_text(STICKING.format(friction=friction), encoding="utf-8")
+    time = np.arange(0.0, 6.0, 0.02)
+    command = 0.05 * np.round(2.0 * np.sin(2.0 * time)) / 2.0
+    channels = (
+        Channel("position", "position", unit="m", noise=1e-4),
+        Channel("force", "force", unit="N", noise=0.5),
+    )
+    readings = tuple(Reading(time, np.zeros(len(time))) for _ in channels)
+    episode = Episode("steps", time, command[:, None], readings)
+    return Study("servo", path, channels, (episode,))
+
+
+@pytest.mark.parametrize(("friction", "more"), [(3.0, True), (0.0, False)])
+def test_tolerances_are_replayed_at_their_own_size_where_joints_stick(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, friction: float, more: bool
+) -> None:
+    """A zero that is wrong by one tolerance moves the rest, where friction bears some force."""
+    monkeypatch.setattr("reality_gap.inference.tolerances.LARGE", 1e9)
+    monkeypatch.setattr("reality_gap.inference.tolerances.SEEN", 0.0)
+    screening = Screening(servo_study(tmp_path, friction), "joint_offset")
+    tolerances = list(list_tolerances(screening.found))
+    columns = screening.columns()
+    kept, errors = columns[: len(tolerances)], columns[len(tolerances) :]
+
+    assert (len(errors) > 0) is more
+    for one, column, error in zip(tolerances, kept, errors, strict=False):
+        replayed = screening.null - screening.replayer.residual([one.deviation(1.0)])
+        np.testing.assert_allclose(column + error, replayed, atol=1e-9)
 
 
 def test_the_change_that_typical_faults_make(lever_study: Study) -> None:

@@ -1,0 +1,99 @@
+"""Effort residual: a pendulum whose torque or angle is measured with errors of no cause."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap.inference.flexible_residual import banks
+from reality_gap.inference.learned_residual import Learned, learn
+from reality_gap.inference.likelihood import independent_noise
+from reality_gap.inference.problem import Problem
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.types import Floats
+
+PENDULUM = """
+<mujoco>
+  <worldbody>
+    <body>
+      <joint name="hinge" axis="0 1 0" damping="0.2"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="1.0"/>
+    </body>
+  </worldbody>
+  <sensor><jointpos name="angle" joint="hinge"/></sensor>
+</mujoco>
+"""
+TIME = np.arange(0.0, 20.0, 0.005)
+ANGLE = 0.5 * np.sin(1.9 * TIME) + 0.3 * np.sin(3.1 * TIME + 1.0)
+TORQUE_NOISE, ANGLE_NOISE = 0.01, 1e-5
+
+
+def torque(angle: Floats) -> Floats:
+    """Return the torque of the pendulum along a motion (n,) [N m]."""
+    model = mujoco.MjModel.from_xml_string(PENDULUM)
+    data, found = mujoco.MjData(model), np.empty(len(angle))
+    speed = np.gradient(angle, TIME)
+    for k, row in enumerate(zip(angle, speed, np.gradient(speed, TIME), strict=True)):
+        data.qpos[0], data.qvel[0], data.qacc[0] = row
+        mujoco.mj_inverse(model, data)
+        found[k] = data.qfrc_inverse[0]
+    return found
+
+
+def learned(folder: Path, angle_error: Floats, torque_error: Floats) -> dict[str, Learned]:
+    """Return what each bank explains of a log with these errors (n,)."""
+    path = folder / "pendulum.xml"
+    path.write_text(PENDULUM, encoding="utf-8")
+    channels = (
+        Channel("angle", "angle", unit="rad", noise=ANGLE_NOISE),
+        Channel("torque", "hinge", unit="N m", noise=TORQUE_NOISE, kind="effort"),
+    )
+    rng = np.random.default_rng(0)
+    angle = ANGLE + angle_error + ANGLE_NOISE * rng.standard_normal(len(TIME))
+    effort = torque(ANGLE) + torque_error + TORQUE_NOISE * rng.standard_normal(len(TIME))
+    readings = (Reading(TIME, angle), Reading(TIME, effort))
+    episode = Episode("swing", TIME, np.zeros((len(TIME), 0)), readings)
+    replayer = Replayer(Study("pendulum", path, channels, (episode,)))
+    residual = replayer.residual([])
+    none = np.zeros((len(residual), 0))
+    problem = Problem(replayer, residual, independent_noise(replayer.measured, none))
+    records = replayer.replay([]).records
+    return {bank.name: learn(problem, residual, bank) for bank in banks(replayer, [], records)}
+
+
+def best(found: dict[str, Learned]) -> Learned:
+    return max(found.values(), key=lambda one: one.evidence)
+
+
+def test_nothing_is_learned_of_noise(tmp_path: Path) -> None:
+    assert best(learned(tmp_path, 0.0 * TIME, 0.0 * TIME)).evidence < 5.0
+
+
+@pytest.mark.parametrize("cycles", [6.0, 22.0])
+def test_a_motor_that_cogs_is_found_by_its_position(tmp_path: Path, cycles: float) -> None:
+    wave = 0.02 * np.sin(2 * np.pi * cycles * ANGLE / np.ptp(ANGLE))
+    found = best(learned(tmp_path, 0.0 * TIME, wave))
+
+    assert found.name == "position of hinge"
+    assert found.evidence > 30.0
+    assert found.explained > 0.3
+
+
+def test_an_end_stop_is_found_by_its_position(tmp_path: Path) -> None:
+    push = np.maximum(0.0, ANGLE - 0.6)
+    found = best(learned(tmp_path, 0.0 * TIME, push))
+
+    assert found.name == "position of hinge"
+    assert found.evidence > 100.0
+
+
+def test_an_encoder_that_drifts_is_found_by_the_time(tmp_path: Path) -> None:
+    drift = 0.05 * (1.0 - np.exp(-TIME / 6.0))
+    found = best(learned(tmp_path, drift, 0.0 * TIME))
+
+    assert found.name == "position errors by the time"
+    assert found.explained > 0.8
