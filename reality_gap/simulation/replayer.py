@@ -6,6 +6,7 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import cached_property, partial
 from types import TracebackType
 from typing import NamedTuple
@@ -23,7 +24,7 @@ from reality_gap.simulation.inverse_dynamics import ensure_prepared, inverse_rep
 from reality_gap.simulation.light_model import light_spec, without_distant_meshes
 from reality_gap.simulation.replay import RecordCache, Replay, replay
 from reality_gap.study.data import Study
-from reality_gap.study.measurements import Measured, measured
+from reality_gap.study.measurements import Measured, measured, with_estimated_noise
 from reality_gap.study.system import System, compile_system
 from reality_gap.types import Floats
 
@@ -75,6 +76,8 @@ class Replayer:
         self.expansion = Expansion()
         self._cache = RecordCache()
         self._coarse: bool | None = None
+        if not study.inverse and any(channel.noise is None for channel in study.channels):
+            study = self._estimate_noise(study)
         self._pool = (
             ProcessPoolExecutor(
                 jobs,
@@ -85,6 +88,17 @@ class Replayer:
             if jobs > 1
             else None
         )
+
+    def _estimate_noise(self, study: Study) -> Study:
+        """Estimate noise from the errors of the nominal model, where it is not stated."""
+        before = mujoco.get_mju_user_warning()
+        silence()
+        prediction = self._replay([], False, None).prediction
+        mujoco.set_mju_user_warning(before)
+        study = with_estimated_noise(study, self.measured, prediction)
+        self.system = replace(self.system, study=study)
+        self.measured = measured(study)
+        return study
 
     def __enter__(self) -> Replayer:
         self._warned = mujoco.get_mju_user_warning()

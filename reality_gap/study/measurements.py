@@ -9,7 +9,7 @@ and whose values are held count as one reading, too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -182,6 +182,32 @@ def _lengths(values: Floats) -> Ints:
     """Return the lengths of the runs of equal values."""
     starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
     return np.diff(starts, append=len(values))
+
+
+def with_estimated_noise(study: Study, readings: Measured, prediction: Floats) -> Study:
+    """Return a study in which errors of a prediction show the noise of channels without one.
+
+    In a slow log of a quick motion, the motion itself looks like noise. A prediction contains most
+    of it, and what it lacks can only make the noise too large.
+
+    Args:
+        study: the study.
+        readings: its readings.
+        prediction: predicted readings, shape (n,); NaN where a replay diverged.
+    """
+    found, hold = channel_noise(study), _holds(study, rounding_steps(study))
+    for c, channel in enumerate(study.channels):
+        at = readings.channel == c
+        error = readings.value - prediction
+        if channel.noise is not None or hold[c] > 1 or not np.all(np.isfinite(error[at])):
+            continue
+        own = [at & (readings.episode == e) for e in np.unique(readings.episode[at])]
+        errors = tuple(Reading(readings.time[rows], error[rows]) for rows in own)
+        if any(len(one.time) > 8 for one in errors):
+            found[c] = min(found[c], _rough(errors))
+    estimated = zip(study.channels, found, strict=True)
+    channels = tuple(c if c.noise is not None else replace(c, noise=float(n)) for c, n in estimated)
+    return replace(study, channels=channels)
 
 
 def rough_noise(study: Study) -> Floats:

@@ -16,7 +16,7 @@ from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import RecordCache, replay
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Channel, Episode, Initial, Reading, Study
-from reality_gap.study.measurements import measured
+from reality_gap.study.measurements import channel_noise, measured
 from reality_gap.study.system import System, compile_system
 from reality_gap.types import Floats
 
@@ -316,3 +316,25 @@ def test_a_cache_counts_all_signals_and_the_model() -> None:
     for key in ("one", "two", "two", "one"):
         cache.get(key, make)
     assert len(made) == 3
+
+
+@pytest.mark.parametrize("wrong", [40.0, 50.0])
+def test_noise_is_estimated_from_the_errors_of_the_model(tmp_path: Path, wrong: float) -> None:
+    """In readings at 25 Hz, the motion of 0.8 Hz itself looks like a noise of a millimetre."""
+    noise, study = 1e-5, carriage(tmp_path, seconds=20.0)
+    values = exact(study) + noise * np.random.default_rng(0).standard_normal(500)
+    silent = replace(study, channels=(replace(study.channels[0], noise=None),))
+    assert channel_noise(measure(silent, values))[0] > 10.0 * noise
+    (tmp_path / "carriage.xml").write_text(CARRIAGE.format(stiffness=wrong))
+
+    found = Replayer(measure(silent, values)).system.study.channels[0].noise
+
+    # A model that is wrong explains less of the motion, but never makes the noise larger.
+    assert found == pytest.approx(noise, rel=0.2) if wrong == 40.0 else found > 0.8 * noise
+    assert found <= channel_noise(measure(silent, values))[0]
+
+
+def test_a_stated_noise_is_not_estimated(tmp_path: Path) -> None:
+    study = carriage(tmp_path)
+
+    assert Replayer(measure(study, exact(study))).system.study.channels == study.channels
