@@ -16,12 +16,19 @@ from reality_gap.simulation.hypothesis import Candidate, build
 from reality_gap.simulation.replay import replay
 from reality_gap.simulation.replayer import Hypothesis, Replayer
 from reality_gap.study.data import Study
-from reality_gap.study.measurements import measured
+from reality_gap.study.measurements import channel_noise, measured
 from reality_gap.study.system import compile_system
 
 TENDONS = ("flexor", "extensor")
 USUAL = 0.2 * 400.0 * coulomb_friction.USUAL
 """Usual friction of tendons whose motors pull with at most 400 N [N]."""
+
+
+@pytest.fixture
+def lever_study(lever_study: Study) -> Study:
+    """Return the study with a stated noise, which does not depend on the model."""
+    sizes = zip(lever_study.channels, channel_noise(lever_study), strict=True)
+    return replace(lever_study, channels=tuple(replace(c, noise=float(n)) for c, n in sizes))
 
 
 def friction_of(study: Study, **friction: float) -> Hypothesis:
