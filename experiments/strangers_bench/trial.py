@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from experiments.harness.errors import ExperimentError
@@ -20,6 +19,7 @@ from hidden_plants.strangers.study import write_study
 from hidden_plants.strangers.truth import true_size
 from reality_gap import Diagnosis, Options, diagnose, load_study
 from reality_gap.errors import RealityGapError
+from reality_gap.simulation.episode import silence
 
 TRIES = 5
 """Largest number of machines that are made for one trial, if a machine shows no effect."""
@@ -59,7 +59,7 @@ def hide(case: Case) -> Hidden:
         ExperimentError: the kind or family is unknown, or no machine shows such an effect.
     """
     # The oracle tries amplitudes with which a machine diverges; that is recognised by NaN.
-    mujoco.set_mju_user_warning(lambda message: None)
+    silence()
     reason = ""
     for attempt in range(TRIES):
         stranger = make_stranger(case.seed + attempt * NEXT, case.seconds)

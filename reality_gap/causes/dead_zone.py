@@ -23,8 +23,6 @@ OF_TRAVEL = (0.01, 0.05)
 over the travel of its joint or tendon."""
 OF_FORCE = (0.1, 0.4)
 """The same of a motor, over its typical force."""
-OF_MOTOR = 0.5
-"""Share of unmodelled forces that a motor needs to move at all; the others are friction behind."""
 ODDS = -2.0
 """Log odds of a dead zone [nats]: it explains a little of anything that sticks or lags."""
 
@@ -56,7 +54,9 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     else:
         each = [Location("actuator", (name,)) for name in location.elements]
         size, unit = min(typical_scales.actuator_force(system, one)[::-1] for one in each)
-        tolerance = OF_MOTOR * min(typical_scales.force_tolerance(system, one) for one in each)
+        tolerance = typical_scales.OF_MOTOR * min(
+            typical_scales.force_tolerance(system, one) for one in each
+        )
         shares, scale, high = OF_FORCE, 0.02 * size, 2.0 * size
     values = elements.secants(system, location, tuple(share * size for share in shares))
     hints = SearchHints(secants=values)

@@ -15,10 +15,6 @@ from reality_gap.causes.support import actuators, elements, typical_scales
 from reality_gap.causes.support.constant_force import constant_force
 from reality_gap.study.system import System
 
-OF_MOTOR = 0.5
-"""Share of unmodelled forces that a motor exerts at rest; the others are friction, or errors of the
-sensor of an effort."""
-
 
 def _locations(system: System) -> tuple[Location, ...]:
     if system.study.inverse:
@@ -33,7 +29,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
         unit, size = typical_scales.joint_force(system, location)
     tolerance = typical_scales.force_tolerance(system, location)
     if location.kind == "actuator":
-        tolerance *= OF_MOTOR
+        tolerance *= typical_scales.OF_MOTOR
     return (Parameter("force", unit, 0.05 * size, tolerance, -2.0 * size, 2.0 * size),)
 
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.support.machine_size import dof, machine_size
 from reality_gap.inference.motion_functions import (
     Bank,
     bank,
@@ -24,13 +25,12 @@ from reality_gap.types import Floats
 
 FINE_WAVES = 80
 """Largest number of half waves over the range of a joint; none of them needs a replay."""
-SHIFT = 1e-3
-"""Error of a position or velocity, over its usual size, whose effect is computed."""
+SHIFT = 1e-4
+"""Error whose effect is computed: of a position, over half of its range, or of a velocity, over
+that in a second."""
 
 
-def effort_banks(
-    replayer: Replayer, base: Hypothesis, records: Sequence[Record]
-) -> tuple[Bank, ...]:
+def effort_banks(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> list[Bank]:
     """Return the banks of a study in which efforts are compared.
 
     Args:
@@ -38,7 +38,7 @@ def effort_banks(
         base: the hypothesis whose remainder is to be learned.
         records: the motion in each episode.
     """
-    return (*_by_position(replayer, records), _encoder_drifts(replayer, base, records))
+    return [*_by_position(replayer, records), *_encoder_drifts(replayer, base, records)]
 
 
 def _by_position(replayer: Replayer, records: Sequence[Record]) -> list[Bank]:
@@ -61,8 +61,8 @@ def _by_position(replayer: Replayer, records: Sequence[Record]) -> list[Bank]:
     return found
 
 
-def _encoder_drifts(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> Bank:
-    """Return the bank in which the error of a joint's position changes slowly."""
+def _encoder_drifts(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> list[Bank]:
+    """Return the bank in which the error of a joint's position changes slowly, if one moves."""
     waves, slopes = slow_waves(replayer.measured, records)
     names = moving_joints(replayer.system, records)
     before = replayer.residual(base)
@@ -77,7 +77,7 @@ def _encoder_drifts(replayer: Replayer, base: Hypothesis, records: Sequence[Reco
         by_position, by_velocity = next(changes), next(changes)
         moved = by_position[:, None] * waves + by_velocity[:, None] * slopes
         columns += list(moved.T)
-    return bank("position errors by the time", columns)
+    return [bank("position errors by the time", columns)] if columns else []
 
 
 def _with_error(joint: str, kind: str) -> Candidate:
@@ -92,11 +92,13 @@ def _with_error(joint: str, kind: str) -> Candidate:
 def _attach_error(
     kind: str, effects: Effects, system: System, location: Location, values: Values
 ) -> None:
+    at = dof(system, location.elements[0])
+    error = SHIFT * float(machine_size(system).travel[at])
+
     def shift(model: mujoco.MjModel, qpos: Floats, qvel: Floats, qacc: Floats) -> None:
-        joint = model.joint(location.elements[0])
         if kind == "qpos":
-            qpos[:, joint.qposadr[0]] -= SHIFT
+            qpos[:, model.jnt_qposadr[model.dof_jntid[at]]] -= error
         else:
-            qvel[:, joint.dofadr[0]] -= SHIFT
+            qvel[:, at] -= error
 
     effects.motions.append(shift)

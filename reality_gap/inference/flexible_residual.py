@@ -57,7 +57,7 @@ def banks(replayer: Replayer, base: Hypothesis, records: Sequence[Record]) -> tu
         records: simulated signals of ``base`` in each episode.
     """
     if replayer.system.study.inverse:
-        own = list(effort_banks(replayer, base, records))
+        own = effort_banks(replayer, base, records)
     else:
         own = [*_errors(replayer, records), *_forces(replayer, base, records)]
     return (_crosstalk(replayer), _drifts(replayer, records), *own)

@@ -137,7 +137,7 @@ def held_out_test(result: Search) -> Tested:
     def gains(one: Fit) -> Gains:
         return Gains(folds.cross_validated(one), folds.report(one))
 
-    # A cause that is found beside deviations may have to undo a part of what these add.
+    # Deviations may have hidden a part of what a cause adds; without it they cost more.
     before, after = (beyond_deviations(problem, one.residual) for one in (null, best))
     scored = score(problem.system.study, problem.measured, before, after)
     each = tuple(gains(one) for one in without)
@@ -161,7 +161,8 @@ def held_out_criteria(paying: Paying) -> tuple[Criterion, ...]:
             Criterion(f"distance_to_bound: {part[0]}", near, NEAR, near > NEAR, AT_BOUND),
         ]
     if all_parts:
-        high = paying.attempted.improvement.high
+        tested = paying.attempted if paying.result.best.is_null else paying.tested
+        high = tested.improvement.high
         found.append(Criterion("rms_gain_high", high, 0.0, high > 0.0, NO_GAIN))
     return tuple(found)
 

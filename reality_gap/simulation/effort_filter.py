@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -48,8 +49,8 @@ class Weights:
         white: mean square of the weighted samples of white noise with a deviation of 1.
     """
 
-    blocks: tuple[Floats, ...] = ()
-    white: float = 1.0
+    blocks: tuple[Floats, ...]
+    white: float
 
     def times(self, factor: float) -> Weights:
         """Return the weights times a factor."""
@@ -107,7 +108,13 @@ def _derivative_powers(model: mujoco.MjModel, motions: Sequence[Motion]) -> tupl
 
 def low_pass(effort: Floats, cutoff: float, period: float) -> Floats:
     """Return efforts (k, ...) without what is above a cutoff [Hz], with zero phase."""
-    return sosfiltfilt(butter(ORDER, 2 * cutoff * period, output="sos"), effort, axis=0)
+    return sosfiltfilt(_sections(2 * cutoff * period), effort, axis=0)
+
+
+@lru_cache
+def _sections(share: float) -> Floats:
+    """Return the sections of the filter with a cutoff, over the Nyquist frequency."""
+    return np.asarray(butter(ORDER, share, output="sos"))
 
 
 def independent_samples(motion: Motion, reading: Reading, dof: int, period: float) -> Reading:

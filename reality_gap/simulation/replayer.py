@@ -93,8 +93,10 @@ class Replayer:
         """Estimate noise from the errors of the nominal model, where it is not stated."""
         before = mujoco.get_mju_user_warning()
         silence()
-        prediction = self._replay([], False, None).prediction
-        mujoco.set_mju_user_warning(before)
+        try:
+            prediction = self._replay([], False, None).prediction
+        finally:
+            mujoco.set_mju_user_warning(before)
         study = with_estimated_noise(study, self.measured, prediction)
         self.system = replace(self.system, study=study)
         self.measured = measured(study)

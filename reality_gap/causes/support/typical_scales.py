@@ -26,6 +26,9 @@ WEAKEST = 0.05
 FORCE_ERROR = 0.0008
 """Standard deviation of forces that no model contains, such as a motor's constant force, the dry
 friction of its bearings and the zero of its force sensor, over the motor's largest force."""
+OF_MOTOR = 0.5
+"""Share of it that a motor exerts at rest, or that it needs to move at all; the others are friction
+behind the motor, or errors of a sensor."""
 FRICTION_ERROR = 0.04
 """Standard deviation of these forces over the dry friction that the model has."""
 

@@ -22,6 +22,7 @@ from reality_gap.inference.paying import (
     held_out_criteria,
     keep_paying,
 )
+from reality_gap.inference.remainder import beyond_deviations
 from reality_gap.inference.waterfall import shares
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.splits import REPORT, split
@@ -143,6 +144,17 @@ def test_a_cause_pays_although_a_deviation_hid_a_part_of_it(tmp_path: Path) -> N
     before, after = (np.sqrt(np.mean(r**2)) for r in (case.null, found.result.best.residual))
     assert after > 1.5 * before
     assert found.tested.improvement.low > 0.0
+
+
+def test_large_deviations_cost_as_much_as_errors(tmp_path: Path) -> None:
+    """Thirty tolerances explain all, and are as unlikely as an error of thirty noises."""
+    case = Case(tmp_path, 30.0 * SHAPES[:, 0], [])
+    problem = case.problem_with(SHAPES[:, [0]])
+
+    left = beyond_deviations(problem, case.null)
+
+    cost = 30.0**2 / np.count_nonzero(case.learned)
+    assert np.mean(left**2) == pytest.approx(1.0 + cost, rel=0.1)
 
 
 def test_an_event_in_one_block_of_the_report_split_pays(tmp_path: Path) -> None:

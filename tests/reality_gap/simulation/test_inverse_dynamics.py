@@ -228,7 +228,7 @@ def test_the_kept_samples_of_noise_are_independent(study: Study, position_noise:
         left = of_effort + of_position
         rate = 1.0 / np.median(np.diff(kept.time))
         assert 10.0 < rate < 40.0
-        assert len(kept.time) > 0.6 * rate * 10.0
+        assert len(kept.time) > 0.7 * rate * 10.0
         assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.25
         assert channel.noise == pytest.approx(np.std(left), rel=0.2)
 
