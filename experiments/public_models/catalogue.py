@@ -72,7 +72,10 @@ MODELS: dict[str, PublicModel] = {
         f"{_ROBOTS}/iiwa/robot.xml", "arm", torques=True, home={"joint_2": 0.6, "joint_4": -1.3}
     ),
     "kinova3": PublicModel(
-        f"{_ROBOTS}/kinova3/robot.xml", "arm", torques=True, home={"joint_2": 0.6, "joint_4": 1.3}
+        f"{_ROBOTS}/kinova3/robot.xml",
+        "arm",
+        torques=True,
+        home={"Actuator2": 0.6, "Actuator4": 1.3},
     ),
     "xarm7": PublicModel(
         f"{_ROBOTS}/xarm7/robot.xml", "arm", torques=True, home={"joint2": -0.3, "joint4": 1.0}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from reality_gap.inference.deferral import Deferred
+from reality_gap.inference.end_stops import Stop, refuting_stop
 from reality_gap.inference.gauss_newton import (
     Fit,
     fit,
@@ -115,6 +116,7 @@ class Search:
         best: the accepted causes; the nominal model if there are none.
         sensitivities: of all candidates that were screened.
         revised: steps in which earlier causes were replaced; see `revise`.
+        stop: a stop that explains more than the last cause, with which the search ended.
     """
 
     problem: Problem
@@ -122,6 +124,7 @@ class Search:
     best: Fit
     sensitivities: tuple[Sensitivity, ...]
     revised: tuple[Step, ...] = ()
+    stop: Stop | None = None
 
     @property
     def singles(self) -> tuple[Fit, ...]:
@@ -156,7 +159,7 @@ def search(
         known: fits of single candidates by an earlier search, which are tried, too.
     """
     plain, best, near = problem, null_fit(problem), sensitivities
-    steps: list[Step] = []
+    steps, stop = list[Step](), None
     while len(steps) < settings.most:
         beside = _anticipate(plain, problem, near, best)
         if deferred:
@@ -173,11 +176,13 @@ def search(
         problem, step = settled.problem, _judge(settled, settings)
         steps.append(step)
         best = step.tried[0] if step.accepted else step.base
-        if not step.accepted:
+        if step.accepted or (best.is_null and problem.noise_model.is_far):
+            stop = refuting_stop(plain, step.base, best if step.accepted else None)
+        if stop is not None or not step.accepted:
             break
         if problem.noise_model.is_far and len(steps) < settings.most:
             near = _screen_beside(problem, sensitivities, best)
-    return Search(problem, tuple(steps), best, tuple(sensitivities))
+    return Search(problem, tuple(steps), best, tuple(sensitivities), stop=stop)
 
 
 def _judge(settled: Settled, settings: Settings) -> Step:

@@ -6,8 +6,8 @@ fitted to: the set must predict them better than the set without the cause, fitt
 the nominal model. In cross-validation over all folds, the 95 % interval of the gain must lie above
 zero; on the report split, which had no part in the choice of the cause either, the gain must be
 positive, and the RMS of the residual must not surely grow. The cause that fails most is dropped,
-until all of the rest pay. A cause with a parameter at its bound is dropped before: the fit shows
-that it stands for another one.
+until all of the rest pay. A cause with a parameter at its bound is dropped before, and one in whose
+place a stop explains more: the fit shows that it stands for another one.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def keep_paying(result: Search) -> Paying:
     attempt, attempted = result.best, held_out_test(result)
     tested, dropped = attempted, list[Dropped]()
     while not result.best.is_null:
-        worst = _worst(result.best, tested)
+        worst = _worst(result, tested)
         if worst is None:
             break
         i, reason = worst
@@ -191,8 +191,12 @@ def distance_to_bound(part: Part) -> float:
     )
 
 
-def _worst(best: Fit, tested: Tested) -> tuple[int, str] | None:
+def _worst(result: Search, tested: Tested) -> tuple[int, str] | None:
     """Return the index of the cause to drop, and why; None if all of them pay."""
+    best, stop = result.best, result.stop
+    for i, candidate in enumerate(best.candidates):
+        if stop is not None and stop.cause is not None and stop.cause.matches(candidate):
+            return i, stop.objection
     lows = [min(gains.folds.low, gains.report.value) for gains in tested.each]
     bounded = [i for i, part in enumerate(best.hypothesis) if at_bound([part])]
     if bounded:
@@ -216,8 +220,11 @@ def _reduced(result: Search, best: Fit, dropped: Sequence[Candidate]) -> Search:
 
     Where the search tried as many causes that are likelier, these take their place, unless they
     are dropped ones or have a parameter at its bound. If no cause is left, the likeliest single one
-    of the others does that has enough evidence.
+    of the others does that has enough evidence. None takes the place of a stop.
     """
+    if result.stop is not None:
+        problem = result.problem.reinflated(best.residual)
+        return replace(result, problem=problem, best=rescore(problem, best))
     if best.is_null:
         return _next_single(replace(result, best=best), dropped)
     problem = result.problem.reinflated(best.residual)

@@ -41,6 +41,7 @@ class Remainder:
             hypothesis, without what tolerances explain, in units of noise.
         explained: RMS of what tolerances explain of the hypothesis's residual there [noise].
         deviation: largest deviation by which they explain it [tolerances].
+        of_step: RMS there of the error of the time step that extrapolation leaves [noise].
         fits: RMS on the report split of what tolerances leave of the residuals of the nominal model
             and of the hypothesis, with what their deviations cost; see `beyond_deviations` [noise].
     """
@@ -52,6 +53,7 @@ class Remainder:
     after: float
     explained: float = 0.0
     deviation: float = 0.0
+    of_step: float = 0.0
     fits: tuple[float, float] = (0.0, 0.0)
 
 
@@ -97,6 +99,7 @@ def evaluate_remainder(problem: Problem, fitted: Fit) -> Remainder:
         after=rms(after),
         explained=explained,
         deviation=deviation,
+        of_step=rms(problem.replayer.drift_error / problem.measured.noise),
         fits=fits,
     )
 

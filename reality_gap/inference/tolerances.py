@@ -13,8 +13,9 @@ from reality_gap.simulation.hypothesis import Candidate, Part, build
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
 
-DRIFT_TOLERANCE = 0.1
-"""Relative tolerance of the error of the time step that was subtracted from residuals."""
+DRIFT_TOLERANCE = 0.3
+"""Relative tolerance of the error of the time step that was subtracted from residuals: a log may
+have been simulated, with a step of its own."""
 LARGE = 10.0
 """Norm of a tolerance's column from which on it is replayed exactly [noise]."""
 MANY = 5.0
@@ -85,8 +86,9 @@ def tolerance_columns(
         tolerances: the tolerances.
         null_residual: residual of the nominal model, shape (n,).
     """
-    steps = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
-    drifts = [step / replayer.measured.noise for step in steps]
+    drift, error = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
+    steps = drift, error, replayer.drift_curvature
+    drifts = [step / replayer.measured.noise for step in steps if step.any()]
     system = replayer.system
     sticks = system.model.dof_frictionloss.any() or system.model.tendon_frictionloss.any()
 

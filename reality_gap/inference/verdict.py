@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from reality_gap.diagnosis import Criterion, Verdict
+from reality_gap.inference.end_stops import MORE
 from reality_gap.inference.forward_selection import Search, Settings, revise
 from reality_gap.inference.paying import Paying, keep_paying
 from reality_gap.inference.remainder import Remainder, evaluate_remainder
@@ -168,7 +169,7 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
         ]
         if paying.attempted.pays:
             found.append(_at_most("noises_before", remainder.before, ABOUT * form, TOGETHER))
-        return tuple(found)
+        return (*_stop(paying), *found)
     named, learned = best.evidence, remainder.learned.evidence
     before, after = remainder.fits
     found = [
@@ -181,9 +182,16 @@ def judge(paying: Paying, remainder: Remainder, options: Options) -> tuple[Crite
     return (
         *found,
         _at_most("learned_remainder", learned, _allowed(named, options) * form**2, FOLLOWS),
+        *_stop(paying),
         _at_most("report_noises", remainder.after, options.left * form, ABOVE),
         rough,
     )
+
+
+def _stop(paying: Paying) -> list[Criterion]:
+    """Return the criterion that no stop explains more than a cause, if one does."""
+    stop = paying.result.stop
+    return [] if stop is None else [_at_most("gain_of_stop", stop.gain, MORE, stop.objection)]
 
 
 def _at_most(name: str, value: float, threshold: float, objection: str) -> Criterion:
@@ -192,11 +200,13 @@ def _at_most(name: str, value: float, threshold: float, objection: str) -> Crite
 
 
 def _form(remainder: Remainder, options: Options) -> float:
-    """Return the deviation of a reading, with the error of what tolerances explain of it [noise].
+    """Return the deviation of a reading, with errors of the replay and of tolerances [noise].
 
-    The columns of tolerances are derivatives, and large deviations are not linear.
+    The columns of tolerances are derivatives, and large deviations are not linear. Where a time
+    step is too coarse, for example because joints hit their stops, extrapolation leaves an error.
     """
-    return float(np.hypot(1.0, options.form * remainder.explained))
+    form = options.form * remainder.explained
+    return float(np.sqrt(1.0 + form**2 + remainder.of_step**2))
 
 
 def _allowed(named: float, options: Options) -> float:

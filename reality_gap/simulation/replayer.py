@@ -181,11 +181,21 @@ class Replayer:
         """Change of the extrapolation with the last halving of the step in SI units, shape (n,)."""
         return self._drifts[1]
 
+    @property
+    def drift_curvature(self) -> Floats:
+        """What half of the time step leaves of the error beyond half of it in SI units, shape (n,).
+
+        It is zero where the error is in proportion to the step. A log that was simulated with a
+        finer step, but not with none, differs from the extrapolation by this and a share of the
+        error.
+        """
+        return self._drifts[2]
+
     @cached_property
-    def _drifts(self) -> tuple[Floats, Floats]:
+    def _drifts(self) -> tuple[Floats, Floats, Floats]:
         study, zero = self.system.study, np.zeros(len(self.measured.value))
         if study.inverse:
-            return zero, zero
+            return zero, zero, zero
         whole, half = self._at_step(1.0), self._at_step(0.5)
         fine, error, last = 2 * half - whole, zero, half
         for share in FINER:
@@ -193,7 +203,8 @@ class Replayer:
             error, fine, last = 2 * finer - last - fine, 2 * finer - last, finer
             if not self._is_seen(error):
                 break
-        return np.nan_to_num(fine - whole), np.nan_to_num(error)
+        drift = np.nan_to_num(fine - whole)
+        return drift, np.nan_to_num(error), np.nan_to_num(fine - half) - 0.5 * drift
 
     def _is_seen(self, error: Floats) -> bool:
         """Return whether an error of predictions (n,) is seen beside the noise of any channel."""

@@ -1,0 +1,147 @@
+"""End stops: whether something in the way of a joint explains more than a cause does.
+
+A joint that runs into something at one end of its motion has no cause in the catalogue, and many
+causes explain a part of it: a spring, a motor that gets weaker, a push. Such a cause is compared
+with a stop in its place: a spring that acts on one side of a position only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from reality_gap.causes.base import Cause, Location, Parameter, Record, SearchHints, Values
+from reality_gap.causes.support import typical_scales
+from reality_gap.causes.support.new_elements import add_tendon
+from reality_gap.inference.gauss_newton import Fit, fit_stepwise, run_together
+from reality_gap.inference.motion_functions import moving_joints
+from reality_gap.inference.problem import Problem
+from reality_gap.inference.settling import settle
+from reality_gap.simulation.hypothesis import Candidate
+from reality_gap.study.system import System
+
+PLACES = (0.6, 0.75, 0.85, 0.92, 0.97)
+"""Positions of a stop that are tried, as shares of the motion of the model."""
+STIFF = (2.0, 40.0, 400.0)
+"""Stiffness of a stop that is tried, over the typical force and travel of its joint."""
+TRIED = 2
+"""Number of stops that are fitted."""
+FREE = 1e6
+"""Position beyond all others [m or rad]."""
+UPPER, LOWER = "upper end", "lower end"
+"""Notes of the location of a stop."""
+MORE = 5.0
+"""Evidence by which a stop must be better than a cause to refute it [nats]."""
+
+
+class Stop(NamedTuple):
+    """A stop that was fitted in the place of a cause.
+
+    Attributes:
+        cause: the cause; None for a stop that stands alone.
+        place: where it is, in words.
+        gain: what it explains more than the cause does [nats].
+    """
+
+    cause: Candidate | None
+    place: str
+    gain: float
+
+    @property
+    def objection(self) -> str:
+        """What is said of the cause, as the end of a sentence."""
+        return f"explains less than {self.place} would, for which there is no cause"
+
+
+def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
+    """Return a stop that surely explains more than the last cause of a hypothesis, if there is one.
+
+    Args:
+        problem: what is to be explained, with a noise model without inflation.
+        rest: the other causes.
+        best: these and the last one; None for a stop that is compared with no cause.
+    """
+    replayer = problem.replayer
+    records = replayer.replay(rest.hypothesis).records
+    starts = [
+        [*rest.hypothesis, part]
+        for joint in moving_joints(problem.system, records)
+        for part in _stops(problem.system, records, joint)
+    ]
+    if not starts:
+        return None
+    residuals = np.nan_to_num(replayer.residuals(starts), nan=np.inf)
+    order = np.argsort(np.sum(residuals**2, axis=1))[:TRIED]
+    own = problem.inflated(residuals[order[0]])
+    fits = run_together(replayer, [fit_stepwise(own, starts[i]) for i in order])
+    fits.sort(key=lambda one: -one.evidence)
+    settled = settle(problem, [*fits, *([] if best is None else [best])], rest)
+    evidence = {one.candidates[-1].cause is CAUSE: one for one in reversed(settled.tried)}
+    found, other = evidence[True], evidence.get(False, settled.base)
+    chosen = np.log(len(starts) / (len(PLACES) * len(STIFF)))
+    gain = found.evidence - float(chosen) - other.evidence
+    cause = None if best is None else best.candidates[-1]
+    return Stop(cause, _place(found), gain) if gain > MORE else None
+
+
+def _place(fitted: Fit) -> str:
+    """Return where the stop of a fit is, in words."""
+    stop, values = fitted.hypothesis[-1]
+    where = f"{values['position']:.3g} {stop.parameter('position').unit}"
+    [joint], end = stop.location.elements, stop.location.note
+    return f"something in the way of {joint} at the {end} of its motion, from {where} on,"
+
+
+def _stops(
+    system: System, records: Sequence[Record], joint: str
+) -> list[tuple[Candidate, dict[str, float]]]:
+    """Return stops of a joint at both ends of its motion, each with values to start from."""
+    column = records[0].model.joint(joint).qposadr[0]
+    positions = np.concatenate([record.qpos[:, column] for record in records])
+    low, high = float(positions.min()), float(positions.max())
+    own = Location("joint", (joint,))
+    unit, travel = typical_scales.joint_travel(system, own)
+    force, size = typical_scales.joint_force(system, own)
+    stiff = size / travel
+    stiffness = Parameter("stiffness", f"{force}/{unit}", stiff, 0.0, 0.0, 1e4 * stiff)
+    found = []
+    for note, first, last in ((UPPER, low, high), (LOWER, high, low)):
+        places = tuple(first + share * (last - first) for share in PLACES)
+        hints = SearchHints(places)
+        position = Parameter("position", unit, 0.05 * travel, 0.0, low, high, places[0], hints)
+        stop = Candidate(CAUSE, replace(own, note=note), (stiffness, position))
+        found += [
+            (stop, {"stiffness": factor * stiff, "position": place})
+            for factor, place in product(STIFF, places)
+        ]
+    return found
+
+
+def _nowhere(system: System) -> tuple[Location, ...]:
+    return ()
+
+
+def _nothing(system: System, location: Location) -> tuple[Parameter, ...]:
+    return ()
+
+
+def _add_spring(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
+    """Add a spring that acts beyond a position of a joint only."""
+    [name] = location.elements
+    position = values["position"]
+    free = (-FREE, position) if location.note == UPPER else (position, FREE)
+    tendon = add_tendon(
+        spec,
+        name=f"end stop of {name}, {location.note}",
+        stiffness=np.array([values["stiffness"], 0.0, 0.0]),
+        springlength=np.array(free),
+    )
+    tendon.wrap_joint(name, 1.0)
+
+
+CAUSE = Cause("end_stop", "", "", _nowhere, _nothing, _add_spring)

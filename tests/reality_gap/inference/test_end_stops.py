@@ -1,0 +1,129 @@
+"""End stops, on an arm of two joints that runs into something, which a joint's limit simulates."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from reality_gap import Diagnosis, Options, Verdict, diagnose, load_study
+from reality_gap.causes import CATALOGUE
+
+NOISE = 5e-4
+"""Of the encoders [rad]."""
+CAUSES = ["coulomb_friction", "joint_stiffness", "viscous_friction", "external_force"]
+
+Edit = Callable[[mujoco.MjSpec], None]
+
+
+def model(degrees: bool) -> str:
+    """Return an arm in a model that uses degrees or radians, with a default tendon of its own."""
+    reach = "-120 120" if degrees else "-2.1 2.1"
+    return f"""
+<mujoco>
+  <compiler angle="{"degree" if degrees else "radian"}"/>
+  <option timestep="0.002"/>
+  <default><tendon stiffness="7" damping="3" springlength="0.1"/></default>
+  <worldbody>
+    <body>
+      <joint name="shoulder" axis="0 1 0" range="{reach}" damping="0.05"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0"/>
+      <body pos="0.3 0 0">
+        <joint name="elbow" axis="0 1 0" range="{reach}" damping="0.05"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0.25 0 0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="m_shoulder" joint="shoulder" kp="40" kv="2"/>
+    <position name="m_elbow" joint="elbow" kp="20" kv="1"/>
+  </actuator>
+  <sensor>
+    <jointpos name="at_shoulder" joint="shoulder"/>
+    <jointpos name="at_elbow" joint="elbow"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def diagnosis(folder: Path, edit: Edit, degrees: bool = False) -> Diagnosis:
+    """Simulate the edited arm for 12 s, and diagnose the log with the model as it was."""
+    (folder / "arm.xml").write_text(model(degrees))
+    spec = mujoco.MjSpec.from_string(model(degrees))
+    edit(spec)
+    spec.option.timestep = 0.0005
+    real = spec.compile()
+    data, rng = mujoco.MjData(real), np.random.default_rng(3)
+    time = 0.01 * np.arange(1201)
+    waves = [np.sin(1.7 * time) + 0.3 * np.sin(3.1 * time), np.sin(2.3 * time + 1.0)]
+    command = np.column_stack([0.5 * waves[0], 0.7 * waves[1]])
+    data.ctrl[:] = command[0]
+    mujoco.mj_step(real, data, 8000)
+    rows = []
+    for now, wanted in zip(time, command, strict=True):
+        mujoco.mj_forward(real, data)
+        rows.append([now, *wanted, *(data.qpos + NOISE * rng.standard_normal(2))])
+        data.ctrl[:] = wanted
+        mujoco.mj_step(real, data, 20)
+    header = "time,c_shoulder,c_elbow,q_shoulder,q_elbow"
+    np.savetxt(folder / "log.csv", rows, "%.9g", ",", header=header, comments="")
+    joints = ("shoulder", "elbow")
+    study = {
+        "name": "arm",
+        "model": "arm.xml",
+        "episodes": [{"commands": "log.csv"}],
+        "time": {"column": "time", "unit": "s"},
+        "actuators": {f"m_{j}": {"column": f"c_{j}", "unit": "rad"} for j in joints},
+        "sensors": {f"at_{j}": {"column": f"q_{j}", "unit": "rad", "noise": NOISE} for j in joints},
+        "initial": {"settle": 4.0},
+    }
+    (folder / "STUDY.yaml").write_text(json.dumps(study))
+    causes = [CATALOGUE[name] for name in CAUSES]
+    found = load_study(folder / "STUDY.yaml")
+    return diagnose(found, causes=causes, options=Options(suggest=False))
+
+
+def stopped(end: float) -> Edit:
+    """Return the edit by which the elbow runs into something at an end [rad]."""
+
+    def edit(spec: mujoco.MjSpec) -> None:
+        joint = spec.joint("elbow")
+        far = 120.0 if spec.compiler.degree else 2.1
+        end_there = np.rad2deg(end) if spec.compiler.degree else end
+        joint.range = (-far, end_there) if end > 0 else (end_there, far)
+        joint.solref_limit = (0.02, 1.0)
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ("end", "name", "degrees"), [(0.45, "upper", False), (-0.4, "lower", True)]
+)
+def test_a_joint_that_runs_into_something_gets_no_name_but_a_place(
+    tmp_path: Path, end: float, name: str, degrees: bool
+) -> None:
+    found = diagnosis(tmp_path, stopped(end), degrees)
+
+    assert found.verdict is Verdict.UNEXPLAINED
+    assert found.causes == ()
+    assert f"something in the way of elbow at the {name} end of its motion" in found.sentence
+    [gain] = [one for one in found.criteria if one.name == "gain_of_stop"]
+    assert not gain.met
+    place = float(gain.objection.split(" rad on,")[0].split("from ")[-1])
+    assert place == pytest.approx(end, abs=0.02)
+
+
+def test_a_spring_is_no_stop(tmp_path: Path) -> None:
+    def edit(spec: mujoco.MjSpec) -> None:
+        spec.joint("elbow").stiffness[0] = 0.4
+        spec.joint("elbow").springref = 0.3
+
+    found = diagnosis(tmp_path, edit)
+
+    assert found.verdict is Verdict.NAMED
+    assert [one.candidate.cause.id for one in found.causes] == ["joint_stiffness"]
+    assert not [one for one in found.criteria if one.name == "gain_of_stop"]
