@@ -191,7 +191,7 @@ class _Run:
         tolerances = list(list_tolerances(screened.sensitivities, options.tolerance))
         columns = tolerance_columns(replayer, tolerances, null)
         result = self._search_with(columns, null, screened)
-        if not is_small(replayer, columns, result.best.residual):
+        if result.stop is None and not is_small(replayer, columns, result.best.residual):
             self.progress(0.7, "linearising about the likeliest deviations")
             likeliest = self._expand(tolerances, columns, result.best)
             if likeliest.expansion.parts and likeliest.power < FAR:
