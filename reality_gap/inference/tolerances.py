@@ -13,7 +13,7 @@ from reality_gap.simulation.hypothesis import Candidate, Part, build
 from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
 
-DRIFT_TOLERANCE = 0.3
+DRIFT_TOLERANCE = 0.2
 """Relative tolerance of the error of the time step that was subtracted from residuals: a log may
 have been simulated, with a step of its own."""
 LARGE = 10.0
@@ -88,7 +88,7 @@ def tolerance_columns(
     """
     drift, error = DRIFT_TOLERANCE * replayer.drift, replayer.drift_error
     steps = drift, error, replayer.drift_curvature
-    drifts = [step / replayer.measured.noise for step in steps if step.any()]
+    drifts = [step / replayer.measured.noise for step in steps]
     system = replayer.system
     sticks = system.model.dof_frictionloss.any() or system.model.tendon_frictionloss.any()
 

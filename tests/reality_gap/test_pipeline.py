@@ -38,6 +38,7 @@ def decided(
     explained: float = 0.0,
     roughness: float = 1.0,
     deviation: float = 0.0,
+    of_step: float = 0.0,
 ) -> Verdict:
     """Decide on causes with this evidence, or on none.
 
@@ -51,11 +52,12 @@ def decided(
         explained: RMS of what tolerances explain [noise].
         roughness: factor of the tolerances.
         deviation: largest deviation by which tolerances explain what is left [tolerances].
+        of_step: RMS of the error that extrapolation to finer time steps leaves [noise].
     """
     candidates = [SimpleNamespace(cause=SimpleNamespace(event=event)) for event in events]
     best = SimpleNamespace(evidence=evidence, candidates=candidates, is_null=evidence is None)
     paying: Any = SimpleNamespace(
-        result=SimpleNamespace(best=best, problem=SimpleNamespace(roughness=roughness)),
+        result=SimpleNamespace(best=best, problem=SimpleNamespace(roughness=roughness), stop=None),
         attempted=SimpleNamespace(pays=attempt_pays),
     )
     remainder: Any = SimpleNamespace(
@@ -66,6 +68,7 @@ def decided(
         explained=explained,
         fits=(before, after),
         deviation=deviation,
+        of_step=of_step,
     )
     return decide(paying, judge(paying, remainder, Options()))
 
@@ -94,6 +97,15 @@ def test_what_tolerances_explain_is_not_exactly_linear(
     learned: float, after: float, explained: float, expected: Verdict
 ) -> None:
     assert decided(None, learned, after=after, explained=explained) is expected
+
+
+@pytest.mark.parametrize(
+    ("of_step", "expected"), [(0.3, Verdict.UNEXPLAINED), (1.9, Verdict.NOTHING_WRONG)]
+)
+def test_what_a_coarse_time_step_leaves_is_not_told_from_an_error_of_the_model(
+    of_step: float, expected: Verdict
+) -> None:
+    assert decided(None, 30.0, after=2.0, of_step=of_step) is expected
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ class Screening:
     def columns(self) -> list[Floats]:
         """Return the columns of tolerances, without those of the time step."""
         tolerances = list(list_tolerances(self.found))
-        return list(tolerance_columns(self.replayer, tolerances, self.null).T[:-2])
+        return list(tolerance_columns(self.replayer, tolerances, self.null).T[:-3])
 
 
 def test_a_shape_without_a_size_costs_no_replay_and_changes_nothing(lever_study: Study) -> None:
