@@ -17,6 +17,7 @@ import numpy as np
 
 from reality_gap.causes.base import Cause, Location, Parameter, Record, SearchHints, Values
 from reality_gap.causes.support import typical_scales
+from reality_gap.causes.support.joint_motors import motors_of
 from reality_gap.causes.support.new_elements import add_tendon
 from reality_gap.inference.gauss_newton import Fit, fit_stepwise, run_together
 from reality_gap.inference.motion_functions import moving_joints
@@ -61,6 +62,9 @@ class Stop(NamedTuple):
 def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
     """Return a stop that surely explains more than the last cause of a hypothesis, if there is one.
 
+    Stops are tried in the joint of the cause, or in all joints if it is one of links or of several
+    joints. Causes of tendons, sensors and cameras are not mistaken for a stop.
+
     Args:
         problem: what is to be explained, with a noise model without inflation.
         rest: the other causes.
@@ -68,17 +72,20 @@ def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
     """
     replayer = problem.replayer
     records = replayer.replay(rest.hypothesis).records
+    moving = moving_joints(problem.system, records)
+    own = moving if best is None else _joints(problem.system, best.candidates[-1].location)
     starts = [
         [*rest.hypothesis, part]
-        for joint in moving_joints(problem.system, records)
+        for joint in moving
+        if joint in own
         for part in _stops(problem.system, records, joint)
     ]
     if not starts:
         return None
     residuals = np.nan_to_num(replayer.residuals(starts), nan=np.inf)
     order = np.argsort(np.sum(residuals**2, axis=1))[:TRIED]
-    own = problem.inflated(residuals[order[0]])
-    fits = run_together(replayer, [fit_stepwise(own, starts[i]) for i in order])
+    inflated = problem.inflated(residuals[order[0]])
+    fits = run_together(replayer, [fit_stepwise(inflated, starts[i]) for i in order])
     fits.sort(key=lambda one: -one.evidence)
     settled = settle(problem, [*fits, *([] if best is None else [best])], rest)
     evidence = {one.candidates[-1].cause is CAUSE: one for one in reversed(settled.tried)}
@@ -87,6 +94,15 @@ def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
     gain = found.evidence - float(chosen) - other.evidence
     cause = None if best is None else best.candidates[-1]
     return Stop(cause, _place(found), gain) if gain > MORE else None
+
+
+def _joints(system: System, location: Location) -> Sequence[str]:
+    """Return the joints in which a stop may be mistaken for a cause at a location."""
+    if location.kind == "joint" and len(location.elements) == 1:
+        return location.elements
+    if location.kind == "actuator":
+        return [n for n in system.joints if set(motors_of(system, n)) & set(location.elements)]
+    return system.joints if location.kind in ("joint", "body", "model") else ()
 
 
 def _place(fitted: Fit) -> str:
