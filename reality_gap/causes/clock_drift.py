@@ -29,8 +29,7 @@ def _parameters(system: System, location: Location) -> tuple[Parameter, ...]:
     per = 1.0 / system.duration
     secants = tuple(sign * late * per for late in SECANTS for sign in (1.0, -1.0))
     hints = SearchHints(secants=secants)
-    least = 2.0 * clocks.least_delay(system) * per
-    return (Parameter("drift", "1", LATE * per, USUAL, -0.5, 0.5, hints=hints, least=least),)
+    return (Parameter("drift", "1", LATE * per, USUAL, -0.5, 0.5, hints=hints),)
 
 
 def _attach(effects: Effects, system: System, location: Location, values: Values) -> None:

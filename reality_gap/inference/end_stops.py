@@ -26,7 +26,7 @@ from reality_gap.inference.settling import settle
 from reality_gap.simulation.hypothesis import Candidate
 from reality_gap.study.system import System
 
-PLACES = (0.6, 0.75, 0.85, 0.92, 0.97)
+POSITIONS = (0.6, 0.75, 0.85, 0.92, 0.97)
 """Positions of a stop that are tried, as shares of the motion of the model."""
 STIFF = (2.0, 40.0, 400.0)
 """Stiffness of a stop that is tried, over the typical force and travel of its joint."""
@@ -45,18 +45,18 @@ class Stop(NamedTuple):
 
     Attributes:
         cause: the cause; None for a stop that stands alone.
-        place: where it is, in words.
+        description: where it is, in words.
         gain: what it explains more than the cause does [nats].
     """
 
     cause: Candidate | None
-    place: str
+    description: str
     gain: float
 
     @property
     def objection(self) -> str:
         """What is said of the cause, as the end of a sentence."""
-        return f"explains less than {self.place} would, for which there is no cause"
+        return f"explains less than {self.description} would, for which there is no cause"
 
 
 def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
@@ -83,17 +83,20 @@ def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
     if not starts:
         return None
     residuals = np.nan_to_num(replayer.residuals(starts), nan=np.inf)
-    order = np.argsort(np.sum(residuals**2, axis=1))[:TRIED]
+    power = np.sum(residuals**2, axis=1)
+    order = np.argsort(power)[:TRIED]
+    if not np.isfinite(power[order[0]]):
+        return None
     inflated = problem.inflated(residuals[order[0]])
     fits = run_together(replayer, [fit_stepwise(inflated, starts[i]) for i in order])
     fits.sort(key=lambda one: -one.evidence)
     settled = settle(problem, [*fits, *([] if best is None else [best])], rest)
     evidence = {one.candidates[-1].cause is CAUSE: one for one in reversed(settled.tried)}
     found, other = evidence[True], evidence.get(False, settled.base)
-    chosen = np.log(len(starts) / (len(PLACES) * len(STIFF)))
+    chosen = np.log(len(starts) / (len(POSITIONS) * len(STIFF)))
     gain = found.evidence - float(chosen) - other.evidence
     cause = None if best is None else best.candidates[-1]
-    return Stop(cause, _place(found), gain) if gain > MORE else None
+    return Stop(cause, _description(found), gain) if gain > MORE else None
 
 
 def _joints(system: System, location: Location) -> Sequence[str]:
@@ -105,7 +108,7 @@ def _joints(system: System, location: Location) -> Sequence[str]:
     return system.joints if location.kind in ("joint", "body", "model") else ()
 
 
-def _place(fitted: Fit) -> str:
+def _description(fitted: Fit) -> str:
     """Return where the stop of a fit is, in words."""
     stop, values = fitted.hypothesis[-1]
     where = f"{values['position']:.3g} {stop.parameter('position').unit}"
@@ -118,8 +121,8 @@ def _stops(
 ) -> list[tuple[Candidate, dict[str, float]]]:
     """Return stops of a joint at both ends of its motion, each with values to start from."""
     column = records[0].model.joint(joint).qposadr[0]
-    positions = np.concatenate([record.qpos[:, column] for record in records])
-    low, high = float(positions.min()), float(positions.max())
+    motion = np.concatenate([record.qpos[:, column] for record in records])
+    low, high = float(motion.min()), float(motion.max())
     own = Location("joint", (joint,))
     unit, travel = typical_scales.joint_travel(system, own)
     force, size = typical_scales.joint_force(system, own)
@@ -127,13 +130,13 @@ def _stops(
     stiffness = Parameter("stiffness", f"{force}/{unit}", stiff, 0.0, 0.0, 1e4 * stiff)
     found = []
     for note, first, last in ((UPPER, low, high), (LOWER, high, low)):
-        places = tuple(first + share * (last - first) for share in PLACES)
-        hints = SearchHints(places)
-        position = Parameter("position", unit, 0.05 * travel, 0.0, low, high, places[0], hints)
+        starts = tuple(first + share * (last - first) for share in POSITIONS)
+        hints = SearchHints(starts)
+        position = Parameter("position", unit, 0.05 * travel, 0.0, low, high, starts[0], hints)
         stop = Candidate(CAUSE, replace(own, note=note), (stiffness, position))
         found += [
-            (stop, {"stiffness": factor * stiff, "position": place})
-            for factor, place in product(STIFF, places)
+            (stop, {"stiffness": factor * stiff, "position": start})
+            for factor, start in product(STIFF, starts)
         ]
     return found
 

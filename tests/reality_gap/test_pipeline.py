@@ -102,7 +102,7 @@ def test_what_tolerances_explain_is_not_exactly_linear(
 @pytest.mark.parametrize(
     ("of_step", "expected"), [(0.3, Verdict.UNEXPLAINED), (1.9, Verdict.NOTHING_WRONG)]
 )
-def test_what_a_coarse_time_step_leaves_is_not_told_from_an_error_of_the_model(
+def test_an_error_of_the_time_step_is_no_error_of_the_model(
     of_step: float, expected: Verdict
 ) -> None:
     assert decided(None, 30.0, after=2.0, of_step=of_step) is expected

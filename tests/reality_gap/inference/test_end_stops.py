@@ -103,7 +103,7 @@ def stopped(end: float) -> Edit:
 @pytest.mark.parametrize(
     ("end", "name", "degrees"), [(0.45, "upper", False), (-0.4, "lower", True)]
 )
-def test_a_joint_that_runs_into_something_gets_no_name_but_a_place(
+def test_a_joint_that_runs_into_something_gets_no_name_but_is_located(
     tmp_path: Path, end: float, name: str, degrees: bool
 ) -> None:
     found = diagnosis(tmp_path, stopped(end), degrees)
@@ -113,8 +113,8 @@ def test_a_joint_that_runs_into_something_gets_no_name_but_a_place(
     assert f"something in the way of elbow at the {name} end of its motion" in found.sentence
     [gain] = [one for one in found.criteria if one.name == "gain_of_stop"]
     assert not gain.met
-    place = float(gain.objection.split(" rad on,")[0].split("from ")[-1])
-    assert place == pytest.approx(end, abs=0.02)
+    position = float(gain.objection.split(" rad on,")[0].split("from ")[-1])
+    assert position == pytest.approx(end, abs=0.02)
 
 
 def test_a_spring_is_no_stop(tmp_path: Path) -> None:
