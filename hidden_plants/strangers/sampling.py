@@ -60,7 +60,8 @@ def sample_secret(
         family: id of the first effect; any by default.
 
     Raises:
-        ValueError: the kind or id is unknown, or the machine shows no such effect.
+        ValueError: the kind or id is unknown, the machine shows no such effect, or it leaves its
+            ranges without any.
     """
     if kind not in KINDS:
         raise ValueError(f"unknown kind {kind!r}; valid are: {', '.join(KINDS)}")
@@ -69,6 +70,8 @@ def sample_secret(
     effects: tuple[Effect, ...] = ()
     multiples: tuple[float, ...] = ()
     wanted = {"single": 1, "pair": 2, "null": 0, "outside": 1}[kind]
+    if not wanted and not _is_sound(stranger, ()):
+        raise ValueError(f"machine {stranger.seed} leaves its ranges with no effect")
     for _ in range(TRIALS):
         if len(effects) == wanted:
             return Secret(kind, effects, multiples)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hidden_plants.strangers import make_stranger, write_study
+from hidden_plants.strangers import Oracle, make_stranger, sample_secret, write_study
 from hidden_plants.strangers.mismatch import mismatch_at, mismatch_size, sample_mismatch
 from hidden_plants.strangers.native import whitened_natively
 from hidden_plants.strangers.readings import run, whitened
@@ -110,3 +110,14 @@ def test_readings_are_multiples_of_the_steps_of_their_sensors(tmp_path: Path) ->
     for sensor in stranger.sensors:
         counts = table[sensor.name] / sensor.quantum
         np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)
+
+
+def test_a_machine_that_leaves_its_ranges_by_itself_is_no_null(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine = make_stranger(3, 2.0)
+    oracle = Oracle(machine)
+    monkeypatch.setattr("hidden_plants.strangers.sampling._is_sound", lambda *_: False)
+
+    with pytest.raises(ValueError, match="machine 3 leaves its ranges with no effect"):
+        sample_secret(np.random.default_rng(0), machine, oracle, "null")
