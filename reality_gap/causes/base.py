@@ -315,3 +315,27 @@ class Cause:
     event: bool = False
     sticky: bool = False
     prior: Callable[[Location], float] = even_odds
+
+
+def unlisted_cause(
+    id: str = "",
+    edit: Callable[[mujoco.MjSpec, System, Location, Values], None] | None = None,
+    attach: Callable[[Effects, System, Location, Values], None] | None = None,
+) -> Cause:
+    """Return a cause outside of the catalogue, which is replayed or fitted and never named.
+
+    Args:
+        id: name; needed only if it is fitted.
+        edit: see `Cause`; a function of a module, or a `functools.partial` of one, because
+            processes exchange causes.
+        attach: likewise.
+    """
+    return Cause(id, "", "", _no_locations, _no_parameters, edit, attach)
+
+
+def _no_locations(system: System) -> tuple[Location, ...]:
+    return ()
+
+
+def _no_parameters(system: System, location: Location) -> tuple[Parameter, ...]:
+    return ()

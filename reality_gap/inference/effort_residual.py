@@ -8,7 +8,14 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.base import (
+    Effects,
+    Location,
+    Parameter,
+    Record,
+    Values,
+    unlisted_cause,
+)
 from reality_gap.causes.support.machine_size import dof, machine_size
 from reality_gap.inference.motion_functions import (
     Bank,
@@ -82,8 +89,7 @@ def _encoder_drifts(replayer: Replayer, base: Hypothesis, records: Sequence[Reco
 
 def _with_error(joint: str, kind: str) -> Candidate:
     """Return the candidate in which a joint's position or velocity is measured too large."""
-    attach = partial(_attach_error, kind)
-    cause = Cause("", "", "", lambda system: (), lambda system, location: (), None, attach)
+    cause = unlisted_cause(attach=partial(_attach_error, kind))
     return Candidate(
         cause, Location("joint", (joint,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),)
     )

@@ -15,7 +15,14 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Location, Parameter, Record, SearchHints, Values
+from reality_gap.causes.base import (
+    Location,
+    Parameter,
+    Record,
+    SearchHints,
+    Values,
+    unlisted_cause,
+)
 from reality_gap.causes.support import typical_scales
 from reality_gap.causes.support.joint_motors import motors_of
 from reality_gap.causes.support.new_elements import add_tendon
@@ -45,7 +52,7 @@ class Stop(NamedTuple):
 
     Attributes:
         cause: the cause; None for a stop that stands alone.
-        description: where it is, in words.
+        description: which joint it stops, and where.
         gain: what it explains more than the cause does [nats].
     """
 
@@ -56,7 +63,7 @@ class Stop(NamedTuple):
     @property
     def objection(self) -> str:
         """What is said of the cause, as the end of a sentence."""
-        return f"explains less than {self.description} would, for which there is no cause"
+        return f"explains less than {self.description} would; no cause stands for that"
 
 
 def refuting_stop(problem: Problem, rest: Fit, best: Fit | None) -> Stop | None:
@@ -113,7 +120,7 @@ def _description(fitted: Fit) -> str:
     stop, values = fitted.hypothesis[-1]
     where = f"{values['position']:.3g} {stop.parameter('position').unit}"
     [joint], end = stop.location.elements, stop.location.note
-    return f"something in the way of {joint} at the {end} of its motion, from {where} on,"
+    return f"an end stop of {joint} at {where}, at the {end} of its motion,"
 
 
 def _stops(
@@ -141,14 +148,6 @@ def _stops(
     return found
 
 
-def _nowhere(system: System) -> tuple[Location, ...]:
-    return ()
-
-
-def _nothing(system: System, location: Location) -> tuple[Parameter, ...]:
-    return ()
-
-
 def _add_spring(spec: mujoco.MjSpec, system: System, location: Location, values: Values) -> None:
     """Add a spring that acts beyond a position of a joint only."""
     [name] = location.elements
@@ -163,4 +162,5 @@ def _add_spring(spec: mujoco.MjSpec, system: System, location: Location, values:
     tendon.wrap_joint(name, 1.0)
 
 
-CAUSE = Cause("end_stop", "", "", _nowhere, _nothing, _add_spring)
+CAUSE = unlisted_cause("end_stop", _add_spring)
+"""A stop of a joint; the note of its location is the end."""

@@ -194,9 +194,8 @@ def distance_to_bound(part: Part) -> float:
 def _worst(result: Search, tested: Tested) -> tuple[int, str] | None:
     """Return the index of the cause to drop, and why; None if all of them pay."""
     best, stop = result.best, result.stop
-    for i, candidate in enumerate(best.candidates):
-        if stop is not None and stop.cause is not None and stop.cause.matches(candidate):
-            return i, stop.objection
+    if stop is not None and stop.cause in best.candidates:
+        return best.candidates.index(stop.cause), stop.objection
     lows = [min(gains.folds.low, gains.report.value) for gains in tested.each]
     bounded = [i for i, part in enumerate(best.hypothesis) if at_bound([part])]
     if bounded:

@@ -26,6 +26,8 @@ def search_roughly(
 ) -> Search:
     """Search for causes, again with larger tolerances as long as these are likelier.
 
+    What a stop leaves beside a cause that it refutes is no deviation, and ends the search.
+
     Args:
         replayer: replays hypotheses.
         null_residual: residual of the nominal model, shape (n,).
@@ -42,6 +44,6 @@ def search_roughly(
         result = search(problem, sensitivities, settings, deferred, known)
         inflation = result.problem.noise_model.inflation
         found = roughness(replayer.measured, columns, result.best.residual, inflation)
-        if found <= rough:
+        if found <= rough or result.stop is not None:
             return result
         sensitivities, rough, known = result.sensitivities, found, result.singles

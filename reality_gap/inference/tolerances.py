@@ -14,8 +14,8 @@ from reality_gap.simulation.replayer import Replayer
 from reality_gap.types import Floats
 
 DRIFT_TOLERANCE = 0.2
-"""Relative tolerance of the error of the time step that was subtracted from residuals: a log may
-have been simulated, with a step of its own."""
+"""Relative tolerance of the error of the time step that was subtracted from residuals. A log that
+was simulated contains a part of it."""
 LARGE = 10.0
 """Norm of a tolerance's column from which on it is replayed exactly [noise]."""
 MANY = 5.0

@@ -8,7 +8,14 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from reality_gap.causes.base import Cause, Effects, Location, Parameter, Record, Values
+from reality_gap.causes.base import (
+    Effects,
+    Location,
+    Parameter,
+    Record,
+    Values,
+    unlisted_cause,
+)
 from reality_gap.causes.support import typical_scales
 from reality_gap.causes.support.new_elements import add_actuator
 from reality_gap.simulation.hypothesis import Candidate
@@ -48,16 +55,8 @@ def unmodelled_force(
     time = np.concatenate([r.time for r in records])
     force = unit_force(system, kind, name) * np.concatenate(series)
     attach = partial(_add_command, time, force)
-    cause = Cause("", "", "", _no_locations, _no_parameters, _add_force_actuator, attach)
+    cause = unlisted_cause(edit=_add_force_actuator, attach=attach)
     return Candidate(cause, Location(kind, (name,)), (Parameter("size", "1", 1.0, 0.0, 0.0, 1.0),))
-
-
-def _no_locations(system: System) -> tuple[Location, ...]:
-    return ()
-
-
-def _no_parameters(system: System, location: Location) -> tuple[Parameter, ...]:
-    return ()
 
 
 def _add_force_actuator(

@@ -53,6 +53,7 @@ class Options:
             not all that is wrong [noise].
         rough: factor of the tolerances above which they do not excuse what is left.
         form: relative error of what tolerances explain, because large deviations are not linear.
+        of_step: largest error of the time step that excuses what is left [noise].
         deviation: largest deviation of a parameter that excuses what is left [tolerances].
         tolerance: factor of all tolerances of the nominal model.
         visible: change of the readings by three typical faults from which on a cause is judged
@@ -75,6 +76,7 @@ class Options:
     left: float = 1.5
     rough: float = 4.0
     form: float = 0.03
+    of_step: float = 3.0
     deviation: float = 20.0
     tolerance: float = 1.0
     visible: float = 3.0
@@ -205,8 +207,8 @@ def _form(remainder: Remainder, options: Options) -> float:
     The columns of tolerances are derivatives, and large deviations are not linear. Where a time
     step is too coarse, for example because joints hit their stops, extrapolation leaves an error.
     """
-    form = options.form * remainder.explained
-    return float(np.sqrt(1.0 + form**2 + remainder.of_step**2))
+    form, of_step = options.form * remainder.explained, min(remainder.of_step, options.of_step)
+    return float(np.sqrt(1.0 + form**2 + of_step**2))
 
 
 def _allowed(named: float, options: Options) -> float:

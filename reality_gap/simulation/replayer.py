@@ -183,11 +183,9 @@ class Replayer:
 
     @property
     def drift_curvature(self) -> Floats:
-        """What half of the time step leaves of the error beyond half of it in SI units, shape (n,).
+        """Error of a replay at half the time step, less half of `drift`, in SI units, shape (n,).
 
-        It is zero where the error is in proportion to the step. A log that was simulated with a
-        finer step, but not with none, differs from the extrapolation by this and a share of the
-        error.
+        It is zero where the error is in proportion to the step.
         """
         return self._drifts[2]
 

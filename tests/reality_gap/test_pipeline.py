@@ -100,12 +100,17 @@ def test_what_tolerances_explain_is_not_exactly_linear(
 
 
 @pytest.mark.parametrize(
-    ("of_step", "expected"), [(0.3, Verdict.UNEXPLAINED), (1.9, Verdict.NOTHING_WRONG)]
+    ("after", "of_step", "expected"),
+    [
+        (2.0, 0.3, Verdict.UNEXPLAINED),
+        (2.0, 1.9, Verdict.NOTHING_WRONG),
+        (20.0, 30.0, Verdict.UNEXPLAINED),  # a replay that tells nothing excuses nothing
+    ],
 )
-def test_an_error_of_the_time_step_is_no_error_of_the_model(
-    of_step: float, expected: Verdict
+def test_a_small_error_of_the_time_step_is_no_error_of_the_model(
+    after: float, of_step: float, expected: Verdict
 ) -> None:
-    assert decided(None, 30.0, after=2.0, of_step=of_step) is expected
+    assert decided(None, 30.0, after=after, of_step=of_step) is expected
 
 
 @pytest.mark.parametrize(

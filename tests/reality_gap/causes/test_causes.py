@@ -11,6 +11,7 @@ import pytest
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.backlash import played
 from reality_gap.causes.load_dependent_friction import total_bend
+from reality_gap.inference.theta import is_tolerable
 from reality_gap.simulation.hypothesis import build
 from reality_gap.simulation.replay import replay
 from reality_gap.study.measurements import measured
@@ -141,6 +142,17 @@ def test_a_tendon_does_not_bend_between_branches_of_a_pulley() -> None:
 def test_play_moves_only_beyond_its_gap() -> None:
     out = played(np.array([0.0, 0.4, 1.0, 0.6, 0.1, -1.0]), 0.5)
     np.testing.assert_allclose(out, [0.0, 0.0, 0.5, 0.5, 0.5, -0.5])
+
+
+def test_a_clock_that_drifts_by_less_than_a_step_is_a_fault(systems: dict[str, System]) -> None:
+    """In a correct model clocks are late by a part of a step, but not later and later."""
+    system = systems["elbow"]
+    one = candidates_of(system, "clock_drift")[0]
+    drift = 0.9 * float(system.model.opt.timestep) / system.duration
+
+    assert drift > 5e-5  # clocks with a quartz differ by less
+    assert not is_tolerable(one, {"drift": drift})
+    assert is_tolerable(one, {"drift": 2e-5})
 
 
 def test_each_episode_begins_without_a_drift_of_the_clock(systems: dict[str, System]) -> None:

@@ -48,7 +48,11 @@ def torque(machine: str, angle: Floats) -> Floats:
 
 
 def learned(
-    folder: Path, angle_error: Floats, torque_error: Floats, machine: str = PENDULUM
+    folder: Path,
+    angle_error: Floats,
+    torque_error: Floats,
+    machine: str = PENDULUM,
+    jobs: int = 1,
 ) -> dict[str, Learned]:
     """Return what each bank explains of a log with these errors (n,)."""
     path = folder / "pendulum.xml"
@@ -62,12 +66,12 @@ def learned(
     effort = torque(machine, ANGLE) + torque_error + TORQUE_NOISE * rng.standard_normal(len(TIME))
     readings = (Reading(TIME, angle), Reading(TIME, effort))
     episode = Episode("swing", TIME, np.zeros((len(TIME), 0)), readings)
-    replayer = Replayer(Study("pendulum", path, channels, (episode,)))
-    residual = replayer.residual([])
-    none = np.zeros((len(residual), 0))
-    problem = Problem(replayer, residual, independent_noise(replayer.measured, none))
-    records = replayer.replay([]).records
-    return {bank.name: learn(problem, residual, bank) for bank in banks(replayer, [], records)}
+    with Replayer(Study("pendulum", path, channels, (episode,)), jobs) as replayer:
+        residual = replayer.residual([])
+        none = np.zeros((len(residual), 0))
+        problem = Problem(replayer, residual, independent_noise(replayer.measured, none))
+        records = replayer.replay([]).records
+        return {bank.name: learn(problem, residual, bank) for bank in banks(replayer, [], records)}
 
 
 def best(found: dict[str, Learned]) -> Learned:
@@ -109,6 +113,15 @@ def test_a_drift_is_seen_by_its_velocity_where_the_position_does_not_matter(tmp_
     tried = learned(tmp_path, drift, 0.0 * TIME, TURNTABLE)
 
     assert tried["position errors by the time"].evidence > 100.0
+
+
+def test_processes_learn_the_same(tmp_path: Path) -> None:
+    drift = 0.05 * (1.0 - np.exp(-TIME / 6.0))
+    alone = learned(tmp_path, drift, 0.0 * TIME)
+    shared = learned(tmp_path, drift, 0.0 * TIME, jobs=2)
+
+    for name, one in alone.items():
+        assert shared[name].evidence == pytest.approx(one.evidence, rel=1e-9)
 
 
 def test_a_motion_of_a_small_share_of_the_range_has_banks(

@@ -11,6 +11,7 @@ import pytest
 
 from reality_gap.diagnosis import Gain
 from reality_gap.inference.confidence import doubt_of_partial
+from reality_gap.inference.end_stops import Stop
 from reality_gap.inference.equivalence import alternatives
 from reality_gap.inference.folds import Folds, _gain, _Part
 from reality_gap.inference.forward_selection import Settings
@@ -102,6 +103,20 @@ def test_a_cause_at_its_bound_is_dropped_and_the_other_one_stays(tmp_path: Path)
     assert ids(found.result.best) == ["right"]
     assert reasons(found) == [("stuck", AT_BOUND)]
     assert found.tested.pays
+
+
+def test_a_cause_that_stands_for_a_stop_is_dropped_and_none_takes_its_turn(tmp_path: Path) -> None:
+    """Another candidate explains nearly as much as it does."""
+    near = candidate("near", SHAPES[:, 1] + 0.3 * SHAPES[:, 3])
+    case = Case(tmp_path, 1.0 * SHAPES[:, 1], [candidate("stopped", SHAPES[:, 1]), near])
+    result = case.search()
+    assert ids(result.best) == ["stopped"]
+    stop = Stop(result.best.candidates[-1], "an end stop of hinge at 1 rad", 30.0)
+
+    found = keep_paying(replace(result, stop=stop))
+
+    assert found.result.best.is_null
+    assert reasons(found) == [("stopped", stop.objection)]
 
 
 def test_no_cause_is_left_if_the_only_one_is_at_its_bound(tmp_path: Path) -> None:

@@ -109,6 +109,21 @@ def test_the_error_of_the_drift_covers_what_is_left(replayer: Replayer) -> None:
     assert left == pytest.approx(rms(replayer.drift_error) / 3, rel=0.3)
 
 
+def test_the_drift_and_its_curvature_give_the_replay_at_half_the_step(
+    replayer: Replayer, study: Study, tmp_path: Path
+) -> None:
+    spec = study.spec()
+    spec.option.timestep *= 0.5
+    path = tmp_path / "half.xml"
+    path.write_text(spec.to_xml(), encoding="utf-8")
+    half = Replayer(replace(study, model=path)).replay([]).prediction
+
+    found = replayer.replay([]).prediction + 0.5 * replayer.drift - replayer.drift_curvature
+
+    np.testing.assert_allclose(found, half, atol=1e-3 * rms(replayer.drift))
+    assert rms(replayer.drift_curvature) > 1e-3 * rms(replayer.drift)
+
+
 def test_at_rest_there_is_no_drift(study: Study) -> None:
     episode = study.episodes[0]
     still = replace(study, episodes=(replace(episode, command=0 * episode.command),))

@@ -1,0 +1,63 @@
+"""Tolerance of the time step: a log that was simulated with a step of its own is no fault."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from reality_gap.inference.tolerances import tolerance_columns
+from reality_gap.inference.whitening import likeliest_sizes
+from reality_gap.simulation.replayer import Replayer
+from reality_gap.study.data import Channel, Episode, Reading, Study
+from reality_gap.types import Floats
+
+SLED = """
+<mujoco>
+  <option timestep="0.01" gravity="0 0 0"/>
+  <worldbody>
+    <body>
+      <joint name="rail" type="slide" axis="1 0 0" damping="2" range="-0.2 0.15" limited="true"/>
+      <geom type="sphere" size="0.05" mass="1"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="motor" joint="rail"/></actuator>
+  <sensor><jointpos name="at_rail" joint="rail"/></sensor>
+</mujoco>
+"""
+NOISE = 2e-4
+"""Of the position [m]."""
+TIME = 0.05 * np.arange(161)
+FORCE = 3.0 * np.sin(4.0 * TIME)
+
+
+def simulated(step: float) -> Floats:
+    """Return the positions (n,) of a sled that hits its stops, with this time step [m]."""
+    model = mujoco.MjModel.from_xml_string(SLED)
+    model.opt.timestep = step
+    data, found = mujoco.MjData(model), np.zeros(len(TIME))
+    for k, force in enumerate(FORCE):
+        found[k] = data.qpos[0]
+        data.ctrl[0] = force
+        mujoco.mj_step(model, data, round(0.05 / step))
+    return found
+
+
+def test_a_log_that_was_simulated_with_half_the_step_is_explained(tmp_path: Path) -> None:
+    path = tmp_path / "sled.xml"
+    path.write_text(SLED)
+    reading = Reading(TIME, simulated(0.005))
+    episode = Episode("only", TIME, FORCE[:, None], (reading,))
+    channel = Channel("at_rail", "at_rail", unit="m", noise=NOISE)
+    with Replayer(Study("sled", path, (channel,), (episode,))) as replayer:
+        residual = replayer.residual([])
+        columns = tolerance_columns(replayer, [], residual)
+    every = np.ones(len(residual), dtype=bool)
+    sizes = likeliest_sizes(columns, np.ones(len(residual)), every, residual)
+    left = residual - columns @ sizes
+
+    power, rest = (float(np.mean(one**2)) for one in (residual, left))
+    assert power > 5.0**2  # the residual is that beside a simulation without an error of the step
+    assert rest < 0.01 * power
+    assert np.abs(sizes).max() < 3.0
