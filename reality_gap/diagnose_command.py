@@ -55,6 +55,8 @@ class Thresholds:
     """Deviation of a parameter above which it does not excuse what is left [tolerances]."""
     form: float = 0.03
     """Relative error of what tolerances explain of the readings."""
+    of_step: float = 3.0
+    """Largest error of the time step that excuses what is left [noise]."""
     many: float = 20.0
     """RMS of the residual from which on groups of causes are fitted first [noise]."""
     large: float = 5.0
