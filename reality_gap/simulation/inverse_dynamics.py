@@ -73,7 +73,7 @@ def prepare(study: Study) -> Study:
     efforts = [c for c, channel in enumerate(study.channels) if channel.kind == "effort"]
     noise = channel_noise(study)
     period = max(period_of(e.readings[c]) for e in study.episodes for c in [*columns, *efforts])
-    cutoff = effort_cutoff(study, efforts, period)
+    cutoff = effort_cutoff(study, efforts, columns, noise[columns], period)
     dofs = [_dof(model, study.channels[c]) for c in efforts]
     motions = [measured_motion(columns, e, noise[columns], cutoff, period) for e in study.episodes]
     readings = [

@@ -1,7 +1,10 @@
 """Measured motion: filtered positions for inverse dynamics, with their derivatives.
 
 Positions are low-pass filtered with zero phase and differentiated by central differences. Efforts
-pass a low-pass filter with a lower cutoff; see `reality_gap.simulation.effort_filter`.
+pass a low-pass filter with a lower cutoff; see `reality_gap.simulation.effort_filter`. Above the
+frequencies at which any position is seen over its noise, computed efforts are noise only. As this
+noise is in the regressors of inertias, too, least squares would find them too small (errors in
+variables), so the cutoff is no higher than these frequencies.
 """
 
 from __future__ import annotations
@@ -21,6 +24,12 @@ KEPT_POWER = 0.999
 """Share of an effort's power above its white noise that is kept; the rest is 3 % of it in RMS."""
 MARGIN = 1.5
 """Cutoff over the frequency below which that power lies; the filter passes 96 % there."""
+SEEN = 4.0
+"""Power of a position, over that of its noise, from which on it is seen."""
+SEGMENTS = 16
+"""Number of parts of a log, at least, over which the power of a position is averaged."""
+SHORTEST_SEGMENT = 64
+"""Least number of samples of such a part."""
 POSITION_BAND = 2.0
 """Cutoff of the positions over that of the efforts, which it changes by 0.4 % at most."""
 GRID_RATE = 8.0
@@ -69,14 +78,19 @@ def period_of(reading: Reading) -> float:
     return float(np.median(np.diff(reading.time)))
 
 
-def effort_cutoff(study: Study, efforts: Sequence[int], period: float) -> float:
+def effort_cutoff(
+    study: Study, efforts: Sequence[int], columns: Sequence[int], noise: Floats, period: float
+) -> float:
     """Return the cutoff of the low-pass filter of the efforts [Hz].
 
-    It is `MARGIN` times the frequency below which `KEPT_POWER` of each effort's power lies.
+    It is `MARGIN` times the frequency below which `KEPT_POWER` of each effort's power lies, but no
+    more than the highest frequency at which a position is seen over its noise.
 
     Args:
         study: the study.
         efforts: indices of the channels of efforts.
+        columns: the channel of the position of each joint, shape (nq,).
+        noise: standard deviation of each position, shape (nq,).
         period: of the readings [s].
 
     Raises:
@@ -89,13 +103,32 @@ def effort_cutoff(study: Study, efforts: Sequence[int], period: float) -> float:
         for episode in study.episodes:
             value = episode.readings[c].value
             frequency, power = welch(value, 1.0 / period, nperseg=size)
-            noise = np.median(power[len(power) // 2 :])
-            total = total + np.maximum(power - 2 * noise, 0.0) * len(value)
+            white = np.median(power[len(power) // 2 :])
+            total = total + np.maximum(power - 2 * white, 0.0) * len(value)
         if not np.any(total):
             raise StudyError(f"the effort {study.channels[c].name} is constant")
         share = np.cumsum(total) / np.sum(total)
         highest = max(highest, float(frequency[np.searchsorted(share, KEPT_POWER)]))
-    return min(MARGIN * highest, 0.45 / (POSITION_BAND * period))
+    seen = max(
+        _highest_seen(study.episodes, c, float(deviation), period)
+        for c, deviation in zip(columns, noise, strict=True)
+    )
+    return min(MARGIN * highest, seen, 0.45 / (POSITION_BAND * period))
+
+
+def _highest_seen(
+    episodes: Sequence[Episode], column: int, deviation: float, period: float
+) -> float:
+    """Return the highest frequency at which a position is seen over its noise [Hz]."""
+    values = [e.readings[column].value for e in episodes]
+    longest = min(len(value) for value in values)
+    size = min(longest, max(SHORTEST_SEGMENT, sum(map(len, values)) // SEGMENTS))
+    total = frequency = np.zeros(1)
+    for value in values:
+        frequency, power = welch(value, 1.0 / period, nperseg=size)
+        total = total + power * len(value)
+    seen = total > SEEN * 2.0 * deviation**2 * period * sum(map(len, values))
+    return float(frequency[seen].max()) if seen.any() else float("inf")
 
 
 def measured_motion(

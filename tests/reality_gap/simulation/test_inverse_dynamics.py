@@ -302,3 +302,33 @@ def test_logs_without_information_are_refused(study: Study) -> None:
     quiet = (*episode.readings[:3], Reading(episode.time, np.full(len(episode.time), 2.0)))
     with pytest.raises(StudyError, match="torque_elbow is constant"):
         prepare(replace(study, episodes=(replace(episode, readings=quiet),)))
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_noise_of_positions_does_not_make_inertias_too_small(study: Study, every: int) -> None:
+    """Accelerations of noise are in the regressor, too: least squares would find too little."""
+    rng, episode, sizes = np.random.default_rng(3), study.episodes[0], (3e-4, 0.3)
+    noises = np.repeat(sizes, 2)
+    readings = [Reading(r.time[::every], r.value[::every]) for r in episode.readings]
+    time = readings[0].time
+    noisy = tuple(
+        replace(r, value=r.value + noise * rng.standard_normal(len(time)))
+        for r, noise in zip(readings, noises, strict=True)
+    )
+    log = Episode(episode.name, time, np.zeros((len(time), 0)), noisy)
+    prepared = prepare(with_noise(replace(study, episodes=(log,)), *sizes))
+    actual, heavier = study.spec(), study.spec()
+    rub(actual)
+    rub(heavier)
+    inertia = 0.8 * 0.25**2 / 3
+    heavier.joint("elbow").armature = inertia
+    values = measured(prepared)
+    known, changed = (
+        inverse_replay(Plant(spec, Effects()), prepared, values).prediction
+        for spec in (actual, heavier)
+    )
+    weight = 1.0 / np.array([c.noise for c in prepared.channels])[values.channel]
+    column, residual = weight * (changed - known), weight * (values.value - known)
+    found, error = column @ residual / (column @ column), 1.0 / np.linalg.norm(column)
+    assert error < 0.1
+    assert abs(found) < 3.0 * error + 0.02
