@@ -100,9 +100,10 @@ def effort_cutoff(
     for c in efforts:
         total = frequency = np.zeros(1)
         size = min(4096, *(len(e.readings[c].value) for e in study.episodes))
+        own = max(period_of(e.readings[c]) for e in study.episodes)
         for episode in study.episodes:
             value = episode.readings[c].value
-            frequency, power = welch(value, 1.0 / period, nperseg=size)
+            frequency, power = welch(value, 1.0 / own, nperseg=size)
             white = np.median(power[len(power) // 2 :])
             total = total + np.maximum(power - 2 * white, 0.0) * len(value)
         if not np.any(total):
@@ -110,16 +111,15 @@ def effort_cutoff(
         share = np.cumsum(total) / np.sum(total)
         highest = max(highest, float(frequency[np.searchsorted(share, KEPT_POWER)]))
     seen = max(
-        _highest_seen(study.episodes, c, float(deviation), period)
+        _highest_seen(study.episodes, c, float(deviation))
         for c, deviation in zip(columns, noise, strict=True)
     )
     return min(MARGIN * highest, seen, 0.45 / (POSITION_BAND * period))
 
 
-def _highest_seen(
-    episodes: Sequence[Episode], column: int, deviation: float, period: float
-) -> float:
+def _highest_seen(episodes: Sequence[Episode], column: int, deviation: float) -> float:
     """Return the highest frequency at which a position is seen over its noise [Hz]."""
+    period = max(period_of(e.readings[column]) for e in episodes)
     values = [e.readings[column].value for e in episodes]
     longest = min(len(value) for value in values)
     size = min(longest, max(SHORTEST_SEGMENT, sum(map(len, values)) // SEGMENTS))
