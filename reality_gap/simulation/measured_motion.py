@@ -2,9 +2,9 @@
 
 Positions are low-pass filtered with zero phase and differentiated by central differences. Efforts
 pass a low-pass filter with a lower cutoff; see `reality_gap.simulation.effort_filter`. Above the
-frequencies at which any position is seen over its noise, computed efforts are noise only. As this
-noise is in the regressors of inertias, too, least squares would find them too small (errors in
-variables), so the cutoff is no higher than these frequencies.
+highest frequency at which a position is seen over its noise, computed efforts are noise only. As
+this noise is in the regressors of inertias, too, least squares would find them too small (errors in
+variables), so the cutoff is no higher than this frequency.
 """
 
 from __future__ import annotations
@@ -98,14 +98,10 @@ def effort_cutoff(
     """
     highest = 0.0
     for c in efforts:
-        total = frequency = np.zeros(1)
         size = min(4096, *(len(e.readings[c].value) for e in study.episodes))
-        own = max(period_of(e.readings[c]) for e in study.episodes)
-        for episode in study.episodes:
-            value = episode.readings[c].value
-            frequency, power = welch(value, 1.0 / own, nperseg=size)
-            white = np.median(power[len(power) // 2 :])
-            total = total + np.maximum(power - 2 * white, 0.0) * len(value)
+        frequency, powers = _spectra(study.episodes, c, size)
+        white = np.median(powers[:, powers.shape[1] // 2 :], axis=1, keepdims=True)
+        total = np.sum(np.maximum(powers - 2 * white, 0.0), axis=0)
         if not np.any(total):
             raise StudyError(f"the effort {study.channels[c].name} is constant")
         share = np.cumsum(total) / np.sum(total)
@@ -118,17 +114,34 @@ def effort_cutoff(
 
 
 def _highest_seen(episodes: Sequence[Episode], column: int, deviation: float) -> float:
-    """Return the highest frequency at which a position is seen over its noise [Hz]."""
-    period = max(period_of(e.readings[column]) for e in episodes)
+    """Return the highest frequency at which a position is seen over its noise [Hz].
+
+    It is infinite where the position is nowhere seen.
+    """
+    lengths = [len(e.readings[column].value) for e in episodes]
+    size = min(*lengths, max(SHORTEST_SEGMENT, sum(lengths) // SEGMENTS))
+    frequency, powers = _spectra(episodes, column, size)
+    expected = 2.0 * deviation**2 / (size * frequency[1]) * sum(lengths)
+    seen = (
+        np.sum(powers, axis=0)[1:] > SEEN * expected
+    )  # the mean, at the frequency 0, was subtracted
+    return float(frequency[1:][seen].max()) if seen.any() else float("inf")
+
+
+def _spectra(episodes: Sequence[Episode], column: int, size: int) -> tuple[Floats, Floats]:
+    """Return frequencies (f,) [Hz], and the power density of a channel in each episode, (e, f).
+
+    The latter is multiplied by the number of the episode's samples.
+
+    Args:
+        episodes: e episodes.
+        column: the channel.
+        size: number of samples of the parts of a log whose powers are averaged.
+    """
+    rate = 1.0 / max(period_of(e.readings[column]) for e in episodes)
     values = [e.readings[column].value for e in episodes]
-    longest = min(len(value) for value in values)
-    size = min(longest, max(SHORTEST_SEGMENT, sum(map(len, values)) // SEGMENTS))
-    total = frequency = np.zeros(1)
-    for value in values:
-        frequency, power = welch(value, 1.0 / period, nperseg=size)
-        total = total + power * len(value)
-    seen = total > SEEN * 2.0 * deviation**2 * period * sum(map(len, values))
-    return float(frequency[seen].max()) if seen.any() else float("inf")
+    powers = [len(value) * welch(value, rate, nperseg=size)[1] for value in values]
+    return np.asarray(np.fft.rfftfreq(size, 1.0 / rate)), np.array(powers)
 
 
 def measured_motion(

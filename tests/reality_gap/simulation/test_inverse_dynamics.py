@@ -332,28 +332,3 @@ def test_noise_of_positions_does_not_make_inertias_too_small(study: Study, every
     found, error = column @ residual / (column @ column), 1.0 / np.linalg.norm(column)
     assert error < 0.1
     assert abs(found) < 3.0 * error + 0.02
-
-
-@pytest.mark.parametrize("slower", ["sensor", "effort"])
-def test_frequencies_do_not_depend_on_how_often_the_other_sensors_are_read(
-    study: Study, slower: str
-) -> None:
-    rng, sizes, episode = (
-        np.random.default_rng(5),
-        {"sensor": 3e-4, "effort": 0.3},
-        study.episodes[0],
-    )
-
-    def cutoff(every: dict[str, int]) -> float:
-        readings = []
-        for channel, reading in zip(study.channels, episode.readings, strict=True):
-            kept = slice(None, None, every[channel.kind])
-            noise = sizes[channel.kind] * rng.standard_normal(len(reading.time[kept]))
-            readings.append(Reading(reading.time[kept], reading.value[kept] + noise))
-        log = replace(episode, readings=tuple(readings))
-        noisy = with_noise(replace(study, episodes=(log,)), sizes["sensor"], sizes["effort"])
-        return prepare(noisy).episodes[0].motion.cutoff
-
-    alike = cutoff({"sensor": 5, "effort": 5})
-    mixed = cutoff({"sensor": 1, "effort": 1} | {slower: 5})
-    assert mixed == pytest.approx(alike, rel=0.5)
