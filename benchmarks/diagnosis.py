@@ -94,7 +94,10 @@ def main() -> None:
         table.add_column(column, justify="left" if column == "case" else "right")
     with Progress(transient=True) as progress:
         for label, length, key, write, counts in cases():
-            times = {jobs: f"{seconds(write, jobs, progress):.0f}" for jobs in counts}
+            times = dict[int, str]()
+            for jobs in counts:
+                times[jobs] = f"{seconds(write, jobs, progress):.0f}"
+                progress.console.print(f"{label}, --jobs {jobs}: {times[jobs]} s")
             shown = [times.get(jobs, "") for jobs in JOBS]
             table.add_row(label, f"{length:.0f}", *shown, f"{TARGETS[key]}", f"{memory():.0f}")
     Console().print(table)

@@ -77,6 +77,8 @@ class Diagnose:
     """Factor of all tolerances of the model; larger for a rough model, such as 3."""
     memory: float = 4.0
     """Memory of all processes, as estimated; readings are left out to stay within it [GB]."""
+    time_limit: float = math.inf
+    """Longest time of the diagnosis [s]; what was screened until then is kept."""
     causes: tuple[str, ...] = ()
     """Ids of the causes to consider, as the command causes lists them; by default all."""
     without: tuple[str, ...] = ()
@@ -101,6 +103,8 @@ def options_of(command: Diagnose) -> Options:
         raise StudyError(f"--tolerance must be above 0 and finite, not {command.tolerance}")
     if not 0.0 < command.memory < math.inf:
         raise StudyError(f"--memory must be above 0 and finite, not {command.memory}")
+    if not command.time_limit > 0.0:
+        raise StudyError(f"--time-limit must be above 0, not {command.time_limit}")
     given = asdict(command.thresholds)
     for name, value in given.items():
         if not 0 <= value < math.inf or (name in ("refits", "more_refits") and value < 1):
@@ -111,7 +115,9 @@ def options_of(command: Diagnose) -> Options:
     searching = {field.name for field in fields(Settings)} - {"most"}
     search = Settings(most=command.depth, **{name: given.pop(name) for name in searching})
     given["root"] = given.pop("root_learned")
-    return Options(search=search, tolerance=command.tolerance, **given)
+    return Options(
+        search=search, tolerance=command.tolerance, time_limit=command.time_limit, **given
+    )
 
 
 def considered_causes(command: Diagnose) -> list[Cause]:

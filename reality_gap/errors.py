@@ -19,6 +19,25 @@ class StudyError(RealityGapError):
     """A study, model or log that cannot be used, or a wrong argument."""
 
 
+class TimeLimitError(RealityGapError):
+    """A diagnosis that has found no verdict within its limit of time.
+
+    Args:
+        limit: the limit [s].
+        doing: what it was doing.
+    """
+
+    def __init__(self, limit: float, doing: str) -> None:
+        super().__init__(limit, doing)  # the arguments that pickle passes on
+
+    def __str__(self) -> str:
+        limit, doing = self.args
+        return (
+            f"no verdict within {limit:g} s, while {doing}; allow more time (--time-limit), "
+            "consider fewer causes (--causes), or use a shorter log"
+        )
+
+
 class UnknownNameError(StudyError, KeyError):
     """A name that is not in the model or not in the catalogue of causes.
 

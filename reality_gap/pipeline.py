@@ -17,6 +17,7 @@ import numpy as np
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Cause
 from reality_gap.diagnosis import Diagnosis
+from reality_gap.errors import TimeLimitError
 from reality_gap.inference.checkpoint import Checkpoint, digest
 from reality_gap.inference.deferral import Deferred, split_deferred
 from reality_gap.inference.expansion import Expanded, expand, is_noise, is_small
@@ -41,7 +42,7 @@ from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import Options, revise_and_evaluate
 from reality_gap.report.sentence import sentence
 from reality_gap.simulation.hypothesis import Candidate, build, has_effects
-from reality_gap.simulation.replayer import Replayer
+from reality_gap.simulation.replayer import OvertimeError, Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.splits import SELECT, split
 from reality_gap.types import Floats
@@ -82,20 +83,33 @@ def diagnose(
 
     Returns:
         The verdict, the causes, their evidence and the extended model.
+
+    Raises:
+        TimeLimitError: there is no verdict within the limit of time.
     """
     begin = time.monotonic()
     options = options or Options()
     options = replace(options, search=options.search.for_log(study.duration))
-    with Replayer(study, jobs) as replayer:
-        progress(0.0, "replaying the nominal model")
-        null = replayer.residual([])
-        run = _Run(replayer, null, list(causes or CATALOGUE.values()), options, progress)
-        groups = run.fit_groups(null, options.many, 0.01)
-        if groups is None or run.searches_too():
-            outcome = run.search(groups, watch, work)
-        else:
-            outcome = groups_outcome(replayer, null, groups, options.left)
-        diagnosis = _build(replayer, null, outcome, begin)
+    doing = "preparing the study"
+
+    def show(share: float, text: str) -> None:
+        nonlocal doing
+        doing = text
+        progress(share, text)
+
+    try:
+        with Replayer(study, jobs, begin + options.time_limit) as replayer:
+            show(0.0, "replaying the nominal model")
+            null = replayer.residual([])
+            run = _Run(replayer, null, list(causes or CATALOGUE.values()), options, show)
+            groups = run.fit_groups(null, options.many, 0.01)
+            if groups is None or run.searches_too():
+                outcome = run.search(groups, watch, work)
+            else:
+                outcome = groups_outcome(replayer, null, groups, options.left)
+            diagnosis = _build(replayer, null, outcome, begin)
+    except OvertimeError:
+        raise TimeLimitError(options.time_limit, doing) from None
     progress(1.0, "done")
     return diagnosis
 

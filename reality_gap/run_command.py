@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 from collections.abc import Callable
@@ -39,12 +40,14 @@ class Run:
     """Factor of all tolerances of the model; larger for a rough model, such as 3."""
     memory: float = 4.0
     """Memory of all processes, as estimated; readings are left out to stay within it [GB]."""
+    time_limit: float = math.inf
+    """Longest time of the diagnosis [s]; what was screened until then is kept."""
 
 
 def diagnosis_of(command: Run, study: Path) -> Diagnose:
     """Return the command that diagnoses the study."""
     out = command.out / "result"
-    return Diagnose(study, out, command.jobs, command.tolerance, command.memory)
+    return Diagnose(study, out, command.jobs, command.tolerance, command.memory, command.time_limit)
 
 
 def study_of(command: Run, note: Note) -> Path:

@@ -52,6 +52,7 @@ class Args:
         cluster: address of a Ray cluster that runs the trials instead; "auto" is the one that runs
             on this computer.
         seconds: length of each log [s].
+        limit: longest time of one diagnosis [s]; one that takes longer counts as refused.
         kind: of all trials: single, pair, null or outside. By default 150, 40, 200 and 60 of 450.
         family: id of the (first) hidden effect; any by default.
         quick: short logs that check the installation; their numbers mean nothing.
@@ -63,6 +64,7 @@ class Args:
     jobs: int = 2
     cluster: str | None = None
     seconds: float = 10.0
+    limit: float = 1200.0
     kind: str | None = None
     family: str | None = None
     quick: bool = False
@@ -87,6 +89,8 @@ def _check(args: Args) -> None:
         raise ExperimentError(f"Trials are {args.trials}, but at least 1 is needed.")
     if args.seed < 0:
         raise ExperimentError(f"The seed is {args.seed}, but must be at least 0.")
+    if not args.limit > 0.0:
+        raise ExperimentError(f"The limit is {args.limit} s, but must be above 0.")
     if args.kind is not None and args.kind not in KINDS:
         raise ExperimentError(f"There is no kind {args.kind!r}; there are: {', '.join(KINDS)}.")
     if args.seed + args.trials - 1 >= TUNING and args.seed < FIRST_REPORTED:
@@ -105,13 +109,13 @@ def cases(args: Args) -> list[Case]:
         rng = np.random.default_rng([seed, 11])
         kind = args.kind or str(rng.choice(list(COUNTS), p=shares))
         family = args.family if kind in ("single", "pair", "outside") else None
-        found.append(Case(kind, seed, seconds, family))
+        found.append(Case(kind, seed, seconds, family, args.limit))
     return found
 
 
 def digest(args: Args) -> str:
     """Digest of the options and the source code that trials depend on, apart from their seeds."""
-    options = (args.seconds, args.kind, args.family, args.quick)
+    options = (args.seconds, args.limit, args.kind, args.family, args.quick)
     paths = [ROOT / "experiments/strangers_bench/trial.py", ROOT / "hidden_plants/secret.py"]
     for folder in (ROOT / "hidden_plants" / "strangers", ROOT / "reality_gap"):
         paths += sorted(folder.rglob("*.py"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import resource
 import sys
 import tempfile
@@ -36,12 +37,14 @@ class Case:
         seed: of the machine, and of what is hidden in it.
         seconds: length of the log [s].
         family: id of the (first) effect; any by default.
+        limit: longest time of the diagnosis [s].
     """
 
     kind: str
     seed: int
     seconds: float = 10.0
     family: str | None = None
+    limit: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,11 @@ def trial(case: Case) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_study(folder, hidden.stranger, hidden.secret.effects)
+        options = Options(suggest=False, time_limit=case.limit)
         used = time.process_time()
         try:
             study = load_study(folder / "STUDY.yaml")
-            found = outcome(diagnose(study, options=Options(suggest=False)))
+            found = outcome(diagnose(study, options=options))
         except RealityGapError as error:
             found = refused(str(error).replace(str(folder), "."))
     found["core_seconds"] = time.process_time() - used

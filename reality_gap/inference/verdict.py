@@ -8,6 +8,7 @@ the named causes leave decides between ``NAMED`` and ``PARTLY_NAMED``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -64,6 +65,7 @@ class Options:
             search [noise].
         search_after_groups: whether to search for single causes, too, if groups explain the log;
             None: only in machines with at most 20 tendons.
+        time_limit: longest time of the diagnosis [s].
     """
 
     search: Settings = field(default_factory=Settings)
@@ -84,6 +86,7 @@ class Options:
     many: float = 20.0
     large: float = 5.0
     search_after_groups: bool | None = None
+    time_limit: float = math.inf
 
 
 def revise_and_evaluate(result: Search, options: Options) -> tuple[Paying, Remainder]:

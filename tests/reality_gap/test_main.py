@@ -157,7 +157,7 @@ def test_each_threshold_is_an_option() -> None:
     names = {"root_learned"}
     for record, others in (
         (Settings, {"most"}),
-        (Options, {"search", "root", "tolerance", "suggest", "search_after_groups"}),
+        (Options, {"search", "root", "tolerance", "suggest", "search_after_groups", "time_limit"}),
     ):
         names |= {option.name for option in fields(record)} - others
     assert {option.name for option in fields(Thresholds)} == names
@@ -181,6 +181,8 @@ def test_thresholds_catalogue_and_depth_are_options(
     [
         (["--depth", "0"], "--depth must be at least 1, not 0"),
         (["--thresholds.left", "-1"], "--thresholds.left must be at least 0 and finite, not -1.0"),
+        (["--time-limit", "0"], "--time-limit must be above 0, not 0.0"),
+        (["--time-limit", "nan"], "--time-limit must be above 0, not nan"),
         (["--thresholds.more-refits", "0"], "--thresholds.more-refits must be at least 1, not 0"),
         (["--causes", "magic"], "unknown cause 'magic'; known: "),
         (["--causes", "slack", "--without", "slack"], "--without leaves out all causes"),
@@ -214,6 +216,16 @@ def test_an_interrupted_diagnosis_continues_from_its_checkpoint(
     assert main(arguments) == 0
     assert "written" in found
     assert not work.exists()
+
+
+def test_a_diagnosis_ends_at_its_limit_of_time(
+    study_folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["diagnose", str(study_folder.path), "--out", str(tmp_path / "d")]
+    assert main([*arguments, "--jobs", "1", "--time-limit", "0.001"]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("no verdict within 0.001 s, while replaying the nominal model; allow")
+    assert not (tmp_path / "d").exists()
 
 
 @pytest.mark.parametrize("tolerance", ["0", "-1", "nan", "inf"])

@@ -13,6 +13,7 @@ import pytest
 from reality_gap.causes import CATALOGUE
 from reality_gap.causes.base import Location, Parameter
 from reality_gap.diagnosis import Verdict
+from reality_gap.errors import TimeLimitError
 from reality_gap.inference.confidence import TEMPER
 from reality_gap.inference.forward_selection import Settings
 from reality_gap.inference.gauss_newton import Fit, fit, rescore
@@ -411,3 +412,23 @@ def test_causes_that_no_revision_changes_are_evaluated_once(
     found, same = revise_and_evaluate(result, Options())
 
     assert (found.result, same) == (result, remainder)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_limit_of_time_names_the_stage(
+    study_folder: Any, monkeypatch: pytest.MonkeyPatch, jobs: int
+) -> None:
+    stages: list[str] = []
+
+    def clock() -> float:
+        """Advance by an hour when the screening has begun."""
+        return 3600.0 * any(stage.startswith("screening") for stage in stages)
+
+    monkeypatch.setattr("time.monotonic", clock)
+    with pytest.raises(TimeLimitError, match=r"within 1800 s, while screening \d+ candidates"):
+        diagnose(
+            load_study(study_folder.path),
+            jobs,
+            lambda share, text: stages.append(text),
+            options=Options(time_limit=1800.0),
+        )
