@@ -63,6 +63,7 @@ from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.pose_covariance import numbers
+from jmm_agent.vision.rest_fit import Loads
 
 __all__ = ["Agent", "AgentOptions"]
 
@@ -88,6 +89,8 @@ class Agent:
         rule: how the map is moved by what is learned; the ridge rule if left out.
         guard: names faults, keeps them from being learned, and limits commands. Without one all
             readings are believed, and readings that are not finite are refused.
+        loads: torques that the nominal model needs to hold a posture, which tensions are compared
+            with; None if unknown.
 
     Attributes:
         guard: as given, or a `NullGuard`; may be replaced before an episode begins.
@@ -124,6 +127,7 @@ class Agent:
         options: AgentOptions | None = None,
         rule: Rule | None = None,
         guard: Guard | None = None,
+        loads: Loads | None = None,
     ) -> None:
         _check_joints(kinematics, nominal_map)
         self.options = options = options or AgentOptions()
@@ -138,10 +142,10 @@ class Agent:
         self._observer = HandObserver(detector, kinematics, options)
         self.learner = Learner(nominal_map, limits, rule or RidgeRule(prior), options.batch, rng)
         self.antagonism = AntagonismUpdater(self.learner, options.antagonism)
-        self.vision = VisionUpdater(self.learner, prior, residual, limits, options.vision)
+        self.vision = VisionUpdater(self.learner, prior, residual, limits, options.vision, loads)
         self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
-        self._commander = Commander(nominal_map, start, limits)
+        self._commander = Commander(nominal_map, start, limits, options.map_rate)
         self._learned = MapLearning(
             self.learner, self.antagonism, self.vision, options.learn_antagonism
         )

@@ -14,6 +14,7 @@ from jmm_agent.command_limits import CommandLimits
 from jmm_agent.errors import AgentError
 from jmm_agent.feed_forward import FeedForward
 from jmm_agent.gap_detector import GapDetector
+from jmm_agent.map_transition import MapTransition
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.statics import Hold
 from jmm_agent.trajectory import Trajectory
@@ -31,13 +32,16 @@ class Commander:
         jmm: the joint-muscle mapping.
         start: joint angles (n,) [rad], the first target.
         joint_limits: lower and upper limits of the joints (n, 2) [rad].
+        rate: largest speed at which commands follow a changed map [m/s].
 
     Attributes:
         time: of the newest control step [s]; -inf before the first of an episode.
         target_lengths: newest command (m,) [m].
     """
 
-    def __init__(self, jmm: JointMuscleMap, start: Floats, joint_limits: Floats) -> None:
+    def __init__(
+        self, jmm: JointMuscleMap, start: Floats, joint_limits: Floats, rate: float
+    ) -> None:
         self._limits = joint_limits
         self._gaps = GapDetector()
         self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
@@ -45,10 +49,12 @@ class Commander:
         self.time = -np.inf
         self.target_lengths = jmm.lengths(start)
         self._mapped = jmm, start.copy(), self.target_lengths
+        self._transition = MapTransition(len(jmm.muscles), rate)
 
     def reset(self) -> None:
         """Stay at the target until the first control step, as before a new episode."""
         self.time = -np.inf
+        self._transition.reset()
         self._trajectory = Trajectory(np.array([self.target, self.target]), 0.0, 0.0)
 
     def recall(self, jmm: JointMuscleMap, posture: Floats) -> None:
@@ -60,6 +66,8 @@ class Commander:
         """
         self._trajectory = Trajectory(np.array([posture] * 2), 0.0, 0.0)
         self.target_lengths = jmm.lengths(posture)
+        self._mapped = jmm, posture.copy(), self.target_lengths
+        self._transition.reset()
 
     @property
     def target(self) -> Floats:
@@ -174,6 +182,7 @@ class Commander:
             passed: time since the command before [s].
         """
         wanted = self._lengths_at(jmm, self._trajectory.at(self.time)) - self.stretch
+        wanted += self._transition.advance(passed)
         if limits is None:
             return wanted
         return limits.applied(wanted, self.target_lengths, lengths, passed)
@@ -197,5 +206,7 @@ class Commander:
         by, at, lengths = self._mapped
         if by is not jmm or not np.array_equal(at, q):
             lengths = jmm.lengths(q)
+            if by is not jmm:
+                self._transition.begin(lengths - by.lengths(q))
             self._mapped = jmm, q, lengths
         return lengths.copy()

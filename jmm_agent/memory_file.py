@@ -25,10 +25,13 @@ from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
+from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.observation_arrays import OPTIONAL, arrays_of, observations_of
+from jmm_agent.vision.prior_widths import PriorWidths
+from jmm_agent.vision.rest_fit import Rest
 
-FORMAT = "agent-memory-1"
+FORMAT = "agent-memory-2"
 MAX_BYTES = 64 << 20
 """Largest file, unfolded [bytes]; that of the arm with 60 observations has less than one MiB."""
 
@@ -47,11 +50,17 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "frames": ("K", 2),
     "covariance": ("K", 6, 6),
     "joint_angles": ("K", "n"),
+    "tensions": ("K", "m"),
     "commands": ("K", "m"),
     "sound": ("K",),
     "angles": ("K", "n"),
     "elongated": ("K", "m"),
     "last": ("L", "n"),
+    "zero": ("Z", "n"),
+    "widths": ("Z", 3),
+    "rest_lengths": ("R", "m"),
+    "rest_tensions": ("R", "m"),
+    "rest_guess": ("R", "n"),
     "posture": ("n",),
     "counts": (2,),
     **{
@@ -140,6 +149,7 @@ def write_memory(
         "sound": np.array(vision.sound, dtype=bool),
         "angles": vision.angles,
         "elongated": vision.elongated,
+        **_arrays_of_rests(vision.rests, joints, muscles),
         "last": np.empty((0, joints)) if antagonism.last is None else antagonism.last[None],
         "posture": memory.posture,
         "counts": np.array([0, 0] if hold_out is None else hold_out[:2]),
@@ -199,6 +209,27 @@ def check_path(path: object) -> None:
         )
 
 
+def _arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
+    """Arrays of what is known from rests; without rows where that is nothing."""
+    rests = memory.rests
+    return {
+        "zero": np.empty((0, joints)) if memory.zero is None else memory.zero[None],
+        "widths": np.empty((0, 3)) if memory.widths is None else np.array(memory.widths)[None],
+        "rest_lengths": np.array([rest.lengths for rest in rests]).reshape(-1, muscles),
+        "rest_tensions": np.array([rest.tensions for rest in rests]).reshape(-1, muscles),
+        "rest_guess": np.array([rest.guess for rest in rests]).reshape(-1, joints),
+    }
+
+
+def _rests_of(arrays: Mapping[str, Floats]) -> RestMemory:
+    """What arrays of `_arrays_of_rests` hold."""
+    parts = (arrays[f"rest_{part}"] for part in Rest._fields)
+    rests = tuple(Rest(*row) for row in zip(*parts, strict=True))
+    if not len(arrays["zero"]):
+        return RestMemory(rests=rests)
+    return RestMemory(arrays["zero"][0], PriorWidths(*arrays["widths"][0].tolist()), rests)
+
+
 def _text(content: Arrays, name: str) -> str:
     if name not in content or content[name].shape != () or content[name].dtype.kind != "U":
         raise ArrayFileError(f"it has no text {name!r}")
@@ -245,12 +276,14 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
         unknown = np.isnan(array) if name in OPTIONAL else False
         if not ((np.abs(array) <= LARGEST) | unknown).all():
             raise ArrayFileError(f"{name} has a number that is not finite, or beyond {LARGEST:g}")
-        if name.endswith("_noise") and (array <= 0).any():
+        if (name.endswith("_noise") or name == "widths") and (array <= 0).any():
             raise ArrayFileError(f"{name} has a number that is not positive")
         if name in ("elongated", "counts") and (array < 0).any():
             raise ArrayFileError(f"{name} has a negative number")
     if sizes["L"] > 1:
         raise ArrayFileError(f"last has {sizes['L']} postures, but one fits")
+    if sizes["Z"] > 1:
+        raise ArrayFileError(f"zero has {sizes['Z']} postures, but one fits")
 
 
 def _check_frames(found: NDArray[Any], frames: Collection[str] | None) -> None:
@@ -283,6 +316,7 @@ def _memory(content: Arrays, nominal: JointMuscleMap) -> AgentMemory:
         arrays["angles"],
         arrays["elongated"],
         pairs["vision"],
+        rests=_rests_of(arrays),
     )
     last = arrays["last"][0] if len(arrays["last"]) else None
     believed, in_a_row = (int(count) for count in content["counts"])

@@ -32,6 +32,7 @@ class AgentOptions:
             tensions need; needs `Agent.statics`. None: `kengoro.make_agent` chooses it for robots
             other than Kengoro's arm, whose many muscles do without.
         arrival: a joint that rests farther from its target has not arrived [rad].
+        map_rate: largest speed at which commands follow the map when it was changed [m/s].
         prior: prior of the map's error.
         batch: what is learned beside a new pair.
         settling: when lengths count as settled.
@@ -52,6 +53,7 @@ class AgentOptions:
     marker_site: str = "marker_hand"
     feed_forward: bool | None = None
     arrival: float = 0.1
+    map_rate: float = 0.03
     prior: PriorOptions = field(default_factory=PriorOptions)
     batch: BatchOptions = field(default_factory=BatchOptions)
     settling: SettlingOptions = field(default_factory=SettlingOptions)

@@ -37,13 +37,16 @@ STILL = 1e-6
 """Movement of the marker that counts as none, as a share of its distance [1]."""
 
 SCALED: Mapping[str, Mapping[str, str]] = {
-    "AgentOptions": {"arrival": "angle"},
+    "AgentOptions": {"arrival": "angle", "map_rate": "length"},
     "PriorOptions": {
         "offset": "length",
         "shape": "length",
         "noise": "length",
         "elongation": "length",
         "zeroing": "length",
+        "zero_posture": "angle",
+        "zeroed_offset": "length",
+        "zeroed_shape": "length",
     },
     "BatchOptions": {"rehearsal_noise": "length", "zero_noise": "length"},
     "SettlingOptions": {"change": "length", "release": "length"},
@@ -63,6 +66,7 @@ SCALED: Mapping[str, Mapping[str, str]] = {
         "tolerance": "angle",
         "limit_margin": "angle",
     },
+    "BalanceOptions": {"noise": "torque", "stop_margin": "angle"},
     "HoldOutOptions": {"noise": "length"},
     "EstimatorOptions": {
         "encoder_noise": "length",
@@ -145,6 +149,7 @@ class RobotScales:
         pixels = self.marker_pixels / other.marker_pixels
         depth = self.distance / self.marker_pixels / (other.distance / other.marker_pixels)
         reach = self.reach / other.reach
+        arm, other_arm = self.travel / self.joint_range, other.travel / other.joint_range
         ratios = {
             "length": self.travel / other.travel,
             "angle": self.joint_range / other.joint_range,
@@ -153,6 +158,7 @@ class RobotScales:
             "position": max(reach, depth),
             "orientation": max(1.0, 1.0 / pixels),
             "tension": self.motors.limit / other.motors.limit,
+            "torque": self.motors.limit * arm / (other.motors.limit * other_arm),
             "force": self.force / other.force,
         }
         return {name: float(f"{ratio:.{DIGITS}g}") for name, ratio in ratios.items()}

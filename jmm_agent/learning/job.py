@@ -21,6 +21,7 @@ from jmm_agent.updaters import (
 )
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.marker_observation import Frames
+from jmm_agent.vision.rest_fit import Rest
 
 _log = logging.getLogger(__name__)
 
@@ -36,7 +37,8 @@ class LearningJob(NamedTuple):
         target: l_target (m,) [m].
         tensions: (m,) [N].
         pose: measured pose_marker_in_camera (4, 4); None for the Antagonism Updater.
-        learn: if False, the observation is only evaluated.
+        learn: if False, the observation is only evaluated, or the Vision Updater does not
+            remember the rest.
         frames: of the pose, see `MarkerObservation`; as well as ``covariance`` and
             ``joint_angles``.
         covariance: of the pose (6, 6).
@@ -149,6 +151,9 @@ class MapLearning:
         """
         self.state = state
         if job.kind == "antagonism":
+            if job.learn and self.vision.felt(Rest(job.lengths, job.tensions, job.estimate)):
+                self.antagonism.forget()
+                return JobResult(self.state, True)
             moved = self.antagonism.settled(job.estimate, job.lengths, self.vision.pairs)
             return JobResult(self.state, moved)
         assert job.pose is not None
@@ -166,7 +171,7 @@ class MapLearning:
                 covariance=job.covariance,
                 joint_angles=job.joint_angles,
             )
-            if seen.zeroed:
+            if seen.zeroed or (seen.learned and seen.moved):
                 self.antagonism.forget()
         finally:
             dropped, self.vision.dropped = self.vision.dropped, before

@@ -90,6 +90,13 @@ class Rule(Protocol):
             batch: the new pair, and pairs that are learned beside it.
         """
 
+    def with_prior(self, prior: MapPrior) -> Rule:
+        """The rule, after more became known of the map's error.
+
+        Args:
+            prior: of the map's error.
+        """
+
 
 @dataclass(frozen=True, eq=False)
 class RidgeRule:
@@ -111,6 +118,10 @@ class RidgeRule:
         """
         return self.prior.corrected(*remembered.joined(batch))
 
+    def with_prior(self, prior: MapPrior) -> RidgeRule:
+        """The rule with another prior; see `Rule`."""
+        return RidgeRule(prior)
+
 
 class Learner:
     """Holds the map, and moves it by pairs.
@@ -124,6 +135,7 @@ class Learner:
 
     Attributes:
         map: as learned so far.
+        rule: how the map is moved; the Vision Updater replaces it when it knows more.
         rng: as given.
     """
 
@@ -136,7 +148,7 @@ class Learner:
         rng: np.random.Generator,
     ) -> None:
         self.map = start
-        self._limits, self._rule, self._options = limits, rule, options
+        self._limits, self.rule, self._options = limits, rule, options
         self.rng = rng
 
     def batch(self, new: Pairs) -> Pairs:
@@ -165,4 +177,4 @@ class Learner:
             new: new pairs.
             remembered: earlier pairs.
         """
-        self.map = self._rule.move(self.map, remembered, self.batch(new))
+        self.map = self.rule.move(self.map, remembered, self.batch(new))

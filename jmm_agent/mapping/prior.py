@@ -12,7 +12,8 @@ once, with the standard deviation `zeroing`; it counts as `MapPrior.zeroing_shar
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -33,6 +34,11 @@ class PriorOptions:
         noise: of what the map cannot follow: friction, stretch, play [m].
         elongation: of one permanent elongation of a muscle [m].
         zeroing: of the change of a length when all lengths are zeroed anew [m].
+        zero_posture: of each joint angle at which the lengths were zeroed [rad]. 0: it is not
+            estimated, and `offset` holds for what it does to the lengths.
+        zeroed_offset: of a muscle's length over all postures, once the posture is known at which
+            the lengths were zeroed [m].
+        zeroed_shape: `shape`, where the zero posture and the widths are learned [m].
     """
 
     offset: float = 0.025
@@ -40,6 +46,9 @@ class PriorOptions:
     noise: float = 0.001
     elongation: float = 0.02
     zeroing: float = 0.012
+    zero_posture: float = 0.25
+    zeroed_offset: float = 0.003
+    zeroed_shape: float = 0.0025
 
 
 class GroupKernel:
@@ -95,7 +104,7 @@ class MapPrior:
     ) -> None:
         self.map, self.options = nominal_map, options
         self._centres = []
-        self._scales = []
+        self._spreads = []
         for group in nominal_map.groups:
             hidden = group.hidden(postures)
             centre = hidden.mean(axis=0)
@@ -103,12 +112,28 @@ class MapPrior:
             if spread == 0.0:
                 raise AgentError("Prior: typical postures must differ in the joints of each group.")
             self._centres.append(centre)
-            self._scales.append(options.shape / float(spread))
+            self._spreads.append(float(spread))
 
     @property
     def zeroing_share(self) -> float:
         """Number of elongations as which a zeroing of all lengths counts; variances add up."""
         return (self.options.zeroing / self.options.elongation) ** 2
+
+    def zeroed(self, zero: Floats, offset: float, shape: float) -> MapPrior:
+        """Prior of the same robot, once it is known where its lengths were zeroed.
+
+        Its map is relative to that posture.
+
+        Args:
+            zero: joint angles (n,) [rad] at which the lengths were zeroed.
+            offset: standard deviation of a muscle's length over all postures [m].
+            shape: standard deviation of the change of a length with posture [m].
+        """
+        found, shift = copy(self), self.map.lengths(zero) / METRES
+        layers = {g.name: (g.W2, g.b2 - shift[g.muscle_index]) for g in self.map.groups}
+        found.map = self.map.with_output_layers(layers)
+        found.options = replace(self.options, offset=offset, shape=shape)
+        return found
 
     def groups(
         self,
@@ -169,12 +194,16 @@ class MapPrior:
         Returns:
             Features (K, 1 + H) [m].
         """
-        shape = self._scales[rank] * (hidden - self._centres[rank])
+        shape = self._scale(rank) * (hidden - self._centres[rank])
         return np.hstack([np.full((len(hidden), 1), self.options.offset), shape])
+
+    def _scale(self, rank: int) -> float:
+        """Length by which a hidden unit of a group changes the lengths [m]."""
+        return self.options.shape / self._spreads[rank]
 
     def _layer(self, rank: int, group: GroupMap, change: Floats) -> tuple[Floats, Floats]:
         """Output layer of a group for a change (1 + H, k) [mm] of the features' weights."""
-        weights = self._scales[rank] * change[1:].T
+        weights = self._scale(rank) * change[1:].T
         offset = self.options.offset * change[0] - weights @ self._centres[rank]
         return group.W2 + weights, group.b2 + offset
 

@@ -14,6 +14,7 @@ from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.observation_check import ObservationCheck
+from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
 from jmm_agent.updaters.vision_memory import EpisodeStart, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
@@ -22,11 +23,11 @@ from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
 from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
-    ObservationFit,
     PoseResidual,
     fit_alone,
 )
 from jmm_agent.vision.permanent_elongation import elongations, fit_with_elongation
+from jmm_agent.vision.rest_fit import Loads, Rest
 
 
 class VisionUpdater:
@@ -38,6 +39,7 @@ class VisionUpdater:
         marker_residual: residual of the marker's pose at a posture.
         limits: lowest and highest angle of each joint (n, 2) [rad].
         options: of the updater.
+        loads: torques that the nominal model needs to hold a posture; None if unknown.
 
     Attributes:
         elongated: number of permanent elongations of each muscle since each remembered observation
@@ -56,9 +58,12 @@ class VisionUpdater:
         marker_residual: PoseResidual,
         limits: Floats,
         options: VisionOptions,
+        loads: Loads | None = None,
     ) -> None:
-        self._learner, self._prior, self._marker_residual = learner, prior, marker_residual
+        self._learner, self._marker_residual = learner, marker_residual
         self._limits, self._options = limits, options
+        self._fitter = RestFitter(prior, marker_residual, limits, options, loads)
+        self._rests, self._prior = RestMemory(), prior
         self._check = ObservationCheck(prior.map, marker_residual, options)
         self._observations: list[MarkerObservation] = []
         self._commands: list[Floats] = []
@@ -86,15 +91,23 @@ class VisionUpdater:
             self.pairs,
             self._start,
             self.zeroings,
+            self._rests,
         )
 
     @memory.setter
     def memory(self, earlier: VisionMemory) -> None:
         self._observations, self._commands, self._sound = earlier[:3]
-        self._angles, self.elongated, self.pairs, self._start, self.zeroings = earlier[3:]
+        self._angles, self.elongated, self.pairs, self._start, self.zeroings = earlier[3:8]
+        self._know(earlier.rests)
+
+    @property
+    def zero(self) -> Floats | None:
+        """Posture at which the lengths were zeroed (n,) [rad]; None while it is unknown."""
+        return self._rests.zero
 
     def begin(self) -> None:
         """Begin an episode, before which lengths may have been zeroed anew."""
+        self._forget_rests()
         enough = len(self._observations) >= self._options.zeroing_least
         self._start = EpisodeStart(0, self.elongated) if enough else None
 
@@ -102,8 +115,30 @@ class VisionUpdater:
         """Open the offsets of all lengths, because they were zeroed anew; shapes stay."""
         self.elongated = self.elongated + self._prior.zeroing_share
         self._start = None
+        self._forget_rests()
         if self.hold_out is not None:
             self.hold_out.forget()
+
+    def felt(self, rest: Rest) -> bool:
+        """Remember a rest in which the hand was not seen, or not yet.
+
+        Before the first observation, enough of them tell at which posture the lengths were zeroed.
+
+        Args:
+            rest: the rest.
+
+        Returns:
+            Whether the map's prior was moved by what the rests tell.
+        """
+        rests = self._fitter.remembered(self._rests, rest)
+        if rests is self._rests:
+            return False
+        self._rests = rests
+        if self._observations or not self._fitter.tells_zero(rests):
+            return False
+        self._know(self._fitter.fit(rests, [], self._angles, self.elongated).memory)
+        self._learner.learn(self.pairs, self.pairs)
+        return True
 
     def seen(
         self,
@@ -130,17 +165,18 @@ class VisionUpdater:
             learn: if False, nothing is remembered and the map stays.
             frames: see `MarkerObservation`; as well as ``covariance`` and ``joint_angles``.
         """
-        observation = MarkerObservation(pose, lengths, estimate, frames, covariance, joint_angles)
+        observation = MarkerObservation(
+            pose, lengths, estimate, frames, covariance, joint_angles, tensions
+        )
         observations = [*self._observations, observation]
         observations = observations[-self._options.observations.memory :]
         zeroed = learn and self._shows_zeroing(observations)
-        if zeroed:
-            antagonism = None
-        fit, elongated = self._fit(observations) if learn else self._evaluated(observations)
-        angles = fit.angles[-1]
+        found = self._fit(observations) if learn else self._evaluated(observations)
+        fit, angles = found.observed, found.observed.angles[-1]
         doubt = self._check.doubt(fit, observation, self._angles)
         detail = self._check.detail(doubt, observation, angles)
-        seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail)
+        moved = self._moves_zero(found.memory)
+        seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail, moved)
         if not learn:
             return seen
         if seen.reason:
@@ -153,12 +189,14 @@ class VisionUpdater:
             return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
         keep = len(observations)
-        self._observations, self._angles, self.elongated = observations, fit.angles, elongated
+        self._observations, self._angles = observations, fit.angles
+        self.elongated = found.elongated
+        self._know(found.memory)
         self._commands = [*self._commands, command][-keep:]
         self._sound = [*self._sound, sound][-keep:]
         if self._start is not None:
             self._start = self._start._replace(newest=self._start.newest + 1)
-        self._learn(self.pairs.last(0) if antagonism is None else antagonism)
+        self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         if self.hold_out is not None and self.hold_out.harmed(map_before, self._learner.map):
             self._learner.map, self.memory = map_before, before
             seen = seen._replace(reason="undone: it made the map worse at held-out observations")
@@ -174,24 +212,40 @@ class VisionUpdater:
         """
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
-    def _fit(self, observations: list[MarkerObservation]) -> tuple[ObservationFit, Floats]:
+    def _fit(self, observations: list[MarkerObservation]) -> FittedRests:
         """Joint angles of all observations, and the elongations of each muscle since each."""
         options, residual, limits = self._options.observations, self._marker_residual, self._limits
         none = np.zeros(self.elongated.shape[1])
         elongated = np.vstack([self.elongated, none])[-options.memory :]
-        if self._options.fit == "together":
-            start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
-            return fit_with_elongation(
-                observations, self._prior, residual, limits, options, start, elongated
-            )
-        if self._options.fit == "incremental":
-            start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
-            return fit_incrementally(
-                observations, self._prior, residual, limits, options, start, elongated
-            )
-        alone = fit_alone(observations[-1], residual, limits, options)
-        angles = np.vstack([self._angles, alone.angles])[-options.memory :]
-        return alone._replace(angles=angles), elongated
+        start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
+        if self._fitter.enabled:
+            return self._fitter.fit_with_elongation(self._rests, observations, start, elongated)
+        if self._options.fit == "alone":
+            alone = fit_alone(observations[-1], residual, limits, options)
+            angles = np.vstack([self._angles, alone.angles])[-options.memory :]
+            return FittedRests(alone._replace(angles=angles), elongated, self._rests)
+        fitted = fit_incrementally if self._options.fit == "incremental" else fit_with_elongation
+        fit, elongated = fitted(
+            observations, self._prior, residual, limits, options, start, elongated
+        )
+        return FittedRests(fit, elongated, self._rests)
+
+    def _know(self, rests: RestMemory) -> None:
+        """Remember what is known from rests; the prior and the rule follow from it."""
+        before, self._rests = self._rests, rests
+        if rests.zero is not before.zero or rests.widths != before.widths:
+            self._prior = self._fitter.prior(rests)
+            self._learner.rule = self._learner.rule.with_prior(self._prior)
+
+    def _forget_rests(self) -> None:
+        self._rests = self._rests._replace(rests=())
+
+    def _moves_zero(self, found: RestMemory) -> bool:
+        """Whether a zero posture is far from the one that was known."""
+        if found.zero is None:
+            return False
+        moved = found.zero if self._rests.zero is None else found.zero - self._rests.zero
+        return bool(np.linalg.norm(moved) > self._options.distance)
 
     def _shows_zeroing(self, observations: list[MarkerObservation]) -> bool:
         """Whether the first observations of an episode show that lengths were zeroed anew."""
@@ -224,19 +278,20 @@ class VisionUpdater:
             self.hold_out.forget()
         return True
 
-    def _evaluated(self, observations: list[MarkerObservation]) -> tuple[ObservationFit, Floats]:
-        """As `_fit`, but the incremental fit holds all observations but the newest.
+    def _evaluated(self, observations: list[MarkerObservation]) -> FittedRests:
+        """As `_fit`, but all observations but the newest are held, unless all are fitted together.
 
         That takes a fraction of the time, and gives angles that are nearer to the estimate.
         """
         options, residual, limits = self._options.observations, self._marker_residual, self._limits
-        if self._options.fit != "incremental":
+        held = self._fitter.enabled or self._options.fit == "incremental"
+        if not held or len(observations) == 1:
             return self._fit(observations)
         start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
         none = np.zeros(self.elongated.shape[1])
         elongated = np.vstack([self.elongated, none])[-options.memory :]
         fit = fit_newest(observations, self._prior, residual, limits, options, start, elongated)
-        return fit, elongated
+        return FittedRests(fit, elongated, self._rests)
 
     def _learn(self, antagonism: Pairs) -> None:
         """Learn all pairs again, because a new observation changes the fit of the earlier ones.

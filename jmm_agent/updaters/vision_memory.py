@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
+from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.vision.marker_observation import MarkerObservation
 
 
@@ -35,6 +36,7 @@ class VisionMemory(NamedTuple):
         start: what was remembered when the episode began; None once it is known whether lengths
             were zeroed anew then.
         zeroings: number of zeroings that were noticed.
+        rests: what is known from all rests.
     """
 
     observations: list[MarkerObservation]
@@ -45,6 +47,7 @@ class VisionMemory(NamedTuple):
     pairs: Pairs
     start: EpisodeStart | None = None
     zeroings: int = 0
+    rests: RestMemory = RestMemory()
 
 
 class Seen(NamedTuple):
@@ -57,6 +60,8 @@ class Seen(NamedTuple):
         reason: why it was not moved; empty if it was.
         zeroed: whether it showed that all lengths were zeroed anew.
         detail: how far the measured pose is from that of ``angles``, if that is the reason.
+        moved: whether it showed that the lengths were zeroed at quite another posture than was
+            believed. Angles that were estimated before are then wrong.
     """
 
     angles: Floats
@@ -65,3 +70,4 @@ class Seen(NamedTuple):
     reason: str
     zeroed: bool = False
     detail: str = ""
+    moved: bool = False

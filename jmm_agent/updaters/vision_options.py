@@ -7,6 +7,7 @@ from typing import Literal
 
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.observation_fit import ObservationFitOptions
+from jmm_agent.vision.rest_fit import BalanceOptions
 
 PairLengths = Literal["min", "l_target", "l"]
 """Lengths of a pair, see `VisionOptions`."""
@@ -27,10 +28,14 @@ class VisionOptions:
             [m].
         rotation_residual: an observation that the fit misses by more than this angle is dropped
             [rad].
-        fit: whether observations are fitted together with the muscle lengths, all at once
-            ("together") or the newest first ("incremental", several times faster, with the same
-            minimum within the tolerances of the fit), or each alone as in the paper. An observation
-            that is only evaluated moves no other one if the fit is incremental.
+        fit: what is fitted together: observations, lengths and tensions of all rests, and the
+            posture at which the lengths were zeroed ("rests"); observations and lengths only, all
+            at once ("together") or the newest first ("incremental", several times faster, with the
+            same minimum within the tolerances of the fit); or each observation alone, as in the
+            paper ("alone"). An observation that is only evaluated moves no other one of "rests" and
+            "incremental".
+        balance: how far tensions and loads may disagree, and how many rests without an observation
+            are remembered, if rests are fitted.
         observations: options of the fit.
         hold_out: which observations are held out, to undo updates that make the map worse; None:
             none.
@@ -49,7 +54,8 @@ class VisionOptions:
     stop_margin: float = 0.005
     position_residual: float = 0.02
     rotation_residual: float = 0.06
-    fit: Literal["together", "incremental", "alone"] = "together"
+    fit: Literal["rests", "together", "incremental", "alone"] = "rests"
+    balance: BalanceOptions = field(default_factory=BalanceOptions)
     observations: ObservationFitOptions = field(default_factory=ObservationFitOptions)
     hold_out: HoldOutOptions | None = None
     zeroing_recent: int = 6

@@ -34,6 +34,7 @@ class MarkerObservation(NamedTuple):
         frames: whose pose it is, and in which frame; None: the marker's in the camera.
         covariance: of the pose (6, 6), see `checked_covariance`; None: the noise of the options.
         joint_angles: measured joint angles (n,) [rad], NaN where there is no encoder; None: none.
+        tensions: measured (m,) [N]; None: unknown.
     """
 
     pose: Floats
@@ -42,6 +43,7 @@ class MarkerObservation(NamedTuple):
     frames: Frames | None = None
     covariance: Floats | None = None
     joint_angles: Floats | None = None
+    tensions: Floats | None = None
 
 
 class PoseResidual(Protocol):

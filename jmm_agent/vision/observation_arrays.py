@@ -11,7 +11,7 @@ from jmm_agent.types import Floats
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.pose_covariance import checked_covariance
 
-OPTIONAL = ("covariance", "joint_angles")
+OPTIONAL = ("covariance", "joint_angles", "tensions")
 """Arrays in which NaN stands for what was not measured."""
 
 
@@ -35,6 +35,9 @@ def arrays_of(observations: Sequence[MarkerObservation], joints: int, muscles: i
         "joint_angles": np.array(
             [_or_nan(found.joint_angles, (joints,)) for found in observations]
         ).reshape(-1, joints),
+        "tensions": np.array(
+            [_or_nan(found.tensions, (muscles,)) for found in observations]
+        ).reshape(-1, muscles),
     }
 
 
@@ -57,7 +60,7 @@ def observations_of(arrays: Arrays) -> list[MarkerObservation]:
         arrays["frames"].tolist(),
         strict=True,
     ):
-        pose, lengths, guess, covariance, angles, (of, within) = row
+        pose, lengths, guess, covariance, angles, tensions, (of, within) = row
         found.append(
             MarkerObservation(
                 pose.astype(float),
@@ -66,6 +69,7 @@ def observations_of(arrays: Arrays) -> list[MarkerObservation]:
                 (of, within or None) if of else None,
                 None if np.isnan(covariance).all() else checked_covariance(covariance),
                 None if np.isnan(angles).all() else angles.astype(float),
+                None if np.isnan(tensions).all() else tensions.astype(float),
             )
         )
     return found

@@ -23,7 +23,7 @@ def test_a_target_far_beyond_the_range_of_its_joint_is_named_in_its_unit(
     joint: int, target: float, named: str
 ) -> None:
     middle = LIMITS.mean(axis=1)
-    commander = Commander(make_map(), middle, LIMITS)
+    commander = Commander(make_map(), middle, LIMITS, 0.03)
     middle[joint] = target
     sentence = f"Joint {named}postures are in rad or m." if named else ""
     assert commander.beyond(middle, JOINTS) == sentence

@@ -27,8 +27,11 @@ from jmm_agent.memory_file import (
     write_memory,
 )
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
+from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.marker_observation import MarkerObservation
+from jmm_agent.vision.prior_widths import PriorWidths
+from jmm_agent.vision.rest_fit import Rest
 from tests.jmm_agent.small_map import JOINTS, MUSCLES, make_map
 
 N, M, K = len(JOINTS), len(MUSCLES), 3
@@ -49,6 +52,7 @@ def made_up(seed: int = 0, count: int = K) -> AgentMemory:
         measured = {"frames": ("grip", None), "covariance": np.diag(rng.uniform(1.0, 2.0, 6))}
         angles = np.where(np.arange(N) == 1, np.nan, rng.normal(size=N))
         observations[0] = observations[0]._replace(**measured)
+        observations[2] = observations[2]._replace(tensions=rng.uniform(0.0, 9.0, M))
         observations[1] = observations[1]._replace(frames=("grip", "eye"), joint_angles=angles)
     vision = VisionMemory(
         observations,
@@ -57,6 +61,13 @@ def made_up(seed: int = 0, count: int = K) -> AgentMemory:
         rng.normal(size=(count, N)),
         rng.integers(0, 3, (count, M)).astype(float),
         pairs(count),
+        rests=RestMemory(
+            rng.normal(size=N),
+            PriorWidths(0.001, 0.002, 0.3),
+            tuple(Rest(*(rng.normal(size=size) for size in (M, M, N))) for _ in range(count)),
+        )
+        if count
+        else RestMemory(),
     )
     layers = {g.name: (g.W2 + 1.0, g.b2 - 1.0) for g in make_map().groups}
     return AgentMemory(
@@ -219,7 +230,7 @@ REFUSED: dict[Callable[[Path], None], str] = {
     missing: "the array 'elongated' is missing",
     other_joints: r"its joints \(4: a, b, c, e\) are not this robot's 4 joints",
     fewer_muscles: "its muscles .* are not this robot's 5 muscles",
-    other_format: "its format is agent-memory-0, and agent-memory-1 is read",
+    other_format: "its format is agent-memory-0, and agent-memory-2 is read",
     other_nominal_map: "another nominal map",
     no_noise: "vision_noise has a number that is not positive",
     generator: "the state of its random generator is damaged",

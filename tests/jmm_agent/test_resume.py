@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -86,19 +86,25 @@ def test_an_unannounced_zeroing_is_named(
     assert kinds == [[], ["zeroed"]]
 
 
+@pytest.mark.parametrize(("fit", "size"), [("together", 0.004), ("rests", 0.005)])
 def test_lengths_that_were_zeroed_at_another_posture_are_named(
-    nominal_map: JointMuscleMap, arm: ArmKinematics, tmp_path: Path
+    nominal_map: JointMuscleMap,
+    arm: ArmKinematics,
+    tmp_path: Path,
+    fit: Literal["together", "rests"],
+    size: float,
 ) -> None:
-    """4 mm RMS, which are too little to be noticed if they were independent shifts."""
-    trial = Trial(nominal_map, arm)
+    """``size`` [m] RMS, which are too little to be noticed if they were independent shifts."""
+    vision = VisionOptions(fit=fit)
+    trial = Trial(nominal_map, arm, vision=vision)
     trial.visit(*POSTURES[1:8])
     trial.agent.save(tmp_path / "learned.npz")
     turn = np.random.default_rng(0).standard_normal(14)
     offsets = nominal_map.jacobian(np.zeros(14)) @ turn
-    offsets *= 0.004 / np.sqrt(np.mean(offsets**2))
+    offsets *= size / np.sqrt(np.mean(offsets**2))
     named = []
     for shift in (offsets, np.random.default_rng(1).permutation(offsets)):
-        after = Trial(nominal_map, arm)
+        after = Trial(nominal_map, arm, vision=vision)
         after.agent.load(tmp_path / "learned.npz")
         after._nominal_map = Shifted(after, nominal_map, shift)  # type: ignore[assignment]
         after.visit(POSTURES[8])

@@ -267,6 +267,7 @@ def test_a_force_is_not_compared_with_one_of_long_ago(
     )
     guard = trial.agent.guard
     assert isinstance(guard, Guard)
+    trial.agent.learning = False
     guard._gravity = lambda q: np.zeros(14)
     trial.rest(START)
     trial.rest(START, 60, lengths_off=one_muscle(0.03 if interrupted else 0.0))

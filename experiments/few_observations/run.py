@@ -1,0 +1,169 @@
+"""Few observations: how far a robot is from its targets after the first looks at its hand.
+
+A new robot knows its drawing only. Each method drives the same robot to the same postures with its
+own commands and learns at each; after some looks its map moves the robot to other postures. One
+agent sees nothing: it has lengths and tensions of its rests only. A last part shows how much each
+source of information tells of the joint angles.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from experiments.baselines.maps import Baselines
+from experiments.few_observations.methods import (
+    CONSTANTS,
+    DRIVING,
+    GAUSSIAN,
+    LENGTHS,
+    OURS,
+    PAPER,
+    POLYNOMIAL,
+    TOLD,
+    UNSEEN,
+    Sizes,
+)
+from experiments.few_observations.sources import told
+from experiments.few_observations.tables import metrics, per_seed, tables
+from experiments.harness import common
+from experiments.harness.common import Summary
+from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
+from experiments.robots.conditions import ACTUAL, make_session
+from experiments.robots.evaluation import Evaluator, PostureMap
+from experiments.robots.variants import PAPER_OPTIONS
+from experiments.robots.world import Sizes as BodySizes
+from experiments.robots.world import known_world
+from jmm_agent.agent import AgentOptions
+from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.mapping.prior import PriorOptions
+from jmm_agent.updaters import VisionOptions, VisionUpdater
+from kengoro.agents import make_agent
+from kengoro.robots import shuffled_postures
+from kengoro.visits import errors, visit
+
+OPTIONS = {
+    OURS: AgentOptions(),
+    LENGTHS: AgentOptions(vision=VisionOptions(fit="together")),
+    CONSTANTS: AgentOptions(prior=PriorOptions(shape=1e-6), vision=VisionOptions(fit="together")),
+    PAPER: PAPER_OPTIONS,
+}
+
+QUICK = Sizes(
+    counts=(1, 3), tested=1, unseen=5, move=0.8, patience=1.0, test_move=0.4, test_hold=0.3
+)
+
+
+@cache
+def _baselines(maps: Path | None) -> Baselines:
+    world = known_world(maps)
+    return Baselines(world.map, world.postures)
+
+
+class Robot:
+    """A robot of a seed, on which methods learn and are tested.
+
+    Args:
+        seed: of the robot.
+        sizes: amount of work.
+        cache: folder of trained maps.
+    """
+
+    def __init__(self, seed: int, sizes: Sizes, cache: Path | None) -> None:
+        self._seed, self._sizes, self._world = seed, sizes, known_world(cache)
+        postures = shuffled_postures(seed)
+        self.learned, self._tested = postures, postures[-1 - sizes.tested :]
+        self._evaluator = Evaluator(self._world, ACTUAL, seed, sizes.test_move, sizes.test_hold)
+
+    def tested(self, jmm: PostureMap, vision: VisionUpdater) -> dict[str, float]:
+        """Errors of a map at the test postures; see `kengoro.visits.errors`."""
+        return errors(self._evaluator.evaluate(jmm, self._tested, vision))
+
+    def drive(self, method: str, cache: Path | None) -> dict[str, Any]:
+        """Learn by a method; errors by the number of looks, of it and of what it gives others."""
+        sizes, seed = self._sizes, self._seed
+        rule = MinibatchRule() if method == PAPER else None
+        agent = make_agent(seed, options=OPTIONS[method], rule=rule, cache=cache)
+        session = make_session(ACTUAL, seed, agent, self.learned[0])
+        found: dict[str, Any] = {method: {"0": self.tested(agent.map, deepcopy(agent.vision))}}
+        for number, posture in enumerate(self.learned[1 : 1 + max(sizes.counts)], start=1):
+            visit(session, posture, None, sizes.move, sizes.patience)
+            if number not in sizes.counts:
+                continue
+            vision = deepcopy(agent.vision)
+            found[method][str(number)] = self.tested(agent.map, vision)
+            if method != OURS:
+                continue
+            baselines, pairs = _baselines(cache), agent.vision.pairs
+            given = {GAUSSIAN: baselines.process(pairs), POLYNOMIAL: baselines.polynomial(3, pairs)}
+            for name, jmm in given.items():
+                found.setdefault(name, {})[str(number)] = self.tested(jmm, vision)
+        session.env.close()
+        found["looks"] = agent.vision.fired
+        return found
+
+    def feel(self, cache: Path | None) -> dict[str, Any]:
+        """Visit postures without a camera; errors before and after."""
+        agent = make_agent(self._seed, options=AgentOptions(camera=""), cache=cache)
+        session = make_session(ACTUAL, self._seed, agent, self.learned[0])
+        seeing = make_agent(self._seed, cache=cache).vision
+        before = self.tested(agent.map, seeing)
+        for posture in self.learned[1 : 1 + self._sizes.unseen]:
+            visit(session, posture, None, self._sizes.move, self._sizes.patience, search=False)
+        session.env.close()
+        return {"0": before, str(self._sizes.unseen): self.tested(agent.map, seeing)}
+
+
+def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
+    """Run a method, the agent that sees nothing, or the part on sources, on one robot."""
+    if condition == TOLD:
+        return told(known_world(cache), seed, BodySizes(move=sizes.move, hold=sizes.patience))
+    robot = Robot(seed, sizes, cache)
+    return robot.feel(cache) if condition == UNSEEN else robot.drive(condition, cache)
+
+
+def conclude(results: Results, sizes: Sizes) -> Findings:
+    """Errors by number of looks, beside the other methods, and what each source tells."""
+    from experiments.few_observations.figures import pictures
+
+    return Findings(
+        metrics(results, sizes),
+        per_seed(results),
+        tables(results, sizes),
+        pictures(results, sizes),
+        {},
+    )
+
+
+EXPERIMENT = Experiment(
+    name="few-observations",
+    title="Few observations",
+    introduction=(
+        "A new robot knows its drawing only. Each method drives the same robot to the same "
+        "postures with its own commands, its camera and its marker, and learns at each. After some "
+        "looks its map moves the robot to other postures, without learning. Gaussian process and "
+        "polynomial get the joint angles and lengths of our agent. One agent has no camera."
+    ),
+    figure="beyond the paper: its second future work",
+    conditions=(*DRIVING, UNSEEN, TOLD),
+    sizes=Sizes(),
+    quick=QUICK,
+    run=run,
+    conclude=conclude,
+)
+
+
+@dataclass(frozen=True)
+class Args(common.Args):
+    """Errors after the first looks at the hand, and without any."""
+
+    seeds: str = "0-9"
+    out: Path = Path("out/few-observations")
+
+
+def main(args: Args) -> Summary:
+    """Run the experiment; returns its summary."""
+    return run_experiment(EXPERIMENT, args)

@@ -1,0 +1,181 @@
+"""What rests tell of the robot: the posture at which its lengths were zeroed, and prior widths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.types import Floats
+from jmm_agent.updaters.vision_options import VisionOptions
+from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
+from jmm_agent.vision.permanent_elongation import log_bayes_factors, with_likeliest_step
+from jmm_agent.vision.prior_widths import PriorWidths
+from jmm_agent.vision.rest_fit import Balance, Loads, Rest, RestProblem, fit_rests
+
+SAME_WIDTH = 0.2
+"""Logarithm of the ratio of two widths of the prior within which they are the same [1]."""
+WIDTH_STEPS = 4
+"""Largest number of fits with other widths of the prior."""
+SAME_REST = 5.0
+"""Noises of a pair's lengths within which two rests are the same."""
+
+
+class RestMemory(NamedTuple):
+    """What is known from rests.
+
+    Attributes:
+        zero: posture at which the lengths were zeroed (n,) [rad]; None while it is unknown.
+        widths: of the prior of the map's error; None: those of the options.
+        rests: newest rests without an observation.
+    """
+
+    zero: Floats | None = None
+    widths: PriorWidths | None = None
+    rests: tuple[Rest, ...] = ()
+
+
+class FittedRests(NamedTuple):
+    """Result of a fit.
+
+    Attributes:
+        observed: joint angles of the observations.
+        elongated: number of permanent elongations of each muscle since each observation (K, m).
+        memory: what is then known from all rests.
+    """
+
+    observed: ObservationFit
+    elongated: Floats
+    memory: RestMemory
+
+
+class RestFitter:
+    """Fits observations together with other rests; see `jmm_agent.vision.rest_fit`.
+
+    Args:
+        prior: prior of the map's error.
+        marker_residual: residual of the marker's pose at a posture.
+        limits: lowest and highest angle of each joint (n, 2) [rad].
+        options: of the Vision Updater.
+        loads: torques that the nominal model needs to hold a posture; None if unknown.
+    """
+
+    def __init__(
+        self,
+        prior: MapPrior,
+        marker_residual: PoseResidual,
+        limits: Floats,
+        options: VisionOptions,
+        loads: Loads | None,
+    ) -> None:
+        self._nominal, self._marker_residual = prior, marker_residual
+        self._limits, self._options = limits, options
+        known = prior.options
+        self._usual = PriorWidths(known.zeroed_offset, known.zeroed_shape, known.zero_posture)
+        self._balance = (
+            None if loads is None else Balance(prior.map, loads, limits, options.balance)
+        )
+
+    @property
+    def enabled(self) -> bool:
+        """Whether rests are fitted."""
+        return self._options.fit == "rests" and self._usual.zero > 0.0
+
+    def prior(self, memory: RestMemory) -> MapPrior:
+        """Prior of the map's error, given what is known from rests."""
+        if memory.zero is None:
+            return self._nominal
+        widths = memory.widths or self._usual
+        return self._nominal.zeroed(memory.zero, widths.offset, widths.shape)
+
+    def remembered(self, memory: RestMemory, rest: Rest) -> RestMemory:
+        """What is remembered with one rest more, unless it is the last one again."""
+        most = self._options.balance.rests if self.enabled and self._balance is not None else 0
+        if most < 1 or (memory.rests and self._is_same(rest.lengths, memory.rests[-1].lengths)):
+            return memory
+        return memory._replace(rests=(*memory.rests, rest)[-most:])
+
+    def tells_zero(self, memory: RestMemory) -> bool:
+        """Whether there are enough rests to estimate the zero posture without an observation."""
+        return 0 < self._options.balance.blind <= len(memory.rests)
+
+    def fit(
+        self,
+        memory: RestMemory,
+        observations: Sequence[MarkerObservation],
+        start: Floats,
+        elongated: Floats,
+    ) -> FittedRests:
+        """Fit all rests and the zero posture, with the widths that then are likeliest.
+
+        Args:
+            memory: what was known before.
+            observations: K observations.
+            start: their angles (K, n) [rad] to start from.
+            elongated: number of permanent elongations of each muscle since each (K, m).
+        """
+        zero = np.zeros(len(self._limits)) if memory.zero is None else memory.zero
+        angles, rests, options = start, memory.rests, self._options.observations
+        widths = memory.widths or self._usual
+        for _ in range(WIDTH_STEPS):
+            problem = RestProblem(
+                observations,
+                rests,
+                self._nominal,
+                widths,
+                self._marker_residual,
+                self._balance,
+                options,
+                elongated,
+            )
+            begin = np.vstack([angles, *(rest.guess[None] for rest in rests), zero])
+            found = fit_rests(problem, begin, self._limits, options, len(angles), self._usual)
+            angles, zero = found.observed.angles, found.zero
+            pairs = zip(rests, found.rests, strict=True)
+            rests = tuple(rest._replace(guess=guess) for rest, guess in pairs)
+            change = np.log(np.array(found.widths) / widths)
+            widths = found.widths
+            if np.abs(change).max() < SAME_WIDTH:
+                break
+        return FittedRests(found.observed, elongated, RestMemory(zero, widths, rests))
+
+    def fit_with_elongation(
+        self,
+        memory: RestMemory,
+        observations: Sequence[MarkerObservation],
+        start: Floats,
+        elongated: Floats,
+    ) -> FittedRests:
+        """Fit all rests, and find which muscles were elongated among the newest observations.
+
+        Rests from before an elongation are forgotten; so is a rest that the newest observation is
+        of. See `fit` for the arguments, of which the last is as believed so far.
+        """
+        options, newest = self._options.observations, observations[-1].lengths
+        rests = tuple(rest for rest in memory.rests if not self._is_same(rest.lengths, newest))
+        recent = min(options.elongation_recent, len(observations) - 1)
+        found = self.fit(memory._replace(rests=rests), observations, start, elongated)
+        if recent < 1 or options.elongation_evidence == np.inf:
+            return found
+        for _ in range(elongated.shape[1]):
+            evidence = log_bayes_factors(
+                observations,
+                self.prior(found.memory),
+                self._marker_residual,
+                options,
+                found.observed.angles,
+                found.elongated,
+                recent,
+            )
+            more = with_likeliest_step(evidence, found.elongated, options.elongation_evidence)
+            if more is None:
+                break
+            memory = found.memory._replace(rests=())
+            found = self.fit(memory, observations, found.observed.angles, more)
+        return found
+
+    def _is_same(self, one: Floats, other: Floats) -> bool:
+        """Whether two rests have the same lengths (m,) [m] but for noise."""
+        return bool(np.abs(one - other).max() <= SAME_REST * self._options.noise)

@@ -1,0 +1,207 @@
+"""Fit of all rests: zero posture, balance of tensions and loads, widths of the prior.
+
+The robot has the small map's five muscles and four joints, and was zeroed at another posture. Its
+loads are a made-up function of the posture, and its tensions balance them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.types import Floats
+from jmm_agent.updaters import VisionOptions, VisionUpdater
+from jmm_agent.vision.marker_observation import MarkerObservation
+from jmm_agent.vision.observation_fit import ObservationFitOptions
+from jmm_agent.vision.prior_widths import PriorWidths
+from jmm_agent.vision.rest_fit import (
+    Balance,
+    BalanceOptions,
+    Rest,
+    RestFit,
+    RestProblem,
+    fit_rests,
+)
+from tests.jmm_agent.small_map import LIMITS, make_map, postures
+from tests.jmm_agent.test_updaters import marker_residual, picture
+
+ZERO = np.array([0.25, -0.2, 0.15, 0.3])
+"""Posture at which the robot was zeroed [rad]."""
+USUAL = PriorWidths(0.003, 0.0025, 0.25)
+OPTIONS = ObservationFitOptions()
+WIDE = np.column_stack([LIMITS[:, 0] - 1.0, LIMITS[:, 1] + 1.0])
+"""Limits beyond which no posture of the tests is [rad]."""
+
+
+def tensions_at(q: Floats) -> Floats:
+    """Tensions (5,) [N] that balance the loads at joint angles (4,) [rad]."""
+    turns = np.arange(20.0).reshape(5, 4) % 7.0 - 3.0
+    return np.asarray(120.0 + 60.0 * np.sin(turns @ q))
+
+
+class MadeUpLoads:
+    """Loads that differ from posture to posture, some 2 N m."""
+
+    def gravity(self, posture: Floats) -> Floats:
+        return np.asarray(tensions_at(posture) @ make_map(0).jacobian(posture))
+
+
+def lengths_at(q: Floats, offset: Floats | float = 0.0) -> Floats:
+    """Lengths (5,) or (K, 5) [m] of the robot."""
+    return make_map(0).lengths(q) - make_map(0).lengths(ZERO) + offset
+
+
+def problem(
+    seen: Floats, felt: Floats, balance: bool, widths: PriorWidths = USUAL, offset: float = 0.0
+) -> RestProblem:
+    """Problem of postures that are seen, and of others that are only felt (., 4) [rad]."""
+    prior = MapPrior(make_map(0), postures(100, 8), PriorOptions())
+    observations = [
+        MarkerObservation(picture(q), lengths_at(q, offset), q, tensions=tensions_at(q))
+        for q in seen
+    ]
+    rests = [Rest(lengths_at(q, offset), tensions_at(q), q) for q in felt]
+    exact = BalanceOptions(share=0.05, noise=0.05)
+    rows = Balance(prior.map, MadeUpLoads(), WIDE, exact) if balance else None
+    none = np.zeros((len(seen), 5))
+    return RestProblem(observations, rests, prior, widths, marker_residual, rows, OPTIONS, none)
+
+
+def fitted(seen: Floats, felt: Floats, balance: bool, **more: object) -> RestFit:
+    """Fit of `problem` from postures that are off."""
+    count = len(seen) + len(felt)
+    off = 0.1 * np.random.default_rng(5).standard_normal((count, 4))
+    start = np.vstack([*seen, *felt])[:count] + off
+    start = np.vstack([start, np.zeros(4)])
+    one = problem(seen, felt, balance, **more)  # type: ignore[arg-type]
+    return fit_rests(one, start, WIDE, OPTIONS, len(seen), USUAL)
+
+
+NONE = np.empty((0, 4))
+
+
+@pytest.mark.parametrize("balance", [False, True])
+def test_the_gradient_is_that_of_the_cost(balance: bool) -> None:
+    subject = problem(postures(3, 2), postures(2, 3), balance)
+    at = np.vstack([postures(5, 9), 0.1 * np.ones((1, 4))])
+    gradient = subject.normal_equations(at)[1]
+    numeric = np.empty(at.size)
+    for i in range(at.size):
+        step = np.zeros(at.size)
+        step[i] = 1e-6
+        costs = [subject.cost(at + sign * step.reshape(at.shape))[0] for sign in (1.0, -1.0)]
+        numeric[i] = (costs[0] - costs[1]) / 4e-6  # half the slope of the cost
+    # The kernel, and the variance of the balance, are held fixed in the gradient: z has neither.
+    np.testing.assert_allclose(gradient[-4:], numeric[-4:], rtol=1e-6)
+
+
+def test_the_slope_of_the_balance_is_that_of_its_cost_where_its_variance_is_constant() -> None:
+    balance = Balance(make_map(0), MadeUpLoads(), WIDE, BalanceOptions(share=0.0))
+    q, tensions = postures(1, 3)[0], np.array([20.0, 5.0, 30.0, 12.0, 8.0])
+    gradient = balance.normal_equations(q, tensions)[1]
+    steps = 1e-5 * np.eye(4)
+    numeric = [
+        (balance.cost(q + step, tensions) - balance.cost(q - step, tensions)) / 4e-5
+        for step in steps
+    ]
+    np.testing.assert_allclose(gradient, numeric, rtol=1e-4)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_stop_pushes_back_but_does_not_pull(side: int) -> None:
+    """The missing torque of one joint is reversed; the stop explains one direction only."""
+    q = postures(1, 3)[0]
+    limits = WIDE.copy()
+    limits[2] = (q[2], 3.0) if side < 0 else (-3.0, q[2])
+
+    class Pushed(MadeUpLoads):
+        def __init__(self, push: float) -> None:
+            self.push = push
+
+        def gravity(self, posture: Floats) -> Floats:
+            return super().gravity(posture) - self.push * np.eye(4)[2]
+
+    tensions = tensions_at(q)
+    costs = [
+        Balance(make_map(0), Pushed(push), limits, BalanceOptions()).cost(q, tensions)
+        for push in (-5.0 * side, 5.0 * side)
+    ]
+    assert costs[0] < 0.1 * costs[1]
+
+
+def test_observations_show_the_zero_posture() -> None:
+    found = fitted(postures(6, 2), NONE, balance=False)
+    shift = make_map(0).lengths(ZERO)
+    missed = make_map(0).lengths(found.zero) - shift
+    assert np.abs(missed).max() < 0.2 * np.abs(shift).max()
+    np.testing.assert_allclose(found.observed.angles, postures(6, 2), atol=0.01)
+
+
+def test_tensions_show_the_postures_of_rests_that_nobody_saw() -> None:
+    felt = postures(8, 4)
+    errors = []
+    for balance in (False, True):
+        found = fitted(NONE, felt, balance)
+        errors.append(np.sqrt(np.mean((found.rests - felt) ** 2)))
+        assert len(found.observed.angles) == 0
+    assert errors[1] < 0.5 * errors[0]
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.02])
+def test_the_width_of_offsets_follows_the_robot(offset: float) -> None:
+    """Offsets of 20 mm, which no zero posture explains, or none."""
+    signs = offset * np.array([1.0, -1.0, 1.0, 1.0, -1.0])
+    widths = USUAL
+    for _ in range(5):
+        widths = fitted(postures(10, 2), NONE, False, widths=widths, offset=signs).widths  # type: ignore[arg-type]
+    if offset:
+        assert 2.0 * USUAL.offset < widths.offset < 1.5 * offset
+    else:
+        assert widths.offset < USUAL.offset
+        assert widths.shape < USUAL.shape
+
+
+def updater(**options: object) -> VisionUpdater:
+    prior = MapPrior(make_map(0), postures(100, 8), PriorOptions())
+    rng = np.random.default_rng(0)
+    learner = Learner(make_map(0), LIMITS, RidgeRule(prior), BatchOptions(), rng)
+    chosen = VisionOptions(**options)  # type: ignore[arg-type]
+    return VisionUpdater(learner, prior, marker_residual, WIDE, chosen, MadeUpLoads())
+
+
+def map_error(vision: VisionUpdater) -> float:
+    """RMS error of the map over other postures [m]."""
+    test = postures(40, 6)
+    return float(np.sqrt(np.mean((vision._learner.map.lengths(test) - lengths_at(test)) ** 2)))
+
+
+def test_a_map_is_corrected_before_the_hand_is_seen() -> None:
+    vision = updater()
+    before, moved = map_error(vision), []
+    for q in postures(10, 4):
+        moved.append(vision.felt(Rest(lengths_at(q), tensions_at(q), q + 0.1)))
+        assert not vision.felt(Rest(lengths_at(q), tensions_at(q), q))  # the same rest again
+    assert moved == [False] * 4 + [True] * 6
+    assert map_error(vision) < 0.5 * before
+
+
+def test_without_loads_or_with_another_fit_nothing_is_learned_from_rests_alone() -> None:
+    for vision in (updater(fit="together"), updater(balance=BalanceOptions(rests=0))):
+        for q in postures(10, 4):
+            assert not vision.felt(Rest(lengths_at(q), tensions_at(q), q))
+        assert vision.zero is None
+
+
+def test_a_rest_that_is_seen_later_is_not_counted_twice() -> None:
+    vision = updater()
+    for q in postures(3, 4):
+        vision.felt(Rest(lengths_at(q), tensions_at(q), q))
+    assert len(vision.memory.rests.rests) == 3
+    lengths = lengths_at(q)
+    assert vision.seen(picture(q), q + 0.05, lengths, lengths, tensions_at(q)).learned
+    assert len(vision.memory.rests.rests) == 2
+    vision.begin()
+    assert vision.memory.rests.rests == ()
+    assert vision.zero is not None
