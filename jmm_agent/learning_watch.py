@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.guard.faults import JOINT_CONTRADICTED, TRACKER_CLOCK, ZEROED, Fault
+from jmm_agent.guard.faults import JOINT_CONTRADICTED, TENSIONS_WRONG, TRACKER_CLOCK, ZEROED, Fault
 from jmm_agent.learning_monitor import LearningMonitor, LearningMonitorOptions
 from jmm_agent.settling import SettlingDetector
 from jmm_agent.updaters import VisionUpdater
@@ -68,19 +68,20 @@ class LearningWatch:
         self._zeroings, self._zeroed = 0, list[Fault]()
         self._contradicted: dict[str, Fault] = {}
         self._tracker: Fault | None = None
+        self._tensions: Fault | None = None
 
     @property
     def faults(self) -> list[Fault]:
         """Faults that are found now."""
         found = [*self._monitor.faults, *self._zeroed, *self._contradicted.values()]
-        return found if self._tracker is None else [*found, self._tracker]
+        return [*found, *(one for one in (self._tracker, self._tensions) if one is not None)]
 
     def reset(self) -> None:
         """Forget all, as before a new episode."""
         self._monitor.reset()
         self._zeroed = []
         self._contradicted = {}
-        self._tracker = None
+        self._tracker = self._tensions = None
 
     def update(self, step: StepState) -> None:
         """Name what keeps the agent from learning.
@@ -97,10 +98,20 @@ class LearningWatch:
         monitor.observed(self._vision.fired, self._vision.dropped, step.why_not_learned)
         monitor.update(step.time, self._settling, self._muscles)
         self._name_joints(step)
+        self._name_tensions(step.time)
         if not step.clock_problem:
             self._tracker = None
         elif self._tracker is None:
             self._tracker = Fault(TRACKER_CLOCK, "tracker", step.time, step.clock_problem)
+
+    def _name_tensions(self, time: float) -> None:
+        """Name tensions that cannot be those of the loads."""
+        ratio = self._vision.memory.rests.unbalanced
+        if ratio is None:
+            self._tensions = None
+        elif self._tensions is None:
+            self._tensions = Fault(TENSIONS_WRONG, "muscles", time, _imbalance(ratio))
+            _log.warning("%s.", self._tensions.detail)
 
     def _name_joints(self, step: StepState) -> None:
         """Name joints whose encoders contradict the lengths, which the map may have wrong.
@@ -126,6 +137,16 @@ class LearningWatch:
             self._zeroed = [Fault(ZEROED, "muscles", time, detail)]
             _log.warning("The muscle lengths were zeroed anew since they were learned: %s.", detail)
         self._zeroings = self._vision.zeroings
+
+
+def _imbalance(ratio: float) -> str:
+    """What is wrong with tensions, of whose torques the loads are a multiple."""
+    if ratio <= 0.0:
+        return "the tensions are zero, or pull against the loads of the model; check their sign"
+    return (
+        f"the loads of the model are {ratio:.2g} times the torques of the tensions; check the "
+        "unit of the tensions, and the model's masses"
+    )
 
 
 def _contradiction(joint: str, away: float, time: float) -> Fault:

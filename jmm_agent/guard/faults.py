@@ -53,6 +53,7 @@ ZEROED = "zeroed"
 JOINT_CONTRADICTED = "joint_contradicted"
 LENGTHS_WRONG = "lengths_wrong"
 TRACKER_CLOCK = "tracker_clock"
+TENSIONS_WRONG = "tensions_wrong"
 
 AGENT_KINDS = {
     CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
@@ -64,6 +65,7 @@ AGENT_KINDS = {
     JOINT_CONTRADICTED: "a joint's encoder and the muscle lengths contradict each other by the map",
     LENGTHS_WRONG: "muscle lengths have another unit or sign than the map's",
     TRACKER_CLOCK: "the times of measured poses are not on the clock of the readings",
+    TENSIONS_WRONG: "tensions do not balance the loads of the model, and are not learned from",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }
 """Kinds of faults that any agent names, also without a guard, and the meaning of each."""

@@ -43,6 +43,9 @@ from jmm_agent.vision.marker_observation import (
 from jmm_agent.vision.observation_fit import ObservationFit, ObservationFitOptions, descend
 from jmm_agent.vision.prior_widths import Linearised, PriorWidths, likeliest_widths
 
+TELLING = 0.2
+"""Mean square of loads and of the torques of tensions, in standard deviations of the balance, below
+which both are too small to tell whether they balance [1]."""
 DIFFERENCE = 1e-4
 """Change of a joint angle by which the slope of the balance is taken [rad]."""
 
@@ -102,12 +105,14 @@ class RestFit(NamedTuple):
         rests: joint angles of the other rests (R, n) [rad].
         zero: posture at which the lengths were zeroed (n,) [rad].
         widths: of the map's error, by the lengths at these angles.
+        scale: loads over the torques of the tensions, see `Balance.scale`; NaN without a balance.
     """
 
     observed: ObservationFit
     rests: Floats
     zero: Floats
     widths: PriorWidths
+    scale: float
 
 
 class Balance:
@@ -160,6 +165,32 @@ class Balance:
         weight = (freedom + 1.0) / (freedom * variance + here**2)
         weight = weight * self._counts(q, here)
         return (slope.T * weight) @ slope, slope.T @ (weight * here)
+
+    def scale(self, angles: Floats, tensions: Sequence[Floats | None]) -> float:
+        """Loads over the torques of the tensions, by least squares over all rests [1].
+
+        It is 1 but for noise if tensions and loads are in the units and signs of the model. It is
+        NaN where both are too small to tell.
+
+        Args:
+            angles: joint angles (K, n) [rad].
+            tensions: measured (m,) [N], of each; None: unknown.
+        """
+        shared = own = loads = 0.0
+        rows = 0
+        for q, measured in zip(angles, tensions, strict=True):
+            if measured is None:
+                continue
+            pulled, arms = np.maximum(measured, 0.0), self._map.jacobian(q)
+            torques, load = pulled @ arms, self._loads.gravity(q)
+            weight = 1.0 / self._variance(arms, pulled)
+            shared += float(np.sum(weight * torques * load))
+            own += float(np.sum(weight * torques**2))
+            loads += float(np.sum(weight * load**2))
+            rows += len(q)
+        if loads == 0.0 or max(loads, own) <= TELLING * rows:
+            return np.nan
+        return shared / own if own > 0.0 else 0.0
 
     def _missed(self, arms: Floats, q: Floats, tensions: Floats) -> Floats:
         return tensions @ arms - self._loads.gravity(q)
@@ -230,6 +261,12 @@ class RestProblem:
         rows = self._rows(len(missed))
         fit = Linearised(matrix, rows, arms, missed, kernels, unknown[-1])
         return likeliest_widths(fit, self._widths, usual)
+
+    def scale(self, unknown: Floats) -> float:
+        """Loads over the torques of the tensions; see `Balance.scale`."""
+        if self._balance is None:
+            return np.nan
+        return self._balance.scale(unknown[:-1], self._tensions)
 
     def cost(self, unknown: Floats) -> tuple[float, Floats]:
         """Cost at angles (K + R + 1, n) [rad], and the marker's residuals (K, 6) [m, rad]."""
@@ -321,4 +358,5 @@ def fit_rests(
     norms = problem.weights.norms(end.residuals)
     seen = ObservationFit(end.angles[:observed], converged, norms)
     widths = problem.likeliest_widths(end.angles, usual)
-    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths)
+    scale = problem.scale(end.angles)
+    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, scale)

@@ -11,6 +11,7 @@ import pytest
 from jmm_agent.learning_monitor import LearningMonitorOptions
 from jmm_agent.learning_watch import LearningWatch, StepState
 from jmm_agent.settling import SettlingDetector, SettlingOptions
+from jmm_agent.updaters.rest_fitter import RestMemory
 
 
 @pytest.mark.parametrize(("observations", "away", "named"), [
@@ -22,9 +23,29 @@ from jmm_agent.settling import SettlingDetector, SettlingOptions
 def test_a_map_with_eight_observations_is_trusted_also_if_they_were_loaded(
     observations: int, away: float, named: bool
 ) -> None:
-    memory = SimpleNamespace(observations=[None] * observations)
+    memory = SimpleNamespace(observations=[None] * observations, rests=RestMemory())
     vision: Any = SimpleNamespace(memory=memory, fired=0, dropped={}, zeroings=0)
     settling = SettlingDetector(SettlingOptions())
     watch = LearningWatch(vision, settling, ("one",), LearningMonitorOptions())
     watch.update(StepState(1.0, 0.02, True, True, "", "", {"elbow": np.radians(away)}, ""))
     assert [fault.where for fault in watch.faults] == ["elbow"] * named
+
+
+@pytest.mark.parametrize(
+    ("ratio", "detail"),
+    [(None, None), (0.0, "check their sign"), (9.8, "9.8 times the torques of the tensions")],
+)
+def test_tensions_that_do_not_balance_the_loads_are_named(
+    ratio: float | None, detail: str | None
+) -> None:
+    memory = SimpleNamespace(observations=[], rests=RestMemory(unbalanced=ratio))
+    vision: Any = SimpleNamespace(memory=memory, fired=0, dropped={}, zeroings=0)
+    settling = SettlingDetector(SettlingOptions())
+    watch = LearningWatch(vision, settling, ("one",), LearningMonitorOptions())
+    state = StepState(1.0, 0.02, True, True, "", "", {}, "")
+    watch.update(state)
+    assert [fault.kind for fault in watch.faults] == ["tensions_wrong"] * (detail is not None)
+    assert all(detail in fault.detail for fault in watch.faults if detail)
+    memory.rests = RestMemory()
+    watch.update(state)
+    assert watch.faults == []

@@ -205,3 +205,32 @@ def test_a_rest_that_is_seen_later_is_not_counted_twice() -> None:
     vision.begin()
     assert vision.memory.rests.rests == ()
     assert vision.zero is not None
+
+
+@pytest.mark.parametrize(
+    ("factor", "unbalanced"), [(1.0, False), (0.1, True), (10.0, True), (-1.0, True), (0.0, True)]
+)
+def test_tensions_in_another_unit_or_sign_are_not_believed(factor: float, unbalanced: bool) -> None:
+    """The map is then learned as if there were none."""
+    vision, without = updater(saturation=np.inf), updater(saturation=np.inf)
+    for q in postures(6, 4):
+        lengths = lengths_at(q)
+        given = picture(q), q + 0.05, lengths, lengths
+        assert vision.seen(*given, factor * tensions_at(q)).learned
+        assert without.seen(*given, np.zeros(5)).learned
+    ratio = vision.memory.rests.unbalanced
+    assert (ratio is not None) == unbalanced
+    assert map_error(vision) < 1.1 * map_error(without)
+    if factor > 0.0 and ratio is not None:
+        assert 0.5 < ratio * factor < 2.0
+
+
+def test_loads_that_are_too_small_tell_nothing_of_tensions() -> None:
+    class NoLoads:
+        def gravity(self, posture: Floats) -> Floats:
+            return np.zeros(4)
+
+    balance = Balance(make_map(0), NoLoads(), WIDE, BalanceOptions())
+    q = postures(3, 4)
+    assert np.isnan(balance.scale(q, [tensions_at(one) for one in q]))
+    assert np.isnan(balance.scale(q, [None, None, None]))
