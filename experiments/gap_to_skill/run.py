@@ -64,7 +64,7 @@ class Sizes:
 
 QUICK = Sizes(recorded=10, learned=2, targets=1, starts=1, move=1.0, patience=1.5)
 
-DIAGNOSED = AgentOptions(prior=PriorOptions(offset=0.002, shape=0.001))
+DIAGNOSED = AgentOptions(prior=PriorOptions(offset=0.002, shape=0.001, zero_posture=0.0))
 """Prior for an extended model: errors of lengths of 2 mm instead of 25 mm."""
 
 

@@ -17,6 +17,8 @@ from jmm_agent.vision.rest_fit import Balance, Loads, Rest, RestProblem, fit_res
 
 SAME_WIDTH = 0.2
 """Logarithm of the ratio of two widths of the prior within which they are the same [1]."""
+MOST_FOR_WIDTHS = 30
+"""Number of rests from which on the widths of the prior are known, and not estimated again."""
 WIDTH_STEPS = 4
 """Largest number of fits with other widths of the prior."""
 UNBALANCED = 3.0
@@ -99,7 +101,12 @@ class RestFitter:
     def remembered(self, memory: RestMemory, rest: Rest) -> RestMemory:
         """What is remembered with one rest more, unless it is the last one again."""
         most = self._options.balance.rests if self.enabled and self._balance is not None else 0
-        if most < 1 or (memory.rests and self._is_same(rest.lengths, memory.rests[-1].lengths)):
+        whole = np.isfinite(rest.lengths).all() and np.isfinite(rest.tensions).all()
+        if (
+            most < 1
+            or not whole
+            or (memory.rests and self._is_same(rest.lengths, memory.rests[-1].lengths))
+        ):
             return memory
         return memory._replace(rests=(*memory.rests, rest)[-most:])
 
@@ -156,7 +163,9 @@ class RestFitter:
                 elongated,
             )
             begin = np.vstack([angles, *(rest.guess[None] for rest in rests), zero])
-            found = fit_rests(problem, begin, self._limits, options, len(angles), self._usual)
+            known = len(begin) > MOST_FOR_WIDTHS
+            usual = None if known else self._usual
+            found = fit_rests(problem, begin, self._limits, options, len(angles), usual)
             angles, zero = found.observed.angles, found.zero
             pairs = zip(rests, found.rests, strict=True)
             rests = tuple(rest._replace(guess=guess) for rest, guess in pairs)

@@ -221,6 +221,7 @@ class RestProblem:
         elongated: number of permanent elongations of each muscle since each observation (K, m).
 
     Attributes:
+        widths: as given.
         weights: weights of the measured poses and joint angles.
     """
 
@@ -236,12 +237,14 @@ class RestProblem:
         elongated: Floats,
     ) -> None:
         self._observations, self._marker_residual = observations, marker_residual
-        self._balance, self._widths = balance, widths
+        self._balance, self.widths = balance, widths
         self._prior = prior.zeroed(np.zeros(len(prior.map.joints)), widths.offset, widths.shape)
         lengths = [found.lengths for found in observations] + [rest.lengths for rest in rests]
         self._lengths = np.array(lengths)
-        self._tensions = [found.tensions for found in observations]
-        self._tensions += [rest.tensions for rest in rests]
+        tensions = [found.tensions for found in observations] + [rest.tensions for rest in rests]
+        self._tensions = [
+            one if one is not None and np.isfinite(one).all() else None for one in tensions
+        ]
         none = np.zeros((len(rests), elongated.shape[1]))
         self._elongated = np.vstack([elongated, none])
         self.weights = ObservationWeights(
@@ -260,7 +263,7 @@ class RestProblem:
         matrix = self.normal_equations(unknown)[0]
         rows = self._rows(len(missed))
         fit = Linearised(matrix, rows, arms, missed, kernels, unknown[-1])
-        return likeliest_widths(fit, self._widths, usual)
+        return likeliest_widths(fit, self.widths, usual)
 
     def scale(self, unknown: Floats) -> float:
         """Loads over the torques of the tensions; see `Balance.scale`."""
@@ -277,7 +280,7 @@ class RestProblem:
         lengths = self._prior.map.lengths(unknown)
         missed = self._lengths - lengths[:-1] + lengths[-1]
         cost = self.weights.cost(angles[: len(poses)], poses)
-        cost += float(np.sum(zero**2)) / self._widths.zero**2
+        cost += float(np.sum(zero**2)) / self.widths.zero**2
         for group in self._prior.groups(angles, elongated=self._elongated):
             own = missed[:, group.muscles]
             cost += float(np.sum(own * group.whiten(own)))
@@ -298,8 +301,8 @@ class RestProblem:
             for own, pull in self._of_rest(k, q):
                 matrix[k, :, k, :] += own
                 gradient[k] += pull
-        matrix[-1, :, -1, :] += np.eye(joints) / self._widths.zero**2
-        gradient[-1] += unknown[-1] / self._widths.zero**2
+        matrix[-1, :, -1, :] += np.eye(joints) / self.widths.zero**2
+        gradient[-1] += unknown[-1] / self.widths.zero**2
         missed, jacobian = self._missed_and_arms(unknown)
         rows = self._rows(count)
         for group in self._prior.groups(unknown[:-1], elongated=self._elongated):
@@ -339,7 +342,7 @@ def fit_rests(
     limits: Floats,
     options: ObservationFitOptions,
     observed: int,
-    usual: PriorWidths,
+    usual: PriorWidths | None,
 ) -> RestFit:
     """Fit the joint angles of all rests and the zero posture (module docstring).
 
@@ -349,7 +352,8 @@ def fit_rests(
         limits: lowest and highest angle of each joint (n, 2) [rad]; the zero posture may be beyond.
         options: limits of the fit.
         observed: number of observations, K.
-        usual: widths of the map's error before anything was measured.
+        usual: widths of the map's error before anything was measured; None to keep the present
+            ones.
     """
     low = np.broadcast_to(limits[:, 0] - options.limit_margin, start.shape).copy()
     high = np.broadcast_to(limits[:, 1] + options.limit_margin, start.shape).copy()
@@ -357,6 +361,6 @@ def fit_rests(
     end, converged = descend(problem, np.clip(start, low, high), low, high, options)
     norms = problem.weights.norms(end.residuals)
     seen = ObservationFit(end.angles[:observed], converged, norms)
-    widths = problem.likeliest_widths(end.angles, usual)
+    widths = problem.widths if usual is None else problem.likeliest_widths(end.angles, usual)
     scale = problem.scale(end.angles)
     return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, scale)

@@ -234,3 +234,17 @@ def test_loads_that_are_too_small_tell_nothing_of_tensions() -> None:
     q = postures(3, 4)
     assert np.isnan(balance.scale(q, [tensions_at(one) for one in q]))
     assert np.isnan(balance.scale(q, [None, None, None]))
+
+
+def test_a_tension_that_is_no_number_is_not_learned_from() -> None:
+    vision, q = updater(), postures(1, 4)[0]
+    broken = tensions_at(q)
+    broken[2] = np.nan
+    assert not vision.felt(Rest(lengths_at(q), broken, q))
+    assert vision.memory.rests.rests == ()
+    lengths = lengths_at(q)
+    seen = vision.seen(picture(q), q + 0.05, lengths, lengths, broken)
+    assert seen.learned
+    assert np.isfinite(seen.angles).all()
+    assert vision.zero is not None
+    assert np.isfinite(vision.zero).all()
