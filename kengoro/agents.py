@@ -96,8 +96,7 @@ def make_agent(
     jmm = map_of(design.robot.model, cache) if jmm is None else jmm
     detector = detector or _detector(options, design.camera, marker_sides, dictionary)
     typical, start = _postures(design.robot, jmm.joints, own, postures, start)
-    rng = np.random.default_rng([seed, 2])
-    loads = design.robot.arm
+    rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
     agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule, None, loads)
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard

@@ -188,14 +188,7 @@ class VisionUpdater:
         if sound and self.hold_out is not None and self.hold_out.keeps(pair):
             return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
-        keep = len(observations)
-        self._observations, self._angles = observations, fit.angles
-        self.elongated = found.elongated
-        self._know(found.memory)
-        self._commands = [*self._commands, command][-keep:]
-        self._sound = [*self._sound, sound][-keep:]
-        if self._start is not None:
-            self._start = self._start._replace(newest=self._start.newest + 1)
+        self._remember(observations, found, command, sound)
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         if self.hold_out is not None and self.hold_out.harmed(map_before, self._learner.map):
             self._learner.map, self.memory = map_before, before
@@ -203,6 +196,23 @@ class VisionUpdater:
             self.drop(seen.reason)
             return seen
         return seen._replace(learned=True)
+
+    def _remember(
+        self,
+        observations: list[MarkerObservation],
+        found: FittedRests,
+        command: Floats,
+        sound: bool,
+    ) -> None:
+        """Remember an observation that is believed, with its command (m,) [m]."""
+        keep = len(observations)
+        self._observations, self._angles = observations, found.observed.angles
+        self.elongated = found.elongated
+        self._know(found.memory)
+        self._commands = [*self._commands, command][-keep:]
+        self._sound = [*self._sound, sound][-keep:]
+        if self._start is not None:
+            self._start = self._start._replace(newest=self._start.newest + 1)
 
     def drop(self, reason: str) -> None:
         """Count an observation that was not learned from.
