@@ -8,7 +8,8 @@ covariance S, the likeliest width is
 
 where gamma is the number of errors that the data determine (MacKay, Neural Computation 4, 1992,
 eq. 2.17, 2.23). Few muscles and postures tell little, so the options' width counts as `KNOWN` more
-errors.
+errors. Offsets and shapes are not believed to be less wrong than usual: errors that lie in few
+directions would make a prior narrow that then suppresses them.
 
 For a group of muscles with features Phi and covariance C of its lengths' errors, w = Phi' C^-1 r of
 a muscle's residuals r. Joint angles and zero posture x are uncertain, too, with the fit's
@@ -94,7 +95,8 @@ def likeliest_widths(fit: Linearised, present: PriorWidths, usual: PriorWidths) 
     determined[2] = joints - spread
     least = np.maximum(determined, 0.0)
     widths = (KNOWN * np.array(usual) ** 2 + np.array(present) ** 2 * squares) / (KNOWN + least)
-    return PriorWidths(*np.sqrt(widths).tolist())
+    offset, shape, zero = np.sqrt(widths).tolist()
+    return PriorWidths(max(offset, usual.offset), max(shape, usual.shape), zero)
 
 
 def _by_postures(fit: Linearised, kernel: GroupKernel, lower: Floats) -> Floats:

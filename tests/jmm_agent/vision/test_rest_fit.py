@@ -159,8 +159,7 @@ def test_the_width_of_offsets_follows_the_robot(offset: float) -> None:
     if offset:
         assert 2.0 * USUAL.offset < widths.offset < 1.5 * offset
     else:
-        assert widths.offset < USUAL.offset
-        assert widths.shape < USUAL.shape
+        assert widths[:2] == USUAL[:2]
 
 
 def updater(**options: object) -> VisionUpdater:
