@@ -21,9 +21,12 @@ MOST_FOR_WIDTHS = 30
 """Number of rests from which on the widths of the prior are known, and not estimated again."""
 WIDTH_STEPS = 4
 """Largest number of fits with other widths of the prior."""
-UNBALANCED = 3.0
-"""Ratio of loads and torques of tensions from which on no tension is believed. Over six actual
-robots (seeds 0 to 5) it was between 0.6 and 1.03 [1]."""
+BALANCED = 0.2, 3.0
+"""Ratio of loads and torques of tensions between which tensions are believed. Over 18 actual robots
+(seeds 0 to 17) it was between 0.44 and 1.03 at the first rest, and 0.65 and 1.16 later; with
+tensions ten times too large between 0.06 and 0.11, ten times too small 3.8 or more [1]."""
+CERTAIN = 3
+"""Number of rests from which on it is said that tensions are not believed."""
 SAME_REST = 5.0
 """Noises of a pair's lengths within which two rests are the same."""
 
@@ -133,10 +136,12 @@ class RestFitter:
             elongated: number of permanent elongations of each muscle since each (K, m).
         """
         found, scale = self._fit(memory, observations, start, elongated, self._balance)
-        if self._balance is None or 1.0 / UNBALANCED <= scale <= UNBALANCED:
+        low, high = BALANCED
+        if self._balance is None or low <= scale <= high:
             return found
         found, _ = self._fit(memory, observations, start, elongated, None)
-        wrong = None if np.isnan(scale) else scale
+        few = len(observations) + len(memory.rests) < CERTAIN
+        wrong = None if few or np.isnan(scale) else scale
         return found._replace(memory=found.memory._replace(unbalanced=wrong))
 
     def _fit(
