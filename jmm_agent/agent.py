@@ -489,6 +489,7 @@ class Agent:
         self._schedule.reset()
         self.vision.zeroed()
         self.antagonism.forget()
+        self._map_changed()
         self.estimator.reset(self.estimator.q)
 
     def _start(self, readings: SensorReadings) -> None:

@@ -48,13 +48,14 @@ class Commander:
         self._feed_forward = FeedForward.none(len(jmm.muscles), start)
         self.time = -np.inf
         self.target_lengths = jmm.lengths(start)
-        self._mapped = jmm, start.copy(), self.target_lengths
+        self._mapped: tuple[JointMuscleMap, Floats, Floats] | None = None
         self._transition = MapTransition(len(jmm.muscles), rate)
 
     def reset(self) -> None:
         """Stay at the target until the first control step, as before a new episode."""
         self.time = -np.inf
         self._transition.reset()
+        self._mapped = None
         self._trajectory = Trajectory(np.array([self.target, self.target]), 0.0, 0.0)
 
     def recall(self, jmm: JointMuscleMap, posture: Floats) -> None:
@@ -66,7 +67,7 @@ class Commander:
         """
         self._trajectory = Trajectory(np.array([posture] * 2), 0.0, 0.0)
         self.target_lengths = jmm.lengths(posture)
-        self._mapped = jmm, posture.copy(), self.target_lengths
+        self._mapped = None
         self._transition.reset()
 
     @property
@@ -203,10 +204,9 @@ class Commander:
 
     def _lengths_at(self, jmm: JointMuscleMap, q: Floats) -> Floats:
         """The map's lengths (m,) [m] at ``q`` (n,) [rad], computed again only if either changed."""
-        by, at, lengths = self._mapped
-        if by is not jmm or not np.array_equal(at, q):
-            lengths = jmm.lengths(q)
-            if by is not jmm:
-                self._transition.begin(lengths - by.lengths(q))
-            self._mapped = jmm, q, lengths
-        return lengths.copy()
+        if self._mapped is not None and self._mapped[0] is not jmm:
+            self._transition.begin(jmm.lengths(q) - self._mapped[0].lengths(q))
+            self._mapped = None
+        if self._mapped is None or not np.array_equal(self._mapped[1], q):
+            self._mapped = jmm, q, jmm.lengths(q)
+        return self._mapped[2].copy()

@@ -58,6 +58,7 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "last": ("L", "n"),
     "zero": ("Z", "n"),
     "widths": ("Z", 3),
+    "unbalanced": ("U",),
     "rest_lengths": ("R", "m"),
     "rest_tensions": ("R", "m"),
     "rest_guess": ("R", "n"),
@@ -215,6 +216,7 @@ def _arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
     return {
         "zero": np.empty((0, joints)) if memory.zero is None else memory.zero[None],
         "widths": np.empty((0, 3)) if memory.widths is None else np.array(memory.widths)[None],
+        "unbalanced": np.array([] if memory.unbalanced is None else [memory.unbalanced]),
         "rest_lengths": np.array([rest.lengths for rest in rests]).reshape(-1, muscles),
         "rest_tensions": np.array([rest.tensions for rest in rests]).reshape(-1, muscles),
         "rest_guess": np.array([rest.guess for rest in rests]).reshape(-1, joints),
@@ -227,7 +229,9 @@ def _rests_of(arrays: Mapping[str, Floats]) -> RestMemory:
     rests = tuple(Rest(*row) for row in zip(*parts, strict=True))
     if not len(arrays["zero"]):
         return RestMemory(rests=rests)
-    return RestMemory(arrays["zero"][0], PriorWidths(*arrays["widths"][0].tolist()), rests)
+    widths = PriorWidths(*arrays["widths"][0].tolist())
+    unbalanced = float(arrays["unbalanced"][0]) if len(arrays["unbalanced"]) else None
+    return RestMemory(arrays["zero"][0], widths, rests, unbalanced)
 
 
 def _text(content: Arrays, name: str) -> str:
@@ -282,6 +286,8 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
             raise ArrayFileError(f"{name} has a negative number")
     if sizes["L"] > 1:
         raise ArrayFileError(f"last has {sizes['L']} postures, but one fits")
+    if sizes["U"] > 1:
+        raise ArrayFileError(f"unbalanced has {sizes['U']} ratios, but one fits")
     if sizes["Z"] > 1:
         raise ArrayFileError(f"zero has {sizes['Z']} postures, but one fits")
 

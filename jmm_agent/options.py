@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from jmm_agent.errors import AgentError
 from jmm_agent.kalman_filter_options import EstimatorOptions
 from jmm_agent.learning.options import LearningOptions
 from jmm_agent.learning_monitor import LearningMonitorOptions
@@ -42,6 +43,9 @@ class AgentOptions:
         estimator: noise levels and limits of the joint estimator.
         time_line: which time stamps are used.
         learning_monitor: from when on it is named that nothing is learned.
+
+    Raises:
+        AgentError: `map_rate` is not positive.
     """
 
     learn_antagonism: bool = True
@@ -63,3 +67,10 @@ class AgentOptions:
     estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
     time_line: TimeLineOptions = field(default_factory=TimeLineOptions)
     learning_monitor: LearningMonitorOptions = field(default_factory=LearningMonitorOptions)
+
+    def __post_init__(self) -> None:
+        if not self.map_rate > 0.0:
+            raise AgentError(
+                f"AgentOptions: map_rate is {self.map_rate} m/s, but must be positive; infinite to "
+                "jump."
+            )

@@ -98,8 +98,10 @@ class RestLearning:
         sample = sample._replace(since=self.settling.since)
         if settled:
             self._observer.begin_rest()
-            if self._schedule.enabled and self._options.learn_antagonism:
-                self._schedule.submit(_job(sample, learn=self._options.learn_vision))
+            options = self._options
+            if self._schedule.enabled and (options.learn_antagonism or options.learn_vision):
+                job = _job(sample)._replace(remember=options.learn_vision)
+                self._schedule.submit(job)
         self._observer.follow(readings, sample.estimate)
         self._learn_vision(self._observer.observe_pose(sample, trusted))
         self._learn_vision(self._observer.observe_frame(readings, sample))
@@ -148,6 +150,6 @@ def _job(at: ArmSample, found: HandObservation | None = None, learn: bool = True
     """Learning from the lengths of a rest, or from an observation of the hand in it."""
     rest = at.time, at.estimate, at.lengths, at.target, at.tensions
     if found is None:
-        return LearningJob("antagonism", *rest, None, learn, joint_angles=at.joint_angles)
+        return LearningJob("antagonism", *rest, joint_angles=at.joint_angles)
     more = found.frames, found.covariance, at.joint_angles
     return LearningJob("vision", *rest, found.pose, learn, *more)

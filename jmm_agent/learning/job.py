@@ -37,12 +37,12 @@ class LearningJob(NamedTuple):
         target: l_target (m,) [m].
         tensions: (m,) [N].
         pose: measured pose_marker_in_camera (4, 4); None for the Antagonism Updater.
-        learn: if False, the observation is only evaluated, or the Vision Updater does not
-            remember the rest.
+        learn: if False, the observation is only evaluated.
         frames: of the pose, see `MarkerObservation`; as well as ``covariance`` and
             ``joint_angles``.
         covariance: of the pose (6, 6).
         joint_angles: measured joint angles (n,) [rad], NaN where there is no encoder.
+        remember: whether the Vision Updater remembers the rest, too.
     """
 
     kind: Literal["antagonism", "vision"]
@@ -56,6 +56,7 @@ class LearningJob(NamedTuple):
     frames: Frames | None = None
     covariance: Floats | None = None
     joint_angles: Floats | None = None
+    remember: bool = True
 
 
 class LearnedState(NamedTuple):
@@ -103,7 +104,7 @@ class MapLearning:
         learner: holds the map.
         antagonism: of the same learner.
         vision: of the same learner.
-        joint: whether the Vision Updater learns the pairs of the Antagonism Updater, too.
+        joint: whether the Antagonism Updater learns, and the Vision Updater its pairs, too.
 
     Attributes:
         learner: as given.
@@ -151,11 +152,7 @@ class MapLearning:
         """
         self.state = state
         if job.kind == "antagonism":
-            if job.learn and self.vision.felt(Rest(job.lengths, job.tensions, job.estimate)):
-                self.antagonism.forget()
-                return JobResult(self.state, True)
-            moved = self.antagonism.settled(job.estimate, job.lengths, self.vision.pairs)
-            return JobResult(self.state, moved)
+            return self._rest(job)
         assert job.pose is not None
         before, self.vision.dropped = self.vision.dropped, {}
         try:
@@ -178,6 +175,20 @@ class MapLearning:
         return JobResult(
             self.state if job.learn else None, seen.learned, seen, tuple(dropped.items())
         )
+
+    def _rest(self, job: LearningJob) -> JobResult:
+        """Learn from lengths and tensions of a rest."""
+        estimate, learned = job.estimate, False
+        if job.remember:
+            felt = self.vision.felt(Rest(job.lengths, job.tensions, estimate))
+            if felt is not None:
+                estimate, learned = felt.angles, True
+                if felt.moved:
+                    self.antagonism.forget()
+        if self._joint:
+            moved = self.antagonism.settled(estimate, job.lengths, self.vision.pairs)
+            learned = learned or moved
+        return JobResult(self.state, learned)
 
 
 def run_named(learning: MapLearning, job: LearningJob, state: LearnedState) -> JobResult:

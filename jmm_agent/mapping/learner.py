@@ -11,7 +11,7 @@ rehearse it. Two rules move the map:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -90,6 +90,11 @@ class Rule(Protocol):
             batch: the new pair, and pairs that are learned beside it.
         """
 
+
+@runtime_checkable
+class PriorRule(Rule, Protocol):
+    """A rule that uses the prior of the map's error."""
+
     def with_prior(self, prior: MapPrior) -> Rule:
         """The rule, after more became known of the map's error.
 
@@ -119,7 +124,7 @@ class RidgeRule:
         return self.prior.corrected(*remembered.joined(batch))
 
     def with_prior(self, prior: MapPrior) -> RidgeRule:
-        """The rule with another prior; see `Rule`."""
+        """The rule with another prior; see `PriorRule`."""
         return RidgeRule(prior)
 
 
@@ -135,7 +140,7 @@ class Learner:
 
     Attributes:
         map: as learned so far.
-        rule: how the map is moved; the Vision Updater replaces it when it knows more.
+        rule: how the map is moved.
         rng: as given.
     """
 
@@ -150,6 +155,20 @@ class Learner:
         self.map = start
         self._limits, self.rule, self._options = limits, rule, options
         self.rng = rng
+
+    @property
+    def uses_prior(self) -> bool:
+        """Whether the rule uses the prior of the map's error."""
+        return isinstance(self.rule, PriorRule)
+
+    def know(self, prior: MapPrior) -> None:
+        """Use another prior of the map's error, if the rule uses one.
+
+        Args:
+            prior: by what became known of the robot.
+        """
+        if isinstance(self.rule, PriorRule):
+            self.rule = self.rule.with_prior(prior)
 
     def batch(self, new: Pairs) -> Pairs:
         """The batch of an update: new pairs, (0, 0) and random pairs of the current map.

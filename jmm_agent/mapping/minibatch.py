@@ -10,7 +10,6 @@ import numpy as np
 from jmm_agent.mapping.group_map import METRES, GroupMap
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
-from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 
 
@@ -38,10 +37,6 @@ class MinibatchRule:
         """
         groups = tuple(self._descend(group, batch) for group in current.groups)
         return replace(current, groups=groups)
-
-    def with_prior(self, prior: MapPrior) -> MinibatchRule:
-        """The same rule, which has no prior; see `learner.Rule`."""
-        return self
 
     def _descend(self, group: GroupMap, batch: Pairs) -> GroupMap:
         target = batch.lengths[:, group.muscle_index] / METRES

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from jmm_agent.errors import AgentError
+from jmm_agent.errors import AgentError, positive
 from jmm_agent.mapping.group_map import METRES, GroupMap
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.types import Floats, Ints
@@ -39,6 +39,9 @@ class PriorOptions:
         zeroed_offset: of a muscle's length over all postures, once the posture is known at which
             the lengths were zeroed [m].
         zeroed_shape: `shape`, where the zero posture and the widths are learned [m].
+
+    Raises:
+        AgentError: one of the last three is out of range.
     """
 
     offset: float = 0.025
@@ -49,6 +52,13 @@ class PriorOptions:
     zero_posture: float = 0.25
     zeroed_offset: float = 0.003
     zeroed_shape: float = 0.0025
+
+    def __post_init__(self) -> None:
+        positive("PriorOptions", zeroed_offset=self.zeroed_offset, zeroed_shape=self.zeroed_shape)
+        if not 0.0 <= self.zero_posture < np.inf:
+            raise AgentError(
+                f"PriorOptions: zero_posture is {self.zero_posture} rad, but must be at least 0."
+            )
 
 
 class GroupKernel:

@@ -15,7 +15,7 @@ from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.observation_check import ObservationCheck
 from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
-from jmm_agent.updaters.vision_memory import EpisodeStart, Seen, VisionMemory
+from jmm_agent.updaters.vision_memory import EpisodeStart, Felt, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
 from jmm_agent.vision.hold_out import HoldOut
@@ -116,29 +116,41 @@ class VisionUpdater:
         self.elongated = self.elongated + self._prior.zeroing_share
         self._start = None
         self._forget_rests()
+        if not self._observations and self.zero is not None:
+            self._know(RestMemory())
+            self._learner.map = self._prior.map
         if self.hold_out is not None:
             self.hold_out.forget()
 
-    def felt(self, rest: Rest) -> bool:
+    def felt(self, rest: Rest) -> Felt | None:
         """Remember a rest in which the hand was not seen, or not yet.
 
-        Before the first observation, enough of them tell at which posture the lengths were zeroed.
+        Before the first observation, enough of them tell at which posture the lengths were zeroed;
+        the map is then learned from all of them.
 
         Args:
             rest: the rest.
 
         Returns:
-            Whether the map's prior was moved by what the rests tell.
+            What was learned; None if nothing was.
         """
         rests = self._fitter.remembered(self._rests, rest)
         if rests is self._rests:
-            return False
+            return None
         self._rests = rests
-        if self._observations or not self._fitter.tells_zero(rests):
-            return False
-        self._know(self._fitter.fit(rests, [], self._angles, self.elongated).memory)
-        self._learner.learn(self.pairs, self.pairs)
-        return True
+        tells = self._fitter.tells_zero(rests) and self._learner.uses_prior
+        if self._observations or not tells:
+            return None
+        found = self._fitter.fit(rests, [], self._angles, self.elongated).memory
+        moved = self._moves_zero(found)
+        self._know(found)
+        pairs = Pairs(
+            np.array([one.guess for one in found.rests]),
+            np.array([one.lengths for one in found.rests]),
+            np.full(len(found.rests), self._options.noise),
+        )
+        self._learner.learn(pairs.last(1), Pairs(*(part[:-1] for part in pairs)))
+        return Felt(found.rests[-1].guess, moved)
 
     def seen(
         self,
@@ -245,7 +257,7 @@ class VisionUpdater:
         before, self._rests = self._rests, rests
         if rests.zero is not before.zero or rests.widths != before.widths:
             self._prior = self._fitter.prior(rests)
-            self._learner.rule = self._learner.rule.with_prior(self._prior)
+            self._learner.know(self._prior)
 
     def _forget_rests(self) -> None:
         self._rests = self._rests._replace(rests=())

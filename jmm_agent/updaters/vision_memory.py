@@ -50,6 +50,18 @@ class VisionMemory(NamedTuple):
     rests: RestMemory = RestMemory()
 
 
+class Felt(NamedTuple):
+    """What was learned from a rest in which the hand was not seen.
+
+    Attributes:
+        angles: joint angles (n,) [rad].
+        moved: as `Seen.moved`.
+    """
+
+    angles: Floats
+    moved: bool
+
+
 class Seen(NamedTuple):
     """Result of one marker observation.
 

@@ -31,6 +31,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from jmm_agent.errors import AgentError, positive
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
@@ -73,6 +74,9 @@ class BalanceOptions:
         rests: number of newest rests without an observation that are remembered; 0: none.
         blind: number of such rests from which on the map is corrected before the hand is seen; 0:
             never.
+
+    Raises:
+        AgentError: a number is out of range.
     """
 
     share: float = 0.5
@@ -81,6 +85,16 @@ class BalanceOptions:
     stop_margin: float = 0.03
     rests: int = 10
     blind: int = 5
+
+    def __post_init__(self) -> None:
+        positive("BalanceOptions", noise=self.noise, freedom=self.freedom)
+        if not 0.0 <= self.share < np.inf:
+            raise AgentError(f"BalanceOptions: share is {self.share}, but must be at least 0.")
+        if self.rests < 0 or self.blind < 0 or self.blind > self.rests > 0:
+            raise AgentError(
+                f"BalanceOptions: rests is {self.rests} and blind is {self.blind}, but both must "
+                "be at least 0, and blind at most rests."
+            )
 
 
 class Rest(NamedTuple):

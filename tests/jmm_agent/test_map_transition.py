@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from jmm_agent.errors import AgentError
+from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.map_transition import MapTransition
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.options import AgentOptions
+from tests.jmm_agent.test_agent import START, Trial
 
 CHANGE = np.array([0.03, -0.015, 0.0])
 
@@ -36,3 +41,24 @@ def test_an_infinite_rate_jumps() -> None:
     transition = MapTransition(3, np.inf)
     transition.begin(CHANGE)
     np.testing.assert_array_equal(transition.advance(0.02), np.zeros(3))
+
+
+def test_an_episode_begins_without_a_transition(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    """A map that entered since the last command does not move the first one away from the arm."""
+    trial = Trial(nominal_map, arm, detector=None, learn_antagonism=False, learn_vision=False)
+    trial.rest(START, 5)
+    agent = trial.agent
+    layers = {g.name: (g.W2, g.b2 + 20.0) for g in nominal_map.groups}
+    longer = nominal_map.with_output_layers(layers)
+    agent.recall(longer, agent.antagonism.memory, agent.vision.memory)
+    agent.begin_episode()
+    command = trial.step()
+    assert np.abs(command - longer.lengths(agent.joint_angles)).max() < 0.002
+
+
+@pytest.mark.parametrize("rate", [0.0, -0.03, np.nan])
+def test_a_rate_that_is_not_positive_is_refused(rate: float) -> None:
+    with pytest.raises(AgentError, match=r"map_rate is .* must be positive"):
+        AgentOptions(map_rate=rate)

@@ -34,9 +34,6 @@ class BrokenRule:
     def move(self, current: object, remembered: object, batch: object) -> JointMuscleMap:
         raise ZeroDivisionError("no rule")
 
-    def with_prior(self, prior: object) -> BrokenRule:
-        return self
-
 
 @pytest.mark.parametrize("where", ["step", "process"])
 def test_a_job_that_fails_is_named_and_the_loop_goes_on(
@@ -105,9 +102,6 @@ class PrintingRule:
     def move(self, current: JointMuscleMap, remembered: object, batch: object) -> JointMuscleMap:
         os.write(1, b"hello")
         return current
-
-    def with_prior(self, prior: object) -> PrintingRule:
-        return self
 
 
 def test_what_a_library_prints_is_no_result(make: Make, nominal_map: JointMuscleMap) -> None:

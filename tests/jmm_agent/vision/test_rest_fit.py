@@ -6,10 +6,14 @@ loads are a made-up function of the posture, and its tensions balance them.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
+from jmm_agent.errors import AgentError
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions, VisionUpdater
@@ -162,10 +166,10 @@ def test_the_width_of_offsets_follows_the_robot(offset: float) -> None:
         assert widths[:2] == USUAL[:2]
 
 
-def updater(**options: object) -> VisionUpdater:
+def updater(rule: Rule | None = None, **options: object) -> VisionUpdater:
     prior = MapPrior(make_map(0), postures(100, 8), PriorOptions())
     rng = np.random.default_rng(0)
-    learner = Learner(make_map(0), LIMITS, RidgeRule(prior), BatchOptions(), rng)
+    learner = Learner(make_map(0), LIMITS, rule or RidgeRule(prior), BatchOptions(), rng)
     chosen = VisionOptions(**options)  # type: ignore[arg-type]
     return VisionUpdater(learner, prior, marker_residual, WIDE, chosen, MadeUpLoads())
 
@@ -180,16 +184,16 @@ def test_a_map_is_corrected_before_the_hand_is_seen() -> None:
     vision = updater()
     before, moved = map_error(vision), []
     for q in postures(10, 4):
-        moved.append(vision.felt(Rest(lengths_at(q), tensions_at(q), q + 0.1)))
-        assert not vision.felt(Rest(lengths_at(q), tensions_at(q), q))  # the same rest again
+        moved.append(vision.felt(Rest(lengths_at(q), tensions_at(q), q + 0.1)) is not None)
+        assert vision.felt(Rest(lengths_at(q), tensions_at(q), q)) is None  # the same rest again
     assert moved == [False] * 4 + [True] * 6
     assert map_error(vision) < 0.5 * before
 
 
 def test_without_loads_or_with_another_fit_nothing_is_learned_from_rests_alone() -> None:
-    for vision in (updater(fit="together"), updater(balance=BalanceOptions(rests=0))):
+    for vision in (updater(fit="together"), updater(balance=BalanceOptions(rests=0, blind=0))):
         for q in postures(10, 4):
-            assert not vision.felt(Rest(lengths_at(q), tensions_at(q), q))
+            assert vision.felt(Rest(lengths_at(q), tensions_at(q), q)) is None
         assert vision.zero is None
 
 
@@ -239,7 +243,7 @@ def test_a_tension_that_is_no_number_is_not_learned_from() -> None:
     vision, q = updater(), postures(1, 4)[0]
     broken = tensions_at(q)
     broken[2] = np.nan
-    assert not vision.felt(Rest(lengths_at(q), broken, q))
+    assert vision.felt(Rest(lengths_at(q), broken, q)) is None
     assert vision.memory.rests.rests == ()
     lengths = lengths_at(q)
     seen = vision.seen(picture(q), q + 0.05, lengths, lengths, broken)
@@ -247,3 +251,43 @@ def test_a_tension_that_is_no_number_is_not_learned_from() -> None:
     assert np.isfinite(seen.angles).all()
     assert vision.zero is not None
     assert np.isfinite(vision.zero).all()
+
+
+def test_a_robot_that_is_zeroed_anew_before_it_is_seen_begins_again() -> None:
+    vision = updater()
+    for q in postures(6, 4):
+        vision.felt(Rest(lengths_at(q), tensions_at(q), q + 0.1))
+    assert vision.zero is not None
+    vision.zeroed()
+    assert vision.zero is None
+    test = postures(5, 6)
+    np.testing.assert_array_equal(vision._learner.map.lengths(test), make_map(0).lengths(test))
+
+
+class PlainRule:
+    """A rule with one method."""
+
+    def move(self, current: JointMuscleMap, remembered: Pairs, batch: Pairs) -> JointMuscleMap:
+        return current
+
+
+def test_a_rule_without_a_prior_learns_from_observations_only() -> None:
+    vision = updater(rule=PlainRule())
+    for q in postures(6, 4):
+        assert vision.felt(Rest(lengths_at(q), tensions_at(q), q)) is None
+    lengths = lengths_at(q)
+    assert vision.seen(picture(q), q + 0.05, lengths, lengths, tensions_at(q)).learned
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"noise": 0.0}, "noise is 0.0, but must be positive and finite"),
+        ({"freedom": np.inf}, "freedom is inf"),
+        ({"share": -0.1}, "share is -0.1, but must be at least 0"),
+        ({"rests": 3}, "rests is 3 and blind is 5"),
+    ],
+)
+def test_options_out_of_range_are_refused(wrong: dict[str, Any], text: str) -> None:
+    with pytest.raises(AgentError, match=text):
+        BalanceOptions(**wrong)
