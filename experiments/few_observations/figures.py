@@ -58,7 +58,7 @@ def _curves(results: Results, sizes: Sizes) -> Figure:
                 bars = np.abs([[one.median - one.low, one.high - one.median] for one in found]).T
                 axes.errorbar(sizes.counts, values, bars, color=colour, capsize=3, lw=1)
         before = np.median(methods.numbers(results, methods.OURS, 0, key))
-        axes.axhline(before, color="black", lw=1, ls="--", label=f"before learning: {before:.0f}")
+        axes.axhline(before, color="black", lw=1, ls="--", label="before learning")
         axes.set(xscale="log", yscale="log", xlabel="number of looks", ylabel=label)
         axes.set_xticks(sizes.counts, [str(count) for count in sizes.counts])
         axes.minorticks_off()
