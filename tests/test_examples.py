@@ -41,7 +41,7 @@ def test_there_are_five_and_each_is_shorter_than_60_lines() -> None:
 def test_learn_a_body(tmp_path: Path) -> None:
     errors = numbers(r"RMSE_joint ([\d.]+) deg, faults \[\]", run("learn_a_body", tmp_path))
     assert len(errors) == 12
-    assert max(errors[-3:]) < 0.6 * min(errors[:4])
+    assert max(errors[-3:]) < 0.3 * min(errors[:2])  # learned from the third on
     assert (tmp_path / "learned_map.npz").exists()
 
 
@@ -57,7 +57,7 @@ def test_drive_a_remote_robot(tmp_path: Path) -> None:
     output = run("drive_a_remote_robot", tmp_path)
     errors = numbers(r": ([\d.]+) deg between estimated and observed joint angles", output)
     assert len(output.splitlines()) == 6
-    assert errors[-1] < 0.3 * errors[0]
+    assert errors[-1] < 1.5  # some 10 before learning
 
 
 def test_diagnose_a_log(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Figures of few observations: errors by number of looks, and what each source tells."""
+"""Figures of few observations: errors by number of count, and what each source tells."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _curves(results: Results, sizes: Sizes) -> Figure:
     figure = Figure(figsize=(11, 5.2), layout="constrained")
     for axes, (key, label) in zip(figure.subplots(1, 2), PANELS.items(), strict=True):
         for name, (colour, line, marker) in STYLES.items():
-            found = [interval(methods.numbers(results, name, looks, key)) for looks in sizes.counts]
+            found = [interval(methods.numbers(results, name, count, key)) for count in sizes.counts]
             values = [one.median for one in found]
             title = methods.METHODS[name]
             axes.plot(sizes.counts, values, line, marker=marker, color=colour, label=title)
@@ -78,7 +78,7 @@ def _sources(results: Results) -> Figure:
     colours = [GROUP_COLOURS[group[joint]] for joint in JOINTS]
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (name, title) in zip(panels.flat, SOURCES.items(), strict=True):
-        parts = [result[methods.TOLD][name] for result in results.values()]
+        parts = [result[methods.BY_SOURCE][name] for result in results.values()]
         error = np.median([part["error_joints_deg"] for part in parts], axis=0)
         predicted = np.median([part["predicted_joints_deg"] for part in parts], axis=0)
         axes.bar(JOINTS, error, color=colours)

@@ -9,7 +9,7 @@ from experiments.harness.experiment import Results
 OURS, LENGTHS, CONSTANTS, PAPER = "rests", "lengths", "constants", "paper"
 GAUSSIAN, POLYNOMIAL = "Gaussian process", "polynomial"
 DRIVING = {
-    OURS: "ours: looks, lengths and tensions of all rests, zero posture",
+    OURS: "ours: count, lengths and tensions of all rests, zero posture",
     LENGTHS: "looks and lengths only",
     CONSTANTS: "looks and lengths, one constant a muscle",
     PAPER: "the paper's rule",
@@ -21,9 +21,9 @@ GIVEN = {
 }
 """Methods that get the pairs of ours, and their titles."""
 METHODS = DRIVING | GIVEN
-UNSEEN = "unseen"
+BLIND = "blind"
 """Condition of the agent that sees nothing."""
-TOLD = "sources"
+BY_SOURCE = "sources"
 """Condition of the part on sources of information."""
 
 
@@ -34,7 +34,7 @@ class Sizes:
     Attributes:
         counts: numbers of looks after which a map is tested.
         tested: number of other postures in a test.
-        unseen: number of postures of the agent that sees nothing.
+        blind: number of postures of the agent that sees nothing.
         move: duration of a movement while learning [s].
         patience: longest wait for rest and an observation while learning [s].
         test_move: duration of a movement in the test [s].
@@ -43,16 +43,16 @@ class Sizes:
 
     counts: tuple[int, ...] = (1, 2, 3, 5, 10, 27)
     tested: int = 10
-    unseen: int = 10
+    blind: int = 10
     move: float = 1.5
     patience: float = 2.0
     test_move: float = 1.5
     test_hold: float = 1.2
 
 
-def numbers(results: Results, method: str, looks: int, key: str) -> list[float]:
-    """An error of a method after some looks, of each robot."""
+def numbers(results: Results, method: str, count: int, key: str) -> list[float]:
+    """An error of a method after some count, of each robot."""
     source = OURS if method in GIVEN else method
-    if looks == 0:
+    if count == 0:
         method = source
-    return [result[source][method][str(looks)][key] for result in results.values()]
+    return [result[source][method][str(count)][key] for result in results.values()]

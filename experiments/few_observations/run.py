@@ -16,6 +16,8 @@ from typing import Any
 
 from experiments.baselines.maps import Baselines
 from experiments.few_observations.methods import (
+    BLIND,
+    BY_SOURCE,
     CONSTANTS,
     DRIVING,
     GAUSSIAN,
@@ -23,11 +25,9 @@ from experiments.few_observations.methods import (
     OURS,
     PAPER,
     POLYNOMIAL,
-    TOLD,
-    UNSEEN,
     Sizes,
 )
-from experiments.few_observations.sources import told
+from experiments.few_observations.sources import errors_by_source
 from experiments.few_observations.tables import metrics, per_seed, tables
 from experiments.harness import common
 from experiments.harness.common import Summary
@@ -53,7 +53,7 @@ OPTIONS = {
 }
 
 QUICK = Sizes(
-    counts=(1, 3), tested=1, unseen=5, move=0.8, patience=1.0, test_move=0.4, test_hold=0.3
+    counts=(1, 3), tested=1, blind=5, move=0.8, patience=1.0, test_move=0.4, test_hold=0.3
 )
 
 
@@ -83,7 +83,7 @@ class Robot:
         return errors(self._evaluator.evaluate(jmm, self._tested, vision))
 
     def drive(self, method: str, cache: Path | None) -> dict[str, Any]:
-        """Learn by a method; errors by the number of looks, of it and of what it gives others."""
+        """Learn by a method; errors by the number of count, of it and of what it gives others."""
         sizes, seed = self._sizes, self._seed
         rule = MinibatchRule() if method == PAPER else None
         agent = make_agent(seed, options=OPTIONS[method], rule=rule, cache=cache)
@@ -102,7 +102,7 @@ class Robot:
             for name, jmm in given.items():
                 found.setdefault(name, {})[str(number)] = self.tested(jmm, vision)
         session.env.close()
-        found["looks"] = agent.vision.fired
+        found["observations"] = agent.vision.fired
         return found
 
     def feel(self, cache: Path | None) -> dict[str, Any]:
@@ -111,22 +111,24 @@ class Robot:
         session = make_session(ACTUAL, self._seed, agent, self.learned[0])
         seeing = make_agent(self._seed, cache=cache).vision
         before = self.tested(agent.map, seeing)
-        for posture in self.learned[1 : 1 + self._sizes.unseen]:
+        for posture in self.learned[1 : 1 + self._sizes.blind]:
             visit(session, posture, None, self._sizes.move, self._sizes.patience, search=False)
         session.env.close()
-        return {"0": before, str(self._sizes.unseen): self.tested(agent.map, seeing)}
+        return {"0": before, str(self._sizes.blind): self.tested(agent.map, seeing)}
 
 
 def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
     """Run a method, the agent that sees nothing, or the part on sources, on one robot."""
-    if condition == TOLD:
-        return told(known_world(cache), seed, BodySizes(move=sizes.move, hold=sizes.patience))
+    if condition == BY_SOURCE:
+        return errors_by_source(
+            known_world(cache), seed, BodySizes(move=sizes.move, hold=sizes.patience)
+        )
     robot = Robot(seed, sizes, cache)
-    return robot.feel(cache) if condition == UNSEEN else robot.drive(condition, cache)
+    return robot.feel(cache) if condition == BLIND else robot.drive(condition, cache)
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """Errors by number of looks, beside the other methods, and what each source tells."""
+    """Errors by number of count, beside the other methods, and what each source tells."""
     from experiments.few_observations.figures import pictures
 
     return Findings(
@@ -148,7 +150,7 @@ EXPERIMENT = Experiment(
         "polynomial get the joint angles and lengths of our agent. One agent has no camera."
     ),
     figure="beyond the paper: its second future work",
-    conditions=(*DRIVING, UNSEEN, TOLD),
+    conditions=(*DRIVING, BLIND, BY_SOURCE),
     sizes=Sizes(),
     quick=QUICK,
     run=run,

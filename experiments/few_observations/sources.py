@@ -20,13 +20,13 @@ from jmm_agent.vision.prior_widths import PriorWidths
 from jmm_agent.vision.rest_fit import Balance, BalanceOptions, Rest, RestProblem, fit_rests
 from kengoro_env.departures import actual
 
-RESTS, LOOKS = 10, 3
+RESTS, OBSERVED = 10, 3
 """Numbers of rests, and of those among them in which the hand is seen."""
 SOURCES = {
     "lengths": "lengths",
     "balance": "lengths and balance",
-    "looks": f"lengths and {LOOKS} looks",
-    "all": f"lengths, balance and {LOOKS} looks",
+    "vision": f"lengths and {OBSERVED} looks",
+    "all": f"lengths, balance and {OBSERVED} looks",
 }
 """Sources of information, and their titles."""
 WIDTH_STEPS = 3
@@ -37,7 +37,7 @@ REGULARISATION = 1e-9
 """Added to the Gauss-Newton matrix, relative to its diagonal."""
 
 
-def told(world: World, seed: int, sizes: Sizes) -> dict[str, Any]:
+def errors_by_source(world: World, seed: int, sizes: Sizes) -> dict[str, Any]:
     """Errors of the joint angles by each source, true and predicted [deg].
 
     Args:
@@ -56,15 +56,15 @@ def told(world: World, seed: int, sizes: Sizes) -> dict[str, Any]:
     true = np.array([rest.true for rest in rests])
     found = {}
     for name in SOURCES:
-        seen = LOOKS if name in ("looks", "all") else 0
+        seen = OBSERVED if name in ("vision", "all") else 0
         observations = [
             MarkerObservation(
                 world.marker(rest.true), rest.lengths, rest.estimate, tensions=rest.tensions
             )
             for rest in rests[:seen]
         ]
-        felt = [Rest(rest.lengths, rest.tensions, rest.estimate) for rest in rests[seen:]]
-        angles, spread = _fitted(world, observations, felt, name in ("balance", "all"))
+        rested = [Rest(rest.lengths, rest.tensions, rest.estimate) for rest in rests[seen:]]
+        angles, spread = _fitted(world, observations, rested, name in ("balance", "all"))
         error = np.degrees(angles - true)
         predicted = np.degrees(spread)
         found[name] = {
@@ -78,18 +78,18 @@ def told(world: World, seed: int, sizes: Sizes) -> dict[str, Any]:
 
 
 def _fitted(
-    world: World, observations: list[MarkerObservation], felt: list[Rest], balanced: bool
+    world: World, observations: list[MarkerObservation], rested: list[Rest], balanced: bool
 ) -> tuple[Floats, Floats]:
     """Joint angles of all rests (K, n) [rad], and their predicted standard deviations."""
     options, prior = ObservationFitOptions(), PriorOptions()
     usual = widths = PriorWidths(prior.zeroed_offset, prior.zeroed_shape, prior.zero_posture)
     balance = Balance(world.map, world.arm, world.limits, BalanceOptions())
-    guesses = [one.guess for one in observations] + [one.guess for one in felt]
+    guesses = [one.guess for one in observations] + [one.guess for one in rested]
     unknown = np.vstack([*guesses, np.zeros(len(world.limits))])
     for _ in range(WIDTH_STEPS):
         problem = RestProblem(
             observations,
-            felt,
+            rested,
             world.prior,
             widths,
             world.marker_residual,

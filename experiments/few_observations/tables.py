@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from experiments.few_observations.methods import (
+    BLIND,
+    BY_SOURCE,
     GIVEN,
     METHODS,
     OURS,
-    TOLD,
-    UNSEEN,
     Sizes,
     numbers,
 )
@@ -22,9 +22,9 @@ from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
 
 MUST = {"share_deg": {1: 0.55, 3: 0.25}, "share_mm": {1: 0.35, 3: 0.20}}
-"""Largest shares of the errors before, after some looks."""
+"""Largest shares of the errors before, after some count."""
 MUST_AFTER = {5: (2.0, 25.0), 27: (1.2, 12.0)}
-"""Largest errors of joints [deg] and hand [mm] after some looks."""
+"""Largest errors of joints [deg] and hand [mm] after some count."""
 HALF = 0.5
 
 
@@ -34,22 +34,22 @@ def metrics(results: Results, sizes: Sizes) -> dict[str, Mapping[str, Any]]:
     for unit in ("deg", "mm"):
         key = f"target_true_{unit}"
         before = np.array(numbers(results, OURS, 0, key))
-        for looks in sizes.counts:
-            after = numbers(results, OURS, looks, key)
-            share, limit = after / before, MUST[f"share_{unit}"].get(looks)
-            found[f"share_of_error_after_{looks}_{unit}"] = metric(share, "", must=limit)
-            limits = MUST_AFTER.get(looks)
+        for count in sizes.counts:
+            after = numbers(results, OURS, count, key)
+            share, limit = after / before, MUST[f"share_{unit}"].get(count)
+            found[f"share_of_error_after_{count}_{unit}"] = metric(share, "", must=limit)
+            limits = MUST_AFTER.get(count)
             most = None if limits is None else limits[unit == "mm"]
-            found[f"error_after_{looks}_{unit}"] = metric(after, unit, must=most)
-            others = [numbers(results, name, looks, key) for name in METHODS if name != OURS]
+            found[f"error_after_{count}_{unit}"] = metric(after, unit, must=most)
+            others = [numbers(results, name, count, key) for name in METHODS if name != OURS]
             gap = np.array(after) - np.min(others, axis=0)
-            found[f"above_best_other_after_{looks}_{unit}"] = metric(gap, unit, must=0.0)
-        unseen = [
-            result[UNSEEN][str(sizes.unseen)][key] / result[UNSEEN]["0"][key]
+            found[f"above_best_other_after_{count}_{unit}"] = metric(gap, unit, must=0.0)
+        blind = [
+            result[BLIND][str(sizes.blind)][key] / result[BLIND]["0"][key]
             for result in results.values()
         ]
         limit = HALF if unit == "deg" else None
-        found[f"share_of_error_unseen_{unit}"] = metric(unseen, "", must=limit)
+        found[f"share_of_error_blind_{unit}"] = metric(blind, "", must=limit)
     return found
 
 
@@ -58,31 +58,30 @@ def _error_table(results: Results, sizes: Sizes, key: str, unit: str) -> Table:
     rows = []
     for name, title in METHODS.items():
         cells = []
-        for looks in counts:
-            values = numbers(results, name, looks, key)
+        for count in counts:
+            values = numbers(results, name, count, key)
             cells.append(f"{np.median(values):.1f} ({max(values):.1f})")
         rows.append((title, *cells))
-    unseen = [
-        [result[UNSEEN][looks][key] for result in results.values()]
-        for looks in ("0", str(sizes.unseen))
+    blind = [
+        [result[BLIND][count][key] for result in results.values()]
+        for count in ("0", str(sizes.blind))
     ]
-    first, last = (f"{np.median(values):.1f} ({max(values):.1f})" for values in unseen)
+    first, last = (f"{np.median(values):.1f} ({max(values):.1f})" for values in blind)
     rows.append(
-        (f"ours, {sizes.unseen} postures that are not seen", first, last)
-        + ("",) * (len(counts) - 2)
+        (f"ours, {sizes.blind} postures that are not seen", first, last) + ("",) * (len(counts) - 2)
     )
     return Table(
-        f"target - true [{unit}] by number of looks: median over robots (worst robot)",
+        f"target - true [{unit}] by number of count: median over robots (worst robot)",
         ("method", *map(str, counts)),
         rows,
-        "Medians over the test postures. Of the unseen postures, the second column is after all.",
+        "Medians over the test postures. Of the blind postures, the second column is after all.",
     )
 
 
 def _source_table(results: Results) -> Table:
     rows = []
     for name, title in SOURCES.items():
-        parts = [result[TOLD][name] for result in results.values()]
+        parts = [result[BY_SOURCE][name] for result in results.values()]
         error = interval([part["error_deg"] for part in parts])
         predicted = interval([part["predicted_deg"] for part in parts])
         covered = np.mean([part["covered"] for part in parts])
@@ -107,10 +106,10 @@ def tables(results: Results, sizes: Sizes) -> list[Table]:
                 f"{found.median:.2f} ({found.low:.2f} to {found.high:.2f})"
                 for found in (
                     paired(
-                        numbers(results, OURS, looks, "target_true_deg"),
-                        numbers(results, name, looks, "target_true_deg"),
+                        numbers(results, OURS, count, "target_true_deg"),
+                        numbers(results, name, count, "target_true_deg"),
                     )
-                    for looks in sizes.counts
+                    for count in sizes.counts
                 )
             ),
         )
@@ -130,12 +129,12 @@ def tables(results: Results, sizes: Sizes) -> list[Table]:
 
 
 def per_seed(results: Results) -> dict[int, Any]:
-    """Errors of the joints by method and number of looks, of each robot [deg]."""
+    """Errors of the joints by method and number of count, of each robot [deg]."""
     return {
         seed: {
             name: {
-                looks: found["target_true_deg"]
-                for looks, found in result[OURS if name in GIVEN else name][name].items()
+                count: found["target_true_deg"]
+                for count, found in result[OURS if name in GIVEN else name][name].items()
             }
             for name in METHODS
         }

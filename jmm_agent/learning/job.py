@@ -180,10 +180,10 @@ class MapLearning:
         """Learn from lengths and tensions of a rest."""
         estimate, learned = job.estimate, False
         if job.remember:
-            felt = self.vision.felt(Rest(job.lengths, job.tensions, estimate))
-            if felt is not None:
-                estimate, learned = felt.angles, True
-                if felt.moved:
+            rested = self.vision.rested(Rest(job.lengths, job.tensions, estimate))
+            if rested is not None:
+                estimate, learned = rested.angles, True
+                if rested.moved:
                     self.antagonism.forget()
         if self._joint:
             moved = self.antagonism.settled(estimate, job.lengths, self.vision.pairs)

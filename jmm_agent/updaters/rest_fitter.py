@@ -113,7 +113,7 @@ class RestFitter:
             return memory
         return memory._replace(rests=(*memory.rests, rest)[-most:])
 
-    def tells_zero(self, memory: RestMemory) -> bool:
+    def shows_zero(self, memory: RestMemory) -> bool:
         """Whether there are enough rests to estimate the zero posture without an observation."""
         return 0 < self._options.balance.blind <= len(memory.rests)
 
@@ -123,6 +123,7 @@ class RestFitter:
         observations: Sequence[MarkerObservation],
         start: Floats,
         elongated: Floats,
+        learn_widths: bool = True,
     ) -> FittedRests:
         """Fit all rests and the zero posture, with the widths that then are likeliest.
 
@@ -134,12 +135,14 @@ class RestFitter:
             observations: K observations.
             start: their angles (K, n) [rad] to start from.
             elongated: number of permanent elongations of each muscle since each (K, m).
+            learn_widths: if False, the widths of before are kept.
         """
-        found, scale = self._fit(memory, observations, start, elongated, self._balance)
+        steps = WIDTH_STEPS if learn_widths else 0
+        found, scale = self._fit(memory, observations, start, elongated, self._balance, steps)
         low, high = BALANCED
         if self._balance is None or low <= scale <= high:
             return found
-        found, _ = self._fit(memory, observations, start, elongated, None)
+        found, _ = self._fit(memory, observations, start, elongated, None, steps)
         few = len(observations) + len(memory.rests) < CERTAIN
         wrong = None if few or np.isnan(scale) else scale
         return found._replace(memory=found.memory._replace(unbalanced=wrong))
@@ -151,12 +154,16 @@ class RestFitter:
         start: Floats,
         elongated: Floats,
         balance: Balance | None,
+        steps: int,
     ) -> tuple[FittedRests, float]:
-        """Fit with a balance or without, and loads over the torques of the tensions."""
+        """Fit with a balance or without, and loads over the torques of the tensions.
+
+        With ``steps`` above 0 the widths are learned, in at most so many fits.
+        """
         zero = np.zeros(len(self._limits)) if memory.zero is None else memory.zero
         angles, rests, options = start, memory.rests, self._options.observations
         widths = memory.widths or self._usual
-        for _ in range(WIDTH_STEPS):
+        for _ in range(max(1, steps)):
             problem = RestProblem(
                 observations,
                 rests,
@@ -168,7 +175,7 @@ class RestFitter:
                 elongated,
             )
             begin = np.vstack([angles, *(rest.guess[None] for rest in rests), zero])
-            known = len(begin) > MOST_FOR_WIDTHS
+            known = steps == 0 or len(begin) > MOST_FOR_WIDTHS
             usual = None if known else self._usual
             found = fit_rests(problem, begin, self._limits, options, len(angles), usual)
             angles, zero = found.observed.angles, found.zero
@@ -196,9 +203,10 @@ class RestFitter:
         options, newest = self._options.observations, observations[-1].lengths
         rests = tuple(rest for rest in memory.rests if not self._is_same(rest.lengths, newest))
         recent = min(options.elongation_recent, len(observations) - 1)
-        found = self.fit(memory._replace(rests=rests), observations, start, elongated)
+        memory = memory._replace(rests=rests)
         if recent < 1 or options.elongation_evidence == np.inf:
-            return found
+            return self.fit(memory, observations, start, elongated)
+        found = self.fit(memory, observations, start, elongated, learn_widths=False)
         for _ in range(elongated.shape[1]):
             evidence = log_bayes_factors(
                 observations,
@@ -213,8 +221,8 @@ class RestFitter:
             if more is None:
                 break
             memory = found.memory._replace(rests=())
-            found = self.fit(memory, observations, found.observed.angles, more)
-        return found
+            found = self.fit(memory, observations, found.observed.angles, more, learn_widths=False)
+        return self.fit(found.memory, observations, found.observed.angles, found.elongated)
 
     def _is_same(self, one: Floats, other: Floats) -> bool:
         """Whether two rests have the same lengths (m,) [m] but for noise."""

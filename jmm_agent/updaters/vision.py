@@ -15,7 +15,7 @@ from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.observation_check import ObservationCheck
 from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
-from jmm_agent.updaters.vision_memory import EpisodeStart, Felt, Seen, VisionMemory
+from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
 from jmm_agent.vision.hold_out import HoldOut
@@ -122,7 +122,7 @@ class VisionUpdater:
         if self.hold_out is not None:
             self.hold_out.forget()
 
-    def felt(self, rest: Rest) -> Felt | None:
+    def rested(self, rest: Rest) -> Rested | None:
         """Remember a rest in which the hand was not seen, or not yet.
 
         Before the first observation, enough of them tell at which posture the lengths were zeroed;
@@ -138,8 +138,8 @@ class VisionUpdater:
         if rests is self._rests:
             return None
         self._rests = rests
-        tells = self._fitter.tells_zero(rests) and self._learner.uses_prior
-        if self._observations or not tells:
+        enough = self._fitter.shows_zero(rests) and self._learner.uses_prior
+        if self._observations or not enough:
             return None
         found = self._fitter.fit(rests, [], self._angles, self.elongated).memory
         moved = self._moves_zero(found)
@@ -150,7 +150,7 @@ class VisionUpdater:
             np.full(len(found.rests), self._options.noise),
         )
         self._learner.learn(pairs.last(1), Pairs(*(part[:-1] for part in pairs)))
-        return Felt(found.rests[-1].guess, moved)
+        return Rested(found.rests[-1].guess, moved)
 
     def seen(
         self,

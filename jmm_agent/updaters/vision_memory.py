@@ -50,7 +50,7 @@ class VisionMemory(NamedTuple):
     rests: RestMemory = RestMemory()
 
 
-class Felt(NamedTuple):
+class Rested(NamedTuple):
     """What was learned from a rest in which the hand was not seen.
 
     Attributes:

@@ -9,7 +9,8 @@ covariance S, the likeliest width is
 where gamma is the number of errors that the data determine (MacKay, Neural Computation 4, 1992,
 eq. 2.17, 2.23). Few muscles and postures tell little, so the options' width counts as `KNOWN` more
 errors. Offsets and shapes are not believed to be less wrong than usual: errors that lie in few
-directions would make a prior narrow that then suppresses them.
+directions would make a prior narrow that then suppresses them. Nor are they to be more than
+`LARGEST` times as wrong.
 
 For a group of muscles with features Phi and covariance C of its lengths' errors, w = Phi' C^-1 r of
 a muscle's residuals r. Joint angles and zero posture x are uncertain, too, with the fit's
@@ -31,6 +32,8 @@ from jmm_agent.types import Floats
 
 KNOWN = 8.0
 """Number of errors that the options' width counts as."""
+LARGEST = 10.0
+"""Largest width that is believed, in units of the usual one [1]."""
 REGULARISATION = 1e-9
 """Added to the Gauss-Newton matrix, relative to its diagonal."""
 
@@ -96,7 +99,11 @@ def likeliest_widths(fit: Linearised, present: PriorWidths, usual: PriorWidths) 
     least = np.maximum(determined, 0.0)
     widths = (KNOWN * np.array(usual) ** 2 + np.array(present) ** 2 * squares) / (KNOWN + least)
     offset, shape, zero = np.sqrt(widths).tolist()
-    return PriorWidths(max(offset, usual.offset), max(shape, usual.shape), zero)
+    return PriorWidths(
+        min(max(offset, usual.offset), LARGEST * usual.offset),
+        min(max(shape, usual.shape), LARGEST * usual.shape),
+        min(zero, LARGEST * usual.zero),
+    )
 
 
 def _by_postures(fit: Linearised, kernel: GroupKernel, lower: Floats) -> Floats:

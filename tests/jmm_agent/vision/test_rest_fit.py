@@ -58,28 +58,28 @@ def lengths_at(q: Floats, offset: Floats | float = 0.0) -> Floats:
 
 
 def problem(
-    seen: Floats, felt: Floats, balance: bool, widths: PriorWidths = USUAL, offset: float = 0.0
+    seen: Floats, rested: Floats, balance: bool, widths: PriorWidths = USUAL, offset: float = 0.0
 ) -> RestProblem:
-    """Problem of postures that are seen, and of others that are only felt (., 4) [rad]."""
+    """Problem of postures that are seen, and of others that are only rested (., 4) [rad]."""
     prior = MapPrior(make_map(0), postures(100, 8), PriorOptions())
     observations = [
         MarkerObservation(picture(q), lengths_at(q, offset), q, tensions=tensions_at(q))
         for q in seen
     ]
-    rests = [Rest(lengths_at(q, offset), tensions_at(q), q) for q in felt]
+    rests = [Rest(lengths_at(q, offset), tensions_at(q), q) for q in rested]
     exact = BalanceOptions(share=0.05, noise=0.05)
     rows = Balance(prior.map, MadeUpLoads(), WIDE, exact) if balance else None
     none = np.zeros((len(seen), 5))
     return RestProblem(observations, rests, prior, widths, marker_residual, rows, OPTIONS, none)
 
 
-def fitted(seen: Floats, felt: Floats, balance: bool, **more: object) -> RestFit:
+def fitted(seen: Floats, rested: Floats, balance: bool, **more: object) -> RestFit:
     """Fit of `problem` from postures that are off."""
-    count = len(seen) + len(felt)
+    count = len(seen) + len(rested)
     off = 0.1 * np.random.default_rng(5).standard_normal((count, 4))
-    start = np.vstack([*seen, *felt])[:count] + off
+    start = np.vstack([*seen, *rested])[:count] + off
     start = np.vstack([start, np.zeros(4)])
-    one = problem(seen, felt, balance, **more)  # type: ignore[arg-type]
+    one = problem(seen, rested, balance, **more)  # type: ignore[arg-type]
     return fit_rests(one, start, WIDE, OPTIONS, len(seen), USUAL)
 
 
@@ -143,12 +143,12 @@ def test_observations_show_the_zero_posture() -> None:
     np.testing.assert_allclose(found.observed.angles, postures(6, 2), atol=0.01)
 
 
-def test_tensions_show_the_postures_of_rests_that_nobody_saw() -> None:
-    felt = postures(8, 4)
+def test_tensions_show_the_postures_of_rests_that_were_not_seen() -> None:
+    rested = postures(8, 4)
     errors = []
     for balance in (False, True):
-        found = fitted(NONE, felt, balance)
-        errors.append(np.sqrt(np.mean((found.rests - felt) ** 2)))
+        found = fitted(NONE, rested, balance)
+        errors.append(np.sqrt(np.mean((found.rests - rested) ** 2)))
         assert len(found.observed.angles) == 0
     assert errors[1] < 0.5 * errors[0]
 
@@ -184,8 +184,8 @@ def test_a_map_is_corrected_before_the_hand_is_seen() -> None:
     vision = updater()
     before, moved = map_error(vision), []
     for q in postures(10, 4):
-        moved.append(vision.felt(Rest(lengths_at(q), tensions_at(q), q + 0.1)) is not None)
-        assert vision.felt(Rest(lengths_at(q), tensions_at(q), q)) is None  # the same rest again
+        moved.append(vision.rested(Rest(lengths_at(q), tensions_at(q), q + 0.1)) is not None)
+        assert vision.rested(Rest(lengths_at(q), tensions_at(q), q)) is None  # the same rest again
     assert moved == [False] * 4 + [True] * 6
     assert map_error(vision) < 0.5 * before
 
@@ -193,14 +193,14 @@ def test_a_map_is_corrected_before_the_hand_is_seen() -> None:
 def test_without_loads_or_with_another_fit_nothing_is_learned_from_rests_alone() -> None:
     for vision in (updater(fit="together"), updater(balance=BalanceOptions(rests=0, blind=0))):
         for q in postures(10, 4):
-            assert vision.felt(Rest(lengths_at(q), tensions_at(q), q)) is None
+            assert vision.rested(Rest(lengths_at(q), tensions_at(q), q)) is None
         assert vision.zero is None
 
 
 def test_a_rest_that_is_seen_later_is_not_counted_twice() -> None:
     vision = updater()
     for q in postures(3, 4):
-        vision.felt(Rest(lengths_at(q), tensions_at(q), q))
+        vision.rested(Rest(lengths_at(q), tensions_at(q), q))
     assert len(vision.memory.rests.rests) == 3
     lengths = lengths_at(q)
     assert vision.seen(picture(q), q + 0.05, lengths, lengths, tensions_at(q)).learned
@@ -228,7 +228,7 @@ def test_tensions_in_another_unit_or_sign_are_not_believed(factor: float, unbala
         assert 0.5 < ratio * factor < 2.0
 
 
-def test_loads_that_are_too_small_tell_nothing_of_tensions() -> None:
+def test_loads_that_are_too_small_show_nothing_of_tensions() -> None:
     class NoLoads:
         def gravity(self, posture: Floats) -> Floats:
             return np.zeros(4)
@@ -243,7 +243,7 @@ def test_a_tension_that_is_no_number_is_not_learned_from() -> None:
     vision, q = updater(), postures(1, 4)[0]
     broken = tensions_at(q)
     broken[2] = np.nan
-    assert vision.felt(Rest(lengths_at(q), broken, q)) is None
+    assert vision.rested(Rest(lengths_at(q), broken, q)) is None
     assert vision.memory.rests.rests == ()
     lengths = lengths_at(q)
     seen = vision.seen(picture(q), q + 0.05, lengths, lengths, broken)
@@ -253,10 +253,10 @@ def test_a_tension_that_is_no_number_is_not_learned_from() -> None:
     assert np.isfinite(vision.zero).all()
 
 
-def test_a_robot_that_is_zeroed_anew_before_it_is_seen_begins_again() -> None:
+def test_a_robot_that_is_zeroed_again_before_it_is_seen_begins_again() -> None:
     vision = updater()
     for q in postures(6, 4):
-        vision.felt(Rest(lengths_at(q), tensions_at(q), q + 0.1))
+        vision.rested(Rest(lengths_at(q), tensions_at(q), q + 0.1))
     assert vision.zero is not None
     vision.zeroed()
     assert vision.zero is None
@@ -274,7 +274,7 @@ class PlainRule:
 def test_a_rule_without_a_prior_learns_from_observations_only() -> None:
     vision = updater(rule=PlainRule())
     for q in postures(6, 4):
-        assert vision.felt(Rest(lengths_at(q), tensions_at(q), q)) is None
+        assert vision.rested(Rest(lengths_at(q), tensions_at(q), q)) is None
     lengths = lengths_at(q)
     assert vision.seen(picture(q), q + 0.05, lengths, lengths, tensions_at(q)).learned
 
