@@ -42,7 +42,7 @@ from reality_gap.inference.traces import traces
 from reality_gap.inference.verdict import Options, revise_and_evaluate
 from reality_gap.report.sentence import sentence
 from reality_gap.simulation.hypothesis import Candidate, build, has_effects
-from reality_gap.simulation.replayer import OvertimeError, Replayer
+from reality_gap.simulation.replayer import Replayer
 from reality_gap.study.data import Study
 from reality_gap.study.splits import SELECT, split
 from reality_gap.types import Floats
@@ -97,19 +97,20 @@ def diagnose(
         doing = text
         progress(share, text)
 
-    try:
-        with Replayer(study, jobs, begin + options.time_limit) as replayer:
-            show(0.0, "replaying the nominal model")
-            null = replayer.residual([])
-            run = _Run(replayer, null, list(causes or CATALOGUE.values()), options, show)
-            groups = run.fit_groups(null, options.many, 0.01)
-            if groups is None or run.searches_too():
-                outcome = run.search(groups, watch, work)
-            else:
-                outcome = groups_outcome(replayer, null, groups, options.left)
-            diagnosis = _build(replayer, null, outcome, begin)
-    except OvertimeError:
-        raise TimeLimitError(options.time_limit, doing) from None
+    def tick() -> None:
+        if time.monotonic() - begin > options.time_limit:
+            raise TimeLimitError(options.time_limit, doing)
+
+    with Replayer(study, jobs, tick) as replayer:
+        show(0.0, "replaying the nominal model")
+        null = replayer.residual([])
+        run = _Run(replayer, null, list(causes or CATALOGUE.values()), options, show)
+        groups = run.fit_groups(null, options.many, 0.01)
+        if groups is None or run.searches_too():
+            outcome = run.search(groups, watch, work)
+        else:
+            outcome = groups_outcome(replayer, null, groups, options.left)
+        diagnosis = _build(replayer, null, outcome, begin)
     progress(1.0, "done")
     return diagnosis
 

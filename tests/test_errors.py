@@ -17,6 +17,7 @@ PACKAGES = SETTINGS["tool"]["importlinter"]["root_packages"]
 ARGUMENTS: dict[str, tuple[object, ...]] = {
     "UnknownNameError": ("muscle", "deltoid", ["biceps", "triceps"]),
     "DivergedError": (),
+    "TimeLimitError": (20.0, "screening 7 candidates"),
 }
 """Of errors that take something else than one sentence."""
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import multiprocessing
 import signal
-import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cached_property, partial
@@ -30,6 +28,8 @@ from reality_gap.study.measurements import Measured, measured, with_estimated_no
 from reality_gap.study.system import System, compile_system
 from reality_gap.types import Floats
 
+Tick = Callable[[], None]
+
 USUAL = "usual"
 """Note of the location of a usual effect; it distinguishes the location from a candidate's."""
 FINER = (0.25, 0.125, 0.0625)
@@ -39,10 +39,6 @@ SEEN = 0.3
 COARSE = 3.0
 """Mean change by a doubled time step, relative to drift and noise, up to which it is accurate
 enough for differences between replays."""
-
-
-class OvertimeError(Exception):
-    """The time of a replayer is over."""
 
 
 class Expansion(NamedTuple):
@@ -63,19 +59,20 @@ class Replayer:
     Args:
         study: model, commands and measurements.
         jobs: number of processes.
-        end: time of `time.monotonic` after which `residuals` raises OvertimeError [s].
+        tick: called after each replay.
 
     Attributes:
         system: the study's model and its elements.
         measured: all readings of the study.
+        tick: called after each replay.
         expansion: deviations in the replays of `residuals`; see `reality_gap.inference.expansion`.
     """
 
-    def __init__(self, study: Study, jobs: int = 1, end: float = math.inf) -> None:
+    def __init__(self, study: Study, jobs: int = 1, tick: Tick = lambda: None) -> None:
         study = ensure_prepared(study)
         self.system: System = compile_system(study)
         self.measured: Measured = measured(study)
-        self._end = end
+        self.tick = tick
         self.expansion = Expansion()
         self._cache = RecordCache()
         self._coarse: bool | None = None
@@ -292,18 +289,13 @@ class Replayer:
         return self._coarse
 
     def residuals(self, hypotheses: Sequence[Hypothesis], coarse: bool = False) -> list[Floats]:
-        """Return the residuals of several hypotheses, in their order; see `residual`.
-
-        Raises:
-            OvertimeError: the time of this replayer is over.
-        """
+        """Return the residuals of several hypotheses, in their order; see `residual`."""
         parts, shift = self.expansion
         found = []
         for prediction in self._predictions([[*parts, *one] for one in hypotheses], coarse):
             residual = (self.measured.value - prediction - self.drift) / self.measured.noise
             found.append(residual + shift)
-            if time.monotonic() > self._end:
-                raise OvertimeError
+            self.tick()
         return found
 
     def predictions(self, study: Study, hypotheses: Sequence[Hypothesis]) -> list[Floats]:
