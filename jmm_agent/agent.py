@@ -58,12 +58,12 @@ from jmm_agent.updaters import (
     VisionMemory,
     VisionUpdater,
 )
+from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera_delay import DelayEstimate
 from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.pose_covariance import numbers
-from jmm_agent.vision.rest_fit import Loads
 
 __all__ = ["Agent", "AgentOptions"]
 

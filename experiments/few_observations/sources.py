@@ -14,10 +14,11 @@ import numpy as np
 from experiments.robots.world import Body, Sizes, World
 from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.types import Floats
+from jmm_agent.vision.balance import Balance, BalanceOptions
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.observation_fit import ObservationFitOptions
 from jmm_agent.vision.prior_widths import PriorWidths
-from jmm_agent.vision.rest_fit import Balance, BalanceOptions, Rest, RestProblem, fit_rests
+from jmm_agent.vision.rest_fit import Rest, RestProblem, fit_rests
 from kengoro_env.departures import actual
 
 RESTS, OBSERVED = 10, 3

@@ -10,10 +10,11 @@ import numpy as np
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.vision_options import VisionOptions
+from jmm_agent.vision.balance import Balance, Loads
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
 from jmm_agent.vision.permanent_elongation import log_bayes_factors, with_likeliest_step
 from jmm_agent.vision.prior_widths import PriorWidths
-from jmm_agent.vision.rest_fit import Balance, Loads, Rest, RestProblem, fit_rests
+from jmm_agent.vision.rest_fit import Rest, RestProblem, fit_rests
 
 SAME_WIDTH = 0.2
 """Logarithm of the ratio of two widths of the prior within which they are the same [1]."""

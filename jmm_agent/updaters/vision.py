@@ -18,6 +18,7 @@ from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
 from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
+from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
 from jmm_agent.vision.marker_observation import Frames
@@ -27,7 +28,7 @@ from jmm_agent.vision.observation_fit import (
     fit_alone,
 )
 from jmm_agent.vision.permanent_elongation import elongations, fit_with_elongation
-from jmm_agent.vision.rest_fit import Loads, Rest
+from jmm_agent.vision.rest_fit import Rest
 
 
 class VisionUpdater:

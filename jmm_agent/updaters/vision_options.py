@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from jmm_agent.vision.balance import BalanceOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.observation_fit import ObservationFitOptions
-from jmm_agent.vision.rest_fit import BalanceOptions
 
 PairLengths = Literal["min", "l_target", "l"]
 """Lengths of a pair, see `VisionOptions`."""

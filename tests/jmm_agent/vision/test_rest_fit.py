@@ -17,17 +17,11 @@ from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule, R
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions, VisionUpdater
+from jmm_agent.vision.balance import Balance, BalanceOptions
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.observation_fit import ObservationFitOptions
 from jmm_agent.vision.prior_widths import PriorWidths
-from jmm_agent.vision.rest_fit import (
-    Balance,
-    BalanceOptions,
-    Rest,
-    RestFit,
-    RestProblem,
-    fit_rests,
-)
+from jmm_agent.vision.rest_fit import Rest, RestFit, RestProblem, fit_rests
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
 from tests.jmm_agent.test_updaters import marker_residual, picture
 
