@@ -11,6 +11,8 @@ from rich.table import Table
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.types import Floats
+from jmm_agent.updaters import VisionOptions
+from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
 from jmm_agent.vision.incremental_fit import fit_incrementally
 from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.observation_fit import (
@@ -24,6 +26,7 @@ from kengoro_env.assets import asset_path
 from kengoro_env.departures import actual
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.draft import Departure
+from kengoro_env.robot.nominal_model import NominalArm
 from kengoro_env.robot.robot import Robot
 
 OBSERVATIONS = (5, 27, 60)
@@ -56,7 +59,10 @@ def observations_of(agent: Agent, seed: int, count: int) -> list[MarkerObservati
         agent.estimator.reset(posture)
         for _ in range(50):
             agent.estimator.update(robot.measured_lengths(), 0.02)
-        observations.append(MarkerObservation(pose, robot.measured_lengths(), agent.joint_angles))
+        tensions = robot.measured_tensions()
+        observations.append(
+            MarkerObservation(pose, robot.measured_lengths(), agent.joint_angles, tensions=tensions)
+        )
     return observations
 
 
@@ -83,9 +89,31 @@ def parts_table(agent: Agent, seed: int) -> Table:
     prior = MapPrior(trained_map(), posture_set(), PriorOptions())
     marker_residual = MarkerResidual(agent.kinematics, "eye", "marker_hand")
     row("marker residual", times_of(lambda: marker_residual(q, np.eye(4)), REPEATS))
-    agent = make_agent(seed)
+    _add_fits(row, make_agent(seed), seed, prior, marker_residual)
+    return table
+
+
+def _add_fits(
+    row: Callable[[str, list[float]], None],
+    agent: Agent,
+    seed: int,
+    prior: MapPrior,
+    marker_residual: MarkerResidual,
+) -> None:
+    """Add the times of fits to a table.
+
+    Args:
+        row: adds a row with a title and times [s].
+        agent: that has not learned.
+        seed: of the robot whose observations are fitted.
+        prior: of the map's error.
+        marker_residual: of the marker's pose at a posture.
+    """
     limits, options = agent.kinematics.limits, ObservationFitOptions()
     observations = observations_of(agent, seed, max(OBSERVATIONS))
+    fitter = RestFitter(
+        prior, marker_residual, limits, VisionOptions(), NominalArm(asset_path(ARM))
+    )
     for count in OBSERVATIONS:
         earlier = fit_observations(
             observations[: count - 1], prior, marker_residual, limits, options
@@ -103,6 +131,15 @@ def parts_table(agent: Agent, seed: int) -> Table:
                 observations[:count], prior, marker_residual, limits, options, start, none
             )
 
-        row(f"fit of {count} observations", times_of(fit, 3))
+        none = np.zeros((count, len(agent.map.muscles)))
+        before = fitter.fit_with_elongation(
+            RestMemory(), observations[: count - 1], earlier, none[1:]
+        )
+
+        def rests(count: int = count, before: FittedRests = before, none: Floats = none) -> object:
+            start = np.vstack([before.observed.angles, observations[count - 1].guess])
+            return fitter.fit_with_elongation(before.memory, observations[:count], start, none)
+
+        row(f"{count} observations: rests (default)", times_of(rests, 3))
+        row("  together", times_of(fit, 3))
         row("  incremental, with elongations", times_of(incremental, 3))
-    return table

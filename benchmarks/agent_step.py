@@ -23,7 +23,6 @@ from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter, thread_time
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -106,12 +105,7 @@ def learn(minutes: float, learning: LearningOptions, paced: bool) -> tuple[Agent
         learning: where it learns.
         paced: whether steps come in real time.
     """
-    fit: Literal["together", "incremental"] = "together"
-    if learning == BESIDE:
-        fit = "incremental"
-    options = AgentOptions(
-        vision=VisionOptions(fit=fit, hold_out=HoldOutOptions()), learning=learning
-    )
+    options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()), learning=learning)
     agent = make_agent(SEED, guard=True, options=options)
     env = make_env("CanGrasp", SEED, max_episode_steps=10**9)
     timer = TimedAgent(agent, paced)

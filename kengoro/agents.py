@@ -97,7 +97,7 @@ def make_agent(
     detector = detector or _detector(options, design.camera, marker_sides, dictionary)
     typical, start = _postures(design.robot, jmm.joints, own, postures, start)
     rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
-    agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule, None, loads)
+    agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule, loads=loads)
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
     agent.learning = learning

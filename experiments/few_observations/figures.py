@@ -1,4 +1,4 @@
-"""Figures of few observations: errors by number of count, and what each source tells."""
+"""Figures of few observations: errors by number of looks, and what each source tells."""
 
 from __future__ import annotations
 

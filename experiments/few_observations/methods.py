@@ -9,7 +9,7 @@ from experiments.harness.experiment import Results
 OURS, LENGTHS, CONSTANTS, PAPER = "rests", "lengths", "constants", "paper"
 GAUSSIAN, POLYNOMIAL = "Gaussian process", "polynomial"
 DRIVING = {
-    OURS: "ours: count, lengths and tensions of all rests, zero posture",
+    OURS: "ours: looks, lengths and tensions of all rests, zero posture",
     LENGTHS: "looks and lengths only",
     CONSTANTS: "looks and lengths, one constant a muscle",
     PAPER: "the paper's rule",
@@ -51,7 +51,7 @@ class Sizes:
 
 
 def numbers(results: Results, method: str, count: int, key: str) -> list[float]:
-    """An error of a method after some count, of each robot."""
+    """An error of a method after some looks, of each robot."""
     source = OURS if method in GIVEN else method
     if count == 0:
         method = source

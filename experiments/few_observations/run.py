@@ -83,7 +83,7 @@ class Robot:
         return errors(self._evaluator.evaluate(jmm, self._tested, vision))
 
     def drive(self, method: str, cache: Path | None) -> dict[str, Any]:
-        """Learn by a method; errors by the number of count, of it and of what it gives others."""
+        """Learn by a method; errors by the number of looks, of it and of what it gives others."""
         sizes, seed = self._sizes, self._seed
         rule = MinibatchRule() if method == PAPER else None
         agent = make_agent(seed, options=OPTIONS[method], rule=rule, cache=cache)
@@ -128,7 +128,7 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:
-    """Errors by number of count, beside the other methods, and what each source tells."""
+    """Errors by number of looks, beside the other methods, and what each source tells."""
     from experiments.few_observations.figures import pictures
 
     return Findings(

@@ -22,9 +22,9 @@ from experiments.harness.report import Table
 from experiments.harness.statistics import interval, metric, paired
 
 MUST = {"share_deg": {1: 0.55, 3: 0.25}, "share_mm": {1: 0.35, 3: 0.20}}
-"""Largest shares of the errors before, after some count."""
+"""Largest shares of the errors before, after some looks."""
 MUST_AFTER = {5: (2.0, 25.0), 27: (1.2, 12.0)}
-"""Largest errors of joints [deg] and hand [mm] after some count."""
+"""Largest errors of joints [deg] and hand [mm] after some looks."""
 HALF = 0.5
 
 
@@ -71,7 +71,7 @@ def _error_table(results: Results, sizes: Sizes, key: str, unit: str) -> Table:
         (f"ours, {sizes.blind} postures that are not seen", first, last) + ("",) * (len(counts) - 2)
     )
     return Table(
-        f"target - true [{unit}] by number of count: median over robots (worst robot)",
+        f"target - true [{unit}] by number of looks: median over robots (worst robot)",
         ("method", *map(str, counts)),
         rows,
         "Medians over the test postures. Of the blind postures, the second column is after all.",
@@ -129,7 +129,7 @@ def tables(results: Results, sizes: Sizes) -> list[Table]:
 
 
 def per_seed(results: Results) -> dict[int, Any]:
-    """Errors of the joints by method and number of count, of each robot [deg]."""
+    """Errors of the joints by method and number of looks, of each robot [deg]."""
     return {
         seed: {
             name: {

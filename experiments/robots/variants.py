@@ -66,7 +66,7 @@ VARIANTS = {
         "Antagonism Updater alone", replace(PAPER_OPTIONS, learn_vision=False)
     ),
     "paper-vision": _paper("Vision Updater alone", replace(PAPER_OPTIONS, learn_antagonism=False)),
-    DEFAULT: _default("observations together, min(l, l_target), ridge on output layers"),
+    DEFAULT: _default("all rests together, min(l, l_target), ridge on output layers"),
     "default-no-rehearsal": _default(NO_BATCH, batch=NO_REHEARSAL),
     "default-l": _default("pair holds l", vision=VisionOptions(lengths="l")),
     "default-l_target": _default("pair holds l_target", vision=VisionOptions(lengths="l_target")),

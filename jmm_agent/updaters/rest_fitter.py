@@ -176,7 +176,7 @@ class RestFitter:
                 elongated,
             )
             begin = np.vstack([angles, *(rest.guess[None] for rest in rests), zero])
-            known = steps == 0 or len(begin) > MOST_FOR_WIDTHS
+            known = steps == 0 or self._widths_are_known(len(begin) - 1)
             usual = None if known else self._usual
             found = fit_rests(problem, begin, self._limits, options, len(angles), usual)
             angles, zero = found.observed.angles, found.zero
@@ -223,7 +223,14 @@ class RestFitter:
                 break
             memory = found.memory._replace(rests=())
             found = self.fit(memory, observations, found.observed.angles, more, learn_widths=False)
+        if self._widths_are_known(len(observations) + len(found.memory.rests)):
+            return found
         return self.fit(found.memory, observations, found.observed.angles, found.elongated)
+
+    @staticmethod
+    def _widths_are_known(rests: int) -> bool:
+        """Whether so many rests were fitted that the widths are not estimated again."""
+        return rests >= MOST_FOR_WIDTHS
 
     def _is_same(self, one: Floats, other: Floats) -> bool:
         """Whether two rests have the same lengths (m,) [m] but for noise."""

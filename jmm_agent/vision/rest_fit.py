@@ -10,8 +10,8 @@ its shape and e of each length, the robot at rest number k shows
 
 with the measured tensions T and the torques tau that the nominal model needs to hold a posture:
 gravity, and springs of joints. All theta_k and z are found together. delta is integrated out, see
-`jmm_agent.vision.observation_fit`; z has a Gaussian prior; `jmm_agent.vision.balance` has the errors
-of the balance.
+`jmm_agent.vision.observation_fit`; z has a Gaussian prior. The errors of the balance are those of
+`jmm_agent.vision.balance`.
 
 Kawaharazuka et al. 2018 solve each seen posture alone (sec. III-C) and use no tensions; balance and
 zero posture are ours.

@@ -122,9 +122,8 @@ def _highest_seen(episodes: Sequence[Episode], column: int, deviation: float) ->
     size = min(*lengths, max(SHORTEST_SEGMENT, sum(lengths) // SEGMENTS))
     frequency, powers = _spectra(episodes, column, size)
     expected = 2.0 * deviation**2 / (size * frequency[1]) * sum(lengths)
-    seen = (
-        np.sum(powers, axis=0)[1:] > SEEN * expected
-    )  # the mean, at the frequency 0, was subtracted
+    # The mean, at the frequency 0, was subtracted.
+    seen = np.sum(powers, axis=0)[1:] > SEEN * expected
     return float(frequency[1:][seen].max()) if seen.any() else float("inf")
 
 

@@ -23,6 +23,7 @@ from jmm_agent.mapping.learner import Rule
 from jmm_agent.mapping.minibatch import MinibatchRule
 from jmm_agent.observation import SensorReadings
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import Detections, MarkerDetector, MarkerPose
 from tests.jmm_agent.nominal_arm import ARM, JOINTS, posture_set
@@ -56,6 +57,7 @@ class Trial:
         detector: Any = "exact",
         rule: Rule | None = None,
         seed: int = 0,
+        loads: Loads | None = None,
         **options: Any,
     ) -> None:
         choice = AgentOptions(**options)
@@ -63,7 +65,9 @@ class Trial:
         if detector == "exact":
             detector = self.detector
         rng = np.random.default_rng(seed)
-        self.agent = Agent(nominal_map, arm, detector, posture_set(), START, rng, choice, rule)
+        self.agent = Agent(
+            nominal_map, arm, detector, posture_set(), START, rng, choice, rule, loads=loads
+        )
         self._nominal_map, self.steps, self.q, self.frame = nominal_map, 0, START, FRAME
         self.agent.begin_episode()
 

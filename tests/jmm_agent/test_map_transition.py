@@ -52,10 +52,18 @@ def test_an_episode_begins_without_a_transition(
     agent = trial.agent
     layers = {g.name: (g.W2, g.b2 + 20.0) for g in nominal_map.groups}
     longer = nominal_map.with_output_layers(layers)
-    agent.recall(longer, agent.antagonism.memory, agent.vision.memory)
-    agent.begin_episode()
-    command = trial.step()
-    assert np.abs(command - longer.lengths(agent.joint_angles)).max() < 0.002
+    for moving in (False, True):
+        agent.learner.map = longer
+        agent._map_changed()
+        if moving:
+            trial.step()
+        agent.begin_episode()
+        command = trial.step()
+        assert np.abs(command - longer.lengths(agent.joint_angles)).max() < 0.002
+        trial.rest(START, 60)
+        agent.learner.map = nominal_map
+        agent._map_changed()
+        trial.rest(START, 60)
 
 
 @pytest.mark.parametrize("rate", [0.0, -0.03, np.nan])

@@ -65,6 +65,7 @@ def made_up(seed: int = 0, count: int = K) -> AgentMemory:
             rng.normal(size=N),
             PriorWidths(0.001, 0.002, 0.3),
             tuple(Rest(*(rng.normal(size=size) for size in (M, M, N))) for _ in range(count)),
+            7.5,
         )
         if count
         else RestMemory(),

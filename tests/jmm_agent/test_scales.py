@@ -15,6 +15,7 @@ from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.options import AgentOptions
 from jmm_agent.scales import SCALED, RobotScales
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.balance import BalanceOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
 
 HELD_OUT = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
@@ -102,3 +103,17 @@ def test_an_option_that_was_given_stays() -> None:
     scales = replace(RobotScales(), travel=2.0 * RobotScales().travel)
     prior = scales.agent_options(given).prior
     assert (prior.offset, prior.shape, prior.elongation) == (0.003, 0.01, 0.04)
+
+
+def test_torques_follow_moment_arms_and_tensions() -> None:
+    """Muscles that move twice as far over half the range have four times the moment arm."""
+    own = RobotScales()
+    other = RobotScales(
+        travel=2.0 * own.travel,
+        joint_range=0.5 * own.joint_range,
+        motors=MotorControl(limit=3.0 * own.motors.limit),
+    )
+    assert other.ratios["torque"] == pytest.approx(12.0)
+    balance = other.agent_options().vision.balance
+    assert balance.noise == pytest.approx(12.0 * BalanceOptions().noise)
+    assert balance.share == BalanceOptions().share

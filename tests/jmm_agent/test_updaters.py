@@ -187,8 +187,10 @@ def test_a_joint_at_its_stop_makes_no_pair(side: int) -> None:
     np.testing.assert_allclose(trial.vision.pairs.postures, [MIDDLE], atol=5e-3)
 
 
-def test_an_observation_without_learning_changes_nothing() -> None:
-    learned, asked = UpdaterTrial(), UpdaterTrial()
+@pytest.mark.parametrize(("fit", "apart"), [("together", 0.0), ("rests", 1e-4)])
+def test_an_observation_without_learning_changes_nothing(fit: str, apart: float) -> None:
+    """``apart``: earlier observations are held, so that angles differ a little [rad]."""
+    learned, asked = UpdaterTrial(fit=fit), UpdaterTrial(fit=fit)
     for trial in (learned, asked):
         trial.observe(MIDDLE)
     before = asked.state
@@ -198,8 +200,9 @@ def test_an_observation_without_learning_changes_nothing() -> None:
     asked.observe(MIDDLE + 0.2, estimate=MIDDLE - 1.0, learn=False)
     assert asked.state[0] is before[0]
     assert asked.state[1:] == before[1:]
-    seen = asked.observe(MIDDLE + 0.2, learn=False).angles  # earlier ones are held
-    np.testing.assert_allclose(seen, learned.observe(MIDDLE + 0.2).angles, atol=1e-4)
+    seen = asked.observe(MIDDLE + 0.2, learn=False).angles
+    expected = learned.observe(MIDDLE + 0.2).angles
+    np.testing.assert_allclose(seen, expected, rtol=0.0, atol=apart)
     assert asked.observe(MIDDLE + 0.2).learned
 
 

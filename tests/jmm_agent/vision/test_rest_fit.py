@@ -285,3 +285,24 @@ def test_a_rule_without_a_prior_learns_from_observations_only() -> None:
 def test_options_out_of_range_are_refused(wrong: dict[str, Any], text: str) -> None:
     with pytest.raises(AgentError, match=text):
         BalanceOptions(**wrong)
+
+
+def test_it_takes_three_rests_to_name_wrong_tensions() -> None:
+    vision, named = updater(), []
+    for q in postures(4, 4):
+        lengths = lengths_at(q)
+        vision.seen(picture(q), q + 0.05, lengths, lengths, 0.1 * tensions_at(q))
+        named.append(vision.memory.rests.unbalanced is not None)
+    assert named == [False, False, True, True]
+
+
+def test_a_change_of_all_lengths_is_no_reason_to_widen_the_prior() -> None:
+    """All muscles are elongated by 40 mm at once: a step each, and not a model that is wrong."""
+    vision = updater()
+    for k, q in enumerate(postures(14, 4)):
+        lengths = lengths_at(q, 0.04 if k >= 7 else 0.0)
+        assert vision.seen(picture(q), q + 0.02, lengths, lengths, tensions_at(q)).learned
+    widths = vision.memory.rests.widths
+    assert widths is not None
+    assert widths.shape < 2.0 * PriorOptions().zeroed_shape
+    np.testing.assert_array_equal(vision.elongated.sum(axis=0), np.full(5, 7.0))
