@@ -66,7 +66,7 @@ SCALED: Mapping[str, Mapping[str, str]] = {
         "tolerance": "angle",
         "limit_margin": "angle",
     },
-    "BalanceOptions": {"noise": "torque", "stop_margin": "angle"},
+    "BalanceOptions": {"arm": "moment arm", "noise": "torque", "stop_margin": "angle"},
     "HoldOutOptions": {"noise": "length"},
     "EstimatorOptions": {
         "encoder_noise": "length",
@@ -149,7 +149,7 @@ class RobotScales:
         pixels = self.marker_pixels / other.marker_pixels
         depth = self.distance / self.marker_pixels / (other.distance / other.marker_pixels)
         reach = self.reach / other.reach
-        arm, other_arm = self.travel / self.joint_range, other.travel / other.joint_range
+        arm = self.travel / self.joint_range / (other.travel / other.joint_range)
         ratios = {
             "length": self.travel / other.travel,
             "angle": self.joint_range / other.joint_range,
@@ -158,7 +158,8 @@ class RobotScales:
             "position": max(reach, depth),
             "orientation": max(1.0, 1.0 / pixels),
             "tension": self.motors.limit / other.motors.limit,
-            "torque": self.motors.limit * arm / (other.motors.limit * other_arm),
+            "moment arm": arm,
+            "torque": self.motors.limit / other.motors.limit * arm,
             "force": self.force / other.force,
         }
         return {name: float(f"{ratio:.{DIGITS}g}") for name, ratio in ratios.items()}

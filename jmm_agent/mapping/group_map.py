@@ -126,6 +126,21 @@ class GroupMap:
         h, k, n = pairs.shape
         return (slope @ pairs.reshape(h, k * n)).reshape(-1, k, n)
 
+    def torque_slope(self, hidden: Floats, tensions: Floats) -> Floats:
+        """How the torques of tensions change with the group's inputs, by its moment arms.
+
+        Args:
+            hidden: activities of the hidden units (B, H).
+            tensions: of the group's muscles (B, k) [N].
+
+        Returns:
+            Second derivatives of sum(lengths * tensions) by the inputs (B, n_in, n_in) [N m/rad].
+        """
+        bend = METRES * hidden * (1.0 - hidden) * (1.0 - 2.0 * hidden) * (tensions @ self.W2)
+        h, n = self.inner.shape
+        pairs = self.inner[:, :, None] * self.inner[:, None, :]
+        return (bend @ pairs.reshape(h, n * n)).reshape(-1, n, n)
+
 
 def sigmoid(z: NDArray[Any], out: NDArray[Any] | None = None) -> NDArray[Any]:
     """Logistic function, without overflow.

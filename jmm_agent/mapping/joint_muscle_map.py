@@ -117,6 +117,26 @@ class JointMuscleMap:
             jacobian[:, group.muscle_index[:, None], group.joint_index] = block
         return lengths, jacobian
 
+    def torque_slope(self, q: Floats, tensions: Floats) -> Floats:
+        """How the torques G(q)' T of given tensions change with the posture.
+
+        Args:
+            q: joint angles (B, n) [rad].
+            tensions: T (B, m) [N].
+
+        Returns:
+            Derivatives of the torques (B, n, n) [N m/rad], symmetric.
+
+        Raises:
+            MappingError: a wrong shape, or an angle that is not finite.
+        """
+        postures = self._postures(q)
+        result = np.zeros((len(postures), len(self.joints), len(self.joints)))
+        for group in self.groups:
+            slope = group.torque_slope(group.hidden(postures), tensions[:, group.muscle_index])
+            result[:, group.joint_index[:, None], group.joint_index] += slope
+        return result
+
     def jacobian_quadratic(self, q: Floats, step: float = QUADRATIC_STEP) -> Floats:
         """Muscle Jacobian, smoothed by a quadratic through five points (sec. II-B).
 

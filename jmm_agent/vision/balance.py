@@ -1,22 +1,23 @@
 """Balance of the tensions and loads of a robot at rest, as evidence of its joint angles.
 
 At rest the torques G' T of the muscles, with the map's Jacobian G and the measured tensions T, are
-the torques tau that the nominal model needs to hold the posture: gravity, and springs of joints.
-Friction takes a share of each muscle's torque, and a tension sensor has an offset, so the standard
-deviation of a joint's error is
+the torques tau that the nominal model needs to hold a posture: gravity, and springs of joints. The
+nominal moment arms are wrong by some E, because attachments lie elsewhere than drawn. That is the
+largest error, and nearly the same at all rests. So joint j misses at rest k
 
-    s_j^2 = sum_m (share G_mj T_m)^2 + noise^2.
+    r_kj = sum_m (G_mj(theta_k) + E_mj) T_km - tau_j(theta_k),    E_mj ~ N(0, arm^2),
 
-The errors have Student's t distribution instead of a Gaussian one, because friction and a joint
-that leans on something give rows that are far off. A stop pushes a joint back with a torque that no
-muscle shows; a row that is off in that direction counts as balanced.
+with a standard deviation of sqrt(noise^2 + sum_m (share G_mj T_km)^2) by friction and offsets of
+tension sensors. The errors r have Student's t distribution instead of a Gaussian one, because a
+joint that leans on something gives a row that is far off. A stop pushes a joint back with a torque
+that no muscle shows; a row that is off in that direction counts as balanced. For given angles the
+likeliest E is found by reweighted least squares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -28,7 +29,11 @@ TELLING = 0.2
 """Mean square of loads and of the torques of tensions, in standard deviations of the balance, below
 which both are too small to tell whether they balance [1]."""
 DIFFERENCE = 1e-4
-"""Change of a joint angle by which the slope of the balance is taken [rad]."""
+"""Change of a joint angle by which the slope of the loads is taken [rad]."""
+STEPS = 20
+"""Largest number of steps of the reweighted least squares."""
+SAME = 1e-5
+"""Change of the moment arms' errors, in their standard deviations, that ends these steps [1]."""
 
 
 class Loads(Protocol):
@@ -47,8 +52,9 @@ class BalanceOptions:
     """How far tensions and loads of a robot at rest may disagree.
 
     Attributes:
-        share: of each muscle's torque, standard deviation: friction and errors of moment arms [1].
-        noise: standard deviation of a joint's torque beside that [N m].
+        arm: standard deviation of the error of a moment arm, the same at all rests [m].
+        share: of each muscle's torque, standard deviation: friction [1].
+        noise: standard deviation of a joint's torque beside both [N m].
         freedom: degrees of freedom of Student's t distribution of the errors.
         stop_margin: a joint this close to its stop may be held by it [rad].
         rests: number of newest rests without an observation that are remembered; 0: none.
@@ -59,7 +65,8 @@ class BalanceOptions:
         AgentError: a number is out of range.
     """
 
-    share: float = 0.5
+    arm: float = 0.006
+    share: float = 0.3
     noise: float = 0.3
     freedom: float = 4.0
     stop_margin: float = 0.03
@@ -68,13 +75,44 @@ class BalanceOptions:
 
     def __post_init__(self) -> None:
         positive("BalanceOptions", noise=self.noise, freedom=self.freedom)
-        if not 0.0 <= self.share < np.inf:
-            raise AgentError(f"BalanceOptions: share is {self.share}, but must be at least 0.")
+        for name, value in (("arm", self.arm), ("share", self.share)):
+            if not 0.0 <= value < np.inf:
+                raise AgentError(f"BalanceOptions: {name} is {value}, but must be at least 0.")
         if self.rests < 0 or self.blind < 0 or self.blind > self.rests > 0:
             raise AgentError(
                 f"BalanceOptions: rests is {self.rests} and blind is {self.blind}, but both must "
                 "be at least 0, and blind at most rests."
             )
+
+
+class _Rows(NamedTuple):
+    """Rows of K rests.
+
+    Attributes:
+        missed: torques of tensions minus loads, with the nominal moment arms (K, n) [N m].
+        variance: of these (K, n) [N^2 m^2].
+        pulls: by how much a standard deviation of a moment arm changes them (n, K, m) [N m].
+        at_stop: 1 at a joint's upper stop, -1 at its lower one, else 0 (K, n).
+    """
+
+    missed: Floats
+    variance: Floats
+    pulls: Floats
+    at_stop: Floats
+
+
+class _Balanced(NamedTuple):
+    """Rows with the likeliest errors of moment arms.
+
+    Attributes:
+        cost: twice the negative log-likelihood.
+        missed: with these moment arms (K, n) [N m].
+        weight: of each row (K, n) [N^-2 m^-2]; 0 for a joint that its stop holds.
+    """
+
+    cost: float
+    missed: Floats
+    weight: Floats
 
 
 class Balance:
@@ -93,42 +131,37 @@ class Balance:
         self._map, self._loads, self._options = jmm, loads, options
         self._low = limits[:, 0] + options.stop_margin
         self._high = limits[:, 1] - options.stop_margin
+        self._arms = np.zeros((len(jmm.joints), len(jmm.muscles)))
+        for group in jmm.groups:
+            self._arms[np.ix_(group.joint_index, group.muscle_index)] = options.arm
 
-    def cost(self, q: Floats, tensions: Floats) -> float:
-        """Twice the negative log-likelihood of a rest.
-
-        Args:
-            q: joint angles (n,) [rad].
-            tensions: measured (m,) [N].
-        """
-        arms = self._map.jacobian(q)
-        tensions = np.maximum(tensions, 0.0)
-        missed, variance = self._missed(arms, q, tensions), self._variance(arms, tensions)
-        freedom = self._options.freedom
-        likelihood = (freedom + 1.0) * np.log1p(missed**2 / (freedom * variance))
-        return float(np.sum(likelihood * self._counts(q, missed)))
-
-    def normal_equations(self, q: Floats, tensions: Floats) -> tuple[Floats, Floats]:
-        """Gauss-Newton matrix (n, n) and gradient (n,) of a rest, half those of `cost`.
+    def cost(self, angles: Floats, tensions: Floats) -> float:
+        """Twice the negative log-likelihood of rests, but for a constant.
 
         Args:
-            q: joint angles (n,) [rad].
-            tensions: measured (m,) [N].
+            angles: joint angles (K, n) [rad].
+            tensions: measured (K, m) [N].
         """
-        moves, tensions = DIFFERENCE * np.eye(len(q)), np.maximum(tensions, 0.0)
-        points = np.vstack([q + moves, q - moves, q[None]])
-        arms = self._map.jacobian(points)
-        missed = np.array(
-            [self._missed(arm, point, tensions) for arm, point in zip(arms, points, strict=True)]
-        )
-        count, freedom = len(q), self._options.freedom
-        slope = (missed[:count] - missed[count:-1]).T / (2.0 * DIFFERENCE)
-        here, variance = missed[-1], self._variance(arms[-1], tensions)
-        weight = (freedom + 1.0) / (freedom * variance + here**2)
-        weight = weight * self._counts(q, here)
-        return (slope.T * weight) @ slope, slope.T @ (weight * here)
+        return self._balanced(self._rows(angles, np.maximum(tensions, 0.0))).cost
 
-    def scale(self, angles: Floats, tensions: Sequence[Floats | None]) -> float:
+    def normal_equations(self, angles: Floats, tensions: Floats) -> tuple[Floats, Floats]:
+        """Gauss-Newton matrix (K, n, K, n) and gradient (K, n) of rests, half those of `cost`.
+
+        Args:
+            angles: joint angles (K, n) [rad].
+            tensions: measured (K, m) [N].
+        """
+        pulled = np.maximum(tensions, 0.0)
+        rows = self._rows(angles, pulled)
+        found, slopes = self._balanced(rows), self._slopes(angles, pulled)
+        weighted = found.weight.T[:, :, None] * rows.pulls
+        inner = np.eye(pulled.shape[1]) + rows.pulls.transpose(0, 2, 1) @ weighted
+        explained = weighted @ np.linalg.solve(inner, weighted.transpose(0, 2, 1))
+        information = found.weight.T[:, :, None] * np.eye(len(angles)) - explained
+        matrix = np.einsum("kja,jkl,ljb->kalb", slopes, information, slopes, optimize=True)
+        return matrix, np.einsum("kja,kj->ka", slopes, found.weight * found.missed)
+
+    def scale(self, angles: Floats, tensions: Floats) -> float:
         """Loads over the torques of the tensions, by least squares over all rests [1].
 
         It is 1 but for noise if tensions and loads are in the units and signs of the model. It is
@@ -136,32 +169,61 @@ class Balance:
 
         Args:
             angles: joint angles (K, n) [rad].
-            tensions: measured (m,) [N], of each; None: unknown.
+            tensions: measured (K, m) [N].
         """
-        shared = own = loads = 0.0
-        rows = 0
-        for q, measured in zip(angles, tensions, strict=True):
-            if measured is None:
-                continue
-            pulled, arms = np.maximum(measured, 0.0), self._map.jacobian(q)
-            torques, load = pulled @ arms, self._loads.gravity(q)
-            weight = 1.0 / self._variance(arms, pulled)
-            shared += float(np.sum(weight * torques * load))
-            own += float(np.sum(weight * torques**2))
-            loads += float(np.sum(weight * load**2))
-            rows += len(q)
-        if loads == 0.0 or max(loads, own) <= TELLING * rows:
+        if len(angles) == 0:
             return np.nan
-        return shared / own if own > 0.0 else 0.0
+        pulled, arms = np.maximum(tensions, 0.0), self._map.jacobian(angles)
+        torques = np.einsum("km,kmj->kj", pulled, arms)
+        loads = np.array([self._loads.gravity(q) for q in angles])
+        weight = 1.0 / self._variance(arms, pulled)
+        own, least = np.sum(weight * torques**2), TELLING * torques.size
+        if not loads.any() or max(np.sum(weight * loads**2), own) <= least:
+            return np.nan
+        return float(np.sum(weight * torques * loads) / own) if own > 0.0 else 0.0
 
     def _missed(self, arms: Floats, q: Floats, tensions: Floats) -> Floats:
         return tensions @ arms - self._loads.gravity(q)
 
     def _variance(self, arms: Floats, tensions: Floats) -> Floats:
         share, noise = self._options.share, self._options.noise
-        return np.asarray(np.sum((share * arms * tensions[:, None]) ** 2, axis=0) + noise**2)
+        return np.asarray(np.sum((share * arms * tensions[..., None]) ** 2, axis=-2) + noise**2)
 
-    def _counts(self, q: Floats, missed: Floats) -> Floats:
-        """0 for a joint at a stop that pushes with the missing torque (n,) [N m], else 1 (n,)."""
-        held = (q <= self._low) & (missed > 0.0) | (q >= self._high) & (missed < 0.0)
-        return np.asarray(~held, dtype=float)
+    def _rows(self, angles: Floats, tensions: Floats) -> _Rows:
+        """Rows of rests at angles (K, n) [rad] with tensions (K, m) [N] of at least 0."""
+        arms = self._map.jacobian(angles)
+        rests = zip(arms, angles, tensions, strict=True)
+        missed = np.array([self._missed(*rest) for rest in rests]).reshape(angles.shape)
+        at_stop = np.where(angles >= self._high, 1.0, 0.0) - (angles <= self._low)
+        pulls = self._arms[:, None] * tensions
+        return _Rows(missed, self._variance(arms, tensions), pulls, at_stop)
+
+    def _balanced(self, rows: _Rows) -> _Balanced:
+        """The rows with the likeliest errors of moment arms."""
+        freedom, missed = self._options.freedom, rows.missed
+        joints, _, muscles = rows.pulls.shape
+        errors, turned = np.zeros((joints, muscles)), rows.pulls.transpose(0, 2, 1)
+        weight = 1.0 / rows.variance
+        for _ in range(STEPS):
+            weighted = turned * weight.T[:, None]
+            pull = np.einsum("jmk,kj->jm", weighted, rows.missed)
+            moved = -np.linalg.solve(np.eye(muscles) + weighted @ rows.pulls, pull[..., None])
+            change, errors = np.abs(moved[..., 0] - errors).max(), moved[..., 0]
+            missed = rows.missed + np.einsum("jkm,jm->kj", rows.pulls, errors)
+            free = rows.at_stop * missed >= 0.0
+            weight = free * (freedom + 1.0) / (freedom * rows.variance + missed**2)
+            if change < SAME:
+                break
+        likelihood = (freedom + 1.0) * np.log1p(missed**2 / (freedom * rows.variance))
+        cost = float(np.sum(free * likelihood) + np.sum(errors**2))
+        return _Balanced(cost, missed, weight)
+
+    def _slopes(self, angles: Floats, tensions: Floats) -> Floats:
+        """How the rows change with the angles (K, n, n) [N m/rad]; moment arms' errors do not."""
+        moves = DIFFERENCE * np.eye(angles.shape[1])
+        changes = [
+            [self._loads.gravity(q + move) - self._loads.gravity(q - move) for move in moves]
+            for q in angles
+        ]
+        loads = np.array(changes).transpose(0, 2, 1) / (2.0 * DIFFERENCE)
+        return self._map.torque_slope(angles, tensions) - loads

@@ -106,9 +106,9 @@ class RestProblem:
         lengths = [found.lengths for found in observations] + [rest.lengths for rest in rests]
         self._lengths = np.array(lengths)
         tensions = [found.tensions for found in observations] + [rest.tensions for rest in rests]
-        self._tensions = [
-            one if one is not None and np.isfinite(one).all() else None for one in tensions
-        ]
+        whole = [one is not None and bool(np.isfinite(one).all()) for one in tensions]
+        self._balanced = np.flatnonzero(whole) if balance is not None else np.arange(0)
+        self._tensions = np.array([tensions[k] for k in self._balanced])
         none = np.zeros((len(rests), elongated.shape[1]))
         self._elongated = np.vstack([elongated, none])
         self.weights = ObservationWeights(
@@ -133,7 +133,7 @@ class RestProblem:
         """Loads over the torques of the tensions; see `Balance.scale`."""
         if self._balance is None:
             return np.nan
-        return self._balance.scale(unknown[:-1], self._tensions)
+        return self._balance.scale(unknown[self._balanced], self._tensions)
 
     def cost(self, unknown: Floats) -> tuple[float, Floats]:
         """Cost at angles (K + R + 1, n) [rad], and the marker's residuals (K, 6) [m, rad]."""
@@ -148,9 +148,8 @@ class RestProblem:
         for group in self._prior.groups(angles, elongated=self._elongated):
             own = missed[:, group.muscles]
             cost += float(np.sum(own * group.whiten(own)))
-        if self._balance is not None:
-            for q, tensions in zip(angles, self._tensions, strict=True):
-                cost += 0.0 if tensions is None else self._balance.cost(q, tensions)
+        if self._balance is not None and len(self._balanced):
+            cost += self._balance.cost(angles[self._balanced], self._tensions)
         return cost, poses
 
     def normal_equations(self, unknown: Floats) -> tuple[Floats, Floats]:
@@ -161,10 +160,16 @@ class RestProblem:
         count, joints = len(unknown) - 1, unknown.shape[1]
         matrix = np.zeros((count + 1, joints, count + 1, joints))
         gradient = np.zeros((count + 1, joints))
-        for k, q in enumerate(unknown[:-1]):
-            for own, pull in self._of_rest(k, q):
-                matrix[k, :, k, :] += own
-                gradient[k] += pull
+        for k, found in enumerate(self._observations):
+            seen = residual_of(found, self._marker_residual, unknown[k])
+            own, pull = self.weights.normal_equations(k, unknown[k], *seen)
+            matrix[k, :, k, :] += own
+            gradient[k] += pull
+        if self._balance is not None and len(self._balanced):
+            known, each = self._balanced, np.arange(joints)
+            own, pull = self._balance.normal_equations(unknown[known], self._tensions)
+            matrix[np.ix_(known, each, known, each)] += own
+            gradient[known] += pull
         matrix[-1, :, -1, :] += np.eye(joints) / self.widths.zero**2
         gradient[-1] += unknown[-1] / self.widths.zero**2
         missed, jacobian = self._missed_and_arms(unknown)
@@ -188,16 +193,6 @@ class RestProblem:
     def _rows(count: int) -> Floats:
         """Which length each unknown posture moves: its own, or all (count, count + 1)."""
         return np.column_stack([np.eye(count), np.ones(count)])
-
-    def _of_rest(self, k: int, q: Floats) -> list[tuple[Floats, Floats]]:
-        """Normal equations of the hand and of the balance of a rest at angles (n,) [rad]."""
-        found, tensions = [], self._tensions[k]
-        if k < len(self._observations):
-            seen = residual_of(self._observations[k], self._marker_residual, q)
-            found.append(self.weights.normal_equations(k, q, *seen))
-        if self._balance is not None and tensions is not None:
-            found.append(self._balance.normal_equations(q, tensions))
-        return found
 
 
 def fit_rests(

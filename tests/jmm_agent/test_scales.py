@@ -116,4 +116,5 @@ def test_torques_follow_moment_arms_and_tensions() -> None:
     assert other.ratios["torque"] == pytest.approx(12.0)
     balance = other.agent_options().vision.balance
     assert balance.noise == pytest.approx(12.0 * BalanceOptions().noise)
+    assert balance.arm == pytest.approx(4.0 * BalanceOptions().arm)
     assert balance.share == BalanceOptions().share

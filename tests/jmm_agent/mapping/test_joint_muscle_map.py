@@ -185,3 +185,15 @@ def test_the_largest_numbers_of_a_map_overflow_nowhere(jmm, postures):
     )
     for array in replace(jmm, groups=groups).lengths_and_jacobian(postures):
         assert np.isfinite(array).all()
+
+
+def test_the_slope_of_torques_is_their_derivative(jmm, postures):
+    tensions = np.random.default_rng(1).uniform(0.0, 50.0, (len(postures), len(MUSCLES)))
+
+    def torques(at):
+        return np.einsum("km,kmj->kj", tensions, jmm.jacobian(at))
+
+    moves = 1e-5 * np.eye(len(JOINTS))
+    numeric = [(torques(postures + d) - torques(postures - d)) / 2e-5 for d in moves]
+    slope = jmm.torque_slope(postures, tensions)
+    np.testing.assert_allclose(slope, np.stack(numeric, axis=-1), rtol=1e-4, atol=1e-6)

@@ -97,14 +97,55 @@ def test_the_gradient_is_that_of_the_cost(balance: bool) -> None:
 
 def test_the_slope_of_the_balance_is_that_of_its_cost_where_its_variance_is_constant() -> None:
     balance = Balance(make_map(0), MadeUpLoads(), WIDE, BalanceOptions(share=0.0))
-    q, tensions = postures(1, 3)[0], np.array([20.0, 5.0, 30.0, 12.0, 8.0])
+    q, tensions = postures(2, 3), np.array([[20.0, 5.0, 30.0, 12.0, 8.0], [5.0, 9.0, 0.0, 40.0, 3]])
     gradient = balance.normal_equations(q, tensions)[1]
-    steps = 1e-5 * np.eye(4)
+    steps = 1e-5 * np.eye(8).reshape(8, 2, 4)
     numeric = [
         (balance.cost(q + step, tensions) - balance.cost(q - step, tensions)) / 4e-5
         for step in steps
     ]
-    np.testing.assert_allclose(gradient, numeric, rtol=1e-4)
+    np.testing.assert_allclose(gradient.ravel(), numeric, rtol=1e-3)
+
+
+def test_the_matrix_of_the_balance_is_the_curvature_of_its_cost_where_it_is_balanced() -> None:
+    """There the cost is quadratic, and moment arms that are off make rests depend on each other."""
+    options = BalanceOptions(share=0.0, freedom=1e9)
+    balance = Balance(make_map(0), MadeUpLoads(), WIDE, options)
+    q = postures(3, 3)
+    tensions = np.array([tensions_at(one) for one in q])
+    matrix = balance.normal_equations(q, tensions)[0].reshape(12, 12)
+    steps = 1e-4 * np.eye(12).reshape(12, 3, 4)
+
+    def cost(move: Floats) -> float:
+        return balance.cost(q + move, tensions) / 2e-8
+
+    singles = np.array([cost(step) for step in steps])
+    pairs = np.array([[cost(one + other) for other in steps] for one in steps])
+    numeric = pairs - singles[:, None] - singles
+    scale = np.abs(matrix).max()
+    np.testing.assert_allclose(matrix, numeric, atol=5e-3 * scale)
+    assert np.abs(matrix[:4, 4:8]).max() > 0.01 * scale
+
+
+def test_wrong_moment_arms_are_separated_from_a_wrong_posture() -> None:
+    """The same arms at all rests leave the balance nearly as likely as exact ones do."""
+    arms = 0.006 * np.random.default_rng(4).standard_normal((5, 4))
+    arms[make_map(0).jacobian(postures(1, 1)[0]) == 0.0] = 0.0
+
+    class Displaced(MadeUpLoads):
+        def gravity(self, posture: Floats) -> Floats:
+            return super().gravity(posture) + tensions_at(posture) @ arms
+
+    q = postures(12, 3)
+    tensions = np.array([tensions_at(one) for one in q])
+    options = BalanceOptions(share=0.05, noise=0.05)
+    rigid = BalanceOptions(arm=0.0, share=0.05, noise=0.05)
+    moved, exact = (
+        Balance(make_map(0), loads, WIDE, options) for loads in (Displaced(), MadeUpLoads())
+    )
+    believed = Balance(make_map(0), Displaced(), WIDE, rigid)
+    assert moved.cost(q, tensions) < exact.cost(q, tensions) + 3 * arms.size
+    assert moved.cost(q, tensions) < 0.5 * believed.cost(q, tensions)
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -122,8 +163,9 @@ def test_a_stop_pushes_back_but_does_not_pull(side: int) -> None:
             return super().gravity(posture) - self.push * np.eye(4)[2]
 
     tensions = tensions_at(q)
+    options = BalanceOptions(arm=0.0, share=0.1)
     costs = [
-        Balance(make_map(0), Pushed(push), limits, BalanceOptions()).cost(q, tensions)
+        Balance(make_map(0), Pushed(push), limits, options).cost(q[None], tensions[None])
         for push in (-5.0 * side, 5.0 * side)
     ]
     assert costs[0] < 0.1 * costs[1]
@@ -229,8 +271,8 @@ def test_loads_that_are_too_small_show_nothing_of_tensions() -> None:
 
     balance = Balance(make_map(0), NoLoads(), WIDE, BalanceOptions())
     q = postures(3, 4)
-    assert np.isnan(balance.scale(q, [tensions_at(one) for one in q]))
-    assert np.isnan(balance.scale(q, [None, None, None]))
+    assert np.isnan(balance.scale(q, np.array([tensions_at(one) for one in q])))
+    assert np.isnan(balance.scale(q[:0], np.empty((0, 5))))
 
 
 def test_a_tension_that_is_no_number_is_not_learned_from() -> None:
