@@ -22,6 +22,14 @@ MOST_FOR_WIDTHS = 30
 """Number of rests from which on the widths of the prior are known, and not estimated again."""
 WIDTH_STEPS = 4
 """Largest number of fits with other widths of the prior."""
+MOST_FOR_ZERO = 10
+"""Number of rests up to which it is asked whether the lengths were zeroed exactly."""
+EXACT_ZERO = 0.15
+"""Width of the zero posture of a robot that was zeroed exactly, as a share of the usual one [1]."""
+SMALL_ERRORS = 0.4
+"""All widths of a robot that has small errors, as a share of the usual ones [1]."""
+ZERO_EVIDENCE = 3.0
+"""Least logarithm of the Bayes factor for lengths that were zeroed exactly."""
 BALANCED = 0.2, 3.0
 """Ratio of loads and torques of tensions between which tensions are believed. Over 18 actual robots
 (seeds 0 to 17) it was between 0.44 and 1.03 at the first rest, and 0.65 and 1.16 later; with
@@ -128,8 +136,11 @@ class RestFitter:
     ) -> FittedRests:
         """Fit all rests and the zero posture, with the widths that then are likeliest.
 
-        Tensions are left out if they cannot be those of the loads, as in another unit, or if both
-        are too small to tell.
+        Few rests may be explained by a zero posture that is far from the model's as well as by a
+        shape that is wrong, so the first rests decide whether the lengths were zeroed exactly: if
+        the evidence is clear, and it is not only that all errors are smaller than usual. Tensions
+        are left out if they cannot be those of the loads, as in another unit, or if both are too
+        small to tell.
 
         Args:
             memory: what was known before.
@@ -148,6 +159,54 @@ class RestFitter:
         wrong = None if few or np.isnan(scale) else scale
         return found._replace(memory=found.memory._replace(unbalanced=wrong))
 
+    def _usual_widths(
+        self,
+        memory: RestMemory,
+        observations: Sequence[MarkerObservation],
+        start: Floats,
+        elongated: Floats,
+        balance: Balance | None,
+    ) -> PriorWidths:
+        """Widths of robots like this one: the options', or those of robots zeroed exactly."""
+        usual, rests = self._usual, memory.rests
+        exact = usual._replace(zero=EXACT_ZERO * usual.zero)
+        known = memory.widths or usual
+        if len(start) + len(rests) > MOST_FOR_ZERO:
+            return exact if known.zero < np.sqrt(usual.zero * exact.zero) else usual
+        unknown = np.vstack(
+            [start, *(rest.guess[None] for rest in rests), 0.0 * self._limits[:, 0]]
+        )
+
+        def evidence(widths: PriorWidths) -> float:
+            problem = self._problem(memory, observations, elongated, balance, widths)
+            options = self._options.observations
+            fit = fit_rests(problem, unknown, self._limits, options, len(start), None)
+            return fit.log_evidence
+
+        small = PriorWidths(*(SMALL_ERRORS * np.array(usual)).tolist())
+        others = evidence(usual) + ZERO_EVIDENCE, evidence(small)
+        bent = exact._replace(shape=2.0 * exact.shape)
+        return exact if max(evidence(exact), evidence(bent)) > max(others) else usual
+
+    def _problem(
+        self,
+        memory: RestMemory,
+        observations: Sequence[MarkerObservation],
+        elongated: Floats,
+        balance: Balance | None,
+        widths: PriorWidths,
+    ) -> RestProblem:
+        return RestProblem(
+            observations,
+            memory.rests,
+            self._nominal,
+            widths,
+            self._marker_residual,
+            balance,
+            self._options.observations,
+            elongated,
+        )
+
     def _fit(
         self,
         memory: RestMemory,
@@ -162,31 +221,26 @@ class RestFitter:
         With ``steps`` above 0 the widths are learned, in at most so many fits.
         """
         zero = np.zeros(len(self._limits)) if memory.zero is None else memory.zero
-        angles, rests, options = start, memory.rests, self._options.observations
-        widths = memory.widths or self._usual
+        angles, options = start, self._options.observations
+        usual, widths = self._usual, memory.widths or self._usual
+        if steps:
+            usual = self._usual_widths(memory, observations, start, elongated, balance)
+            same_kind = abs(np.log(widths.zero / usual.zero)) < abs(np.log(EXACT_ZERO)) / 2.0
+            widths = widths if same_kind else usual
         for _ in range(max(1, steps)):
-            problem = RestProblem(
-                observations,
-                rests,
-                self._nominal,
-                widths,
-                self._marker_residual,
-                balance,
-                options,
-                elongated,
-            )
-            begin = np.vstack([angles, *(rest.guess[None] for rest in rests), zero])
+            problem = self._problem(memory, observations, elongated, balance, widths)
+            begin = np.vstack([angles, *(rest.guess[None] for rest in memory.rests), zero])
             known = steps == 0 or self._widths_are_known(len(begin) - 1)
-            usual = None if known else self._usual
-            found = fit_rests(problem, begin, self._limits, options, len(angles), usual)
+            wanted = None if known else usual
+            found = fit_rests(problem, begin, self._limits, options, len(angles), wanted)
             angles, zero = found.observed.angles, found.zero
-            pairs = zip(rests, found.rests, strict=True)
+            pairs = zip(memory.rests, found.rests, strict=True)
             rests = tuple(rest._replace(guess=guess) for rest, guess in pairs)
+            memory = RestMemory(zero, found.widths, rests)
             change = np.log(np.array(found.widths) / widths)
             widths = found.widths
             if np.abs(change).max() < SAME_WIDTH:
                 break
-        memory = RestMemory(zero, widths, rests)
         return FittedRests(found.observed, elongated, memory), found.scale
 
     def fit_with_elongation(

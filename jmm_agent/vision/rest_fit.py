@@ -60,6 +60,8 @@ class RestFit(NamedTuple):
         zero: posture at which the lengths were zeroed (n,) [rad].
         widths: of the map's error, by the lengths at these angles.
         scale: loads over the torques of the tensions, see `Balance.scale`; NaN without a balance.
+        log_evidence: logarithm of the probability of all that was measured, but for a constant,
+            by Laplace's method.
     """
 
     observed: ObservationFit
@@ -67,6 +69,7 @@ class RestFit(NamedTuple):
     zero: Floats
     widths: PriorWidths
     scale: float
+    log_evidence: float
 
 
 class RestProblem:
@@ -128,6 +131,21 @@ class RestProblem:
         rows = self._rows(len(missed))
         fit = Linearised(matrix, rows, arms, missed, kernels, unknown[-1])
         return likeliest_widths(fit, self.widths, usual)
+
+    def log_evidence(self, unknown: Floats) -> float:
+        """Logarithm of the probability of all that was measured with these widths.
+
+        It lacks a constant that is the same for all widths. Joint angles and zero posture are
+        integrated out about ``unknown`` (Laplace's method).
+
+        Args:
+            unknown: most probable angles (K + R + 1, n) [rad].
+        """
+        kernels = self._prior.groups(unknown[:-1], elongated=self._elongated)
+        spread = sum(len(kernel.muscles) * kernel.log_det for kernel in kernels)
+        spread += 2.0 * unknown.shape[1] * np.log(self.widths.zero)
+        spread += float(np.linalg.slogdet(self.normal_equations(unknown)[0])[1])
+        return -0.5 * (self.cost(unknown)[0] + spread)
 
     def scale(self, unknown: Floats) -> float:
         """Loads over the torques of the tensions; see `Balance.scale`."""
@@ -221,5 +239,5 @@ def fit_rests(
     norms = problem.weights.norms(end.residuals)
     seen = ObservationFit(end.angles[:observed], converged, norms)
     widths = problem.widths if usual is None else problem.likeliest_widths(end.angles, usual)
-    scale = problem.scale(end.angles)
-    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, scale)
+    more = problem.scale(end.angles), problem.log_evidence(end.angles)
+    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, *more)

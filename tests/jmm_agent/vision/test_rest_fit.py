@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from jmm_agent.errors import AgentError
+from jmm_agent.mapping.group_map import METRES
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
@@ -202,8 +203,10 @@ def test_the_width_of_offsets_follows_the_robot(offset: float) -> None:
         assert widths[:2] == USUAL[:2]
 
 
-def updater(rule: Rule | None = None, **options: object) -> VisionUpdater:
-    prior = MapPrior(make_map(0), postures(100, 8), PriorOptions())
+def updater(
+    rule: Rule | None = None, widths: PriorOptions | None = None, **options: object
+) -> VisionUpdater:
+    prior = MapPrior(make_map(0), postures(100, 8), widths or PriorOptions())
     rng = np.random.default_rng(0)
     learner = Learner(make_map(0), LIMITS, rule or RidgeRule(prior), BatchOptions(), rng)
     chosen = VisionOptions(**options)  # type: ignore[arg-type]
@@ -348,3 +351,50 @@ def test_a_change_of_all_lengths_is_no_reason_to_widen_the_prior() -> None:
     assert widths is not None
     assert widths.shape < 2.0 * PriorOptions().zeroed_shape
     np.testing.assert_array_equal(vision.elongated.sum(axis=0), np.full(5, 7.0))
+
+
+@pytest.mark.parametrize(("zero", "exact"), [(np.zeros(4), True), (ZERO, False)])
+def test_the_first_rests_decide_whether_the_lengths_were_zeroed_exactly(
+    zero: Floats, exact: bool
+) -> None:
+    """Its lengths have errors as large as usual, beside those of the zero posture."""
+    size, rng, layers = 0.0005, np.random.default_rng(7), {}
+    vision = updater(widths=PriorOptions(zeroed_offset=size, zeroed_shape=size))
+    prior = MapPrior(make_map(0), postures(100, 8), PriorOptions(offset=size, shape=size))
+    for rank, group in enumerate(prior.map.groups):
+        change = rng.standard_normal((1 + group.b1.size, group.b2.size)) / METRES
+        layers[group.name] = prior._layer(rank, group, change)
+    other = prior.map.with_output_layers(layers)
+    for q in postures(8, 4):
+        lengths = other.lengths(q) - other.lengths(zero)
+        vision.seen(picture(q), q + 0.05, lengths, lengths, tensions_at(q))
+    widths = vision.memory.rests.widths
+    assert widths is not None
+    assert (widths.zero < 0.4 * USUAL.zero) == exact
+
+
+def test_the_evidence_of_widths_is_that_of_a_gaussian_where_all_is_linear() -> None:
+    """With other widths of the offsets it changes as the probability of the lengths does."""
+    seen = postures(3, 2)
+    count, joints = 4, 4
+    found = {}
+    for offset in (0.003, 0.006):
+        subject = problem(seen, NONE, balance=False, widths=USUAL._replace(offset=offset))
+        start = np.vstack([seen, ZERO])
+        fit = fit_rests(subject, start, WIDE, OPTIONS, 3, None)
+        unknown = np.vstack([fit.observed.angles, fit.zero])
+        rows, cost = [], subject.cost(unknown)[0]
+        matrix = subject.normal_equations(unknown)[0]
+        precision = np.linalg.cholesky(matrix)
+        rng = np.random.default_rng(3)
+        for _ in range(1000):
+            step = np.linalg.solve(precision.T, rng.standard_normal(count * joints))
+            other = subject.cost(unknown + step.reshape(count, joints))[0]
+            rows.append(-0.5 * (other - cost) + 0.5 * step @ matrix @ step)
+        correction = np.log(np.mean(np.exp(np.clip(rows, -20.0, 20.0))))
+        kernels = subject._prior.groups(unknown[:-1], elongated=np.zeros((3, 5)))
+        spread = sum(len(one.muscles) * one.log_det for one in kernels)
+        integral = -0.5 * (cost + spread + np.linalg.slogdet(matrix)[1]) + correction
+        found[offset] = fit.log_evidence, integral
+    laplace, sampled = (found[0.006][i] - found[0.003][i] for i in (0, 1))
+    assert laplace == pytest.approx(sampled, abs=0.3)
