@@ -1,7 +1,7 @@
 """File of what an agent has learned, from which another agent continues to the bit.
 
-The file (.npz without pickle) holds the output layers of the map, what both updaters remember with
-all marker observations, the held-out pairs, the last posture and the state of the random generator.
+The file (.npz without pickle) holds all layers of the map, what both updaters remember with all
+marker observations, the held-out pairs, the last posture and the state of the random generator.
 It names its format, the robot's joints and muscles, and a fingerprint of the nominal map, because
 corrections of one nominal map do not apply to another one. `read_memory` refuses a file that does
 not fit before anything of an agent changes.
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.array_file import ArrayFileError, Arrays, read_arrays, write_arrays
-from jmm_agent.mapping.group_map import ARRAYS, LARGEST
+from jmm_agent.mapping.group_map import ARRAYS, LARGEST, Layers
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
@@ -31,7 +31,9 @@ from jmm_agent.vision.observation_arrays import OPTIONAL, arrays_of, observation
 from jmm_agent.vision.prior_widths import PriorWidths
 from jmm_agent.vision.rest_fit import Rest
 
-FORMAT = "agent-memory-2"
+FORMAT = "agent-memory-3"
+OLDER = {"agent-memory-2": "which lacks the hidden layers that some rules learn; learn again"}
+"""Earlier formats, and why they are not read."""
 MAX_BYTES = 64 << 20
 """Largest file, unfolded [bytes]; that of the arm with 60 observations has less than one MiB."""
 
@@ -133,9 +135,10 @@ def write_memory(
         nominal: the map before learning.
 
     Raises:
-        CheckpointError: the path is none of a file.
+        CheckpointError: the path is none of a file, or more of the map than layers was changed.
     """
     check_path(path)
+    _check_map(memory.map, nominal)
     vision, antagonism, hold_out = memory.vision, memory.antagonism, memory.hold_out
     joints, muscles = len(nominal.joints), len(nominal.muscles)
     held_out = Pairs.none(joints, muscles) if hold_out is None else hold_out.pairs
@@ -159,7 +162,8 @@ def write_memory(
     for kind, pairs in named:
         content |= {f"{kind}_{part}": getattr(pairs, part) for part in Pairs._fields}
     for rank, group in enumerate(memory.map.groups):
-        content |= {f"W2_{rank}": group.W2, f"b2_{rank}": group.b2}
+        layers = group.layers._asdict()
+        content |= {f"{name}_{rank}": layer for name, layer in layers.items()}
     write_arrays(path, content)
 
 
@@ -189,6 +193,16 @@ def read_memory(
         raise CheckpointError(
             f"{os.fspath(path)} does not hold what this agent has learned: {reason}."
         ) from error
+
+
+def _check_map(learned: JointMuscleMap, nominal: JointMuscleMap) -> None:
+    """Refuse a map of which the file would not hold all that differs from the nominal map."""
+    layers = {group.name: group.layers for group in learned.groups}
+    if fingerprint(nominal.with_layers(layers)) != fingerprint(learned):
+        raise CheckpointError(
+            "What was learned cannot be kept: a memory holds the layers of the map, and the rule "
+            "has changed its joints, muscles or scales, too."
+        )
 
 
 def check_path(path: object) -> None:
@@ -242,8 +256,10 @@ def _text(content: Arrays, name: str) -> str:
 
 def _check_robot(content: Arrays, nominal: JointMuscleMap) -> None:
     """Refuse a file of another format, other joints or muscles, or another nominal map."""
-    if "format" not in content or str(content["format"]) != FORMAT:
-        raise ArrayFileError(f"its format is {content.get('format')}, and {FORMAT} is read")
+    found_format = str(content.get("format"))
+    if found_format != FORMAT:
+        why = OLDER.get(found_format, f"and {FORMAT} is read")
+        raise ArrayFileError(f"its format is {found_format}, {why}")
     for kind in ("joints", "muscles"):
         found = tuple(map(str, content.get(kind, np.empty(0)).ravel()))
         own = getattr(nominal, kind)
@@ -306,11 +322,11 @@ def _memory(content: Arrays, nominal: JointMuscleMap) -> AgentMemory:
     arrays = {name: content[name].astype(float) for name in SHAPES if name not in ELEMENTS}
     layers = {}
     for rank, group in enumerate(nominal.groups):
-        names = f"W2_{rank}", f"b2_{rank}"
+        names = [f"{name}_{rank}" for name in Layers._fields]
         for name in names:
             if name not in content or content[name].dtype.kind != "f":
                 raise ArrayFileError(f"the array {name!r} of numbers is missing")
-        layers[group.name] = content[names[0]], content[names[1]]
+        layers[group.name] = Layers(*(content[name] for name in names))
     pairs = {
         kind: Pairs(*(arrays[f"{kind}_{part}"] for part in Pairs._fields))
         for kind in ("vision", "antagonism", "held_out")
@@ -327,7 +343,7 @@ def _memory(content: Arrays, nominal: JointMuscleMap) -> AgentMemory:
     last = arrays["last"][0] if len(arrays["last"]) else None
     believed, in_a_row = (int(count) for count in content["counts"])
     return AgentMemory(
-        nominal.with_output_layers(layers),
+        nominal.with_layers(layers),
         AntagonismMemory(last, pairs["antagonism"]),
         vision,
         HoldOutMemory(believed, in_a_row, pairs["held_out"]),

@@ -15,8 +15,8 @@ import pytest
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
-from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.mapping.recipe import Recipe
 from jmm_agent.mapping.training import train
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.settling import SettlingDetector, SettlingOptions

@@ -100,6 +100,7 @@ def test_toy_packages_pass(toy: Path) -> None:
         ("jmm_agent", "hidden_plants"),
         ("jmm_agent", "experiments"),
         ("jmm_agent", "mujoco"),
+        ("jmm_agent", "torch"),
         ("jmm_agent", "gymnasium.spaces"),
         ("reality_gap", "hidden_plants"),
         ("reality_gap", "kengoro_env"),

@@ -15,8 +15,8 @@ from scipy.optimize import nnls
 
 from experiments.harness.errors import ExperimentError
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.network_fit import Recipe
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.mapping.recipe import Recipe
 from jmm_agent.mapping.training import train
 from jmm_agent.types import Floats
 from kengoro.trained_maps import MAP_SEED, nominal_model

@@ -11,16 +11,14 @@ of the other groups are so small that 20 epochs have few steps; training continu
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, prod
+from math import prod
 
 import numpy as np
 
-from jmm_agent.mapping.group_map import METRES, GroupMap, sigmoid
+from jmm_agent.mapping.group_map import METRES, GroupMap, Layers
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.network_fit import Layers, Network
+from jmm_agent.mapping.torch_process import TorchProcess
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats, Ints
 
@@ -45,10 +43,7 @@ the shoulder; the assignment is ours, with more values for a wider range."""
 
 EPOCHS = 20
 BATCH = 5
-RATE = 1e-3
 HIDDEN = 1000
-VALIDATION = 5000
-"""Largest number of postures on which the error is evaluated after each epoch."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ class PaperReport:
         samples: number of these that were used, including validation.
         epoch_steps: Adam steps in an epoch.
         history: validation RMSE [m] before the first epoch and after each.
-        seconds: processor time of the training.
+        seconds: processor time of the training [s].
     """
 
     grid: int
@@ -111,17 +106,24 @@ def train_as_paper(
     """
     streams = np.random.SeedSequence([seed, 3]).spawn(len(nominal.groups))
     groups, reports = [], {}
-    for (name, joints, muscles), stream in zip(nominal.topology(), streams, strict=True):
-        rng = np.random.default_rng(stream)
-        postures = grid_postures(nominal, joints, share.samples, rng)
-        lengths = nominal.lengths(postures)[:, muscles] / METRES
-        begin = time.process_time()
-        layers, steps, history = _descend(postures[:, joints], lengths, rng, share.least_steps)
-        seconds = time.process_time() - begin
-        unscaled = np.zeros(len(joints)), np.ones(len(joints))
-        groups.append(GroupMap(name, joints, muscles, *unscaled, *layers))
-        grid = prod(_parts(nominal, joints))
-        reports[name] = PaperReport(grid, len(postures), steps, tuple(history), seconds)
+    with TorchProcess() as process:
+        for (name, joints, muscles), stream in zip(nominal.topology(), streams, strict=True):
+            rng = np.random.default_rng(stream)
+            postures = grid_postures(nominal, joints, share.samples, rng)
+            lengths = nominal.lengths(postures)[:, muscles] / METRES
+            start = _plain_layers(len(joints), len(muscles), rng)
+            layers, steps, history, seconds = process.call(
+                "experiments.initial_training.paper_descent:descend",
+                start,
+                postures[:, joints],
+                lengths,
+                rng,
+                share.least_steps,
+            )
+            unscaled = np.zeros(len(joints)), np.ones(len(joints))
+            groups.append(GroupMap(name, joints, muscles, *unscaled, *layers))
+            grid = prod(_parts(nominal, joints))
+            reports[name] = PaperReport(grid, len(postures), steps, tuple(history), seconds)
     return JointMuscleMap(nominal.joints, nominal.muscles, tuple(groups)), reports
 
 
@@ -153,29 +155,6 @@ def _parts(nominal: NominalModel, joints: Ints) -> list[int]:
     return [PARTS[nominal.joints[joint]] for joint in joints]
 
 
-def _descend(
-    x: Floats, y: Floats, rng: np.random.Generator, least_steps: int
-) -> tuple[Layers, int, Sequence[float]]:
-    """Train on all samples except the first fifth: x, shape (B, n) [rad]; y, shape (B, k) [mm].
-
-    Returns the layers, the steps in an epoch, and the RMSE [m] on the first fifth by epoch.
-    """
-    held = len(x) // 5
-    steps = (len(x) - held) // BATCH
-    inputs = np.column_stack([x, np.ones(len(x))]).astype(np.float32)
-    targets = y.astype(np.float32)
-    network = Network(_plain_layers(x.shape[1], y.shape[1], rng), BATCH)
-    test = slice(min(held, VALIDATION))
-    history = [rmse(network.layers(), x[test], y[test])]
-    for _ in range(max(EPOCHS, ceil(least_steps / steps))):
-        order = held + rng.permutation(len(x) - held)[: steps * BATCH]
-        for rows in order.reshape(steps, BATCH):
-            network.gradient(inputs[rows], targets[rows])
-            network.step(RATE)
-        history.append(rmse(network.layers(), x[test], y[test]))
-    return network.layers(), steps, history
-
-
 def _plain_layers(inputs: int, outputs: int, rng: np.random.Generator) -> Layers:
     """Weights and biases uniform within 1 / sqrt(inputs of the layer)."""
 
@@ -188,9 +167,3 @@ def _plain_layers(inputs: int, outputs: int, rng: np.random.Generator) -> Layers
         uniform(HIDDEN, outputs, HIDDEN),
         uniform(HIDDEN, outputs),
     )
-
-
-def rmse(layers: Layers, x: Floats, y: Floats) -> float:
-    """RMSE [m] of a network on x (B, n) [rad] and y (B, k) [mm]."""
-    found = sigmoid(x @ layers.W1.T + layers.b1) @ layers.W2.T + layers.b2
-    return METRES * float(np.sqrt(np.mean(np.square(found - y))))

@@ -22,6 +22,7 @@ from typing import Any
 
 from jmm_agent.errors import AgentError
 from jmm_agent.learning.job import JobResult, LearnedState, LearningJob, MapLearning, run_named
+from jmm_agent.mapping.torch_process import shared
 
 CLOSING = 5.0
 """Time for a job to end when its process is closed; after that it is killed [s]."""
@@ -56,7 +57,8 @@ class StepWorker:
         return self._result
 
     def close(self) -> None:
-        """Do nothing."""
+        """End the process in which torch runs, if a rule has started one."""
+        shared().close()
 
 
 class ProcessWorker:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,22 @@ ARRAYS = ("joint_index", "muscle_index", "centre", "scale", "W1", "b1", "W2", "b
 
 class MappingError(AgentError):
     """Arrays or postures that do not fit a map."""
+
+
+class Layers(NamedTuple):
+    """Layers of a network: all that training and learning change.
+
+    Attributes:
+        W1: weights of the hidden layer (H, n_in).
+        b1: offsets of the hidden layer (H,).
+        W2: weights of the output layer (k, H) [mm].
+        b2: offsets of the output layer (k,) [mm].
+    """
+
+    W1: Floats
+    b1: Floats
+    W2: Floats
+    b2: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +98,11 @@ class GroupMap:
     def __reduce__(self) -> tuple[type[GroupMap], tuple[Any, ...]]:
         """Copies and pickles have read-only arrays, too."""
         return GroupMap, (self.name, *(getattr(self, field) for field in ARRAYS))
+
+    @property
+    def layers(self) -> Layers:
+        """The layers; their arrays are read-only."""
+        return Layers(self.W1, self.b1, self.W2, self.b2)
 
     def hidden(self, q: Floats) -> Floats:
         """Activities of the hidden units.

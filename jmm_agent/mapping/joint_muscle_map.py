@@ -7,7 +7,7 @@ sec. II-A, II-B). The layers are in rad and mm as in the paper; all methods use 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arrays
-from jmm_agent.mapping.group_map import ARRAYS, METRES, GroupMap, MappingError
+from jmm_agent.mapping.group_map import ARRAYS, METRES, GroupMap, Layers, MappingError
 from jmm_agent.mapping.group_stack import GroupStack
 from jmm_agent.types import Floats
 
@@ -35,7 +35,7 @@ class CheckpointError(AgentError):
 class JointMuscleMap:
     """Map from joint angles to muscle lengths: the networks of all groups.
 
-    It is immutable; learning makes a new map by `with_output_layers`.
+    It is immutable; learning makes a new map by `with_layers` or `with_output_layers`.
 
     Attributes:
         joints: names of the n joints.
@@ -181,14 +181,28 @@ class JointMuscleMap:
         Raises:
             MappingError: an unknown group, a wrong shape or a number that is not finite.
         """
-        names = [group.name for group in self.groups]
-        for name in layers:
-            if name not in names:
-                raise MappingError(f"Map: unknown group {name!r}; groups are {names}.")
+        self._check_names(layers)
+        return self.with_layers(
+            {
+                group.name: group.layers._replace(W2=W2, b2=b2)
+                for group in self.groups
+                if group.name in layers
+                for W2, b2 in [layers[group.name]]
+            }
+        )
+
+    def with_layers(self, layers: Mapping[str, Layers]) -> JointMuscleMap:
+        """A new map with other layers.
+
+        Args:
+            layers: of each group by its name; others stay.
+
+        Raises:
+            MappingError: an unknown group, a wrong shape or a number that is not finite.
+        """
+        self._check_names(layers)
         groups = tuple(
-            replace(group, W2=layers[group.name][0], b2=layers[group.name][1])
-            if group.name in layers
-            else group
+            replace(group, **layers[group.name]._asdict()) if group.name in layers else group
             for group in self.groups
         )
         return replace(self, groups=groups)
@@ -246,6 +260,12 @@ class JointMuscleMap:
     @cached_property
     def _stack(self) -> GroupStack:
         return GroupStack(self.groups, len(self.muscles), len(self.joints))
+
+    def _check_names(self, layers: Iterable[str]) -> None:
+        names = [group.name for group in self.groups]
+        for name in layers:
+            if name not in names:
+                raise MappingError(f"Map: unknown group {name!r}; groups are {names}.")
 
     def _postures(self, q: Floats) -> Floats:
         postures = np.atleast_2d(np.asarray(q, dtype=np.float64))

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
-
-from jmm_agent.mapping.group_map import METRES, GroupMap
+from jmm_agent.mapping.group_map import METRES
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
-from jmm_agent.types import Floats
+from jmm_agent.mapping.torch_process import shared
 
 
 @dataclass(frozen=True)
 class MinibatchRule:
     """Adam steps on the batch alone, in all layers or the output layer only.
+
+    The steps are those of torch, in a process of its own that the first update starts (in some
+    seconds) and that ends with this one; see `jmm_agent.mapping.torch_process`.
 
     Attributes:
         steps: number of gradient steps of an update.
@@ -34,32 +34,19 @@ class MinibatchRule:
             current: the map before.
             remembered: earlier pairs; not used.
             batch: the new pair, and pairs that are learned beside it.
+
+        Raises:
+            TrainingError: the process that runs torch has failed.
         """
-        groups = tuple(self._descend(group, batch) for group in current.groups)
-        return replace(current, groups=groups)
-
-    def _descend(self, group: GroupMap, batch: Pairs) -> GroupMap:
-        target = batch.lengths[:, group.muscle_index] / METRES
-        inputs = (batch.postures[:, group.joint_index] - group.centre) / group.scale
-        weights = [group.W2.copy(), group.b2.copy(), group.W1.copy(), group.b1.copy()]
-        moving = weights if self.all_layers else weights[:2]
-        first = [np.zeros_like(w) for w in moving]
-        second = [np.zeros_like(w) for w in moving]
-        for step in range(1, self.steps + 1):
-            slopes = _slopes(weights, inputs, target)
-            for weight, slope, mean, square in zip(moving, slopes, first, second, strict=False):
-                mean += 0.1 * (slope - mean)
-                square += 0.001 * (slope**2 - square)
-                root = np.sqrt(square / (1 - 0.999**step)) + 1e-8
-                weight -= self.rate * mean / (1 - 0.9**step) / root
-        W2, b2, W1, b1 = weights
-        return replace(group, W1=W1, b1=b1, W2=W2, b2=b2)
-
-
-def _slopes(weights: Sequence[Floats], inputs: Floats, target: Floats) -> list[Floats]:
-    """Gradients of the mean squared error [mm^2] by output and hidden layer."""
-    W2, b2, W1, b1 = weights
-    hidden = 1.0 / (1.0 + np.exp(-(inputs @ W1.T + b1)))
-    error = 2.0 * (hidden @ W2.T + b2 - target) / target.size
-    back = (error @ W2) * hidden * (1.0 - hidden)
-    return [error.T @ hidden, error.sum(axis=0), back.T @ inputs, back.sum(axis=0)]
+        groups = current.groups
+        moved = shared().call(
+            "jmm_agent.networks.descent:descend",
+            [group.layers for group in groups],
+            [(batch.postures[:, g.joint_index] - g.centre) / g.scale for g in groups],
+            [batch.lengths[:, group.muscle_index] / METRES for group in groups],
+            self.steps,
+            self.rate,
+            self.all_layers,
+        )
+        names = [group.name for group in groups]
+        return current.with_layers(dict(zip(names, moved, strict=True)))

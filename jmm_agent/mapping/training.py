@@ -1,8 +1,8 @@
 """Trains the joint-muscle mapping from the nominal model (Kawaharazuka et al. 2018, sec. II-A).
 
 Every group is trained on the same random postures of the nominal model, as described in
-`jmm_agent.mapping.network_fit`. A trained map is kept in a file whose name is the hash of all that
-training depends on.
+`jmm_agent.networks.fit`, by torch in a process of its own, see `jmm_agent.mapping.torch_process`. A
+trained map is kept in a file whose name is the hash of all that training depends on.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import numpy as np
 
 from jmm_agent.mapping.group_map import METRES, GroupMap
 from jmm_agent.mapping.joint_muscle_map import FORMAT, CheckpointError, JointMuscleMap
-from jmm_agent.mapping.network_fit import Recipe, TrainingError, fit
+from jmm_agent.mapping.recipe import Recipe, TrainingError
+from jmm_agent.mapping.torch_process import TorchProcess
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats
 
@@ -32,6 +33,9 @@ PROBES = 256
 
 VALIDATION = 5000
 """Number of postures at which a map is validated."""
+
+METHOD = "torch-1"
+"""Name of what trains a map from a recipe: what trains other bits keeps them in other files."""
 
 _log = logging.getLogger(__name__)
 
@@ -73,7 +77,7 @@ def train(
 ) -> tuple[JointMuscleMap, TrainingReport]:
     """Train the map of every group from the nominal model (sec. II-A).
 
-    The same seed makes the same bits, as long as BLAS runs on the same number of threads.
+    The same seed makes the same bits on the same kind of processor, with any number of cores.
 
     Args:
         nominal: the nominal model.
@@ -85,27 +89,29 @@ def train(
         The map, and its errors.
 
     Raises:
-        TrainingError: lengths of the nominal model are not finite, or training diverged.
+        TrainingError: lengths of the nominal model are not finite, training diverged, or the
+            process that runs torch has failed.
     """
     recipe = recipe or Recipe()
     begin = time.perf_counter()
     data_rng, *group_rngs = _generators(nominal, seed)
-    x, lengths = _sample(nominal, data_rng, recipe.samples, 1.0 + recipe.margin)
     centre, scale = _box(nominal)
     groups, histories, seconds = [], [], []
-    for topology, rng in zip(nominal.topology(), group_rngs, strict=True):
-        started = time.perf_counter()
-        name, joints, muscles = topology
-        weights, history = fit(
-            x[:, joints],
-            lengths[:, muscles] / METRES,
-            rng,
-            recipe,
-            partial(_report, progress, name),
-        )
-        groups.append(GroupMap(name, joints, muscles, centre[joints], scale[joints], *weights))
-        histories.append(history)
-        seconds.append(time.perf_counter() - started)
+    with TorchProcess() as process:
+        x, lengths = _sample(nominal, data_rng, recipe.samples, 1.0 + recipe.margin)
+        for (name, joints, muscles), rng in zip(nominal.topology(), group_rngs, strict=True):
+            started = time.perf_counter()
+            layers, history = process.call(
+                "jmm_agent.networks.fit:fit",
+                x[:, joints],
+                lengths[:, muscles] / METRES,
+                rng,
+                recipe,
+                progress=partial(_report, progress, name),
+            )
+            groups.append(GroupMap(name, joints, muscles, centre[joints], scale[joints], *layers))
+            histories.append(history)
+            seconds.append(time.perf_counter() - started)
     jmm = JointMuscleMap(nominal.joints, nominal.muscles, tuple(groups))
     fitted = _rmse(jmm, centre + scale * x[:VALIDATION], lengths[:VALIDATION])
     reports = {
@@ -140,7 +146,8 @@ def load_or_train(
         The map, and its errors.
 
     Raises:
-        TrainingError: lengths of the nominal model are not finite, or training diverged.
+        TrainingError: lengths of the nominal model are not finite, training diverged, or the
+            process that runs torch has failed.
     """
     recipe = recipe or Recipe()
     path = Path(cache_dir) / f"jmm-{content_hash(nominal, seed, recipe)}.npz"
@@ -176,7 +183,7 @@ def content_hash(nominal: NominalModel, seed: int, recipe: Recipe) -> str:
         recipe: options of training.
     """
     x, lengths = _sample(nominal, np.random.default_rng(0), PROBES, 1.0)
-    named = (FORMAT, seed, nominal.joints, nominal.muscles, nominal.groups, asdict(recipe))
+    named = (FORMAT, METHOD, seed, nominal.joints, nominal.muscles, nominal.groups, asdict(recipe))
     digest = hashlib.sha256(repr(named).encode())
     for array in (nominal.lower, nominal.upper, nominal.crosses, x, lengths):
         digest.update(np.ascontiguousarray(array).tobytes())

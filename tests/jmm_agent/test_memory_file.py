@@ -9,6 +9,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import pytest
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arrays
+from jmm_agent.mapping.group_map import ARRAYS, Layers
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.memory_file import (
@@ -37,8 +39,8 @@ from tests.jmm_agent.small_map import JOINTS, MUSCLES, make_map
 N, M, K = len(JOINTS), len(MUSCLES), 3
 
 
-def made_up(seed: int = 0, count: int = K) -> AgentMemory:
-    """A memory of the small map's robot, with random numbers."""
+def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
+    """A memory of a small map's robot, with random numbers in all that can be learned."""
     rng = np.random.default_rng(seed)
 
     def pairs(rows: int) -> Pairs:
@@ -70,9 +72,13 @@ def made_up(seed: int = 0, count: int = K) -> AgentMemory:
         if count
         else RestMemory(),
     )
-    layers = {g.name: (g.W2 + 1.0, g.b2 - 1.0) for g in make_map().groups}
+    moved = make_map(nominal)
+    layers = {
+        g.name: Layers(*(layer + rng.normal(size=layer.shape) for layer in g.layers))
+        for g in moved.groups
+    }
     return AgentMemory(
-        make_map().with_output_layers(layers),
+        moved.with_layers(layers),
         AntagonismMemory(rng.normal(size=N) if count else None, pairs(count)),
         vision,
         HoldOutMemory(7, 1, pairs(2)),
@@ -84,7 +90,7 @@ def made_up(seed: int = 0, count: int = K) -> AgentMemory:
 def plain(memory: Any) -> Any:
     """Content of a memory as nested lists."""
     if isinstance(memory, JointMuscleMap):
-        return [[getattr(g, part).tolist() for part in ("W1", "W2", "b2")] for g in memory.groups]
+        return [[getattr(g, part).tolist() for part in ARRAYS] for g in memory.groups]
     if isinstance(memory, np.ndarray):
         return repr(memory.tolist())
     return [plain(part) for part in memory] if isinstance(memory, tuple | list) else memory
@@ -105,6 +111,16 @@ def test_what_is_written_is_read_to_the_bit(count: int, tmp_path: Path) -> None:
     assert plain(found) == plain(memory)
     assert generator_of(found.generator).normal() == generator_of(memory.generator).normal()
     assert [file.name for file in (tmp_path / "new").iterdir()] == ["learned.npz"]
+
+
+def test_a_map_of_which_the_file_would_lose_something_is_refused(tmp_path: Path) -> None:
+    memory = made_up()
+    near, far = memory.map.groups
+    for changed in (replace(near, scale=2.0 * near.scale), replace(near, name="nearer")):
+        other = replace(memory.map, groups=(changed, far))
+        with pytest.raises(AgentError, match=r"joints, muscles or scales, too|unknown group"):
+            write_memory(tmp_path / "learned.npz", memory._replace(map=other), make_map())
+        assert not (tmp_path / "learned.npz").exists()
 
 
 def test_frames_that_the_robot_does_not_have_are_refused(path: Path) -> None:
@@ -179,8 +195,18 @@ def other_format(path: Path) -> None:
     rewritten(path, format=np.array("agent-memory-0"))
 
 
+def earlier_format(path: Path) -> None:
+    rewritten(path, format=np.array("agent-memory-2"))
+
+
+def no_hidden_layer(path: Path) -> None:
+    arrays = read_arrays(path, 1 << 20)
+    del arrays["b1_1"]
+    write_arrays(path, arrays)
+
+
 def other_nominal_map(path: Path) -> None:
-    write_memory(path, made_up(), make_map(seed=1))
+    write_memory(path, made_up(nominal=1), make_map(seed=1))
 
 
 def no_noise(path: Path) -> None:
@@ -231,7 +257,9 @@ REFUSED: dict[Callable[[Path], None], str] = {
     missing: "the array 'elongated' is missing",
     other_joints: r"its joints \(4: a, b, c, e\) are not this robot's 4 joints",
     fewer_muscles: "its muscles .* are not this robot's 5 muscles",
-    other_format: "its format is agent-memory-0, and agent-memory-2 is read",
+    other_format: "its format is agent-memory-0, and agent-memory-3 is read",
+    earlier_format: "its format is agent-memory-2, which lacks the hidden layers .*; learn again",
+    no_hidden_layer: "the array 'b1_1' of numbers is missing",
     other_nominal_map: "another nominal map",
     no_noise: "vision_noise has a number that is not positive",
     generator: "the state of its random generator is damaged",

@@ -22,7 +22,7 @@ from experiments.gap_to_skill.tables import (
 )
 from experiments.harness.errors import ExperimentError
 from experiments.posture_accuracy.run import AWAY, away
-from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.recipe import Recipe
 from kengoro.recording import whole_arm
 from kengoro.study_model import study_model, zero_lengths
 from kengoro.trained_maps import nominal_model, trained_map

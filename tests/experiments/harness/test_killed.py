@@ -44,7 +44,7 @@ import sys
 
 from experiments.harness.common import drawing_for_agent
 from experiments.robots.elbow import SCENE
-from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.recipe import Recipe
 from jmm_agent.mapping.training import load_or_train
 from kengoro_env.assets import asset_path
 

@@ -33,7 +33,7 @@ from experiments.muscle_jacobian.tables import (
     verdict,
 )
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.network_fit import Recipe
+from jmm_agent.mapping.recipe import Recipe
 from jmm_agent.mapping.training import train
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats
