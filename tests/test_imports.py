@@ -124,6 +124,17 @@ def test_a_forbidden_import_is_found(toy: Path, importer: str, imported: str) ->
     assert f"{importer}.{deep} -> {imported.partition('.')[0]}" in done.stdout
 
 
+@pytest.mark.parametrize("importer", ["jmm_agent.driving", "kengoro.session", "experiments.all"])
+def test_an_import_of_what_needs_torch_is_found(toy: Path, importer: str) -> None:
+    # `jmm_agent.driving` may import it by the layers: the process must not be passed by.
+    (toy / "jmm_agent" / "networks.py").write_text("import torch\n")
+    file = toy / f"{importer.replace('.', '/')}.py"
+    file.write_text("def work():\n    from jmm_agent import networks\n")
+    done = lint(toy)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "nothing imports it but its like BROKEN" in " ".join(done.stdout.split())
+
+
 @pytest.mark.parametrize("package", LAYERS)
 def test_a_layer_that_imports_a_higher_one_is_found(toy: Path, package: str) -> None:
     for high, low in itertools.pairwise(LAYERS[package]):
@@ -158,7 +169,9 @@ def test_experiments_may_import_both_sides(toy: Path, imported: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("package", ["kengoro_env", "jmm_agent", "experiments"])
+@pytest.mark.parametrize(
+    "package", ["kengoro_env", "jmm_agent", "kengoro", "reality_gap", "experiments"]
+)
 def test_importing_a_package_stays_quick(package: str) -> None:
     # What takes about a second to load is loaded by the module that needs it, when it is needed.
     assert not loaded_by(package) & {"torch", "matplotlib"}
@@ -166,3 +179,47 @@ def test_importing_a_package_stays_quick(package: str) -> None:
 
 def test_the_environment_runs_without_the_agents_libraries() -> None:
     assert not loaded_by("kengoro_env") & {"torch", "pinocchio", "cv2", "filterpy", "jmm_agent"}
+
+
+CONTROL_STEPS = """
+import sys
+import numpy as np
+from tests.jmm_agent.small_map import make_map, postures
+{do}
+print("torch" in sys.modules, shared().process_id is None)
+"""
+
+
+@pytest.mark.parametrize(
+    ("do", "no_process"),
+    [
+        ("make_map().lengths_and_jacobian(postures(1)[0])", True),
+        ("ridge.move(make_map(), none, pairs)", True),
+        ("MinibatchRule(steps=1).move(make_map(), none, pairs)", False),
+    ],
+    ids=["control step", "ridge rule", "minibatch rule"],
+)
+def test_torch_stays_out_of_the_process_and_the_ridge_rule_starts_none(
+    do: str, no_process: bool
+) -> None:
+    begin = (
+        "import jmm_agent",
+        "from jmm_agent.agent import Agent",
+        "from jmm_agent.mapping import training",
+        "from jmm_agent.mapping.learner import Pairs, RidgeRule",
+        "from jmm_agent.mapping.minibatch import MinibatchRule",
+        "from jmm_agent.mapping.prior import MapPrior, PriorOptions",
+        "from jmm_agent.mapping.torch_process import shared",
+        "q = postures(5)",
+        "none, pairs = Pairs.none(4, 5), Pairs(q, make_map(1).lengths(q), np.full(5, 1e-3))",
+        "ridge = RidgeRule(MapPrior(make_map(), postures(20), PriorOptions()))",
+        do,
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", CONTROL_STEPS.format(do="\n".join(begin))],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["False", str(no_process)]
