@@ -1,10 +1,8 @@
-"""Time of an online update of the map by the paper's rule, in NumPy and in torch.
+"""Time of an online update of the map by the ridge rule and by the paper's.
 
-Both start from the same map, learn from the same batches of ten pairs, and do the same number of
-Adam steps on each batch, alternately on one core. The torch version has four networks, one loss,
-and a new optimiser in each update, because the rule resets Adam's moments as well. It keeps its own
-weights, so no time is spent on conversions of them. In float64 both must get the same weights.
-Torch comes with the extra ``[rl]``.
+All learn from the same batches of ten pairs, one after the other on one core. The paper's rule runs
+in a process of torch, to which the layers of the map travel and from which they come back; its
+steps alone, in the process of the benchmark, show what that costs. Both must get the same bits.
 """
 
 from __future__ import annotations
@@ -14,9 +12,8 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import sys
+from collections.abc import Callable
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -24,13 +21,12 @@ from rich.table import Table
 
 from jmm_agent.mapping.group_map import METRES
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.learner import Pairs
+from jmm_agent.mapping.learner import Pairs, RidgeRule
 from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.mapping.torch_process import shared
 from kengoro.trained_maps import trained_map
 from kengoro_env.postures import posture_set
-
-if TYPE_CHECKING:
-    import torch
 
 STEPS = (1, 10)
 """Adam steps of an update: the smallest number, and that of the rule."""
@@ -38,79 +34,43 @@ STEPS = (1, 10)
 BATCH = 10
 """Pairs of a batch."""
 
-COMPARED, TIMED = 10, 100
-"""Updates after which the weights are compared, and further updates, which are timed."""
+WARM, TIMED = 10, 100
+"""Updates before the timed ones, which start torch and its process, and timed updates."""
 
 SHIFT = 0.01
 """Standard deviation of the change of each length that the map has to learn [m]."""
 
-WEIGHTS = ("W1", "b1", "W2", "b2")
-"""Weights of a group, in the order of torch's parameters."""
+Update = Callable[[JointMuscleMap, Pairs], JointMuscleMap]
 
 
-class TorchMap:
-    """Networks of a map in torch, which learn by Adam.
+def steps_alone(rule: MinibatchRule) -> Update:
+    """The update of the paper's rule in this process.
 
     Args:
-        start: map whose weights are copied.
-        kind: precision, "float32" or "float64".
-        steps: Adam steps of an update.
-        rate: Adam's step size.
+        rule: the rule.
     """
+    import torch
 
-    def __init__(self, start: JointMuscleMap, kind: str, steps: int, rate: float) -> None:
-        import torch
+    from jmm_agent.networks.descent import descend
 
-        torch.set_num_threads(1)
-        self._torch, self._kind = torch, getattr(torch, kind)
-        self._steps, self._rate, self._groups = steps, rate, start.groups
-        self.networks = []
-        for group in start.groups:
-            hidden, inputs = group.W1.shape
-            network = torch.nn.Sequential(
-                torch.nn.Linear(inputs, hidden),
-                torch.nn.Sigmoid(),
-                torch.nn.Linear(hidden, group.muscle_index.size),
-            ).to(self._kind)
-            for parameter, name in zip(network.parameters(), WEIGHTS, strict=True):
-                parameter.data = self._tensor(getattr(group, name))
-            self.networks.append(network)
+    torch.set_num_threads(1)
 
-    def _tensor(self, array: Any) -> torch.Tensor:
-        return self._torch.tensor(array, dtype=self._kind)
-
-    def update(self, batch: Pairs) -> None:
-        """Reduce the mean squared error [mm^2] of each group.
-
-        Args:
-            batch: pairs of postures [rad] and lengths [m].
-        """
-        torch = self._torch
-        pairs = [
-            (
-                self._tensor((batch.postures[:, group.joint_index] - group.centre) / group.scale),
-                self._tensor(batch.lengths[:, group.muscle_index] / METRES),
-            )
-            for group in self._groups
-        ]
-        parameters = [p for network in self.networks for p in network.parameters()]
-        optimiser = torch.optim.Adam(parameters, lr=self._rate)
-        for _ in range(self._steps):
-            optimiser.zero_grad()
-            losses = [
-                torch.nn.functional.mse_loss(network(inputs), target)
-                for network, (inputs, target) in zip(self.networks, pairs, strict=True)
-            ]
-            torch.stack(losses).sum().backward()
-            optimiser.step()
-
-    def difference(self, ours: JointMuscleMap) -> float:
-        """Largest difference of a weight from that of ``ours``; the units of the weights differ."""
-        return max(
-            float(np.abs(parameter.detach().numpy() - getattr(group, name)).max())
-            for group, network in zip(ours.groups, self.networks, strict=True)
-            for name, parameter in zip(WEIGHTS, network.parameters(), strict=True)
+    def update(current: JointMuscleMap, batch: Pairs) -> JointMuscleMap:
+        groups = current.groups
+        moved = descend(
+            [group.layers for group in groups],
+            [(batch.postures[:, g.joint_index] - g.centre) / g.scale for g in groups],
+            [batch.lengths[:, group.muscle_index] / METRES for group in groups],
+            rule.steps,
+            rule.rate,
+            rule.all_layers,
+            lambda share: None,
         )
+        return current.with_layers(
+            {group.name: layers for group, layers in zip(groups, moved, strict=True)}
+        )
+
+    return update
 
 
 def batches(start: JointMuscleMap, count: int) -> list[Pairs]:
@@ -130,63 +90,63 @@ def batches(start: JointMuscleMap, count: int) -> list[Pairs]:
     return pairs
 
 
-def measure(start: JointMuscleMap, steps: int) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """Run both versions alternately.
+def measure(start: JointMuscleMap, updates: dict[str, Update]) -> dict[str, list[float]]:
+    """Time updates, which take turns.
 
     Args:
-        start: map that both start from.
-        steps: Adam steps of an update.
+        start: map that all start from.
+        updates: what to time, by name.
 
     Returns:
-        Times of the updates by version, "ours" or torch's precision [s]; largest difference of the
-        weights after `COMPARED` updates, by torch's precision.
+        Times of the updates after the first `WARM` by name [s].
+
+    Raises:
+        AssertionError: the paper's rule has not the same bits in both processes.
     """
-    rule = MinibatchRule(steps=steps)
-    torch_maps = {kind: TorchMap(start, kind, steps, rule.rate) for kind in ("float64", "float32")}
-    no_pairs = Pairs.none(len(start.joints), len(start.muscles))
-    ours, differences = start, dict[str, float]()
-    seconds: dict[str, list[float]] = {"ours": [], **{kind: [] for kind in torch_maps}}
-    for number, batch in enumerate(batches(start, COMPARED + TIMED), start=1):
-        begin = perf_counter()
-        ours = rule.move(ours, no_pairs, batch)
-        seconds["ours"].append(perf_counter() - begin)
-        for kind, torch_map in torch_maps.items():
+    maps = dict.fromkeys(updates, start)
+    seconds: dict[str, list[float]] = {name: [] for name in updates}
+    for batch in batches(start, WARM + TIMED):
+        for name, update in updates.items():
             begin = perf_counter()
-            torch_map.update(batch)
-            seconds[kind].append(perf_counter() - begin)
-            if number == COMPARED:
-                differences[kind] = torch_map.difference(ours)
-    return {version: times[COMPARED:] for version, times in seconds.items()}, differences
+            maps[name] = update(maps[name], batch)
+            seconds[name].append(perf_counter() - begin)
+    for rank, steps in enumerate(STEPS):
+        here, there = list(maps.values())[2 * rank : 2 * rank + 2]
+        for one, other in zip(here.groups, there.groups, strict=True):
+            same = all(map(np.array_equal, one.layers, other.layers))
+            assert same, f"{steps} steps: the processes have different bits"
+    return {name: times[WARM:] for name, times in seconds.items()}
+
+
+def updates_of(start: JointMuscleMap) -> dict[str, Update]:
+    """The updates to time: those of the paper's rule in pairs, then the ridge rule's.
+
+    Args:
+        start: the map before learning.
+    """
+    none = Pairs.none(len(start.joints), len(start.muscles))
+    found: dict[str, Update] = {}
+    for steps in STEPS:
+        rule = MinibatchRule(steps=steps)
+        named = f"paper's rule, {steps} step{'s' * (steps > 1)}"
+        found[named] = lambda current, batch, by=rule: by.move(current, none, batch)
+        found[f"{named}, without its process"] = steps_alone(rule)
+    ridge = RidgeRule(MapPrior(start, posture_set(), PriorOptions()))
+    found["ridge rule"] = lambda current, batch: ridge.move(current, none, batch)
+    return found
 
 
 def main() -> None:
-    """Print the table; exit with a message if torch is missing."""
-    try:
-        import torch
-    except ImportError:
-        sys.exit("This benchmark needs torch, which is not installed: pip install 'kengoro[rl]'.")
+    """Print the table."""
     start = trained_map()
-    table = Table(title=f"One update of the map with {BATCH} pairs, torch {torch.__version__}")
-    heads = ("steps", "version", "median us", "99th percentile us", "ratio", "difference")
-    for head in heads:
-        table.add_column(head, justify="left" if head == "version" else "right")
-    for steps in STEPS:
-        seconds, differences = measure(start, steps)
-        for version, times in seconds.items():
-            ratio = np.median(np.divide(times, seconds["ours"]))
-            table.add_row(
-                f"{steps}",
-                "NumPy float64" if version == "ours" else f"torch {version}",
-                f"{1e6 * np.median(times):.0f}",
-                f"{1e6 * np.percentile(times, 99):.0f}",
-                "" if version == "ours" else f"{ratio:.2f}",
-                "" if version == "ours" else f"{differences[version]:.1e}",
-            )
+    table = Table(title=f"One update of the map with {BATCH} pairs")
+    for head in ("update", "median us", "99th percentile us"):
+        table.add_column(head, justify="left" if head == "update" else "right")
+    for name, times in measure(start, updates_of(start)).items():
+        columns = np.median(times), np.percentile(times, 99)
+        table.add_row(name, *(f"{1e6 * column:.0f}" for column in columns))
+    shared().close()
     Console().print(table)
-    print(
-        "Steps: Adam steps of an update. Ratio: median of time / time of NumPy, update by update."
-    )
-    print(f"Difference: largest of all weights (hidden [1], output [mm]) after {COMPARED} updates.")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import pytest
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
+from jmm_agent.mapping.minibatch import MinibatchRule
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
 from tests.jmm_agent.nominal_arm import posture_set
@@ -37,6 +38,25 @@ def test_an_agent_continues_to_the_bit(
     assert other.same_map(one.agent.map)
     np.testing.assert_array_equal(other.agent.joint_angles, one.agent.joint_angles)
     assert other.agent.memory.generator == one.agent.memory.generator
+
+
+def test_what_the_papers_rule_learned_is_loaded_to_the_bit(
+    nominal_map: JointMuscleMap, arm: ArmKinematics, tmp_path: Path
+) -> None:
+    one, other = (Trial(nominal_map, arm, seed=seed, rule=MinibatchRule()) for seed in (0, 1))
+    one.visit(POSTURES[1])
+    for before, after in zip(nominal_map.groups, one.agent.map.groups, strict=True):
+        assert np.abs(before.W1 - after.W1).max() > 0.0
+        assert np.abs(before.b1 - after.b1).max() > 0.0
+    one.agent.save(tmp_path / "learned.npz")
+    one.agent.begin_episode()
+    other.agent.load(tmp_path / "learned.npz")
+    assert other.same_map(one.agent.map)
+    other.steps = one.steps
+    for trial in (one, other):
+        trial.visit(POSTURES[3])
+    assert other.same_map(one.agent.map)
+    one.agent.close()
 
 
 def test_a_failed_load_changes_nothing(

@@ -62,6 +62,6 @@ def rest_until_pending(agent: Agent, nominal_map: JointMuscleMap) -> int:
 
 def learned(agent: Agent) -> list[bytes]:
     """All that was learned, as bytes."""
-    layers = [part for group in agent.map.groups for part in (group.W2, group.b2)]
+    layers = [layer for group in agent.map.groups for layer in group.layers]
     vision = agent.vision.memory
     return [part.tobytes() for part in (*layers, *vision.pairs, vision.angles)]

@@ -12,6 +12,8 @@ from jmm_agent.errors import AgentError
 from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.learning.options import LearningOptions
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.minibatch import MinibatchRule
+from jmm_agent.mapping.torch_process import shared
 from jmm_agent.observation import SensorReadings
 from tests.jmm_agent.learning.resting import (
     SECOND,
@@ -45,6 +47,29 @@ def test_learning_in_a_process_has_the_same_bits_as_in_the_step(
     assert learned(step) == learned(process)
     assert step.entered == process.entered
     assert step.vision.fired == 2
+
+
+def test_the_papers_rule_has_the_same_bits_in_a_process(
+    make: Make, nominal_map: JointMuscleMap
+) -> None:
+    agents = [make(where, 2, rule=MinibatchRule(steps=3)) for where in ("step", "process")]
+    for agent in agents:
+        run(agent, nominal_map, 1)
+        assert agent.vision.dropped == {}
+    step, process = agents
+    assert learned(step) == learned(process)
+    assert not np.array_equal(step.map.groups[0].W1, nominal_map.groups[0].W1)
+    here = shared().process_id  # of "step"; that of "process" is one of the other process
+    assert here is not None
+    step.close()
+    assert shared().process_id is None
+
+
+def test_the_ridge_rule_starts_no_torch(make: Make, nominal_map: JointMuscleMap) -> None:
+    agent = make("step")
+    run(agent, nominal_map, 1)
+    assert agent.vision.fired == 1
+    assert shared().process_id is None
 
 
 def test_a_result_enters_the_stated_number_of_steps_later(
