@@ -1,9 +1,11 @@
 """The built wheel holds what it needs, and runs where there is no checkout."""
 
+import itertools
 import os
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -124,6 +126,29 @@ def test_installed_wheel_makes_environments(
     )
     module = Path(run(python, "-c", program, cwd=empty).splitlines()[-1])
     assert module.is_relative_to(python.parents[1])
+
+
+def test_torch_is_of_the_core_and_make_installs_what_the_project_asks_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    [torch] = [name for name in project["dependencies"] if name.startswith("torch")]
+    extras = itertools.chain(*project["optional-dependencies"].values())
+    assert not [name for name in extras if name.startswith("torch")]
+    commands = run("make", "-n", "-B", ".venv/.installed", "TORCH_WHEELS=index", cwd=ROOT)
+    assert f"install --retries 1 --index-url index '{torch}'" in commands
+
+
+def test_installed_wheel_trains(elsewhere: tuple[Path, Path]) -> None:
+    python, empty = elsewhere
+    program = (
+        "from jmm_agent.mapping import recipe, training;"
+        "from kengoro.trained_maps import nominal_model;"
+        "few = recipe.Recipe(hidden=20, samples=500, steps=2);"
+        "report = training.train(nominal_model(), 0, few)[1];"
+        "print(training.__file__, report.groups['neck'].validation_rmse)"
+    )
+    module, error = run(python, "-c", program, cwd=empty).split()
+    assert Path(module).is_relative_to(python.parents[1])
+    assert 0.0 < float(error) < 0.1
 
 
 @pytest.fixture
