@@ -77,19 +77,19 @@ def test_a_call_returns_a_result_and_reports_shares() -> None:
     assert ends(number)
 
 
-@pytest.mark.parametrize("way", ["script", "standard input", "interactive", "-c"])
-def test_programs_without_a_guard_can_train(way: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["script", "standard input", "interactive", "-c"])
+def test_programs_without_a_guard_can_train(kind: str, tmp_path: Path) -> None:
     # In a folder whose files have names of modules that torch and this package import.
     for name in ("types", "random", "torch", "jmm_agent"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('not this one')\n")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     (elsewhere / "program.py").write_text(TRAINING)
-    if way == "script":
+    if kind == "script":
         output = python(str(elsewhere / "program.py"), cwd=tmp_path)
-    elif way == "standard input":
+    elif kind == "standard input":
         output = python("-", stdin=TRAINING)
-    elif way == "interactive":
+    elif kind == "interactive":
         output = python("-i", "-q", stdin=TRAINING)
     else:
         output = python("-c", TRAINING)
@@ -187,14 +187,16 @@ def test_the_process_ends_with_the_program_that_started_it(then: str) -> None:
 def test_a_fork_has_a_process_of_its_own() -> None:
     number = shared().call(f"{CALLS}:answer", 1)[1]
     reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.write(writer, str(shared().call(f"{CALLS}:answer", 2)[1]).encode())
-        os._exit(0)
-    os.waitpid(child, 0)
+    forked = os.fork()
+    if forked == 0:
+        try:
+            os.write(writer, str(shared().call(f"{CALLS}:answer", 2)[1]).encode())
+        finally:
+            os._exit(0)  # whatever happens, this is not the process of the tests
+    os.waitpid(forked, 0)
+    os.close(writer)
     others = int(os.read(reader, 20))
     os.close(reader)
-    os.close(writer)
     assert others != number
     assert ends(others)
     assert shared().call(f"{CALLS}:answer", 3) == (6, number)

@@ -73,7 +73,7 @@ def test_the_control_step_evaluates_what_torch_does(
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_a_group_survives_its_way_through_torch_to_the_bit(size: tuple[int, int, int]) -> None:
+def test_a_group_is_the_same_to_the_bit_after_torch_held_it(size: tuple[int, int, int]) -> None:
     from jmm_agent.networks.network import Network
 
     [group] = random_map([size], 3).groups
