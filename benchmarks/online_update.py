@@ -21,7 +21,7 @@ from rich.table import Table
 
 from jmm_agent.mapping.group_map import METRES
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.learner import Pairs, RidgeRule
+from jmm_agent.mapping.learner import Pairs, RidgeRule, Rule
 from jmm_agent.mapping.minibatch import MinibatchRule
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.mapping.torch_process import shared
@@ -71,6 +71,16 @@ def steps_alone(rule: MinibatchRule) -> Update:
         )
 
     return update
+
+
+def moved_by(rule: Rule, remembered: Pairs) -> Update:
+    """The update of a rule that always remembers the same pairs.
+
+    Args:
+        rule: the rule.
+        remembered: earlier pairs.
+    """
+    return lambda current, batch: rule.move(current, remembered, batch)
 
 
 def batches(start: JointMuscleMap, count: int) -> list[Pairs]:
@@ -129,10 +139,10 @@ def updates_of(start: JointMuscleMap) -> dict[str, Update]:
     for steps in STEPS:
         rule = MinibatchRule(steps=steps)
         named = f"paper's rule, {steps} step{'s' * (steps > 1)}"
-        found[named] = lambda current, batch, by=rule: by.move(current, none, batch)
+        found[named] = moved_by(rule, none)
         found[f"{named}, without its process"] = steps_alone(rule)
     ridge = RidgeRule(MapPrior(start, posture_set(), PriorOptions()))
-    found["ridge rule"] = lambda current, batch: ridge.move(current, none, batch)
+    found["ridge rule"] = moved_by(ridge, none)
     return found
 
 

@@ -49,10 +49,10 @@ from jmm_agent.mapping.training import load_or_train
 from kengoro_env.assets import asset_path
 
 drawing = drawing_for_agent(asset_path(SCENE))
-for seed in range(12):
+for seed in range(6):
     load_or_train(drawing, seed, sys.argv[1], Recipe(hidden=200, samples=2000, steps=300))
 """
-"""Twelve maps, one after the other, each kept as soon as it is trained."""
+"""Six maps, one after the other, each kept as soon as it is trained."""
 
 DURATIONS = {"wall_s", "core_s", "seconds", "command"}
 
