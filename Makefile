@@ -1,6 +1,5 @@
 # Each target sets up what it needs by itself: .venv/, the dependencies, and a way to render.
-# PYTHON chooses the interpreter that makes .venv (3.11 or newer), TORCH_WHEELS the index that torch
-# comes from: its build for CPUs takes a fraction of the one with CUDA, which is not needed.
+# PYTHON chooses the interpreter that makes .venv (3.11 or newer).
 
 PYTHON ?= python3
 VENV := .venv
@@ -11,8 +10,6 @@ DOCS := $(VENV)/.docs
 RL := $(VENV)/.rl
 RENDERS := $(VENV)/.renders
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
-TORCH_WHEELS ?= https://download.pytorch.org/whl/cpu
-TORCH := $(shell sed -n 's/^ *"\(torch[~=<>][^"]*\)".*/\1/p' pyproject.toml)
 PACKAGES := kengoro kengoro_env jmm_agent reality_gap mjcf_sandbox hidden_plants experiments benchmarks tools/fuzz
 
 .PHONY: demo test test-all check docs distributions clean
@@ -52,8 +49,6 @@ $(INSTALLED): pyproject.toml
 	  || $(PYTHON) -m venv --clear $(VENV) \
 	  || { echo "Python's venv module is missing: apt-get install python3-venv"; exit 1; }
 	@echo "Installing the dependencies into $(VENV) (minutes the first time) ..."
-	@$(PIP) install --retries 1 --index-url $(TORCH_WHEELS) '$(TORCH)' \
-	  || echo "$(TORCH_WHEELS) cannot be used: which build of torch is installed, pip decides."
 	@$(PIP) install --editable '.[dev]'
 	@touch $@
 
