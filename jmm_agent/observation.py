@@ -25,6 +25,8 @@ class SensorReadings(NamedTuple):
             `CameraClock`.
         joint_angles: measured joint angles (n,) [rad], NaN for a joint without encoder; None if no
             joint has one.
+        temperatures: measured temperatures of the motors' housings (m,) [degC], NaN for a motor
+            without sensor; None if no motor has one.
     """
 
     time: float
@@ -33,6 +35,7 @@ class SensorReadings(NamedTuple):
     frame: np.ndarray | None = None
     frame_time: float = -np.inf
     joint_angles: Floats | None = None
+    temperatures: Floats | None = None
 
     def checked(self, after: float, muscles: int, gaps: bool = False) -> SensorReadings:
         """The readings with copies of lengths and tensions.

@@ -126,6 +126,7 @@ class Session:
             observation["tensions"],
             observation.get("frame"),
             self._clock.at(frame_time),
+            temperatures=observation.get("temperatures"),
         )
 
     @property

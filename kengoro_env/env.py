@@ -42,6 +42,9 @@ METADATA: dict[str, Any] = {
     "render_fps": round(1 / CONTROL_PERIOD),
 }
 
+COLDEST, HOTTEST = -50.0, 500.0
+"""Bounds of the observed temperatures of the motors [degC]."""
+
 OUTSIDE = "outside"
 """Name of the camera of `KengoroEnv.render`."""
 
@@ -63,13 +66,15 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     frame         (480, 640, 3)       RGB      newest frame of the camera in the head, uint8
     frame_time    (1,) float64        s        time at which the frame was taken
     target        (n,) float64        rad      joint angles to reach (Posture, Elbow)
+    temperatures  (m,) float64        degC     housings of the motors, with `HeatingMotors` only
     ============  ==================  =======  =================================================
 
     ``info`` holds the truth, which no agent may use: ``joint_angles`` (n,) [rad]; ``hand_pose``
     (4, 4), pose of the grip point in the world; ``slack_paid_out`` (m,) [m], length paid out beyond
     the path; ``slack_target`` (m,) [m], target length beyond the true length; ``success``;
     ``time`` [s]; in CanGrasp ``can_pose`` (4, 4), ``grasped`` and ``rise`` [m]; ``reason`` in the
-    last step of an episode that ended. A simulation that diverges ends the episode with the last
+    last step of an episode that ended; with `HeatingMotors` ``core_temperatures`` and
+    ``housing_temperatures`` (m,) [degC]. A simulation that diverges ends the episode with the last
     finite observation and the reward 0.
 
     Args:
@@ -145,6 +150,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             entries["frame_time"] = box(0.0, LATEST, (1,))
         if self.task.shows_target:
             entries["target"] = box(self.robot.lower, self.robot.upper, (len(self.joints),))
+        if self.robot.heat is not None:
+            entries["temperatures"] = box(COLDEST, HOTTEST, muscles)
         return spaces.Dict(entries)
 
     def lengths_to_action(self, lengths: object, fingers: float = -1.0) -> NDArray[np.float32]:
@@ -201,11 +208,14 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         rng, noise = self.np_random.spawn(2)
         self.task.start(self.robot, checked, rng, noise)
         self._ended = None
+        if self.robot.heat is not None:
+            self.robot.heat.reset(self.np_random.spawn(1)[0])
         if self._camera is not None:
             self._camera.reset(self.robot.data)
         start = measured_report(self.robot, self.bounds, self.task.goal, self._tracked)
         observation, info = start.observation, start.truth
         self._add_frame_and_target(observation)
+        self._add_temperatures(observation, info)
         info["success"] = False
         self.task.write_info(info, start.object_state)
         self._last = observation, info
@@ -244,7 +254,10 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if self._camera is not None:
             self._camera.update(self.robot.data)
         self._ended = ended
+        if self.robot.heat is not None:
+            self.robot.heat.advance(self.robot.tensions, self.robot.control_period)
         self._add_frame_and_target(observation)
+        self._add_temperatures(observation, info)
         self._last = observation, info
         if ended is not None:
             info["reason"] = ended
@@ -260,6 +273,14 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         goal = self.task.goal
         if goal is not None:
             observation["target"] = goal.copy()
+
+    def _add_temperatures(self, observation: Observation, info: dict[str, Any]) -> None:
+        heat = self.robot.heat
+        if heat is None:
+            return
+        observation["temperatures"] = np.clip(heat.readings, COLDEST, HOTTEST)
+        info["core_temperatures"] = heat.core.copy()
+        info["housing_temperatures"] = heat.housing.copy()
 
     def render(self) -> Image | None:
         """Render the outside view (480, 640, 3) uint8; None if a window shows it.

@@ -93,6 +93,11 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.metadata = {**MANY, "render_fps": self._env.metadata["render_fps"]}
         if not isinstance(self._env.task, Reach):
             raise ArgumentError("only the tasks posture and elbow have a vector environment")
+        if self._env.robot.heat is not None:
+            raise ArgumentError(
+                "a vector environment has no HeatingMotors: leave them out, or ask for "
+                'vectorization_mode="async"'
+            )
         self._task = self._env.task
         self.num_envs = num_envs
         self.single_action_space = self._env.action_space

@@ -54,6 +54,10 @@ JOINT_CONTRADICTED = "joint_contradicted"
 LENGTHS_WRONG = "lengths_wrong"
 TRACKER_CLOCK = "tracker_clock"
 TENSIONS_WRONG = "tensions_wrong"
+HEAT_CHANGED = "heat_changed"
+HEAT_LIMITED = "heat_limited"
+TEMPERATURE_MISSING = "temperature_missing"
+TEMPERATURE_WRONG = "temperature_wrong"
 
 AGENT_KINDS = {
     CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
@@ -66,6 +70,10 @@ AGENT_KINDS = {
     LENGTHS_WRONG: "muscle lengths have another unit or sign than the map's",
     TRACKER_CLOCK: "the times of measured poses are not on the clock of the readings",
     TENSIONS_WRONG: "tensions do not balance the loads of the model, and are not learned from",
+    HEAT_CHANGED: "a motor heats or cools otherwise than it was learned: its cooling failed, or so",
+    HEAT_LIMITED: "the tension of a muscle is limited, because its motor is hot",
+    TEMPERATURE_MISSING: "the housing's temperature is not measured: the core is known less well",
+    TEMPERATURE_WRONG: "the housing's temperature is far from what the thermal model allows",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }
 """Kinds of faults that any agent names, also without a guard, and the meaning of each."""
@@ -138,13 +146,15 @@ class MotorControl:
         """
         return self.bias + self.stiffness * np.maximum(0.0, lengths - target_lengths)
 
-    def shortest_target(self, lengths: Floats) -> Floats:
+    def shortest_target(self, lengths: Floats, limits: Floats | None = None) -> Floats:
         """Target lengths that demand the limit.
 
         Args:
             lengths: measured muscle lengths [m], of any shape.
+            limits: tensions of the muscles that replace the limit [N]; None for the limit.
 
         Returns:
             Target lengths [m].
         """
-        return lengths - (self.limit - self.bias) / self.stiffness
+        limit = self.limit if limits is None else limits
+        return lengths - (limit - self.bias) / self.stiffness

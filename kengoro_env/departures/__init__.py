@@ -30,6 +30,7 @@ a number that no other departure has. To make a departure part of every ``actual
 """
 
 from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
+from kengoro_env.departures.heat import HeatingMotors
 from kengoro_env.departures.presets import actual, drawing
 from kengoro_env.departures.sensors import (
     CameraError,
@@ -48,6 +49,7 @@ __all__ = [
     "Elongation",
     "EncoderError",
     "FrameDelay",
+    "HeatingMotors",
     "MotorInertia",
     "TendonStretch",
     "TensionSensorError",

@@ -13,6 +13,7 @@ import mujoco
 
 from kengoro_env.errors import UnknownNameError
 from kengoro_env.robot.model_file import is_muscle
+from kengoro_env.robot.motor_heat import HeatSpec
 
 
 @dataclass
@@ -84,12 +85,14 @@ class Draft:
         tendons: tendons by muscle, in the order of the model.
         sensor_errors: errors of encoders, tension sensors, camera timing and zero posture.
         events: elongations during an episode.
+        heat: motors that heat; None: they stay cold.
     """
 
     spec: mujoco.MjSpec
     tendons: dict[str, TendonSpec]
     sensor_errors: SensorErrors = field(default_factory=SensorErrors)
     events: list[Event] = field(default_factory=list)
+    heat: HeatSpec | None = None
 
     @classmethod
     def of(cls, spec: mujoco.MjSpec) -> Draft:

@@ -22,6 +22,7 @@ from kengoro_env.robot.draft import Departure, Draft
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.indexing import index_of
 from kengoro_env.robot.model_file import load_spec
+from kengoro_env.robot.motor_heat import MotorHeat
 from kengoro_env.robot.motor_gains import gains_of
 from kengoro_env.robot.motors import Motors
 from kengoro_env.robot.muscle_law import Gains
@@ -55,6 +56,7 @@ class Robot(Body):
         upper: upper joint limits (n,) [rad].
         random: generator of the sensors' noise.
         events: elongations to come in this episode, the next one first.
+        heat: temperatures of the motors; None: they stay cold.
 
     Raises:
         KengoroError: the model or an argument cannot be used.
@@ -96,6 +98,7 @@ class Robot(Body):
         self._sensors = Sensors(self._sensor_errors, self.muscles)
         self._zero = self._length_at_zero_posture()
         self._mounted = self.motors.elongation
+        self.heat = None if draft.heat is None else MotorHeat(draft.heat)
         fingers = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, FINGERS)
         self._fingers = fingers if fingers >= 0 else None
         self.random = np.random.default_rng(0)

@@ -1,0 +1,341 @@
+"""Heat of the motors of a robot: core temperatures, faults by name, and limits of tensions.
+
+The monitor collects tensions and readings between the steps of its filter, an eighth of the core
+time constant each. It limits the tension of each motor, named when it does, so that no core
+becomes hotter than the limit by the upper end of its interval.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from jmm_agent.errors import AgentError
+from jmm_agent.guard.faults import (
+    HEAT_CHANGED,
+    HEAT_LIMITED,
+    TEMPERATURE_MISSING,
+    TEMPERATURE_WRONG,
+    Fault,
+    MotorControl,
+)
+from jmm_agent.heat.change_detector import Change, ChangeDetector
+from jmm_agent.heat.housing_readings import HousingReadings, check_unit
+from jmm_agent.heat.model import CORE, FIRST, HOUSING
+from jmm_agent.heat.parameters import NAMES, UNITS, HeatOptions
+from jmm_agent.heat.tension_limit import allowed_tensions
+from jmm_agent.heat.thermal_filter import ThermalFilter
+from jmm_agent.observation import SensorReadings
+from jmm_agent.types import Bools, Floats
+
+_log = logging.getLogger(__name__)
+
+STEPS = 8
+"""Steps of the filter in a nominal core time constant."""
+MISSING = 4
+"""Number of steps without a reading from which on that is named."""
+AGAIN = 0.5
+"""A changed parameter is as before again within this share of the change that is a fault [1]."""
+CUT = 0.01
+"""Least share of the motors' largest tension by which a command is cut that counts [1]."""
+RELEASED = 5.0
+"""Time without a cut after which a muscle no longer counts as limited by heat [s]."""
+RELEARNED = 0.5
+"""Standard deviation of the logarithm of a parameter after it changed, as a share of the change."""
+
+
+class CoreTemperatures(NamedTuple):
+    """Estimated core temperatures of m motors.
+
+    Attributes:
+        mean: (m,) [degC].
+        low: lower end of the interval (m,) [degC].
+        high: upper end of the interval (m,) [degC].
+    """
+
+    mean: Floats
+    low: Floats
+    high: Floats
+
+
+class HeatMonitor:
+    """Thermal models of the motors of m muscles, learned from the temperatures of their housings.
+
+    Args:
+        muscles: names of the m muscles.
+        motors: bias and largest tension; the limits lie between.
+        options: nominal parameters, limit and thresholds.
+
+    Attributes:
+        options: as given, or the defaults.
+    """
+
+    def __init__(
+        self, muscles: Sequence[str], motors: MotorControl, options: HeatOptions | None = None
+    ) -> None:
+        self.options = options = options or HeatOptions()
+        self._muscles, self._motors = tuple(muscles), motors
+        count = len(self._muscles)
+        self._step = options.nominal.core_time / STEPS
+        self._filter = ThermalFilter((count,), options)
+        self._detector = ChangeDetector(count, options)
+        self._readings = HousingReadings(count, options.noise)
+        self._changed: dict[int, tuple[Change, Fault]] = {}
+        self._named: dict[tuple[str, int], Fault] = {}
+        self._start = True
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again after a pause of unknown length, and keep what was learned of the motors."""
+        count = len(self._muscles)
+        self._time = -np.inf
+        self._passed, self._heat, self._last_heat = 0.0, np.zeros(count), np.zeros(count)
+        self._without = np.zeros(count, dtype=int)
+        self._cut_at = np.full(count, -np.inf)
+        self._start = True
+        self._readings.reset()
+        self._detector.reset()
+        self._named.clear()
+        self._limits: tuple[float, Floats] | None = None
+
+    @property
+    def core(self) -> CoreTemperatures:
+        """Core temperatures now, with intervals of `HeatOptions.sigmas` standard deviations."""
+        mean = self._filter.x[:, CORE].copy()
+        wide = self.options.sigmas * np.sqrt(self._filter.p[:, CORE, CORE])
+        return CoreTemperatures(mean, mean - wide, mean + wide)
+
+    @property
+    def housing(self) -> Floats:
+        """Estimated temperatures of the housings (m,) [degC]."""
+        return self._filter.x[:, HOUSING].copy()
+
+    @property
+    def parameters(self) -> Floats:
+        """Estimated parameters (m, 5), in the order and units of `ThermalParameters`."""
+        return np.asarray(np.exp(self._filter.x[:, FIRST:]))
+
+    @property
+    def parameters_std(self) -> Floats:
+        """Standard deviations of the logarithms of the parameters (m, 5) [1]."""
+        return np.sqrt(np.diagonal(self._filter.p, axis1=1, axis2=2)[:, FIRST:])
+
+    @property
+    def faults(self) -> list[Fault]:
+        """Faults that are found now, in the order in which they were noticed."""
+        found = [fault for _, fault in self._changed.values()]
+        return sorted([*found, *self._named.values()], key=lambda fault: fault.since)
+
+    @property
+    def limited(self) -> Bools:
+        """Muscles whose commands heat has cut just now (m,)."""
+        return self._time - self._cut_at <= RELEASED
+
+    def update(self, readings: SensorReadings, pause: float = 0.0) -> None:
+        """Add the readings of a control step.
+
+        Args:
+            readings: of the step; the tensions finite, temperatures NaN where there is no sensor.
+            pause: by how much the stamps jumped [s]; what the motors did meanwhile is not known.
+
+        Raises:
+            AgentError: temperatures of the wrong shape, or, at the start, in another unit.
+        """
+        temperatures = self._checked(readings.temperatures)
+        if pause > self._step or pause < 0.0:
+            self._pause(abs(pause))
+        if self._start:
+            self._begin(temperatures, readings)
+        passed = readings.time - self._time if np.isfinite(self._time) else 0.0
+        self._time = readings.time
+        self._passed += passed
+        self._heat += passed * np.square(readings.tensions)
+        self._readings.add(temperatures)
+        if self._passed >= self._step:
+            self._run()
+
+    def tension_limits(self, now: float | None = None, horizon: float | None = None) -> Floats:
+        """Largest tension that each muscle may hold (m,) [N], between bias and the motors' limit.
+
+        Args:
+            now: time by the clock of the readings [s]; the newest readings if left out. Limits of
+                a time without readings are those of the last readings.
+            horizon: time for which the tension is held [s]; that of the options if left out.
+
+        Raises:
+            AgentError: the horizon is not positive and finite, or ``now`` before the readings.
+        """
+        planned = self.options.planned if horizon is None else float(horizon)
+        if not 0.0 < planned < np.inf:
+            raise AgentError(f"HeatMonitor: the horizon is {planned} s, but must be positive.")
+        if now is not None and now < self._time:
+            raise AgentError(f"HeatMonitor: {now} s is before the newest readings, {self._time} s.")
+        if self._limits is None or self._limits[0] != planned:
+            motors = self._motors
+            allowed = allowed_tensions(
+                self._filter, motors.bias, motors.limit, self.options, planned
+            )
+            self._limits = planned, allowed
+        return self._limits[1].copy()
+
+    def limit(self, target_lengths: Floats, lengths: Floats) -> Floats:
+        """Target lengths (m,) [m] that demand no tension above the limits; names what is cut.
+
+        Args:
+            target_lengths: wanted (m,) [m].
+            lengths: measured (m,) [m].
+        """
+        limits = self.tension_limits()
+        shortest = self._motors.shortest_target(lengths, limits)
+        cut = (shortest - target_lengths) * self._motors.stiffness
+        limiting = limits < self._motors.limit
+        self._name_cut((cut > CUT * self._motors.limit) & limiting, limits)
+        return np.maximum(target_lengths, shortest)
+
+    def too_hot(self, wanted: Floats | None = None) -> str:
+        """Which muscles heat limits, in one sentence; empty if it limits none.
+
+        Args:
+            wanted: tensions that a posture needs (m,) [N]; those that were cut just now if left
+                out.
+        """
+        limits = self.tension_limits()
+        cut = self.limited if wanted is None else wanted > limits
+        if not cut.any():
+            return ""
+        parts = [self._reason(int(index), limits) for index in np.flatnonzero(cut)]
+        return f"Too hot: {'; '.join(parts)}."
+
+    def _reason(self, index: int, limits: Floats) -> str:
+        core = self.core
+        return (
+            f"muscle {self._muscles[index]!r} may pull {limits[index]:.0f} N (core "
+            f"{core.mean[index]:.0f} degC, at most {core.high[index]:.0f} of "
+            f"{self.options.limit:g} degC)"
+        )
+
+    def _checked(self, temperatures: Floats | None) -> Floats:
+        count = len(self._muscles)
+        if temperatures is None:
+            return np.full(count, np.nan)
+        array = np.asarray(temperatures, dtype=float)
+        if array.shape != (count,):
+            raise AgentError(
+                f"Agent: temperatures must be of shape {(count,)}, NaN for a motor without sensor, "
+                f"got shape {array.shape}."
+            )
+        return array
+
+    def _begin(self, temperatures: Floats, readings: SensorReadings) -> None:
+        """Begin at the first readings; what the motors did before is not known."""
+        check_unit(temperatures)
+        options, known = self.options, np.isfinite(temperatures)
+        room = options.limit - options.ambient
+        p = np.exp(self._filter.x[:, FIRST:])
+        share = p[:, NAMES.index("core_to_housing")]
+        share = share / (share + p[:, NAMES.index("housing_to_ambient")])
+        excess = room * share
+        housing = np.where(known, temperatures, options.ambient + 0.25 * room)
+        std = np.where(known, 3.0 * options.noise, 0.25 * room)
+        self._filter.begin(0.25 * excess, 0.3 * excess, housing, std)
+        self._start, self._limits = False, None
+        self._heat[:] = 0.0
+        self._passed = 0.0
+        for index in np.flatnonzero(~known):
+            self._name(TEMPERATURE_MISSING, int(index), readings.time)
+
+    def _pause(self, pause: float) -> None:
+        """Take note of a pause [s] in which the motors may have done anything."""
+        self._start = True
+        self._detector.reset()
+        self._readings.reset()
+        _log.warning(
+            "No readings for %.3g s: core temperatures begin again from the housings.", pause
+        )
+
+    def _run(self) -> None:
+        """A step of the filter."""
+        heat, time = self._heat / self._passed, self._passed
+        self._heat, self._passed = np.zeros_like(heat), 0.0
+        mean, noise = self._readings.take()
+        self._filter.predict(heat, time)
+        expected = self._filter.p[:, HOUSING, HOUSING].copy()
+        innovation = mean - self._filter.x[:, HOUSING]
+        used = self._readings.usable(mean, innovation, expected)
+        self._filter.correct(used, noise)
+        self._readings.learn(used - mean + innovation, expected)
+        self._without = np.where(np.isfinite(mean), 0, self._without + 1)
+        for change in self._detector.update(self._filter, heat, time, used, noise):
+            self._take(change)
+        self._limits = None
+        self._name_sensors()
+        self._forget_undone()
+
+    def _take(self, change: Change) -> None:
+        """Name a changed parameter, and learn it again."""
+        index = FIRST + change.parameter
+        size = float(np.log(change.factor))
+        now = np.exp(self._filter.x[change.motor, index])
+        self._filter.x[change.motor, index] = np.log(change.before) + size
+        self._filter.p[change.motor, index, index] += (RELEARNED * size) ** 2
+        if change.motor in self._changed and now > 0.0:
+            first = self._changed[change.motor][0]
+            if first.parameter == change.parameter:
+                change = change._replace(before=first.before)
+        muscle = self._muscles[change.motor]
+        after = float(np.exp(self._filter.x[change.motor, index]))
+        others = "".join(f", or {NAMES[other]}" for other in change.others)
+        detail = (
+            f"{NAMES[change.parameter]}{others} of {muscle!r} changed by "
+            f"{100 * (after / change.before - 1):+.0f} %: {change.before:.3g} -> {after:.3g} "
+            f"{UNITS[change.parameter]}"
+        )
+        fault = Fault(HEAT_CHANGED, muscle, self._time, detail)
+        self._changed[change.motor] = change, fault
+        _log.warning("%s", detail)
+
+    def _forget_undone(self) -> None:
+        """Forget changes whose parameters are as before again."""
+        for motor, (change, _) in list(self._changed.items()):
+            after = np.exp(self._filter.x[motor, FIRST + change.parameter])
+            if abs(np.log(after / change.before)) < AGAIN * self.options.changed:
+                del self._changed[motor]
+
+    def _name_sensors(self) -> None:
+        """Name sensors that are missing or broken."""
+        for kind, found in (
+            (TEMPERATURE_MISSING, self._without >= MISSING),
+            (TEMPERATURE_WRONG, self._readings.broken),
+        ):
+            for index in range(len(self._muscles)):
+                if found[index]:
+                    self._name(kind, index, self._time)
+                elif self._without[index] == 0:
+                    self._named.pop((kind, index), None)
+
+    def _name(self, kind: str, index: int, time: float) -> None:
+        if (kind, index) in self._named:
+            return
+        wide = float(self.core.high[index] - self.core.mean[index])
+        detail = (
+            f"the housing of {self._muscles[index]!r} has no usable temperature: its core is known "
+            f"by the model alone, within {wide:.0f} K"
+        )
+        self._named[kind, index] = Fault(kind, self._muscles[index], time, detail)
+        _log.warning("%s", detail)
+
+    def _name_cut(self, cut: Bools, limits: Floats) -> None:
+        """Name muscles whose commands are cut, and forget those that are not any more."""
+        for index in np.flatnonzero(cut):
+            if (HEAT_LIMITED, int(index)) not in self._named:
+                detail = self._reason(int(index), limits)
+                fault = Fault(HEAT_LIMITED, self._muscles[index], self._time, detail)
+                self._named[HEAT_LIMITED, int(index)] = fault
+                _log.warning("Limited by heat: %s.", detail)
+        self._cut_at[cut] = self._time
+        for kind, index in list(self._named):
+            if kind == HEAT_LIMITED and not self.limited[index]:
+                del self._named[kind, index]
