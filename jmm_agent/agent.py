@@ -33,6 +33,7 @@ from jmm_agent.guard.faults import Fault, MotorControl
 from jmm_agent.guard.guard import Guard
 from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.hand_observer import HandObserver
+from jmm_agent.heat.heat_monitor import HeatMonitor
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.learning.job import MapLearning
@@ -98,6 +99,7 @@ class Agent:
             unknown.
         limits: of rate and tension of the commands; None for those of the guard only. `drive` sets
             limits that derive from the map while there are none.
+        heat: limits tensions by the temperatures of the motors; None: they are not watched.
         statics: of the nominal model, which say whether a posture can be reached; None if unknown.
         unreachable: why postures of the last `go` cannot be reached; empty if all can.
         learner: holds the map.
@@ -115,6 +117,7 @@ class Agent:
 
     limits: CommandLimits | None = None
     motors: MotorControl | None = None
+    heat: HeatMonitor | None = None
 
     def __init__(
         self,
@@ -267,11 +270,14 @@ class Agent:
         """
         found = [*self.guard.faults, *self.time_line.found()]
         found += [*self._lengths.faults, *self._rests.faults]
+        found += [] if self.heat is None else self.heat.faults
         return sorted(found, key=lambda fault: fault.since)
 
     def begin_episode(self) -> None:
         """Forget the state of the arm, as before a new episode; keep what was learned."""
         self.guard.reset()
+        if self.heat is not None:
+            self.heat.reset()
         self._rests.reset()
         self._lengths.reset()
         self.time_line.reset()
@@ -296,7 +302,8 @@ class Agent:
         points = self._commander.checked(postures, duration)
         holds = self.reachable(points)
         beyond = self._commander.beyond(postures, self.map.joints)
-        self.unreachable = " ".join(filter(None, (beyond, not_reachable(holds))))
+        hot = "" if self.heat is None else self.heat.not_held(holds)
+        self.unreachable = " ".join(filter(None, (beyond, not_reachable(holds), hot)))
         if self.unreachable:
             _log.warning("%s", self.unreachable)
         self._commander.go(points, duration, holds if self.options.feed_forward else ())
@@ -335,15 +342,17 @@ class Agent:
         return [self.statics.hold(posture) for posture in np.atleast_2d(postures)]
 
     def missed(self) -> str:
-        """Which joint rests away from its target by the estimate, in one sentence.
+        """Which joint rests away from its target by the estimate, and which muscles are too hot.
 
         Returns:
-            The sentence; empty while the arm moves, or if each joint rests within
+            A sentence for each; empty while the arm moves, or if each joint rests within
             `AgentOptions.arrival` of its target.
         """
         if not self.at_rest:
             return ""
-        return self._commander.missed(self.joint_angles, self.map.joints, self.options.arrival)
+        missed = self._commander.missed(self.joint_angles, self.map.joints, self.options.arrival)
+        hot = self.heat.too_hot() if missed and self.heat is not None else ""
+        return " ".join(filter(None, (missed, hot)))
 
     def step(self, readings: SensorReadings) -> Floats:
         """Run one control step.
@@ -365,6 +374,8 @@ class Agent:
         if tick is None:
             return self._commander.target_lengths.copy()
         readings = self._filtered(readings, tick)
+        if self.heat is not None:
+            self.heat.update(readings, tick.jump)
         if np.isfinite(self._commander.time):
             passed = tick.passed(self._commander.time)
             self.estimator.update(readings.lengths, passed, readings.joint_angles)
@@ -384,7 +395,10 @@ class Agent:
                 readings, passed, self.hand_is_free, self._commander.ended, self.contradicted_joints
             )
         command = self._commander.command(self.map, self.limits, readings.lengths, passed)
-        self._commander.target_lengths = self.guard.limit(command)
+        command = self.guard.limit(command)
+        if self.heat is not None:
+            command = self.heat.limit(command, readings.lengths)
+        self._commander.target_lengths = command
         return self._commander.target_lengths.copy()
 
     def observe(

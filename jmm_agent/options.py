@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from jmm_agent.errors import AgentError
+from jmm_agent.heat.parameters import HeatOptions
 from jmm_agent.kalman_filter_options import EstimatorOptions
 from jmm_agent.learning.options import LearningOptions
 from jmm_agent.learning_monitor import LearningMonitorOptions
@@ -43,6 +44,8 @@ class AgentOptions:
         estimator: noise levels and limits of the joint estimator.
         time_line: which time stamps are used.
         learning_monitor: from when on it is named that nothing is learned.
+        heat: thermal model of the motors and limit of their core temperatures, which
+            `kengoro.make_agent` makes a `HeatMonitor` of; None: the motors' heat is not watched.
 
     Raises:
         AgentError: `map_rate` is not positive.
@@ -67,6 +70,7 @@ class AgentOptions:
     estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
     time_line: TimeLineOptions = field(default_factory=TimeLineOptions)
     learning_monitor: LearningMonitorOptions = field(default_factory=LearningMonitorOptions)
+    heat: HeatOptions | None = None
 
     def __post_init__(self) -> None:
         if not self.map_rate > 0.0:

@@ -12,6 +12,7 @@ import numpy as np
 from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.guard.guard import Guard, GuardOptions
+from jmm_agent.heat.heat_monitor import HeatMonitor
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
@@ -99,6 +100,8 @@ def make_agent(
     rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
     agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule, loads=loads)
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
+    if options.heat is not None:
+        agent.heat = HeatMonitor(jmm.muscles, design.motors, options.heat)
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
     agent.learning = learning
     return agent

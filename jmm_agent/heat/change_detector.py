@@ -12,10 +12,14 @@ so that the likeliest delta and twice its log-likelihood ratio are
 
 (Willsky and Jones 1976). Warmer surroundings do the same to all motors: the change of the ambient
 temperature that the median motor shows is taken out before.
+
+Several parameters may explain a change about as well at first. It is then in doubt, which widens
+the intervals, and is named when one parameter remains, or after a while with all that remain.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,28 +37,34 @@ ENOUGH = 4
 """Number of motors from which on their median shows what the surroundings do."""
 PRECISE = 0.08
 """Largest standard deviation of the logarithm of a change that is named [1]."""
-CLOSE = 6.0
+CLOSE = 16.0
 """Twice the log-likelihood ratio below which two parameters are not told apart."""
+DECIDED = 0.3
+"""Time after which a change is named in any case, as a share of the housing time constant [1]."""
 ENTRIES = SIZE - AMBIENT
 """Number of entries of the state whose changes are compared: the ambient's and the parameters'."""
 
 
 class Change(NamedTuple):
-    """A parameter of a motor that changed.
+    """A parameter of a motor that changed, or may have.
 
     Attributes:
         motor: its index.
         parameter: index in `NAMES` ...
         others: ... and of those that explain the readings about as well.
         factor: new value over the one before [1].
-        before: value before, in the parameter's unit.
+        before: values of all parameters before (5,).
+        surroundings: whether warmer or colder surroundings of this motor alone explain as much.
+        decided: whether it is to be named.
     """
 
     motor: int
     parameter: int
     others: tuple[int, ...]
     factor: float
-    before: float
+    before: Floats
+    surroundings: bool
+    decided: bool = False
 
 
 class ChangeDetector:
@@ -69,12 +79,14 @@ class ChangeDetector:
         self._options, self._count = options, count
         self._copies = ThermalFilter((COPIES, count), options)
         self._apart = APART * options.nominal.housing_time
+        self._patience = DECIDED * options.nominal.housing_time
         self.reset()
 
     def reset(self) -> None:
         """Forget all copies, as after a pause of unknown length."""
         shape = (COPIES, self._count)
         self._begun = np.zeros(shape, dtype=bool)
+        self._waited: dict[int, float] = {}
         self._since, self._next = np.inf, 0
         self._signatures = np.zeros((*shape, SIZE, ENTRIES))
         self._gram = np.zeros((*shape, ENTRIES, ENTRIES))
@@ -84,7 +96,7 @@ class ChangeDetector:
     def update(
         self, main: ThermalFilter, heat: Floats, time: float, reading: Floats, noise: Floats
     ) -> list[Change]:
-        """Add a step of the filter of all motors; changes that are found.
+        """Add a step of the filter of all motors; changes that are new, in doubt or decided.
 
         Args:
             main: the filter, after that step.
@@ -106,9 +118,7 @@ class ChangeDetector:
         self._gram += weight[..., None, None] * shown[..., :, None] * shown[..., None, :]
         self._found += (weight * innovation)[..., None] * shown
         self._signatures = expected - step.gain[..., :, None] * shown[..., None, :]
-        changes = self._changes()
-        for change in changes:
-            self._begun[:, change.motor] = False
+        changes = list(self._decide(self._changes(), time))
         self._since += time
         if self._since >= self._apart:
             self._begin(main)
@@ -128,12 +138,13 @@ class ChangeDetector:
         found = self._found - self._common()[..., None] * self._gram[..., :, 0]
         information = np.maximum(np.diagonal(self._gram, axis1=-2, axis2=-1), 1e-12)
         size = (found / information)[..., 1:]
-        gained = (found**2 / information)[..., 1:]
+        gained = found**2 / information
+        around, gained = gained[..., 0], gained[..., 1:]
         precise = information[..., 1:] > PRECISE**-2
         large = np.abs(np.expm1(np.clip(size, -2.0, 2.0))) >= self._options.changed
-        named = gained.max(axis=-1, keepdims=True)
-        candidate = (gained >= named - CLOSE) & precise & large & self._begun[..., None]
-        candidate &= named >= self._options.evidence
+        most = gained.max(axis=-1)
+        candidate = (gained >= most[..., None] - CLOSE) & precise & large
+        candidate &= (self._begun & (most >= self._options.evidence))[..., None]
         changes = []
         for motor in np.flatnonzero(candidate.any(axis=(0, 2))):
             score = np.where(candidate[:, motor], gained[:, motor], -np.inf)
@@ -141,9 +152,24 @@ class ChangeDetector:
             close = np.flatnonzero(candidate[row, motor])
             others = tuple(int(other) for other in close if other != first)
             factor = float(np.exp(size[row, motor, first]))
-            before = float(self._before[row, motor, first])
-            changes.append(Change(int(motor), first, others, factor, before))
+            before = self._before[row, motor].copy()
+            local = bool(around[row, motor] >= most[row, motor] - CLOSE)
+            changes.append(Change(int(motor), first, others, factor, before, local))
         return changes
+
+    def _decide(self, changes: Sequence[Change], time: float) -> Iterator[Change]:
+        """Changes that are new, and those that are to be named."""
+        waited = {motor: since - time for motor, since in self._waited.items() if since > time}
+        for change in changes:
+            waited[change.motor] = self._waited.get(change.motor, 0.0) + time
+        for change in changes:
+            decided = not change.others or waited[change.motor] >= self._patience
+            if decided:
+                self._begun[:, change.motor] = False
+                del waited[change.motor]
+            if decided or change.motor not in self._waited:
+                yield change._replace(decided=decided)
+        self._waited = waited
 
     def _common(self) -> Floats:
         """Change of the ambient temperature that the median motor shows, by copy (k, 1) [K]."""

@@ -24,11 +24,12 @@ from jmm_agent.guard.faults import (
 )
 from jmm_agent.heat.change_detector import Change, ChangeDetector
 from jmm_agent.heat.housing_readings import HousingReadings, check_unit
-from jmm_agent.heat.model import CORE, FIRST, HOUSING
+from jmm_agent.heat.model import FIRST, HOUSING
 from jmm_agent.heat.parameters import NAMES, UNITS, HeatOptions
-from jmm_agent.heat.tension_limit import allowed_tensions
+from jmm_agent.heat.tension_limit import allowed_tensions, core_after
 from jmm_agent.heat.thermal_filter import ThermalFilter
 from jmm_agent.observation import SensorReadings
+from jmm_agent.statics import Hold
 from jmm_agent.types import Bools, Floats
 
 _log = logging.getLogger(__name__)
@@ -41,10 +42,13 @@ AGAIN = 0.5
 """A changed parameter is as before again within this share of the change that is a fault [1]."""
 CUT = 0.01
 """Least share of the motors' largest tension by which a command is cut that counts [1]."""
+CAPPED = 2.0
+"""Time for which a motor that changed may pull no more than it could forever before, while it is
+learned again, in housing time constants [1]."""
+LONG = 5.0
+"""Horizon that counts as forever, in housing time constants [1]."""
 RELEASED = 5.0
 """Time without a cut after which a muscle no longer counts as limited by heat [s]."""
-RELEARNED = 0.5
-"""Standard deviation of the logarithm of a parameter after it changed, as a share of the change."""
 
 
 class CoreTemperatures(NamedTuple):
@@ -95,6 +99,7 @@ class HeatMonitor:
         self._passed, self._heat, self._last_heat = 0.0, np.zeros(count), np.zeros(count)
         self._without = np.zeros(count, dtype=int)
         self._cut_at = np.full(count, -np.inf)
+        self._cap, self._cap_until = np.full(count, np.inf), np.full(count, -np.inf)
         self._start = True
         self._readings.reset()
         self._detector.reset()
@@ -104,8 +109,8 @@ class HeatMonitor:
     @property
     def core(self) -> CoreTemperatures:
         """Core temperatures now, with intervals of `HeatOptions.sigmas` standard deviations."""
-        mean = self._filter.x[:, CORE].copy()
-        wide = self.options.sigmas * np.sqrt(self._filter.p[:, CORE, CORE])
+        heat = self._heat / max(self._passed, 1e-9)
+        mean, wide = core_after(self._filter, heat, self._passed, self.options)
         return CoreTemperatures(mean, mean - wide, mean + wide)
 
     @property
@@ -178,7 +183,8 @@ class HeatMonitor:
             allowed = allowed_tensions(
                 self._filter, motors.bias, motors.limit, self.options, planned
             )
-            self._limits = planned, allowed
+            cap = np.where(self._time < self._cap_until, self._cap, np.inf)
+            self._limits = planned, np.minimum(allowed, cap)
         return self._limits[1].copy()
 
     def limit(self, target_lengths: Floats, lengths: Floats) -> Floats:
@@ -194,6 +200,16 @@ class HeatMonitor:
         limiting = limits < self._motors.limit
         self._name_cut((cut > CUT * self._motors.limit) & limiting, limits)
         return np.maximum(target_lengths, shortest)
+
+    def not_held(self, holds: Sequence[Hold]) -> str:
+        """Which muscles are too hot for postures, in one sentence; empty if none is.
+
+        Args:
+            holds: of the postures by the statics of the nominal model.
+        """
+        motors = self._motors
+        needed = [motors.bias + motors.stiffness * hold.stretch for hold in holds if hold.reachable]
+        return self.too_hot(np.max(needed, axis=0)) if needed else ""
 
     def too_hot(self, wanted: Floats | None = None) -> str:
         """Which muscles heat limits, in one sentence; empty if it limits none.
@@ -275,33 +291,44 @@ class HeatMonitor:
         self._forget_undone()
 
     def _take(self, change: Change) -> None:
-        """Name a changed parameter, and learn it again."""
-        index = FIRST + change.parameter
-        size = float(np.log(change.factor))
-        now = np.exp(self._filter.x[change.motor, index])
-        self._filter.x[change.motor, index] = np.log(change.before) + size
-        self._filter.p[change.motor, index, index] += (RELEARNED * size) ** 2
-        if change.motor in self._changed and now > 0.0:
-            first = self._changed[change.motor][0]
-            if first.parameter == change.parameter:
-                change = change._replace(before=first.before)
-        muscle = self._muscles[change.motor]
-        after = float(np.exp(self._filter.x[change.motor, index]))
+        """Doubt the parameters that may have changed, and name a change that is decided."""
+        motor, size = change.motor, np.log(change.factor)
+        self._keep_cap(motor)
+        for parameter in (change.parameter, *change.others):
+            self._filter.p[motor, FIRST + parameter, FIRST + parameter] += size**2
+        if not change.decided:
+            return
+        since, known = self._time, self._changed.get(motor)
+        if known is not None:
+            change, since = change._replace(before=known[0].before), known[1].since
+        first = change.parameter
+        before = float(change.before[first])
         others = "".join(f", or {NAMES[other]}" for other in change.others)
+        others += ", or the surroundings" if change.surroundings else ""
         detail = (
-            f"{NAMES[change.parameter]}{others} of {muscle!r} changed by "
-            f"{100 * (after / change.before - 1):+.0f} %: {change.before:.3g} -> {after:.3g} "
-            f"{UNITS[change.parameter]}"
+            f"{NAMES[first]}{others} of {self._muscles[motor]!r} changed by "
+            f"{100 * (change.factor - 1):+.0f} %: {before:.3g} -> {before * change.factor:.3g} "
+            f"{UNITS[first]}"
         )
-        fault = Fault(HEAT_CHANGED, muscle, self._time, detail)
-        self._changed[change.motor] = change, fault
+        self._changed[motor] = change, Fault(HEAT_CHANGED, self._muscles[motor], since, detail)
         _log.warning("%s", detail)
 
+    def _keep_cap(self, motor: int) -> None:
+        """Let a motor pull no more than it could forever, until it is learned again."""
+        lasting = self.options.nominal.housing_time
+        if self._time >= self._cap_until[motor]:
+            limits = self.tension_limits(horizon=LONG * lasting)
+            self._cap[motor], self._limits = limits[motor], None
+        self._cap_until[motor] = self._time + CAPPED * lasting
+
     def _forget_undone(self) -> None:
-        """Forget changes whose parameters are as before again."""
-        for motor, (change, _) in list(self._changed.items()):
-            after = np.exp(self._filter.x[motor, FIRST + change.parameter])
-            if abs(np.log(after / change.before)) < AGAIN * self.options.changed:
+        """Forget changes whose parameters were learned again, and are as before."""
+        for motor, (change, fault) in list(self._changed.items()):
+            if self._time - fault.since < self.options.nominal.housing_time:
+                continue
+            which = [change.parameter, *change.others]
+            moved = np.abs(self._filter.x[motor, FIRST:] - np.log(change.before))[which]
+            if moved.max() < AGAIN * self.options.changed:
                 del self._changed[motor]
 
     def _name_sensors(self) -> None:

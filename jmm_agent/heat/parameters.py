@@ -88,7 +88,7 @@ class HeatOptions:
         noise: standard deviation of a reading of the housing at the start [K]; it is estimated.
         sigmas: standard deviations between the estimate and the ends of its interval [1]. The
             upper end is what is kept below the limit.
-        horizon: time for which a tension must be possible [s]; None: two core time constants.
+        horizon: time for which a tension must be possible [s]; None: half a core time constant.
         changed: relative change of a parameter that is a fault [1]. The default is below 0.2, so
             that a change of 20 % is found in spite of errors of the estimate.
         evidence: log-likelihood ratio, times two, from which on a change counts as found [1].
@@ -138,4 +138,4 @@ class HeatOptions:
     @property
     def planned(self) -> float:
         """Time for which a tension must be possible [s]."""
-        return 2.0 * self.nominal.core_time if self.horizon is None else self.horizon
+        return 0.5 * self.nominal.core_time if self.horizon is None else self.horizon

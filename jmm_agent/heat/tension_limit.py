@@ -25,10 +25,10 @@ SOON = 0.125
 """Shorter horizon, in core time constants [1]."""
 
 
-def upper_core(
+def core_after(
     filters: ThermalFilter, heat: Floats, time: float, options: HeatOptions
-) -> Floats:
-    """Upper end of the interval of the core temperatures (...) [degC] after a time.
+) -> tuple[Floats, Floats]:
+    """Core temperatures (...) [degC] after a time, and half the width of their interval (...) [K].
 
     Args:
         filters: of the motors.
@@ -44,7 +44,7 @@ def upper_core(
     lasting = min(time, options.nominal.core_time)
     variance += (options.heat_noise * warming) ** 2 * lasting * options.nominal.core_time
     variance += options.ambient_drift**2 * time / HOUR * slope[..., AMBIENT] ** 2
-    return np.asarray(values[..., CORE] + options.sigmas * np.sqrt(variance))
+    return values[..., CORE], options.sigmas * np.sqrt(variance)
 
 
 def allowed_tensions(
@@ -60,11 +60,11 @@ def allowed_tensions(
         horizon: [s].
     """
     heat = np.linspace(bias**0.5, most**0.5, GRID) ** 4
-    count = len(filters.x)
+    count, soon = len(filters.x), SOON * options.nominal.core_time
     tried = np.broadcast_to(heat[:, None], (GRID, count))
     upper = np.maximum(
-        upper_core(filters, tried, horizon, options),
-        upper_core(filters, tried, min(horizon, SOON * options.nominal.core_time), options),
+        sum(core_after(filters, tried, horizon, options)),
+        sum(core_after(filters, tried, min(horizon, soon), options)),
     )
     allowed = np.empty(count)
     for motor in range(count):
