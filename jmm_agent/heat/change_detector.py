@@ -53,9 +53,11 @@ class Change(NamedTuple):
         parameter: index in `NAMES` ...
         others: ... and of those that explain the readings about as well.
         factor: new value over the one before [1].
-        before: values of all parameters before (5,).
+        before: values of all parameters before (5,) ...
+        covariance: ... and covariance of their logarithms (5, 5).
         surroundings: whether warmer or colder surroundings of this motor alone explain as much.
         decided: whether it is to be named.
+        new: whether it was not in doubt before.
     """
 
     motor: int
@@ -63,8 +65,10 @@ class Change(NamedTuple):
     others: tuple[int, ...]
     factor: float
     before: Floats
+    covariance: Floats
     surroundings: bool
     decided: bool = False
+    new: bool = True
 
 
 class ChangeDetector:
@@ -92,6 +96,7 @@ class ChangeDetector:
         self._gram = np.zeros((*shape, ENTRIES, ENTRIES))
         self._found = np.zeros((*shape, ENTRIES))
         self._before = np.zeros((*shape, len(NAMES)))
+        self._covariance = np.zeros((*shape, len(NAMES), len(NAMES)))
 
     def update(
         self, main: ThermalFilter, heat: Floats, time: float, reading: Floats, noise: Floats
@@ -131,6 +136,7 @@ class ChangeDetector:
         self._signatures[row] = np.eye(SIZE)[:, AMBIENT:]
         self._gram[row], self._found[row] = 0.0, 0.0
         self._before[row] = np.exp(main.x[..., FIRST:])
+        self._covariance[row] = main.p[..., FIRST:, FIRST:]
         self._begun[row] = True
 
     def _changes(self) -> list[Change]:
@@ -154,12 +160,14 @@ class ChangeDetector:
             factor = float(np.exp(size[row, motor, first]))
             before = self._before[row, motor].copy()
             local = bool(around[row, motor] >= most[row, motor] - CLOSE)
-            changes.append(Change(int(motor), first, others, factor, before, local))
+            known = self._covariance[row, motor].copy()
+            changes.append(Change(int(motor), first, others, factor, before, known, local))
         return changes
 
     def _decide(self, changes: Sequence[Change], time: float) -> Iterator[Change]:
         """Changes that are new, and those that are to be named."""
         waited = {motor: since - time for motor, since in self._waited.items() if since > time}
+        doubted = self._waited.keys()
         for change in changes:
             waited[change.motor] = self._waited.get(change.motor, 0.0) + time
         for change in changes:
@@ -167,8 +175,9 @@ class ChangeDetector:
             if decided:
                 self._begun[:, change.motor] = False
                 del waited[change.motor]
-            if decided or change.motor not in self._waited:
-                yield change._replace(decided=decided)
+            new = change.motor not in doubted
+            if decided or new:
+                yield change._replace(decided=decided, new=new)
         self._waited = waited
 
     def _common(self) -> Floats:

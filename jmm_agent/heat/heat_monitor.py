@@ -24,7 +24,7 @@ from jmm_agent.guard.faults import (
 )
 from jmm_agent.heat.change_detector import Change, ChangeDetector
 from jmm_agent.heat.housing_readings import HousingReadings, check_unit
-from jmm_agent.heat.model import FIRST, HOUSING
+from jmm_agent.heat.model import AMBIENT, CORE, FIRST, HOUSING
 from jmm_agent.heat.parameters import NAMES, UNITS, HeatOptions
 from jmm_agent.heat.tension_limit import allowed_tensions, core_after
 from jmm_agent.heat.thermal_filter import ThermalFilter
@@ -45,6 +45,8 @@ CUT = 0.01
 CAPPED = 2.0
 """Time for which a motor that changed may pull no more than it could forever before, while it is
 learned again, in housing time constants [1]."""
+DOUBT = 0.3
+"""Standard deviation of the excess of a core over its housing after a change, as a share [1]."""
 LONG = 5.0
 """Horizon that counts as forever, in housing time constants [1]."""
 RELEASED = 5.0
@@ -292,10 +294,10 @@ class HeatMonitor:
 
     def _take(self, change: Change) -> None:
         """Doubt the parameters that may have changed, and name a change that is decided."""
-        motor, size = change.motor, np.log(change.factor)
+        motor = change.motor
         self._keep_cap(motor)
-        for parameter in (change.parameter, *change.others):
-            self._filter.p[motor, FIRST + parameter, FIRST + parameter] += size**2
+        if change.new:
+            self._doubt(change)
         if not change.decided:
             return
         since, known = self._time, self._changed.get(motor)
@@ -312,6 +314,17 @@ class HeatMonitor:
         )
         self._changed[motor] = change, Fault(HEAT_CHANGED, self._muscles[motor], since, detail)
         _log.warning("%s", detail)
+
+    def _doubt(self, change: Change) -> None:
+        """Forget what a motor's filter learned since a change, and doubt what may have changed."""
+        x, p = self._filter.x[change.motor], self._filter.p[change.motor]
+        excess = x[CORE] - x[HOUSING]
+        p[:FIRST, FIRST:] = p[FIRST:, :FIRST] = 0.0
+        p[CORE, CORE] += (DOUBT * excess) ** 2
+        p[AMBIENT, AMBIENT] = self.options.ambient_std**2
+        x[FIRST:], p[FIRST:, FIRST:] = np.log(change.before), change.covariance
+        for parameter in (change.parameter, *change.others):
+            p[FIRST + parameter, FIRST + parameter] += np.log(change.factor) ** 2
 
     def _keep_cap(self, motor: int) -> None:
         """Let a motor pull no more than it could forever, until it is learned again."""

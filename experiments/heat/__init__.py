@@ -1,0 +1,1 @@
+"""Heat: core temperatures of the motors, their limit, and faults of the cooling."""
