@@ -45,6 +45,7 @@ RUNNERS = {
     "wrong-observations": Runner("updates from wrong observations are detected and undone"),
     "endurance": Runner("hours of learning: the error stays low"),
     "clocks": Runner("time stamps that are not exact, and other control periods", True),
+    "heat": Runner("motors that heat: core temperatures, their limit, faults of the cooling"),
     "all": Runner("every experiment of the paper, and one page of results"),
     "gap-to-skill": Runner("a diagnosis of a minute's motion, as a map", True),
     "gap-bench": Runner("hidden effects: how often the diagnosis is right"),

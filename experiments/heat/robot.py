@@ -53,7 +53,7 @@ class Sizes:
     whole: float = 3.0
 
 
-QUICK = Sizes(2, 2, 0.2, 500.0, 100.0, 2, 0.8, 1.0, 0.005)
+QUICK = Sizes(2, 2, 0.2, 500.0, 100.0, 2, 0.8, 1.2, 0.005)
 
 
 @dataclass(frozen=True)
@@ -125,24 +125,24 @@ class WarmRobot:
 
 
 def warmed(robot: WarmRobot, log: TensionLog) -> None:
-    """Warm motors up to what the tensions of a log lead to in the end, and estimates likewise.
+    """Warm motors up by an hour of a log, before the first control step.
 
-    The agent is given readings of an hour of that, at one a second, so that it has learned the
-    motors as far as a robot that has moved for an hour.
+    The agent is given the readings of that hour, at one a second, and has learned the motors as far
+    as a robot that has moved for an hour.
     """
     motors, monitor = robot.motors, robot.session.agent.heat
     assert motors is not None
-    now = robot.session.time
     for second in range(-3600, 0):
         tensions = log.moving[second % len(log.moving)]
         if monitor is not None:
             readings = motors.readings
-            monitor.update(_readings(now + second, tensions, readings))
+            monitor.update(_readings(float(second), tensions, readings))
             tensions = np.minimum(tensions, monitor.tension_limits())
         motors.advance(tensions, 1.0)
 
 
-def compared(seed: int, sizes: Sizes, cache: Path | None, log: TensionLog, limited: bool) -> Any:
+def compared(seed: int, sizes: Sizes, cache: Path | None, log: TensionLog, limited: bool
+) -> dict[str, Any]:
     """Posture errors of a robot with warm motors.
 
     Args:
@@ -153,8 +153,8 @@ def compared(seed: int, sizes: Sizes, cache: Path | None, log: TensionLog, limit
         limited: whether heat limits tensions.
     """
     robot = WarmRobot(seed, sizes, cache, limited)
-    robot.visit(robot.postures[1 : 1 + sizes.learned])
     warmed(robot, log)
+    robot.visit(robot.postures[1 : 1 + sizes.learned])
     begin = 1 + sizes.learned + sizes.logged
     errors, hottest, cut = [], -np.inf, 0
     assert robot.motors is not None

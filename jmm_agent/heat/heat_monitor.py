@@ -149,14 +149,19 @@ class HeatMonitor:
             pause: by how much the stamps jumped [s]; what the motors did meanwhile is not known.
 
         Raises:
-            AgentError: temperatures of the wrong shape, or, at the start, in another unit.
+            AgentError: temperatures of the wrong shape, or, at the start, in another unit; or
+                readings that are earlier than those before. Nothing is changed then.
         """
         temperatures = self._checked(readings.temperatures)
+        passed = readings.time - self._time if np.isfinite(self._time) else 0.0
+        if passed < 0.0:
+            raise AgentError(
+                f"HeatMonitor: readings of {readings.time} s come after those of {self._time} s."
+            )
         if pause > self._step or pause < 0.0:
             self._pause(abs(pause))
         if self._start:
             self._begin(temperatures, readings)
-        passed = readings.time - self._time if np.isfinite(self._time) else 0.0
         self._time = readings.time
         self._passed += passed
         self._heat += passed * np.square(readings.tensions)
