@@ -12,6 +12,8 @@ from .grasping import GraspPlanner
 from .guard.faults import Fault, MotorControl
 from .guard.guard import Guard, GuardOptions
 from .guard.null_guard import NullGuard
+from .heat.heat_monitor import HeatMonitor
+from .heat.parameters import HeatOptions, ThermalParameters
 from .kinematics.arm_kinematics import ArmKinematics, IkOptions
 from .learning.job_queue import Entered
 from .learning.options import BESIDE, LearningOptions
@@ -52,6 +54,8 @@ __all__ = [
     "GraspPlanner",
     "Guard",
     "GuardOptions",
+    "HeatMonitor",
+    "HeatOptions",
     "HoldOutOptions",
     "IkOptions",
     "JointMuscleMap",
@@ -69,6 +73,7 @@ __all__ = [
     "RidgeRule",
     "RobotScales",
     "SensorReadings",
+    "ThermalParameters",
     "VisionOptions",
     "Watchdog",
     "drive",

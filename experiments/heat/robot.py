@@ -125,18 +125,21 @@ class WarmRobot:
 
 
 def warmed(robot: WarmRobot, log: TensionLog) -> None:
-    """Warm motors up by an hour of a log, before the first control step.
+    """Warm motors up by an hour of a log between two control steps, while the arm rests.
 
     The agent is given the readings of that hour, at one a second, and has learned the motors as far
-    as a robot that has moved for an hour.
+    as a robot that has moved for an hour. Their time ends with the present time.
     """
     motors, monitor = robot.motors, robot.session.agent.heat
     assert motors is not None
+    now = robot.session.time
+    if monitor is not None:
+        monitor.reset()
     for second in range(-3600, 0):
         tensions = log.moving[second % len(log.moving)]
         if monitor is not None:
             readings = motors.readings
-            monitor.update(_readings(float(second), tensions, readings))
+            monitor.update(_readings(now + second, tensions, readings))
             tensions = np.minimum(tensions, monitor.tension_limits())
         motors.advance(tensions, 1.0)
 
@@ -153,8 +156,8 @@ def compared(seed: int, sizes: Sizes, cache: Path | None, log: TensionLog, limit
         limited: whether heat limits tensions.
     """
     robot = WarmRobot(seed, sizes, cache, limited)
-    warmed(robot, log)
     robot.visit(robot.postures[1 : 1 + sizes.learned])
+    warmed(robot, log)
     begin = 1 + sizes.learned + sizes.logged
     errors, hottest, cut = [], -np.inf, 0
     assert robot.motors is not None

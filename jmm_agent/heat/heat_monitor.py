@@ -267,8 +267,7 @@ class HeatMonitor:
         self._start, self._limits = False, None
         self._heat[:] = 0.0
         self._passed = 0.0
-        for index in np.flatnonzero(~known):
-            self._name(TEMPERATURE_MISSING, int(index), readings.time)
+        self._name(TEMPERATURE_MISSING, ~known, readings.time)
 
     def _pause(self, pause: float) -> None:
         """Take note of a pause [s] in which the motors may have done anything."""
@@ -355,22 +354,30 @@ class HeatMonitor:
             (TEMPERATURE_MISSING, self._without >= MISSING),
             (TEMPERATURE_WRONG, self._readings.broken),
         ):
-            for index in range(len(self._muscles)):
-                if found[index]:
-                    self._name(kind, index, self._time)
-                elif self._without[index] == 0:
-                    self._named.pop((kind, index), None)
+            self._name(kind, found, self._time)
+            for index in np.flatnonzero(~found & (self._without == 0)):
+                self._named.pop((kind, int(index)), None)
 
-    def _name(self, kind: str, index: int, time: float) -> None:
-        if (kind, index) in self._named:
+    def _name(self, kind: str, found: Bools, time: float) -> None:
+        """Name muscles whose housings have no temperature, or a wrong one."""
+        new = [int(i) for i in np.flatnonzero(found) if (kind, int(i)) not in self._named]
+        if not new:
             return
-        wide = float(self.core.high[index] - self.core.mean[index])
-        detail = (
-            f"the housing of {self._muscles[index]!r} has no usable temperature: its core is known "
-            f"by the model alone, within {wide:.0f} K"
+        core = self.core
+        wide = core.high - core.mean
+        for index in new:
+            detail = (
+                f"the housing of {self._muscles[index]!r} has no usable temperature: its core is "
+                f"known by the model alone, within {wide[index]:.0f} K"
+            )
+            self._named[kind, index] = Fault(kind, self._muscles[index], time, detail)
+        _log.warning(
+            "The housing has no usable temperature (%s), so that the core is known by the model "
+            "alone, within %.0f K: %s.",
+            kind,
+            wide[new].max(),
+            ", ".join(self._muscles[index] for index in new),
         )
-        self._named[kind, index] = Fault(kind, self._muscles[index], time, detail)
-        _log.warning("%s", detail)
 
     def _name_cut(self, cut: Bools, limits: Floats) -> None:
         """Name muscles whose commands are cut, and forget those that are not any more."""
