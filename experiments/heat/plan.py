@@ -60,7 +60,7 @@ def motors_of(seed: int, muscles: int, **other: float) -> MotorHeat:
         **other: fields of `HeatingMotors`.
     """
     names = [f"muscle_{number}" for number in range(muscles)]
-    draft = Draft(None, {name: TendonSpec() for name in names})  # type: ignore[arg-type]
+    draft = Draft(None, {name: TendonSpec() for name in names})
     HeatingMotors(heat=HEAT, seed=seed, **other).edit(draft)
     assert draft.heat is not None
     motors = MotorHeat(draft.heat)

@@ -144,7 +144,8 @@ def warmed(robot: WarmRobot, log: TensionLog) -> None:
         motors.advance(tensions, 1.0)
 
 
-def compared(seed: int, sizes: Sizes, cache: Path | None, log: TensionLog, limited: bool
+def compared(
+    seed: int, sizes: Sizes, cache: Path | None, log: TensionLog, limited: bool
 ) -> dict[str, Any]:
     """Posture errors of a robot with warm motors.
 

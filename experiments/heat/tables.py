@@ -127,9 +127,7 @@ def _change_table(results: Results) -> Table:
             alone = sum(bool(c["alone"]) for c in named)
             label = f"{parameter} x {factor:g}"
             rise = f"{'at least' if warm else 'below'} {RISE:g}"
-            rows.append(
-                (label, rise, len(these), len(named), time, worst, right, alone)
-            )
+            rows.append((label, rise, len(these), len(named), time, worst, right, alone))
     head = ("change", "rise [K]", "motors", "named", "minutes", "worst", "right", "right alone")
     note = (
         "Rise: of the housing over its surroundings at the change. Right: the parameter is among "

@@ -112,9 +112,7 @@ class ChangeDetector:
         """
         shape = (COPIES, self._count)
         flow = self._copies.predict(np.broadcast_to(heat, shape), time, walk=0.0)
-        step = self._copies.correct(
-            np.broadcast_to(reading, shape), np.broadcast_to(noise, shape)
-        )
+        step = self._copies.correct(np.broadcast_to(reading, shape), np.broadcast_to(noise, shape))
         expected = flow @ self._signatures
         shown = expected[..., HOUSING, :]
         known = np.isfinite(step.innovation)
@@ -190,4 +188,3 @@ class ChangeDetector:
         known = np.isfinite(size).sum(axis=1) >= ENOUGH
         filled = np.where(known[:, None], size, 0.0)
         return np.asarray(np.nanmedian(filled, axis=1)[:, None])
-

@@ -388,6 +388,6 @@ class HeatMonitor:
                 self._named[HEAT_LIMITED, int(index)] = fault
                 _log.warning("Limited by heat: %s.", detail)
         self._cut_at[cut] = self._time
-        for kind, index in list(self._named):
-            if kind == HEAT_LIMITED and not self.limited[index]:
-                del self._named[kind, index]
+        for kind, known in list(self._named):
+            if kind == HEAT_LIMITED and not self.limited[known]:
+                del self._named[kind, known]

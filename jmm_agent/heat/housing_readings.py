@@ -43,7 +43,7 @@ def check_unit(readings: Floats) -> None:
     middle, coldest = float(np.median(known)), float(known.min())
     if KELVIN < middle < KELVIN + 300.0:
         unit = "kelvin"
-    elif known.size >= SEVERAL and FAHRENHEIT <= coldest and middle < HOTTEST:
+    elif known.size >= SEVERAL and coldest >= FAHRENHEIT and middle < HOTTEST:
         unit = "degrees Fahrenheit"
     elif not COLDEST < middle < HOTTEST:
         unit = "no temperatures of motors"

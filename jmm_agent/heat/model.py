@@ -101,9 +101,7 @@ def _advanced(
     high, low = middle + root, middle - root
     entries = first, a, b, last
     flow = _function(entries, high, low, root, np.exp(high * time), np.exp(low * time))
-    filled = _function(
-        entries, high, low, root, _integral(high, time), _integral(low, time)
-    )
+    filled = _function(entries, high, low, root, _integral(high, time), _integral(low, time))
     source = warming * (1.0 - growth * REFERENCE)
     forced = np.stack([filled[1] * c, filled[3] * c], axis=-1)
     result = np.stack(

@@ -22,8 +22,8 @@ from kengoro_env.robot.draft import Departure, Draft
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.indexing import index_of
 from kengoro_env.robot.model_file import load_spec
-from kengoro_env.robot.motor_heat import MotorHeat
 from kengoro_env.robot.motor_gains import gains_of
+from kengoro_env.robot.motor_heat import MotorHeat
 from kengoro_env.robot.motors import Motors
 from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.sensors import Sensors
