@@ -100,8 +100,7 @@ def make_agent(
     rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
     agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule, loads=loads)
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
-    if options.heat is not None:
-        agent.heat = HeatMonitor(jmm.muscles, design.motors, options.heat)
+    agent.heat = _heat(design, jmm, options)
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
     agent.learning = learning
     return agent
@@ -189,6 +188,12 @@ def _angles(name: str, given: object, joints: int, dimensions: int) -> Floats:
             f"{name} must be finite angles [rad] of shape {shape}; got shape {angles.shape}."
         )
     return angles
+
+
+def _heat(design: _Design, jmm: JointMuscleMap, options: AgentOptions) -> HeatMonitor | None:
+    """Monitor of the motors' heat; None if the options do not ask for one."""
+    heat = options.heat
+    return None if heat is None else HeatMonitor(jmm.muscles, design.motors, heat)
 
 
 def _guard(

@@ -182,7 +182,8 @@ def whole_loop(seed: int, sizes: Sizes, cache: Path | None) -> dict[str, Any]:
     """
     robot = WarmRobot(seed, sizes, cache, limited=True)
     session, motors, monitor = robot.session, robot.motors, robot.session.agent.heat
-    assert motors is not None and monitor is not None
+    assert motors is not None
+    assert monitor is not None
     rows, names, number, end = [], set[tuple[str, str]](), 0, 3600.0 * sizes.whole
     error: list[float] = []
     while session.time < end:

@@ -37,8 +37,10 @@ ENOUGH = 4
 """Number of motors from which on their median shows what the surroundings do."""
 PRECISE = 0.08
 """Largest standard deviation of the logarithm of a change that is named [1]."""
-CLOSE = 16.0
+CLOSE = 25.0
 """Twice the log-likelihood ratio below which two parameters are not told apart."""
+PLAUSIBLE = 0.4
+"""Least change of a parameter that is named beside another, as a share of one that is a fault."""
 DECIDED = 0.3
 """Time after which a change is named in any case, as a share of the housing time constant [1]."""
 ENTRIES = SIZE - AMBIENT
@@ -148,12 +150,15 @@ class ChangeDetector:
         large = np.abs(np.expm1(np.clip(size, -2.0, 2.0))) >= self._options.changed
         most = gained.max(axis=-1)
         candidate = (gained >= most[..., None] - CLOSE) & precise & large
+        relative = np.abs(np.expm1(np.clip(size, -2.0, 2.0)))
+        plausible = (gained >= most[..., None] - CLOSE) & precise
+        plausible &= relative >= PLAUSIBLE * self._options.changed
         candidate &= (self._begun & (most >= self._options.evidence))[..., None]
         changes = []
         for motor in np.flatnonzero(candidate.any(axis=(0, 2))):
             score = np.where(candidate[:, motor], gained[:, motor], -np.inf)
             row, first = divmod(int(score.argmax()), len(NAMES))
-            close = np.flatnonzero(candidate[row, motor])
+            close = np.flatnonzero(plausible[row, motor])
             others = tuple(int(other) for other in close if other != first)
             factor = float(np.exp(size[row, motor, first]))
             before = self._before[row, motor].copy()

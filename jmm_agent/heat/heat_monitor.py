@@ -160,6 +160,7 @@ class HeatMonitor:
             )
         if pause > self._step or pause < 0.0:
             self._pause(abs(pause))
+            passed = 0.0
         if self._start:
             self._begin(temperatures, readings)
         self._time = readings.time
@@ -263,7 +264,7 @@ class HeatMonitor:
         excess = room * share
         housing = np.where(known, temperatures, options.ambient + 0.25 * room)
         std = np.where(known, 3.0 * options.noise, 0.25 * room)
-        self._filter.begin(0.25 * excess, 0.3 * excess, housing, std)
+        self._filter.begin(0.25 * excess, 0.5 * excess, housing, std)
         self._start, self._limits = False, None
         self._heat[:] = 0.0
         self._passed = 0.0

@@ -144,7 +144,7 @@ def test_a_sensor_that_breaks_is_named_and_not_believed() -> None:
             readings[3] = 0.0
         return readings
 
-    _, monitor, found = trial("medium", 6, masked=broken, housing_times=3.5)
+    _, _, found = trial("medium", 6, masked=broken, housing_times=3.5)
     assert ("temperature_wrong", "m3") in found.named
     assert ("heat_changed", "m3") not in found.named
     assert found.hottest <= options.limit
