@@ -100,9 +100,8 @@ def make_agent(
     rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
     agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule, loads=loads)
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
-    agent.heat = _heat(design, jmm, options)
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
-    agent.learning = learning
+    agent.heat, agent.learning = _heat(design, jmm, options), learning
     return agent
 
 
