@@ -41,6 +41,9 @@ CLOSE = 25.0
 """Twice the log-likelihood ratio below which two parameters are not told apart."""
 PLAUSIBLE = 0.4
 """Least change of a parameter that is named beside another, as a share of one that is a fault."""
+ALIKE = 0.9
+"""Correlation of the readings that two parameters' changes cause, above which they are not told
+apart: the likelihood then shows the filter's own errors [1]."""
 DECIDED = 0.3
 """Time after which a change is named in any case, as a share of the housing time constant [1]."""
 ENTRIES = SIZE - AMBIENT
@@ -158,7 +161,9 @@ class ChangeDetector:
         for motor in np.flatnonzero(candidate.any(axis=(0, 2))):
             score = np.where(candidate[:, motor], gained[:, motor], -np.inf)
             row, first = divmod(int(score.argmax()), len(NAMES))
-            close = np.flatnonzero(plausible[row, motor])
+            gram = self._gram[row, motor, 1:, 1:]
+            alike = np.abs(gram[first]) > ALIKE * np.sqrt(np.diag(gram) * gram[first, first])
+            close = np.flatnonzero(plausible[row, motor] | alike)
             others = tuple(int(other) for other in close if other != first)
             factor = float(np.exp(size[row, motor, first]))
             before = self._before[row, motor].copy()
