@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from typing import Any
 
@@ -28,12 +28,14 @@ from numpy.typing import ArrayLike
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.commander import Commander
 from jmm_agent.errors import AgentError
+from jmm_agent.feed_forward import FeedForward
 from jmm_agent.guard.arm_state import ArmState
 from jmm_agent.guard.faults import Fault, MotorControl
 from jmm_agent.guard.guard import Guard
 from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.hand_observer import HandObserver
 from jmm_agent.heat.heat_monitor import HeatMonitor
+from jmm_agent.joint_stiffness import Stiffness
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.learning.job import MapLearning
@@ -46,10 +48,12 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.memory_file import AgentMemory, write_memory
+from jmm_agent.muscle_stiffness import MuscleStiffness
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.options import AgentOptions
 from jmm_agent.rest_learning import RestLearning
 from jmm_agent.statics import Hold, Statics, not_reachable
+from jmm_agent.tension_distribution import TensionDistribution
 from jmm_agent.time_line import Tick, TimeLine
 from jmm_agent.types import Floats
 from jmm_agent.updaters import (
@@ -91,12 +95,10 @@ class Agent:
         guard: names faults, keeps them from being learned, and limits commands. Without one all
             readings are believed, and readings that are not finite are refused.
         loads: torques that the nominal model needs to hold a posture, which tensions are compared
-            with; None if unknown.
+            with, and which commands pull against; None if unknown.
 
     Attributes:
         guard: as given, or a `NullGuard`; may be replaced before an episode begins.
-        motors: gains and limit of the motors, which limit commands that `drive` writes; None if
-            unknown.
         limits: of rate and tension of the commands; None for those of the guard only. `drive` sets
             limits that derive from the map while there are none.
         heat: limits tensions by the temperatures of the motors; None: they are not watched.
@@ -116,7 +118,6 @@ class Agent:
     """
 
     limits: CommandLimits | None = None
-    motors: MotorControl | None = None
     heat: HeatMonitor | None = None
 
     def __init__(
@@ -148,7 +149,10 @@ class Agent:
         self.vision = VisionUpdater(self.learner, prior, residual, limits, options.vision, loads)
         self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
-        self._commander = Commander(nominal_map, start, limits, options.map_rate)
+        self._stiffness = MuscleStiffness(len(nominal_map.muscles), options.map_rate)
+        self._tensions = None if loads is None else TensionDistribution(loads, options.tension)
+        forward = FeedForward(self._tensions) if options.feed_forward and self._tensions else None
+        self._commander = Commander(nominal_map, start, limits, options.map_rate, forward)
         self._learned = MapLearning(
             self.learner, self.antagonism, self.vision, options.learn_antagonism
         )
@@ -162,6 +166,23 @@ class Agent:
     def map(self) -> JointMuscleMap:
         """The joint-muscle mapping as learned so far."""
         return self.learner.map
+
+    @property
+    def motors(self) -> MotorControl | None:
+        """Gains and limit of the motors, which commands use; None if unknown. May be assigned."""
+        return self._stiffness.motors
+
+    @motors.setter
+    def motors(self, motors: MotorControl | None) -> None:
+        self._stiffness.motors = motors
+
+    @property
+    def stiffness(self) -> Floats | None:
+        """K_stiff that the motors must have with the newest command (m,) [N/m], or None.
+
+        None until `set_stiffness` was called: then they keep what they were made with.
+        """
+        return self._stiffness.commanded
 
     @property
     def learning(self) -> bool:
@@ -282,6 +303,8 @@ class Agent:
         self._lengths.reset()
         self.time_line.reset()
         self._commander.reset()
+        if self._stiffness.finish():
+            self._stiffness_changed()
         self.estimator.reset(self.target)
 
     def go(self, postures: Floats, duration: float) -> None:
@@ -300,13 +323,51 @@ class Agent:
                 duration is negative or not finite.
         """
         points = self._commander.checked(postures, duration)
-        holds = self.reachable(points)
+        not_held = not_reachable(self.reachable(points))
+        if not not_held and self._tensions and self.motors and self.options.feed_forward:
+            not_held = self._tensions.not_balanced(self.map, self.motors, points)
         beyond = self._commander.beyond(postures, self.map.joints)
-        hot = "" if self.heat is None else self.heat.not_held(holds)
-        self.unreachable = " ".join(filter(None, (beyond, not_reachable(holds), hot)))
+        hot = "" if self.heat is None else self.heat.not_held(self._needed(points))
+        self.unreachable = " ".join(filter(None, (beyond, not_held, hot)))
         if self.unreachable:
             _log.warning("%s", self.unreachable)
-        self._commander.go(points, duration, holds if self.options.feed_forward else ())
+        self._commander.go(points, duration)
+
+    def _needed(self, points: Floats) -> Floats:
+        """Tensions that hold postures (K, n) [rad] by the map (K, m) [N]; none without loads."""
+        if self._tensions is None or self.motors is None:
+            return np.empty((0, len(self.map.muscles)))
+        return np.array([self._tensions.at(self.map, self.motors, q).tensions for q in points])
+
+    def set_stiffness(
+        self, value: ArrayLike | Mapping[str, float], limits: tuple[float, float] | None = None
+    ) -> Stiffness:
+        """Change the stiffness of the muscles, while the arm holds its posture.
+
+        `stiffness` then goes from the present one to the new one in some control steps, and the
+        commands with it. A `Session` and `drive` pass it to the robot. It stays until the next
+        call, also after `load` and in further episodes.
+
+        Args:
+            value: K_stiff of all muscles, or of each (m,) [N/m]; or wanted stiffnesses of joints
+                [N m/rad] by name, at the target posture. A joint's is what a push at it alone
+                shows; joints that are not named get what follows.
+            limits: lowest and highest K_stiff [N/m]; a twentieth and twice that of the motors as
+                they were made, if left out.
+
+        Returns:
+            The stiffness of muscles and joints at the end, and whether it is what was wanted.
+
+        Raises:
+            AgentError: a value is out of range, a joint is unknown, the motors' gains are unknown,
+                or joints are given and the loads are unknown; nothing is changed.
+        """
+        found = self._stiffness.change(
+            value, limits, self.map, self.target, self._tensions, self._commander.tensions
+        )
+        if found.missed:
+            _log.warning("%s", found.missed)
+        return found
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Agent:
         """An independent agent that continues from the present state, with the same kinematics."""
@@ -378,7 +439,8 @@ class Agent:
             self.heat.update(readings, tick.jump)
         if np.isfinite(self._commander.time):
             passed = tick.passed(self._commander.time)
-            self.estimator.update(readings.lengths, passed, readings.joint_angles)
+            lengths = self._at_reference(readings)
+            self.estimator.update(lengths, passed, readings.joint_angles)
         else:
             self._start(readings)
         passed = self._commander.advance(readings.time)
@@ -394,7 +456,10 @@ class Agent:
             self._rests.watch(
                 readings, passed, self.hand_is_free, self._commander.ended, self.contradicted_joints
             )
-        command = self._commander.command(self.map, self.limits, readings.lengths, passed)
+        if self._stiffness.advance(passed):
+            self._stiffness_changed()
+        limits = None if self.limits is None else self.limits.with_stiffness(self.stiffness)
+        command = self._commander.command(self.map, limits, readings.lengths, passed, self.motors)
         command = self.guard.limit(command)
         if self.heat is not None:
             command = self.heat.limit(command, readings.lengths)
@@ -509,9 +574,10 @@ class Agent:
     def _start(self, readings: SensorReadings) -> None:
         """Estimate where the arm is, and begin the trajectory there."""
         live = self.options.learning.enters_after == AS_SOON  # no step may take long
+        lengths = self._at_reference(readings)
         for _ in range(START_UPDATES):
             before = self.estimator.q
-            self.estimator.update(readings.lengths, CONTROL_PERIOD, readings.joint_angles)
+            self.estimator.update(lengths, CONTROL_PERIOD, readings.joint_angles)
             if live and np.abs(self.estimator.q - before).max() < START_CHANGE:
                 break
         self._commander.start(self.estimator.q, readings.time, readings.lengths)
@@ -550,12 +616,24 @@ class Agent:
         self.guard.map_changed()
         self._observer.map_changed()
 
+    def _stiffness_changed(self) -> None:
+        """Pass the stiffness of the motors to all parts that use it."""
+        if self.stiffness is not None:
+            self.guard.set_stiffness(self.stiffness)
+
+    def _at_reference(self, readings: SensorReadings) -> Floats:
+        """Measured lengths (m,) [m] as they were without what wires stretch by load."""
+        if self.map.wires is None:
+            return readings.lengths
+        return readings.lengths + self.map.stretch(readings.tensions)
+
     def _sample(self, readings: SensorReadings) -> ArmSample:
         """What is learned from at rest; targets without what muscles stretch by load."""
         target = self._commander.target_lengths + self._commander.stretch
         angles = self.estimator.joint_encoders.usable(readings.joint_angles)
         state = readings.time, np.inf, self.estimator.q
-        return ArmSample(*state, readings.lengths, target, readings.tensions, angles)
+        lengths = self._at_reference(readings)
+        return ArmSample(*state, lengths, target, readings.tensions, angles)
 
 
 def _check_joints(kinematics: ArmKinematics, nominal_map: JointMuscleMap) -> None:

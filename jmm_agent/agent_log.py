@@ -26,6 +26,7 @@ RECORDED = (
     "load",
     "observe",
     "recall",
+    "set_stiffness",
     "step",
     "zeroed",
 )

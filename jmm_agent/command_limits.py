@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,16 @@ class CommandLimits:
         postures = np.random.default_rng(0).uniform(low, high, (SAMPLES, len(low)))
         ranges = np.ptp(jmm.lengths(postures), axis=0)
         return cls(np.maximum(ranges, LEAST * ranges.max()) / FASTEST, motors)
+
+    def with_stiffness(self, stiffness: Floats | None) -> CommandLimits:
+        """These limits for motors that have another K_stiff now.
+
+        Args:
+            stiffness: K_stiff (m,) [N/m]; None: that of ``motors``.
+        """
+        if self.motors is None or stiffness is None:
+            return self
+        return replace(self, motors=replace(self.motors, each=stiffness))
 
     def applied(
         self, target_lengths: Floats, previous: Floats, lengths: Floats, duration: float

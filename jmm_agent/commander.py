@@ -1,7 +1,7 @@
 """Commands: the next point of a trajectory, mapped to target muscle lengths within limits.
 
 The trajectory pauses in gaps of the time stamps (`GapDetector`). Commands are shorter than the
-map's lengths by what loaded muscles stretch (`FeedForward`).
+map's lengths by what makes muscles pull with the tensions of the posture (`FeedForward`).
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import numpy as np
 
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.errors import AgentError
-from jmm_agent.feed_forward import FeedForward
+from jmm_agent.feed_forward import FeedForward, stretch
 from jmm_agent.gap_detector import GapDetector
+from jmm_agent.guard.faults import MotorControl
 from jmm_agent.map_transition import MapTransition
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.statics import Hold
 from jmm_agent.trajectory import Trajectory
 from jmm_agent.types import Floats
 
@@ -33,30 +33,47 @@ class Commander:
         start: joint angles (n,) [rad], the first target.
         joint_limits: lower and upper limits of the joints (n, 2) [rad].
         rate: largest speed at which commands follow a changed map [m/s].
+        feed_forward: tensions along a movement; None: commands are the map's lengths.
 
     Attributes:
         time: of the newest control step [s]; -inf before the first of an episode.
         target_lengths: newest command (m,) [m].
+        stretch: by how much it is shorter than the map's lengths (m,) [m].
+        tensions: with which muscles then pull at the posture (m,) [N]; None: unknown.
     """
 
     def __init__(
-        self, jmm: JointMuscleMap, start: Floats, joint_limits: Floats, rate: float
+        self,
+        jmm: JointMuscleMap,
+        start: Floats,
+        joint_limits: Floats,
+        rate: float,
+        feed_forward: FeedForward | None = None,
     ) -> None:
         self._limits = joint_limits
         self._gaps = GapDetector()
         self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
-        self._feed_forward = FeedForward.none(len(jmm.muscles), start)
+        self._feed_forward = feed_forward
         self.time = -np.inf
         self.target_lengths = jmm.lengths(start)
+        self.stretch = np.zeros(len(jmm.muscles))
+        self.tensions: Floats | None = None
         self._mapped: tuple[JointMuscleMap, Floats, Floats] | None = None
         self._transition = MapTransition(len(jmm.muscles), rate)
 
     def reset(self) -> None:
         """Stay at the target until the first control step, as before a new episode."""
         self.time = -np.inf
+        self._forget()
+        self._trajectory = Trajectory(np.array([self.target, self.target]), 0.0, 0.0)
+
+    def _forget(self) -> None:
+        """Forget commands before, with which the next ones are not compared."""
         self._transition.reset()
         self._mapped = None
-        self._trajectory = Trajectory(np.array([self.target, self.target]), 0.0, 0.0)
+        self.stretch, self.tensions = np.zeros_like(self.stretch), None
+        if self._feed_forward is not None:
+            self._feed_forward.reset()
 
     def recall(self, jmm: JointMuscleMap, posture: Floats) -> None:
         """Continue from the target of another time.
@@ -67,8 +84,7 @@ class Commander:
         """
         self._trajectory = Trajectory(np.array([posture] * 2), 0.0, 0.0)
         self.target_lengths = jmm.lengths(posture)
-        self._mapped = None
-        self._transition.reset()
+        self._forget()
 
     @property
     def target(self) -> Floats:
@@ -79,11 +95,6 @@ class Commander:
     def ended(self) -> bool:
         """Whether the trajectory has ended."""
         return self.time >= self._trajectory.start + self._trajectory.duration
-
-    @property
-    def stretch(self) -> Floats:
-        """By how much commands are shorter than the muscles now (m,) [m], see `FeedForward`."""
-        return self._feed_forward.at(self._trajectory, self.time)
 
     def checked(self, postures: Floats, duration: float) -> Floats:
         """Postures (K, n) [rad] of a movement, clipped into the joint limits.
@@ -127,20 +138,15 @@ class Commander:
             "or m."
         )
 
-    def go(self, points: Floats, duration: float, holds: Sequence[Hold]) -> None:
+    def go(self, points: Floats, duration: float) -> None:
         """Move through postures within a time.
 
         Args:
             points: joint angles (K, n) [rad], as `checked` returns them.
             duration: of the movement [s].
-            holds: of the postures, for the feed-forward of tensions; empty for none.
         """
-        before, feed_forward = self._trajectory, self._feed_forward
-        points = np.vstack([before.at(self.time), points])
+        points = np.vstack([self._trajectory.at(self.time), points])
         self._trajectory = Trajectory(points, self.time, duration)
-        if holds:
-            stretch = feed_forward.at(before, self.time)
-            self._feed_forward = FeedForward.along(stretch, holds, self.target)
 
     def start(self, here: Floats, time: float, lengths: Floats) -> None:
         """Begin the trajectory where the arm is, or stay there without one.
@@ -172,7 +178,12 @@ class Commander:
         return passed
 
     def command(
-        self, jmm: JointMuscleMap, limits: CommandLimits | None, lengths: Floats, passed: float
+        self,
+        jmm: JointMuscleMap,
+        limits: CommandLimits | None,
+        lengths: Floats,
+        passed: float,
+        motors: MotorControl | None = None,
     ) -> Floats:
         """Target lengths (m,) [m] at the present point of the trajectory, within limits.
 
@@ -181,8 +192,18 @@ class Commander:
             limits: of rate and tension; None for none.
             lengths: measured muscle lengths (m,) [m].
             passed: time since the command before [s].
+            motors: gains and limit; None if unknown, and then there is no feed-forward.
         """
-        wanted = self._lengths_at(jmm, self._trajectory.at(self.time)) - self.stretch
+        q, known = self._trajectory.at(self.time), self._mapped
+        before = None
+        if known is not None and known[0] is not jmm:
+            before = known[0].lengths(q) - self.stretch
+        if self._feed_forward is not None and motors is not None:
+            pull = self._feed_forward.tensions(jmm, motors, self._trajectory, self.time)
+            self.stretch, self.tensions = stretch(jmm, motors, pull), pull
+        wanted = self._lengths_at(jmm, q) - self.stretch
+        if before is not None:
+            self._transition.begin(wanted - before)
         wanted += self._transition.advance(passed)
         if limits is None:
             return wanted
@@ -204,9 +225,10 @@ class Commander:
 
     def _lengths_at(self, jmm: JointMuscleMap, q: Floats) -> Floats:
         """The map's lengths (m,) [m] at ``q`` (n,) [rad], computed again only if either changed."""
-        if self._mapped is not None and self._mapped[0] is not jmm:
-            self._transition.begin(jmm.lengths(q) - self._mapped[0].lengths(q))
-            self._mapped = None
-        if self._mapped is None or not np.array_equal(self._mapped[1], q):
+        if (
+            self._mapped is None
+            or self._mapped[0] is not jmm
+            or not np.array_equal(self._mapped[1], q)
+        ):
             self._mapped = jmm, q, jmm.lengths(q)
         return self._mapped[2].copy()

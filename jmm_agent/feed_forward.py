@@ -1,66 +1,90 @@
-"""Feed-forward of tensions: by how much commands are shorter than the muscles that pull.
+"""Feed-forward of tensions: by how much commands are shorter than the map's lengths.
 
-A motor pulls with T_bias + K_stiff (l - l_target), so a posture that needs tensions T is held at
-its own lengths l only if l_target = l - (T - T_bias) / K_stiff. The nominal model knows T at the
-ends of a movement; between them the difference is interpolated. Without it a robot sags until its
-muscles pull enough, and one with few muscles may leave the posture for another balance.
+A motor pulls with T_bias + K (l - l_target), so a posture that needs tensions T is held only if
+
+    l_target = l(theta, T) - (T - T_bias) / K.
+
+Tensions follow from the map as learned so far (`TensionDistribution`), at some points of each
+movement; between them they are interpolated. Without them a robot sags until its muscles pull
+enough, and one with few muscles may leave the posture for another balance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 
-from jmm_agent.statics import Hold
+from jmm_agent.guard.faults import MotorControl
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.tension_distribution import TensionDistribution
 from jmm_agent.trajectory import Trajectory
 from jmm_agent.types import Floats
 
+BETWEEN = 4
+"""Number of points in each straight line of a movement at which tensions are computed."""
 
-class FeedForward(NamedTuple):
-    """Stretches along a trajectory.
 
-    Attributes:
-        stretches: by how much commands are shorter than the muscles at each point (K, m) [m].
-        target: joint angles (n,) [rad] at the last point.
+class FeedForward:
+    """Tensions along a movement, and what they stretch.
+
+    Args:
+        distribution: tensions of a posture.
     """
 
-    stretches: Floats
-    target: Floats
+    def __init__(self, distribution: TensionDistribution) -> None:
+        self.distribution = distribution
+        self.reset()
 
-    @classmethod
-    def none(cls, muscles: int, target: Floats) -> FeedForward:
-        """No stretch.
+    def reset(self) -> None:
+        """Forget the movement."""
+        self._points: Floats | None = None
+        self._map: JointMuscleMap | None = None
+        self._low = np.empty(0)
+        self._known: dict[int, Floats] = {}
+        self._now: Floats | None = None
 
-        Args:
-            muscles: number of muscles, m.
-            target: joint angles (n,) [rad].
-        """
-        return cls(np.zeros((1, muscles)), target)
+    def tensions(
+        self, jmm: JointMuscleMap, motors: MotorControl, trajectory: Trajectory, time: float
+    ) -> Floats:
+        """Tensions (m,) [N] at a point of a movement.
 
-    @classmethod
-    def along(cls, begin: Floats, holds: Sequence[Hold], target: Floats) -> FeedForward:
-        """Stretches of a trajectory.
-
-        Args:
-            begin: stretches at its beginning (m,) [m].
-            holds: of the postures that it passes.
-            target: joint angles (n,) [rad] at its end.
-        """
-        return cls(np.array([begin, *(hold.stretch for hold in holds)]), target)
-
-    def at(self, trajectory: Trajectory, time: float) -> Floats:
-        """Stretches (m,) [m]; none on a trajectory to another target.
+        They are computed anew for another movement, which they begin with those of now, and for
+        another map or stiffness: at two points of it, so that no control step takes long.
 
         Args:
-            trajectory: the present one.
+            jmm: the joint-muscle mapping as learned so far.
+            motors: gains and limit.
+            trajectory: the movement.
             time: now [s].
         """
-        if not np.array_equal(trajectory.points[-1], self.target):
-            return np.zeros(self.stretches.shape[1])
-        last = len(self.stretches) - 1
-        position = max(0.0, last - trajectory.remaining(time))
-        first = min(int(position), max(0, last - 1))
-        before, after = self.stretches[first], self.stretches[min(first + 1, last)]
-        return np.asarray(before + (position - first) * (after - before))
+        moved = trajectory.points is not self._points
+        low = self.distribution.low(jmm, motors)
+        if moved or jmm is not self._map or not np.array_equal(low, self._low):
+            self._known = {0: self._now} if moved and self._now is not None else {}
+            self._points, self._map, self._low = trajectory.points, jmm, low
+        last = len(trajectory.points) - 1
+        position = BETWEEN * float(np.clip(last - trajectory.remaining(time), 0.0, last))
+        first = min(int(position), BETWEEN * last - 1)
+        before, after = (self._at(first + more, motors, trajectory.points) for more in (0, 1))
+        self._now = before + (position - first) * (after - before)
+        return self._now
+
+    def _at(self, number: int, motors: MotorControl, points: Floats) -> Floats:
+        """Tensions (m,) [N] at a numbered point of the movement."""
+        if number not in self._known:
+            first = min(number // BETWEEN, len(points) - 2)
+            share = number / BETWEEN - first
+            q = points[first] + share * (points[first + 1] - points[first])
+            assert self._map is not None
+            self._known[number] = self.distribution.at(self._map, motors, q).tensions
+        return self._known[number]
+
+
+def stretch(jmm: JointMuscleMap, motors: MotorControl, tensions: Floats) -> Floats:
+    """By how much a command is shorter than f(theta), so that muscles pull (m,) [m].
+
+    Args:
+        jmm: the joint-muscle mapping; its wires stretch, too.
+        motors: gains and limit.
+        tensions: that hold the posture (m,) [N].
+    """
+    return np.asarray((tensions - motors.bias) / motors.gains + jmm.stretch(tensions))

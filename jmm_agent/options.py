@@ -12,6 +12,7 @@ from jmm_agent.learning_monitor import LearningMonitorOptions
 from jmm_agent.mapping.learner import BatchOptions
 from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.settling import SettlingOptions
+from jmm_agent.tension_distribution import TensionOptions
 from jmm_agent.time_line import TimeLineOptions
 from jmm_agent.updaters import AntagonismOptions, VisionOptions
 from jmm_agent.vision.camera_clock import CameraClock
@@ -30,9 +31,9 @@ class AgentOptions:
         camera: frame of the camera in the kinematics; empty for a robot without a camera, whose
             hand is measured otherwise (`Agent.observe`).
         marker_site: site of the hand's marker in the kinematics.
-        feed_forward: whether commands are shorter than the muscles by the stretch that nominal
-            tensions need; needs `Agent.statics`. None: `kengoro.make_agent` chooses it for robots
-            other than Kengoro's arm, whose many muscles do without.
+        feed_forward: whether commands are shorter than the map's lengths by what the tensions that
+            hold the posture need, see `FeedForward`; needs the loads and `Agent.motors`.
+        tension: which tensions those are beside the loads.
         arrival: a joint that rests farther from its target has not arrived [rad].
         map_rate: largest speed at which commands follow the map when it was changed [m/s].
         prior: prior of the map's error.
@@ -59,6 +60,7 @@ class AgentOptions:
     camera: str = "eye"
     marker_site: str = "marker_hand"
     feed_forward: bool | None = None
+    tension: TensionOptions = field(default_factory=TensionOptions)
     arrival: float = 0.1
     map_rate: float = 0.03
     prior: PriorOptions = field(default_factory=PriorOptions)

@@ -48,6 +48,7 @@ SCALED: Mapping[str, Mapping[str, str]] = {
         "zeroed_offset": "length",
         "zeroed_shape": "length",
     },
+    "TensionOptions": {"length_error": "length"},
     "BatchOptions": {"rehearsal_noise": "length", "zero_noise": "length"},
     "SettlingOptions": {"change": "length", "release": "length"},
     "AntagonismOptions": {"distance": "posture", "noise": "length"},

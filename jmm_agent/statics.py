@@ -15,7 +15,6 @@ class Hold(Protocol):
         reachable: whether they can, stably and with lengths that are slightly wrong, too.
         tension: smallest maximum of tensions that hold the posture [N]; infinite if none do.
         reason: why not, without a full stop; empty if the posture is reachable.
-        stretch: by how much the command of each muscle is shorter than the muscle (m,) [m].
     """
 
     @property
@@ -26,9 +25,6 @@ class Hold(Protocol):
 
     @property
     def reason(self) -> str: ...
-
-    @property
-    def stretch(self) -> Floats: ...
 
 
 class Statics(Protocol):

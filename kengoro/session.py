@@ -105,6 +105,7 @@ class Session:
         self.agent, self.log = agent, Log()
         self._watch, self._viewer = watch, _viewer.get()
         self._command: Floats | None = None
+        self._stiffness: Floats | None = None
         self.stage = ""
         self.fingers = OPEN
         self._seen: object = None
@@ -114,6 +115,7 @@ class Session:
         self._cycles = self._clock.cycles(self._period, seed)
         self._cycle = next(self._cycles)
         agent.begin_episode()
+        self._set_stiffness(agent.stiffness)
 
     @property
     def readings(self) -> SensorReadings:
@@ -145,11 +147,12 @@ class Session:
             EpisodeEndedError: the environment ended the episode.
         """
         self.agent.hand_is_free = self.fingers == OPEN
-        command = self._command
+        command, stiffness = self._command, self._stiffness
         if not self._cycle.lost:
             self._command = self.agent.step(self.readings)
         if not self._cycle.late:
-            command = self._command
+            command, stiffness = self._command, self.agent.stiffness
+        self._set_stiffness(stiffness)
         action = self.world.lengths_to_action(command, self.fingers)
         self.observation, _, ended, cut, self.truth = self.env.step(action)
         self._steps += 1
@@ -162,6 +165,14 @@ class Session:
             self._viewer(self)
         if ended or cut:
             raise EpisodeEndedError(str(self.truth.get("reason", "the time is up")))
+
+    def _set_stiffness(self, stiffness: Floats | None) -> None:
+        """Pass K_stiff (m,) [N/m] of the agent to the motors, if it is another than before."""
+        if stiffness is None:
+            return
+        if self._stiffness is None or not np.array_equal(self._stiffness, stiffness):
+            self.world.set_stiffness(stiffness)
+        self._stiffness = stiffness
 
     def _write(self) -> None:
         log = self.log

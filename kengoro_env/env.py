@@ -171,14 +171,20 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Target lengths (m,) [m] that an action commands."""
         return self.bounds.to_lengths(checked_action(action, self._entries)[: len(self.muscles)])
 
-    def set_stiffness(self, stiffness: object, bias: object) -> None:
+    def set_stiffness(self, stiffness: object, bias: object = None) -> None:
         """Set the gains of muscle stiffness control until the next reset.
+
+        `gymnasium.make(..., gains=Gains(stiffness=...))` sets those after each reset.
 
         Args:
             stiffness: K_stiff, a number or (m,) [N/m].
-            bias: T_bias, a number or (m,) [N].
+            bias: T_bias, a number or (m,) [N]; as it is if left out.
+
+        Raises:
+            ArgumentError: a value is negative or not finite, or has another shape.
         """
-        self.robot.motors.set_stiffness(stiffness, bias)
+        motors = self.robot.motors
+        motors.set_stiffness(stiffness, motors.bias.copy() if bias is None else bias)
 
     def put_can_back(self) -> None:
         """Put the can back to where it stood at the reset (CanGrasp only).

@@ -15,7 +15,7 @@ from jmm_agent.agent import Agent
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.driving.autosave import Autosave
 from jmm_agent.driving.call_watch import CallWatch
-from jmm_agent.driving.driver import Driver, PausingDriver, check_methods
+from jmm_agent.driving.driver import Driver, PausingDriver, StiffnessDriver, check_methods
 from jmm_agent.driving.emergency_stop import EmergencyStop
 from jmm_agent.driving.endings import endings_raised
 from jmm_agent.driving.lost_readings import why_lost
@@ -213,6 +213,7 @@ class _Loop:
         self._dead_encoders_allowed = not isinstance(agent.guard, NullGuard)
         self._gaps = GapDetector()
         self._command: Floats | None = None
+        self._stiffness: Floats | None = None
         self._time = self._begin = -np.inf
         self._in_a_row = 0
         self._lost_at = 0
@@ -245,8 +246,24 @@ class _Loop:
         self._emergency_stop.check()
         if self._command is not None:
             self._calls.begin("write")
+            self._write_stiffness()
             self._driver.write(self._command)
             self._calls.end()
+
+    def _write_stiffness(self) -> None:
+        """Set the stiffness that the agent demands, if it is another than before."""
+        stiffness = self._agent.stiffness
+        if stiffness is None:
+            return
+        if self._stiffness is not None and np.array_equal(self._stiffness, stiffness):
+            return
+        if not isinstance(self._driver, StiffnessDriver):
+            raise AgentError(
+                f"drive: the agent's stiffness was set, but the driver "
+                f"{type(self._driver).__name__} has no method set_stiffness."
+            )
+        self._driver.set_stiffness(stiffness.copy())
+        self._stiffness = stiffness
 
     def _lose(self, reason: str) -> None:
         """Count a control period without usable readings; an error if there are too many."""

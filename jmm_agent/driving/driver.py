@@ -14,7 +14,8 @@ class Driver(Protocol):
     """A robot with its own clock, which the agent follows.
 
     A driver of a real robot has a `Watchdog` on the side of the motors, because the process of the
-    agent may be killed. A driver that also has a method ``pause`` is a `PausingDriver`.
+    agent may be killed. A driver that also has a method ``pause`` is a `PausingDriver`, and one
+    with ``set_stiffness`` a `StiffnessDriver`.
     """
 
     def read(self) -> SensorReadings | None:
@@ -48,6 +49,18 @@ class PausingDriver(Driver, Protocol):
 
     def pause(self) -> None:
         """Hold the last command until the next one; called after each `drive` without an error."""
+
+
+@runtime_checkable
+class StiffnessDriver(Driver, Protocol):
+    """A driver of motors whose stiffness can be changed, as `Agent.set_stiffness` needs."""
+
+    def set_stiffness(self, stiffness: Floats) -> None:
+        """Set K_stiff until the next call; called just before the `write` that belongs to it.
+
+        Args:
+            stiffness: K_stiff of each muscle (m,) [N/m], finite and positive.
+        """
 
 
 def check_methods(driver: object, needed: Sequence[str] = ("read", "write", "stop")) -> None:

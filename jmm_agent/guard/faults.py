@@ -7,7 +7,7 @@ late commands and pushes. The `guard` runs them all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,6 +113,8 @@ class MotorControl:
         stiffness: K_stiff [N/m].
         bias: T_bias [N].
         limit: largest tension that may be commanded [N].
+        each: K_stiff of each muscle (m,) [N/m], where they differ from the common one; None if not.
+            It does not count when two are compared.
 
     Raises:
         AgentError: a number is not positive and finite, or the bias is above the limit.
@@ -121,6 +123,7 @@ class MotorControl:
     stiffness: float = 30_000.0
     bias: float = 30.0
     limit: float = 500.0
+    each: Floats | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "bias", "limit"):
@@ -133,6 +136,15 @@ class MotorControl:
             raise AgentError(
                 f"MotorControl: bias {self.bias} N is above the limit of {self.limit} N."
             )
+        if self.each is not None and not np.all((self.each > 0.0) & (self.each < np.inf)):
+            raise AgentError(
+                f"MotorControl: each is {self.each}, but must be positive and finite numbers."
+            )
+
+    @property
+    def gains(self) -> float | Floats:
+        """K_stiff of all muscles, or of each (m,) [N/m]."""
+        return self.stiffness if self.each is None else self.each
 
     def demanded(self, lengths: Floats, target_lengths: Floats) -> Floats:
         """Tensions that the control demands.
@@ -144,7 +156,7 @@ class MotorControl:
         Returns:
             Tensions [N], not limited.
         """
-        return self.bias + self.stiffness * np.maximum(0.0, lengths - target_lengths)
+        return self.bias + self.gains * np.maximum(0.0, lengths - target_lengths)
 
     def shortest_target(self, lengths: Floats, limits: Floats | None = None) -> Floats:
         """Target lengths that demand the limit.
@@ -157,4 +169,4 @@ class MotorControl:
             Target lengths [m].
         """
         limit = self.limit if limits is None else limits
-        return lengths - (limit - self.bias) / self.stiffness
+        return lengths - (limit - self.bias) / self.gains

@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -133,6 +133,16 @@ class Guard:
         self._muscles.jump()
         self._delay.jump()
         self._disturbance.jump()
+
+    def set_stiffness(self, stiffness: Floats) -> None:
+        """Take note that the motors have another stiffness from now on.
+
+        Args:
+            stiffness: K_stiff (m,) [N/m].
+        """
+        self._motors = motors = replace(self._motors, each=stiffness)
+        self._muscles.motors = self._delay.motors = motors
+        self._delay.jump()  # older commands demanded tensions at the stiffness of their time
 
     def map_changed(self) -> None:
         """Forget earlier estimates: those of another map cannot be compared with the next ones."""

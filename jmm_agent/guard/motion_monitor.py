@@ -43,10 +43,11 @@ class DelayMonitor:
 
     Attributes:
         late: whether commands are late.
+        motors: as given; may be replaced.
     """
 
     def __init__(self, motors: MotorControl, options: DelayMonitorOptions) -> None:
-        self._motors, self._options = motors, options
+        self.motors, self._options = motors, options
         count = round(options.longest / options.spacing) + 1
         self._delays = (options.spacing * np.arange(count)).tolist()
         self._commands = Recent[Floats](options.longest + 3.0 * ROUNDING)
@@ -82,8 +83,8 @@ class DelayMonitor:
         if not self._commands.full or not usable.any():
             return self.late
         numbers, commands = zip(*self._commands.at(self._delays), strict=True)
-        demanded = self._motors.demanded(lengths, np.array(commands))
-        errors = np.minimum(demanded, self._motors.limit) - tensions
+        demanded = self.motors.demanded(lengths, np.array(commands))
+        errors = np.minimum(demanded, self.motors.limit) - tensions
         if not usable.all():
             errors = errors[:, usable]
         self._squares.add(dt, np.mean(errors * errors, axis=1))

@@ -89,12 +89,15 @@ class MuscleMonitor:
         muscles: names of the m muscles.
         motors: how commands become tensions.
         options: thresholds.
+
+    Attributes:
+        motors: as given; may be replaced.
     """
 
     def __init__(
         self, muscles: tuple[str, ...], motors: MotorControl, options: MuscleMonitorOptions
     ) -> None:
-        self._muscles, self._motors, self._options = muscles, motors, options
+        self._muscles, self.motors, self._options = muscles, motors, options
         self._noise = EncoderNoise(len(muscles))
         self._residuals = Recent[Floats](options.moved_before)
         self.reset()
@@ -198,12 +201,12 @@ class MuscleMonitor:
     ) -> Floats:
         """Find dead sensors and snapped muscles; tensions (m,) [N] that can be used."""
         options = self._options
-        if ((tensions >= options.slack_share * self._motors.bias) & (tensions < np.inf)).all():
+        if ((tensions >= options.slack_share * self.motors.bias) & (tensions < np.inf)).all():
             self._slack_time[:] = 0.0
             self._snapped[:] = self._numb[:] = False
             return tensions.copy()
         missing = ~np.isfinite(tensions)
-        slack = ~missing & (np.nan_to_num(tensions) < options.slack_share * self._motors.bias)
+        slack = ~missing & (np.nan_to_num(tensions) < options.slack_share * self.motors.bias)
         begins = slack & (self._slack_time == 0.0)
         self._slack_residual[begins] = residual[begins]
         self._slack_time = np.where(slack, self._slack_time + dt, 0.0)
@@ -212,7 +215,7 @@ class MuscleMonitor:
         self._snapped = lasting & (self._snapped | (wound_up & ~self._numb))
         lasting = self._slack_time >= options.numb_after - ROUNDING
         self._numb = missing | (lasting & ~self._snapped)
-        demanded = np.minimum(self._motors.demanded(reading, command), self._motors.limit)
+        demanded = np.minimum(self.motors.demanded(reading, command), self.motors.limit)
         return np.where(self._numb, demanded, tensions)
 
     def found(self) -> Iterator[tuple[str, str]]:

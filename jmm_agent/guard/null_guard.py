@@ -34,6 +34,9 @@ class NullGuard:
     def jump(self) -> None:
         """Do nothing."""
 
+    def set_stiffness(self, stiffness: Floats) -> None:
+        """Do nothing."""
+
     def filter(
         self, readings: SensorReadings, after: float, command: Floats, expected: Floats
     ) -> FilteredReadings:

@@ -29,7 +29,6 @@ from jmm_agent.heat.parameters import NAMES, UNITS, HeatOptions
 from jmm_agent.heat.tension_limit import allowed_tensions, core_after
 from jmm_agent.heat.thermal_filter import ThermalFilter
 from jmm_agent.observation import SensorReadings
-from jmm_agent.statics import Hold
 from jmm_agent.types import Bools, Floats
 
 _log = logging.getLogger(__name__)
@@ -209,15 +208,13 @@ class HeatMonitor:
         self._name_cut((cut > CUT * self._motors.limit) & limiting, limits)
         return np.maximum(target_lengths, shortest)
 
-    def not_held(self, holds: Sequence[Hold]) -> str:
+    def not_held(self, needed: Floats) -> str:
         """Which muscles are too hot for postures, in one sentence; empty if none is.
 
         Args:
-            holds: of the postures by the statics of the nominal model.
+            needed: tensions that hold them (K, m) [N].
         """
-        motors = self._motors
-        needed = [motors.bias + motors.stiffness * hold.stretch for hold in holds if hold.reachable]
-        return self.too_hot(np.max(needed, axis=0)) if needed else ""
+        return self.too_hot(np.max(needed, axis=0)) if len(needed) else ""
 
     def too_hot(self, wanted: Floats | None = None) -> str:
         """Which muscles heat limits, in one sentence; empty if it limits none.

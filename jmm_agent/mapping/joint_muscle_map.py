@@ -18,11 +18,13 @@ from jmm_agent.errors import AgentError
 from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arrays
 from jmm_agent.mapping.group_map import ARRAYS, METRES, GroupMap, Layers, MappingError
 from jmm_agent.mapping.group_stack import GroupStack
+from jmm_agent.mapping.wire_stretch import FIELDS, WireStretch
 from jmm_agent.types import Floats
 
 QUADRATIC_STEP = float(np.deg2rad(10.0))
 """Distance of the points of the quadratic Jacobian (sec. II-B) [rad]."""
-FORMAT = "jmm-1"
+FORMAT, WITH_WIRES = "jmm-1", "jmm-2"
+"""Formats of the files of maps whose wires do not stretch, and do."""
 MAX_BYTES = 64 << 20
 """Largest map file, unfolded [bytes]; that of the arm has less than one MiB."""
 
@@ -41,14 +43,17 @@ class JointMuscleMap:
         joints: names of the n joints.
         muscles: names of the m muscles; each is the output of exactly one group.
         groups: the networks.
+        wires: how wires stretch by tension; None: not at all, as in the paper.
 
     Raises:
-        MappingError: a muscle is not the output of exactly one group, or an index is out of range.
+        MappingError: a muscle is not the output of exactly one group, an index is out of range, or
+            there are wires of another number of muscles.
     """
 
     joints: tuple[str, ...]
     muscles: tuple[str, ...]
     groups: tuple[GroupMap, ...]
+    wires: WireStretch | None = None
 
     def __post_init__(self) -> None:
         muscles = [int(muscle) for group in self.groups for muscle in group.muscle_index]
@@ -57,19 +62,28 @@ class JointMuscleMap:
         for group in self.groups:
             if np.any((group.joint_index < 0) | (group.joint_index >= len(self.joints))):
                 raise MappingError(f"Group {group.name!r}: a joint index is out of range.")
+        if self.wires is not None and len(self.wires.compliance) != len(self.muscles):
+            raise MappingError(
+                f"Map: there are wires of {len(self.wires.compliance)} muscles, but "
+                f"{len(self.muscles)} muscles."
+            )
 
-    def lengths(self, q: Floats) -> Floats:
-        """Muscle lengths relative to q = 0.
+    def lengths(self, q: Floats, tensions: Floats | None = None) -> Floats:
+        """Muscle lengths relative to q = 0, as the encoders measure them.
 
         Args:
             q: joint angles (n,) or (B, n) [rad].
+            tensions: of the muscles (m,) or (B, m) [N]; None: those of reference, see
+                `WireStretch`. Without wires that stretch they have no effect.
 
         Returns:
             Lengths (m,) or (B, m) [m].
 
         Raises:
-            MappingError: a wrong shape, or an angle that is not finite.
+            MappingError: a wrong shape, or a number that is not finite.
         """
+        if tensions is not None:
+            return np.asarray(self.lengths(q) - self.stretch(tensions))
         postures = self._postures(q)
         if np.ndim(q) == 1:
             return self._stack.lengths(self._stack.hidden(postures[0]))
@@ -77,6 +91,30 @@ class JointMuscleMap:
         for group in self.groups:
             result[:, group.muscle_index] = group.lengths(postures)
         return result
+
+    def stretch(self, tensions: Floats) -> Floats:
+        """By how much tensions shorten the measured lengths (m,) or (B, m) [m].
+
+        Args:
+            tensions: of the muscles (m,) or (B, m) [N].
+
+        Raises:
+            MappingError: a wrong shape, or a tension that is not finite.
+        """
+        checked = self._tensions(tensions)
+        return np.zeros(checked.shape) if self.wires is None else self.wires.stretch(checked)
+
+    def tension_jacobian(self, tensions: Floats) -> Floats:
+        """Diagonal of dl/dT (m,) or (B, m) [m/N]: 0, or the negative compliance of each wire.
+
+        Args:
+            tensions: of the muscles (m,) or (B, m) [N].
+
+        Raises:
+            MappingError: a wrong shape, or a tension that is not finite.
+        """
+        checked = self._tensions(tensions)
+        return np.zeros(checked.shape) if self.wires is None else -self.wires.slope(checked)
 
     def jacobian(self, q: Floats) -> Floats:
         """Analytic muscle Jacobian G = dl/dq (sec. II-B).
@@ -214,13 +252,15 @@ class JointMuscleMap:
             path: of the file.
         """
         content: dict[str, np.ndarray] = {
-            "format": np.array(FORMAT),
+            "format": np.array(FORMAT if self.wires is None else WITH_WIRES),
             "joints": np.array(self.joints),
             "muscles": np.array(self.muscles),
             "groups": np.array([group.name for group in self.groups]),
         }
         for rank, group in enumerate(self.groups):
             content |= {f"{rank}_{field}": getattr(group, field) for field in ARRAYS}
+        if self.wires is not None:
+            content |= {f"wires_{field}": getattr(self.wires, field) for field in FIELDS}
         write_arrays(path, content)
 
     @classmethod
@@ -238,15 +278,19 @@ class JointMuscleMap:
         except ArrayFileError as error:
             raise CheckpointError(f"Checkpoint {os.fspath(path)}: {error}.") from error
         try:
-            if "format" not in content or str(content["format"]) != FORMAT:
-                raise MappingError(f"its format is {content.get('format')}, not {FORMAT}")
+            form = str(content.get("format"))
+            if form not in (FORMAT, WITH_WIRES):
+                raise MappingError(f"its format is {form}, not {FORMAT} or {WITH_WIRES}")
             groups = tuple(
                 GroupMap(str(name), *(content[f"{rank}_{field}"] for field in ARRAYS))
                 for rank, name in enumerate(content["groups"])
             )
             joints = tuple(str(name) for name in content["joints"])
             muscles = tuple(str(name) for name in content["muscles"])
-            return cls(joints, muscles, groups)
+            if form == FORMAT:
+                return cls(joints, muscles, groups)
+            wires = WireStretch(*(content[f"wires_{field}"] for field in FIELDS))
+            return cls(joints, muscles, groups, wires)
         except Exception as error:  # NumPy raises errors of many types for arrays that do not fit
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise CheckpointError(
@@ -255,7 +299,7 @@ class JointMuscleMap:
 
     def __reduce__(self) -> tuple[type[JointMuscleMap], tuple[Any, ...]]:
         """Copies and pickles are without what is computed from the groups."""
-        return JointMuscleMap, (self.joints, self.muscles, self.groups)
+        return JointMuscleMap, (self.joints, self.muscles, self.groups, self.wires)
 
     @cached_property
     def _stack(self) -> GroupStack:
@@ -277,3 +321,14 @@ class JointMuscleMap:
         if not np.isfinite(postures).all():
             raise MappingError("Map: postures are not finite.")
         return postures
+
+    def _tensions(self, tensions: Floats) -> Floats:
+        checked = np.asarray(tensions, dtype=np.float64)
+        if checked.ndim not in (1, 2) or checked.shape[-1] != len(self.muscles):
+            raise MappingError(
+                f"Map: tensions have shape {checked.shape}, but ({len(self.muscles)},) or "
+                f"(B, {len(self.muscles)}) is needed."
+            )
+        if not np.isfinite(checked).all():
+            raise MappingError("Map: tensions are not finite.")
+        return checked

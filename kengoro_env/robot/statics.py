@@ -52,15 +52,11 @@ class Hold(NamedTuple):
         reachable: whether they can, also with lengths that are wrong by `LENGTH_ERROR`.
         tension: smallest maximum of tensions that hold the posture [N]; infinite if none do.
         reason: why not, without a full stop; empty if the posture is reachable.
-        stretch: by how much the command of each muscle must be shorter than the muscle (m,) [m],
-            so that it pulls with its tension; that of a posture that is not reachable is cut at
-            the motors' limit.
     """
 
     reachable: bool
     tension: float
     reason: str
-    stretch: Floats
 
 
 class Statics:
@@ -91,14 +87,13 @@ class Statics:
         arms, load = self._arm.moment_arms(q), self._arm.gravity(q)
         tensions, missing = least_tensions(arms, load, gains.bias)
         slack = TOLERANCE * max(gains.bias * float(np.abs(arms).max()), 1e-9)
-        stretch = (np.minimum(tensions, gains.limit) - gains.bias) / gains.stiffness
         worst = int(np.abs(missing).argmax())
         if abs(missing[worst]) > slack:
             reason = (
                 f"no pull of its muscles from T_bias = {gains.bias:.3g} N on balances joint "
                 f"{joints[worst]!r}, where {abs(missing[worst]):.2g} N m are missing"
             )
-            return Hold(False, np.inf, reason, stretch)
+            return Hold(False, np.inf, reason)
         most = float(tensions.max())
         if most > gains.limit:
             muscle = self._arm.muscles[int(tensions.argmax())]
@@ -106,14 +101,14 @@ class Statics:
                 f"muscle {muscle!r} would have to pull with {most:.3g} N, above the motors' limit "
                 f"of {gains.limit:.3g} N"
             )
-            return Hold(False, most, reason, stretch)
+            return Hold(False, most, reason)
         joint, length = self._weakest(q, arms, tensions)
         if length < LENGTH_ERROR * self._arm.travel:
             how = "is unstable there"
             if length > 0.0:
                 how = f"would be unstable there if lengths were wrong by {1e3 * length:.2g} mm"
-            return Hold(False, most, f"joint {joints[joint]!r} {how}", stretch)
-        return Hold(True, most, "", stretch)
+            return Hold(False, most, f"joint {joints[joint]!r} {how}")
+        return Hold(True, most, "")
 
     def _weakest(self, q: Floats, arms: Floats, tensions: Floats) -> tuple[int, float]:
         """The joint that leaves a posture first, and the error of lengths at which it does [m]."""

@@ -78,5 +78,4 @@ def test_statics_have_the_given_gains(robot: NominalRobot) -> None:
     posture = 0.5 * (robot.arm.lower + robot.arm.upper)
     for bias in (1.0, 3.0):
         hold = robot.statics(MotorControl(20_000.0, bias, 60.0)).hold(posture)
-        assert hold.stretch.min() == pytest.approx(0.0, abs=1e-9)
         assert hold.tension >= bias

@@ -1,0 +1,206 @@
+"""Tensions that hold a posture with the least internal force.
+
+At rest the muscles balance the loads, gravity and springs of joints,
+
+    G(theta)' T = tau(theta),    T_low <= T <= T_max,
+
+with the moment arms G = dl/dtheta of the map as learned so far. There are more muscles than joints,
+and of all such tensions those are taken whose distance from T_low is least: a quadratic programme,
+
+    min  sum_i (T_i - T_low,i)^2 / T_max^2  +  sum_j (missing_j / (SOFT T_max max|G|))^2.
+
+It is always feasible: torques that no tensions balance stay missing, as little as possible.
+
+A motor at T_bias does not pull less when its muscle shortens, and so resists in one direction only.
+T_low is therefore above T_bias by a reserve R, where that helps: a muscle then stays above T_bias
+over R / K. At a stiffness K at which that is far below the errors of the lengths, map errors decide
+which muscles pull, and the reserve shrinks to R R / (K error).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import c_int
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+
+from jmm_agent.errors import AgentError, positive
+from jmm_agent.guard.faults import MotorControl
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.types import Floats
+from jmm_agent.vision.balance import Loads
+
+SOFT = 1e-3
+"""Missing torque that costs as much as T_max of one muscle, over that on the largest arm [1]."""
+TOLERANCE = 1e-3
+"""Torque that may be missing, as a share of the largest torque of a muscle at T_bias [1]."""
+FREE = 1e30
+"""A bound that is none."""
+EQUAL = 5
+"""DAQP's kind of an equality."""
+
+
+@dataclass(frozen=True)
+class TensionOptions:
+    """Which tensions muscles have beside those that the load needs.
+
+    Attributes:
+        reserve: R, tension above T_bias, as a share of T_bias [1].
+        length_error: error of the lengths against which the reserve helps [m].
+
+    Raises:
+        AgentError: the reserve is negative, or the error is not positive.
+    """
+
+    reserve: float = 1.0 / 3.0
+    length_error: float = 0.003
+
+    def __post_init__(self) -> None:
+        positive("TensionOptions", length_error=self.length_error)
+        if not 0.0 <= self.reserve < np.inf:
+            raise AgentError(f"TensionOptions: reserve is {self.reserve}, but must be at least 0.")
+
+    def low(self, motors: MotorControl, muscles: int) -> Floats:
+        """T_low (m,) [N].
+
+        Args:
+            motors: gains and limit.
+            muscles: number of muscles, m.
+        """
+        stiffness = np.broadcast_to(np.asarray(motors.gains, dtype=float), (muscles,))
+        reserve = min(self.reserve * motors.bias, motors.limit - motors.bias)
+        helps = np.minimum(1.0, reserve / (stiffness * self.length_error))
+        return np.asarray(motors.bias + reserve * helps)
+
+
+class Distribution(NamedTuple):
+    """Tensions that hold a posture, or nearly.
+
+    Attributes:
+        tensions: (m,) [N].
+        missing: torques of the loads that they do not balance (n,) [N m].
+    """
+
+    tensions: Floats
+    missing: Floats
+
+    def failure(self, arms: Floats, motors: MotorControl, joints: Sequence[str]) -> str:
+        """Which joint cannot be held, in one sentence without a full stop; empty if all can.
+
+        Args:
+            arms: moment arms (m, n) [m/rad].
+            motors: gains and limit.
+            joints: names of the n joints.
+        """
+        worst = int(np.abs(self.missing).argmax())
+        missing = abs(float(self.missing[worst]))
+        if missing <= TOLERANCE * max(motors.bias * float(np.abs(arms).max()), 1e-9):
+            return ""
+        return (
+            f"no pull of its muscles from T_bias = {motors.bias:.3g} N to {motors.limit:.3g} N "
+            f"balances joint {joints[worst]!r}, where {missing:.2g} N m are missing"
+        )
+
+
+def distribute(arms: Floats, torque: Floats, low: Floats, high: float) -> Distribution:
+    """Tensions nearest to the lowest ones that balance torques, or leave the least missing.
+
+    Args:
+        arms: moment arms (m, n) [m/rad].
+        torque: of the loads (n,) [N m].
+        low: lowest tensions (m,) [N], below ``high``.
+        high: largest tension [N].
+
+    Raises:
+        AgentError: an argument is not finite, the bounds are contradictory, or no solution is
+            found.
+    """
+    arms, torque, low = (np.asarray(part, dtype=float) for part in (arms, torque, low))
+    m, n = arms.shape
+    if not all(np.isfinite(part).all() for part in (arms, torque, low)) or (low > high).any():
+        raise AgentError(
+            "Tension distribution: moment arms, torques and bounds must be finite, and the lowest "
+            f"tension of each muscle at most {high} N."
+        )
+    # The unknowns: tensions over the largest (m,), and missing torques over what they may be (n,).
+    scale = max(float(np.abs(arms).max()), 1e-12)
+    matrix = np.hstack([arms.T / scale, SOFT * np.eye(n)])
+    balance = torque / (scale * high)
+    size = max(1.0, float(np.abs(balance).max()))  # far beyond all muscles it would be too large
+    least, most, balance = low / (high * size), 1.0 / size, balance / size
+    x, _, flag, _ = daqp.solve(
+        np.eye(m + n),
+        np.concatenate([-least, np.zeros(n)]),
+        matrix,
+        np.concatenate([np.full(m, most), np.full(n, FREE), balance]),
+        np.concatenate([least, np.full(n, -FREE), balance]),
+        np.concatenate([np.zeros(m + n), np.full(n, EQUAL)]).astype(c_int),
+    )
+    if flag < 1:
+        raise AgentError(f"Tension distribution: the solver ended without a solution ({flag}).")
+    tensions = np.clip(high * size * x[:m], low, high)
+    return Distribution(tensions, torque - arms.T @ tensions)
+
+
+class TensionDistribution:
+    """Tensions that hold postures by a map.
+
+    Args:
+        loads: torques that the nominal model needs to hold a posture.
+        options: of the tensions without load.
+    """
+
+    def __init__(self, loads: Loads, options: TensionOptions) -> None:
+        self._loads, self._options = loads, options
+
+    def low(self, jmm: JointMuscleMap, motors: MotorControl) -> Floats:
+        """T_low (m,) [N]; see `TensionOptions.low`."""
+        return self._options.low(motors, len(jmm.muscles))
+
+    def at(self, jmm: JointMuscleMap, motors: MotorControl, q: Floats) -> Distribution:
+        """Tensions that hold a posture.
+
+        Args:
+            jmm: the joint-muscle mapping as learned so far.
+            motors: gains and limit.
+            q: joint angles (n,) [rad].
+        """
+        low = self.low(jmm, motors)
+        return distribute(jmm.jacobian(q), self._loads.gravity(q), low, motors.limit)
+
+    def not_balanced(self, jmm: JointMuscleMap, motors: MotorControl, points: Floats) -> str:
+        """One sentence on postures that the muscles cannot hold by a map; empty if there are none.
+
+        Args:
+            jmm: the joint-muscle mapping as learned so far.
+            motors: gains and limit.
+            points: joint angles (K, n) [rad].
+        """
+        for number, q in enumerate(points):
+            reason = self.at(jmm, motors, q).failure(jmm.jacobian(q), motors, jmm.joints)
+            if reason:
+                which = "The posture" if len(points) == 1 else f"Posture {number} of {len(points)}"
+                return f"{which} cannot be held by the map as learned: {reason}."
+        return ""
+
+    def slope(self, jmm: JointMuscleMap, q: Floats, tensions: Floats, step: float) -> Floats:
+        """How tensions that stay resist a change of posture (n, n) [N m/rad].
+
+        It is sum_i T_i dG_i/dq - dtau/dq: the stiffness without motors, often negative.
+
+        Args:
+            jmm: the joint-muscle mapping.
+            q: joint angles (n,) [rad].
+            tensions: (m,) [N].
+            step: of the differences [rad].
+        """
+        moves = step * np.eye(len(q))
+        arms = jmm.jacobian(np.vstack([q + moves, q - moves]))
+        torques = tensions @ arms
+        for row, posture in enumerate(np.vstack([q + moves, q - moves])):
+            torques[row] -= self._loads.gravity(posture)
+        slope = (torques[: len(q)] - torques[len(q) :]) / (2.0 * step)
+        return np.asarray(0.5 * (slope + slope.T))
