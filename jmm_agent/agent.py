@@ -20,6 +20,7 @@ import logging
 import os
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -146,12 +147,15 @@ class Agent:
         self._observer = HandObserver(detector, kinematics, options)
         self.learner = Learner(nominal_map, limits, rule or RidgeRule(prior), options.batch, rng)
         self.antagonism = AntagonismUpdater(self.learner, options.antagonism)
-        self.vision = VisionUpdater(self.learner, prior, residual, limits, options.vision, loads)
+        self._tensions = None if loads is None else TensionDistribution(loads, options.tension)
+        forward = FeedForward(self._tensions) if options.feed_forward and self._tensions else None
+        seeing = options.vision
+        if seeing.lengths is None and forward is not None:
+            seeing = replace(seeing, lengths="l")
+        self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads)
         self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
         self._stiffness = MuscleStiffness(len(nominal_map.muscles), options.map_rate)
-        self._tensions = None if loads is None else TensionDistribution(loads, options.tension)
-        forward = FeedForward(self._tensions) if options.feed_forward and self._tensions else None
         self._commander = Commander(nominal_map, start, limits, options.map_rate, forward)
         self._learned = MapLearning(
             self.learner, self.antagonism, self.vision, options.learn_antagonism

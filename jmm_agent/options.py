@@ -32,7 +32,7 @@ class AgentOptions:
             hand is measured otherwise (`Agent.observe`).
         marker_site: site of the hand's marker in the kinematics.
         feed_forward: whether commands are shorter than the map's lengths by what the tensions that
-            hold the posture need, see `FeedForward`; needs the loads and `Agent.motors`.
+            hold the posture need, see `FeedForward`. Only where loads and `Agent.motors` are known.
         tension: which tensions those are beside the loads.
         arrival: a joint that rests farther from its target has not arrived [rad].
         map_rate: largest speed at which commands follow the map when it was changed [m/s].
@@ -59,7 +59,7 @@ class AgentOptions:
     can_marker: int = 1
     camera: str = "eye"
     marker_site: str = "marker_hand"
-    feed_forward: bool | None = None
+    feed_forward: bool = True
     tension: TensionOptions = field(default_factory=TensionOptions)
     arrival: float = 0.1
     map_rate: float = 0.03

@@ -91,7 +91,7 @@ def make_agent(
         UsageError: an argument is not valid, or the model has no such camera or marker.
     """
     check_seed(seed)
-    options, own = _chosen(options, guard, own=scene is not None), scene is not None
+    options, own = _chosen(options, guard), scene is not None
     design = _design(scene, folders, camera, marker_sides, motors, options, scales, jmm)
     options = design.scales.agent_options(options)
     jmm = map_of(design.robot.model, cache) if jmm is None else jmm
@@ -112,12 +112,11 @@ def _detector(
     return MarkerDetector(camera, marker_sides, dictionary) if options.camera else None
 
 
-def _chosen(options: AgentOptions | None, guard: bool, own: bool) -> AgentOptions:
-    """Options before they are scaled; ``own``: of another robot than Kengoro's arm."""
+def _chosen(options: AgentOptions | None, guard: bool) -> AgentOptions:
+    """Options before they are scaled."""
     if guard and options is None:
         options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
-    options = options or AgentOptions()
-    return replace(options, feed_forward=own) if options.feed_forward is None else options
+    return options or AgentOptions()
 
 
 def _design(

@@ -36,7 +36,7 @@ from experiments.harness.experiment import Experiment, Findings, Results, run_ex
 from experiments.robots.conditions import ACTUAL, NOMINAL, make_session
 from experiments.robots.evaluation import Evaluator, PostureMap
 from experiments.robots.world import World, known_world
-from jmm_agent.agent import Agent
+from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.mapping.learner import BatchOptions, Learner, Pairs, RidgeRule
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionUpdater
@@ -168,7 +168,8 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     world = known_world(cache)
     postures = shuffled_postures(seed)
     tested = postures[-1 - sizes.tested :]
-    agent = make_agent(seed, jmm=world.map)
+    # Without feed-forward: maps alone command the robot that compares them.
+    agent = make_agent(seed, jmm=world.map, options=AgentOptions(feed_forward=False))
     stages = gather(agent, condition, seed, postures, sizes, world)
     evaluator = Evaluator(world, condition, seed, sizes.test_move, sizes.test_hold)
 

@@ -21,6 +21,9 @@ from experiments.robots.accuracy import MapAccuracy
 from experiments.robots.conditions import ACTUAL
 from experiments.robots.evaluation import Evaluator
 from experiments.robots.world import known_world
+from jmm_agent.agent import AgentOptions
+from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.hold_out import HoldOutOptions
 from kengoro.agents import make_agent
 from kengoro.clock import Clock
 from kengoro.robots import NO_END, make_env, shuffled_postures
@@ -119,7 +122,10 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     chosen = CONDITIONS[condition]
     postures = shuffled_postures(seed)
     start, *learned = postures[: 1 + sizes.learned]
-    agent = make_agent(seed, guard=chosen.guarded, cache=cache)
+    hold_out = HoldOutOptions() if chosen.guarded else None
+    # Without feed-forward: the map alone commands the robot that tests it.
+    chosen_options = AgentOptions(vision=VisionOptions(hold_out=hold_out), feed_forward=False)
+    agent = make_agent(seed, guard=chosen.guarded, options=chosen_options, cache=cache)
     named: dict[tuple[str, float], None] = {}
 
     def watch(session: Session) -> None:

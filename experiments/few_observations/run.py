@@ -46,11 +46,14 @@ from kengoro.robots import shuffled_postures
 from kengoro.visits import errors, visit
 
 OPTIONS = {
-    OURS: AgentOptions(),
-    LENGTHS: AgentOptions(vision=VisionOptions(fit="together")),
-    CONSTANTS: AgentOptions(prior=PriorOptions(shape=1e-6), vision=VisionOptions(fit="together")),
+    OURS: AgentOptions(feed_forward=False),
+    LENGTHS: AgentOptions(vision=VisionOptions(fit="together"), feed_forward=False),
+    CONSTANTS: AgentOptions(
+        prior=PriorOptions(shape=1e-6), vision=VisionOptions(fit="together"), feed_forward=False
+    ),
     PAPER: PAPER_OPTIONS,
 }
+"""Without feed-forward: maps alone command the robot that compares them."""
 
 QUICK = Sizes(
     counts=(1, 3), tested=1, blind=5, move=0.8, patience=1.0, test_move=0.4, test_hold=0.3
@@ -107,7 +110,9 @@ class Robot:
 
     def feel(self, cache: Path | None) -> dict[str, Any]:
         """Visit postures without a camera; errors before and after."""
-        agent = make_agent(self._seed, options=AgentOptions(camera=""), cache=cache)
+        agent = make_agent(
+            self._seed, options=AgentOptions(camera="", feed_forward=False), cache=cache
+        )
         session = make_session(ACTUAL, self._seed, agent, self.learned[0])
         seeing = make_agent(self._seed, cache=cache).vision
         before = self.tested(agent.map, seeing)

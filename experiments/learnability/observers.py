@@ -72,7 +72,7 @@ class TrueObserver:
                 "min": np.minimum(rest.lengths, rest.command),
                 "l_target": rest.command,
                 "l": rest.lengths,
-            }[options.lengths]
+            }[options.lengths or "min"]
             new = Pairs(angles[None], lengths[None], np.array([options.noise]))
             self._learner.learn(new, self._pairs.joined(antagonism))
             self._pairs = self._pairs.joined(new)

@@ -25,7 +25,8 @@ class Variant:
     Attributes:
         description: difference from the reference.
         reference: `PAPER` or `DEFAULT`, the variant that it is compared with.
-        options: of the agent.
+        options: of the agent; without feed-forward, because maps alone command the robots that
+            compare them.
         rule: update rule of the map; `RIDGE` for the default.
     """
 
@@ -36,7 +37,7 @@ class Variant:
 
 
 PAPER_VISION = VisionOptions(lengths="l_target", fit="alone")
-PAPER_OPTIONS = AgentOptions(vision=PAPER_VISION)
+PAPER_OPTIONS = AgentOptions(vision=PAPER_VISION, feed_forward=False)
 
 NO_ZERO = BatchOptions(zero=False)
 NO_RANDOM = BatchOptions(rehearsal=0)
@@ -49,11 +50,11 @@ def _paper(description: str, options: AgentOptions = PAPER_OPTIONS) -> Variant:
 
 
 def _default(description: str, **options: Any) -> Variant:
-    return Variant(description, DEFAULT, AgentOptions(**options))
+    return Variant(description, DEFAULT, AgentOptions(feed_forward=False, **options))
 
 
 def _steps(description: str, rule: MinibatchRule) -> Variant:
-    return Variant(description, DEFAULT, AgentOptions(), rule)
+    return Variant(description, DEFAULT, AgentOptions(feed_forward=False), rule)
 
 
 VARIANTS = {
@@ -61,7 +62,10 @@ VARIANTS = {
     "paper-no-zero": _paper("without (0, 0)", replace(PAPER_OPTIONS, batch=NO_ZERO)),
     "paper-no-random": _paper("without random pairs", replace(PAPER_OPTIONS, batch=NO_RANDOM)),
     "paper-no-rehearsal": _paper(NO_BATCH, replace(PAPER_OPTIONS, batch=NO_REHEARSAL)),
-    "paper-l": _paper("pair holds l", AgentOptions(vision=replace(PAPER_VISION, lengths="l"))),
+    "paper-l": _paper(
+        "pair holds l",
+        AgentOptions(vision=replace(PAPER_VISION, lengths="l"), feed_forward=False),
+    ),
     "paper-antagonism": _paper(
         "Antagonism Updater alone", replace(PAPER_OPTIONS, learn_vision=False)
     ),

@@ -2,8 +2,9 @@
 
 Under stiffness control a muscle with l < l_target does not pull, and follows any command that is
 long enough, so that its l_target holds no information. The tightest command that causes the
-measured tensions is min(l, l_target), muscle by muscle. It is the default here; the paper's
-l_target is an option.
+measured tensions is min(l, l_target), muscle by muscle, where commands are the map's lengths. It
+holds what the arm sags. Where commands have a feed-forward of tensions the map holds the lengths
+themselves, and the pair holds l. The paper's l_target is an option.
 """
 
 from __future__ import annotations
@@ -340,7 +341,7 @@ class VisionUpdater:
         self.fired += 1
 
 
-def _pair_lengths(kind: PairLengths, lengths: Floats, target: Floats) -> Floats:
+def _pair_lengths(kind: PairLengths | None, lengths: Floats, target: Floats) -> Floats:
     if kind == "l_target":
         return target
     return lengths if kind == "l" else np.minimum(lengths, target)

@@ -20,7 +20,9 @@ class VisionOptions:
     Attributes:
         distance: least distance from the posture of the last update, L2 norm [rad].
         threshold: C, the largest ||theta_ik - theta_est||_2 that is believed [rad].
-        lengths: lengths of a pair: l_target as in the paper, l, or min(l, l_target).
+        lengths: lengths of a pair: l_target as in the paper, l, or min(l, l_target). None: l if
+            commands have a feed-forward of tensions (`AgentOptions.feed_forward`), which then tend
+            to what is measured, else min(l, l_target).
         noise: standard deviation of a pair's lengths [m].
         saturation: a pair with a tension above this is not learned [N].
         stop_margin: a pair with a joint this close to its stop is not learned [rad].
@@ -48,7 +50,7 @@ class VisionOptions:
 
     distance: float = 0.15
     threshold: float = 2.0
-    lengths: PairLengths = "min"
+    lengths: PairLengths | None = None
     noise: float = 0.001
     saturation: float = 450.0
     stop_margin: float = 0.005

@@ -124,7 +124,7 @@ def test_the_reserve_is_kept_where_the_stiffness_is_low() -> None:
     np.testing.assert_allclose(each, [soft[0], stiff[0]])
     near = options.low(MotorControl(3_000.0, 30.0, 35.0), 1)  # no more than the limit
     assert near[0] <= 35.0
-    with pytest.raises(AgentError, match="reserve is -0.1"):
+    with pytest.raises(AgentError, match=r"reserve is -0\.1"):
         TensionOptions(reserve=-0.1)
     with pytest.raises(AgentError, match="length_error is 0"):
         TensionOptions(length_error=0.0)

@@ -299,7 +299,7 @@ def test_an_estimate_that_is_changed_afterwards_does_not_change_the_memory() -> 
 
 def test_defaults_are_whole() -> None:
     options = VisionOptions()
-    assert options.lengths == "min"
+    assert options.lengths is None
     assert replace(options, lengths="l_target").lengths == "l_target"
 
 

@@ -49,6 +49,7 @@ class EchoAgent:
     def __init__(self, raises_at: float = np.inf, command: Sequence[float] | None = None) -> None:
         self.raises_at, self._command = raises_at, command
         self.guard, self.limits = NullGuard(), CommandLimits()
+        self.stiffness: np.ndarray | None = None
 
     def step(self, readings: SensorReadings) -> np.ndarray:
         if readings.time > self.raises_at:

@@ -13,6 +13,7 @@ from jmm_agent.command_limits import CommandLimits
 from jmm_agent.driving.drive import DriveOptions
 from jmm_agent.errors import AgentError
 from jmm_agent.guard.faults import MotorControl
+from jmm_agent.observation import SensorReadings
 from tests.jmm_agent.driving.robots import EchoAgent, Robot, driven
 from tests.jmm_agent.small_map import LIMITS, make_map
 
@@ -122,3 +123,42 @@ def test_a_driver_without_one_of_its_methods_is_refused_before_it_is_used(missin
         driven(EchoAgent(), robot)
     assert (robot.calls, robot.commands) == (0, [])
     assert robot.stopped == (missing != "stop")
+
+
+class SoftRobot(Robot):
+    """A robot whose stiffness can be changed; it notes which commands came before each change."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stiffness: list[tuple[int, float]] = []
+
+    def set_stiffness(self, stiffness: np.ndarray) -> None:
+        self.stiffness.append((len(self.commands), float(stiffness[0])))
+
+
+class SofteningAgent(EchoAgent):
+    """Demands another stiffness from its third step on, and another one from its fifth."""
+
+    steps = 0
+
+    def step(self, readings: SensorReadings) -> np.ndarray:
+        self.steps += 1
+        if self.steps in (3, 5):
+            self.stiffness = np.full(2, 1000.0 * self.steps)
+        return super().step(readings)
+
+
+def test_a_stiffness_is_written_with_the_command_that_belongs_to_it_and_once() -> None:
+    agent, robot = SofteningAgent(), SoftRobot()
+    driven(agent, robot)
+    assert len(robot.commands) == 6
+    assert robot.stiffness == [(2, 3000.0), (4, 5000.0)]
+    driven(agent, robot)  # the robot may have been restarted since
+    assert robot.stiffness[2:] == [(6, 5000.0)]
+
+
+def test_a_stiffness_that_a_driver_cannot_set_stops_the_robot() -> None:
+    agent, robot = SofteningAgent(), Robot()
+    with pytest.raises(AgentError, match="driver Robot has no method set_stiffness"):
+        driven(agent, robot)
+    assert (len(robot.commands), robot.stopped) == (2, 1)

@@ -178,7 +178,7 @@ class Robot:
         print("stopped", flush=True)
 
 class Agent:
-    guard, limits = NullGuard(), CommandLimits()
+    guard, limits, stiffness = NullGuard(), CommandLimits(), None
     def step(self, readings):
         return readings.lengths
 

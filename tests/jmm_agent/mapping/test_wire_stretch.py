@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import pickle
+import pickle  # noqa: TID251  (copies of maps must work)
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
