@@ -18,7 +18,7 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.map_transition import MapTransition
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.trajectory import Trajectory
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 
 BEYOND = 0.1
 """How far beyond its limits a joint may be sent without a warning [rad], [m], or as a share of its
@@ -54,6 +54,7 @@ class Commander:
         self._gaps = GapDetector()
         self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
         self._feed_forward = feed_forward
+        self._firm: Bools | None = None
         self.time = -np.inf
         self.target_lengths = jmm.lengths(start)
         self.stretch = np.zeros(len(jmm.muscles))
@@ -195,11 +196,14 @@ class Commander:
             motors: gains and limit; None if unknown, and then there is no feed-forward.
         """
         q, known = self._trajectory.at(self.time), self._mapped
+        forward, firm = self._feed_forward, self._firm
+        if forward is not None:
+            self._firm = forward.distribution.firm
         before = None
-        if known is not None and known[0] is not jmm:
+        if known is not None and (known[0] is not jmm or self._firm is not firm):
             before = known[0].lengths(q) - self.stretch
-        if self._feed_forward is not None and motors is not None:
-            pull = self._feed_forward.tensions(jmm, motors, self._trajectory, self.time)
+        if forward is not None and motors is not None:
+            pull = forward.tensions(jmm, motors, self._trajectory, self.time)
             self.stretch, self.tensions = stretch(jmm, motors, pull), pull
         wanted = self._lengths_at(jmm, q) - self.stretch
         if before is not None:

@@ -18,10 +18,12 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.joint_stiffness import PostureStiffness, Stiffness, is_stable
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.tension_distribution import TensionDistribution
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 
 LIMITS = 0.05, 2.0
 """Lowest and highest K_stiff, as a share of what the motors were made with [1]."""
+ARM = 0.05
+"""Least moment arm of a muscle that stiffens a joint, as a share of the largest one there [1]."""
 PULLS = 1e-3
 """A muscle resists both ways if its tension is above T_bias by this share of it [1]."""
 STEP = 1e-4
@@ -86,18 +88,21 @@ class MuscleStiffness:
             tensions: with which muscles pull now (m,) [N]; None without a feed-forward.
         """
         motors = self.known()
+        among, present = checked_limits(limits, motors), self.present()
+        if distribution is None:
+            found = chosen_stiffness(value, among, jmm, present, None)
+            self.begin(found.muscles, tensions)
+            return found
 
         def posture(muscles: Floats) -> PostureStiffness:
-            assert distribution is not None
             return posture_stiffness(distribution, jmm, replace(motors, each=muscles), target)
 
-        found = chosen_stiffness(
-            value,
-            checked_limits(limits, motors),
-            jmm,
-            self.present(),
-            None if distribution is None else posture,
-        )
+        before, distribution.firm = distribution.firm, firm_muscles(value, jmm, target)
+        try:
+            found = chosen_stiffness(value, among, jmm, present, posture)
+        except AgentError:
+            distribution.firm = before
+            raise
         self.begin(found.muscles, tensions)
         return found
 
@@ -188,6 +193,22 @@ def checked_joints(wanted: Mapping[str, float], joints: Sequence[str]) -> dict[i
                 "positive and finite [N m/rad]."
             )
     return {list(joints).index(joint): float(value) for joint, value in wanted.items()}
+
+
+def firm_muscles(
+    value: ArrayLike | Mapping[str, float], jmm: JointMuscleMap, q: Floats
+) -> Bools | None:
+    """Muscles that stiffen the joints that are asked for (m,); None if muscles were asked for.
+
+    Args:
+        value: as in `Agent.set_stiffness`.
+        jmm: the joint-muscle mapping.
+        q: joint angles (n,) [rad].
+    """
+    if not isinstance(value, Mapping):
+        return None
+    arms = np.abs(jmm.jacobian(q)[:, [joint in value for joint in jmm.joints]])
+    return np.asarray((arms > ARM * arms.max(initial=0.0)).any(axis=1))
 
 
 def posture_stiffness(

@@ -14,7 +14,8 @@ It is always feasible: torques that no tensions balance stay missing, as little 
 A motor at T_bias does not pull less when its muscle shortens, and so resists in one direction only.
 T_low is therefore above T_bias by a reserve R, where that helps: a muscle then stays above T_bias
 over R / K. At a stiffness K at which that is far below the errors of the lengths, map errors decide
-which muscles pull, and the reserve shrinks to R R / (K error).
+which muscles pull, and the reserve shrinks to R R / (K error). Muscles of joints whose stiffness is
+wanted are firm: their reserve is K error, so that they resist both ways in spite of such errors.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import numpy as np
 from jmm_agent.errors import AgentError, positive
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 from jmm_agent.vision.balance import Loads
 
 SOFT = 1e-3
@@ -50,30 +51,41 @@ class TensionOptions:
     Attributes:
         reserve: R, tension above T_bias, as a share of T_bias [1].
         length_error: error of the lengths against which the reserve helps [m].
+        most: largest reserve of firm muscles, as a share of the motors' limit [1].
 
     Raises:
-        AgentError: the reserve is negative, or the error is not positive.
+        AgentError: a share is negative, or the error is not positive.
     """
 
     reserve: float = 1.0 / 3.0
     length_error: float = 0.003
+    most: float = 0.2
 
     def __post_init__(self) -> None:
         positive("TensionOptions", length_error=self.length_error)
-        if not 0.0 <= self.reserve < np.inf:
-            raise AgentError(f"TensionOptions: reserve is {self.reserve}, but must be at least 0.")
+        for name in ("reserve", "most"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise AgentError(
+                    f"TensionOptions: {name} is {getattr(self, name)}, but must be at least 0."
+                )
 
-    def low(self, motors: MotorControl, muscles: int) -> Floats:
+    def low(self, motors: MotorControl, muscles: int, firm: Bools | None = None) -> Floats:
         """T_low (m,) [N].
 
         Args:
             motors: gains and limit.
             muscles: number of muscles, m.
+            firm: which muscles are to resist both ways (m,); None for none.
         """
         stiffness = np.broadcast_to(np.asarray(motors.gains, dtype=float), (muscles,))
         reserve = min(self.reserve * motors.bias, motors.limit - motors.bias)
         helps = np.minimum(1.0, reserve / (stiffness * self.length_error))
-        return np.asarray(motors.bias + reserve * helps)
+        low = motors.bias + reserve * helps
+        if firm is None:
+            return np.asarray(low)
+        most = min(self.most * motors.limit, motors.limit - motors.bias)
+        both = motors.bias + np.minimum(stiffness * self.length_error, most)
+        return np.asarray(np.where(firm, np.maximum(low, both), low))
 
 
 class Distribution(NamedTuple):
@@ -151,14 +163,18 @@ class TensionDistribution:
     Args:
         loads: torques that the nominal model needs to hold a posture.
         options: of the tensions without load.
+
+    Attributes:
+        firm: which muscles are to resist both ways (m,); None for none.
     """
 
     def __init__(self, loads: Loads, options: TensionOptions) -> None:
         self._loads, self._options = loads, options
+        self.firm: Bools | None = None
 
     def low(self, jmm: JointMuscleMap, motors: MotorControl) -> Floats:
         """T_low (m,) [N]; see `TensionOptions.low`."""
-        return self._options.low(motors, len(jmm.muscles))
+        return self._options.low(motors, len(jmm.muscles), self.firm)
 
     def at(self, jmm: JointMuscleMap, motors: MotorControl, q: Floats) -> Distribution:
         """Tensions that hold a posture.

@@ -122,6 +122,8 @@ def test_the_reserve_is_kept_where_the_stiffness_is_low() -> None:
     np.testing.assert_allclose(stiff, 30.0 + 15.0 * (0.5 / 3.0))
     each = options.low(MotorControl(each=np.array([3e3, 3e4])), 2)
     np.testing.assert_allclose(each, [soft[0], stiff[0]])
+    firm = options.low(MotorControl(each=np.array([3e3, 3e4, 6e4])), 3, np.array([1, 1, 0]) > 0)
+    np.testing.assert_allclose(firm, [45.0, 120.0, 30.0 + 15.0 * (0.25 / 3.0)])
     near = options.low(MotorControl(3_000.0, 30.0, 35.0), 1)  # no more than the limit
     assert near[0] <= 35.0
     with pytest.raises(AgentError, match=r"reserve is -0\.1"):
