@@ -41,6 +41,7 @@ RUNNERS = {
     "ablation": Runner("contribution of each part, and the paper's claims", True),
     "baselines": Runner("other methods, with the same measurements", True),
     "few-observations": Runner("errors after the first looks at the hand", True),
+    "stiffness-and-load": Runner("soft muscles: errors, and stiffness by a push", True),
     "faults": Runner("faults during learning are detected and do no harm"),
     "wrong-observations": Runner("updates from wrong observations are detected and undone"),
     "endurance": Runner("hours of learning: the error stays low"),

@@ -1,0 +1,136 @@
+"""Tables and metrics of the stiffness."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.harness.experiment import Results
+from experiments.harness.report import Table
+from experiments.harness.statistics import metric
+from jmm_agent.types import Floats
+
+SAG, OURS, WIRES = "map's lengths", "tensions", "tensions and wires"
+AGENTS = {
+    SAG: "commands are the map's lengths",
+    OURS: "commands pull with distributed tensions",
+    WIRES: "the same, and the stretch of wires is known",
+}
+"""Conditions, and their titles."""
+MUST_RATIO = {10.0: 1.3, 3.0: 2.5}
+"""Largest error at a stiffness [N/mm], over that at the stiffness of learning [1]."""
+MUST_TENSION = 0.7
+"""Largest tension over that of commands which are the map's lengths [1]."""
+MUST_STIFFNESS = 0.25
+"""Largest difference of measured and asked stiffness, as a share of what was asked [1]."""
+FRICTION = 5.0
+"""Dry friction of a muscle at a high tension of an actual robot [N], 1 N and 2 % of the tension."""
+
+
+def numbers(results: Results, agent: str, stiffness: float, key: str) -> Floats:
+    """A result of an agent at a stiffness [N/mm], of each robot."""
+    found = [result[agent]["at"][f"{stiffness:g}"][key] for result in results.values()]
+    return np.array(found, dtype=float)
+
+
+def pushed(results: Results, agent: str, key: str) -> list[Floats]:
+    """A result of the pushes of each robot."""
+    return [
+        np.array([one[key] for one in result[agent]["pushes"]], dtype=float)
+        for result in results.values()
+    ]
+
+
+def away(results: Results, agent: str) -> list[float]:
+    """Median over pushes of |measured - asked| / asked, of each robot [1]."""
+    both = zip(pushed(results, agent, "measured"), pushed(results, agent, "asked"), strict=True)
+    return [float(np.median(np.abs(measured / asked - 1.0))) for measured, asked in both]
+
+
+def metrics(results: Results, stiffness: Sequence[float]) -> dict[str, Mapping[str, Any]]:
+    """Ratios to the stiffness of learning and to commands that are the map's lengths."""
+    usual, *others = stiffness
+    found: dict[str, Mapping[str, Any]] = {}
+    for unit in ("deg", "mm"):
+        key = f"target_true_{unit}"
+        before = numbers(results, OURS, usual, key)
+        for other in others:
+            ratio = numbers(results, OURS, other, key) / before
+            must = MUST_RATIO.get(other) if unit == "deg" else None
+            found[f"error_at_{other:g}_over_{usual:g}_{unit}"] = metric(ratio, "", must=must)
+        gap = before - numbers(results, SAG, usual, key)
+        must = 0.0 if unit == "deg" else None
+        found[f"error_above_{SAG.replace(' ', '_')}_{unit}"] = metric(gap, unit, must=must)
+        found[f"error_at_{usual:g}_{unit}"] = metric(before, unit)
+    tension = numbers(results, OURS, usual, "max_tension_N")
+    tension = tension / numbers(results, SAG, usual, "max_tension_N")
+    found["largest_tension_ratio"] = metric(tension, "", must=MUST_TENSION)
+    for agent in (OURS, WIRES):
+        name = f"stiffness_away_{agent.replace(' ', '_')}"
+        found[name] = metric(away(results, agent), "", must=MUST_STIFFNESS)
+    return found
+
+
+def tables(results: Results, stiffness: Sequence[float]) -> list[Table]:
+    """All tables of the report."""
+    rows = []
+    for agent, title in AGENTS.items():
+        for value in stiffness:
+            cells = [
+                f"{np.median(found):.1f} ({found.max():.1f})"
+                for found in (
+                    numbers(results, agent, value, key)
+                    for key in ("target_true_deg", "worst_deg", "target_true_mm", "max_tension_N")
+                )
+            ]
+            rows.append((title, f"{value:g}", *cells, f"{FRICTION / value:.1f}"))
+    pushes = []
+    for agent in (OURS, WIRES):
+        for seed, result in results.items():
+            for one in result[agent]["pushes"]:
+                low, high = (1e-3 * value for value in one["muscles"])
+                pushes.append(
+                    (
+                        AGENTS[agent],
+                        seed,
+                        one["joint"],
+                        f"{one['asked']:.1f}",
+                        f"{one['predicted']:.1f}",
+                        f"{one['measured']:.1f}",
+                        f"{low:.1f} to {high:.1f}",
+                        f"{one['tension_N']:.0f}",
+                    )
+                )
+    return [
+        Table(
+            "target - true by stiffness, median over robots (worst robot)",
+            ("agent", "K [N/mm]", "joints [deg]", "worst posture [deg]", "hand [mm]",
+             "largest tension [N]", "friction [mm]"),
+            rows,
+            "Medians over postures, but the fourth column. Last: wire within which friction of 5 N "
+            "leaves a muscle.",
+        ),
+        Table(
+            "Stiffness of joints by a push",
+            ("agent", "robot", "joint", "asked [N m/rad]", "predicted", "measured",
+             "muscles [N/mm]", "largest tension [N]"),
+            pushes,
+            "Torque on the joint alone, both ways; the second half of the push counts.",
+        ),
+    ]  # fmt: skip
+
+
+def per_seed(results: Results) -> dict[int, Any]:
+    """Errors of joints [deg] and largest tensions [N] by agent and stiffness, of each robot."""
+    return {
+        seed: {
+            agent: {
+                value: [found["target_true_deg"], found["max_tension_N"]]
+                for value, found in result[agent]["at"].items()
+            }
+            for agent in AGENTS
+        }
+        for seed, result in results.items()
+    }
