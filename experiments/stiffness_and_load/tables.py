@@ -62,7 +62,7 @@ def metrics(results: Results, stiffness: Sequence[float]) -> dict[str, Mapping[s
             found[f"error_at_{other:g}_over_{usual:g}_{unit}"] = metric(ratio, "", must=must)
         gap = before - numbers(results, SAG, usual, key)
         must = 0.0 if unit == "deg" else None
-        found[f"error_above_{SAG.replace(' ', '_')}_{unit}"] = metric(gap, unit, must=must)
+        found[f"error_above_that_of_map_lengths_{unit}"] = metric(gap, unit, must=must)
         found[f"error_at_{usual:g}_{unit}"] = metric(before, unit)
     tension = numbers(results, OURS, usual, "max_tension_N")
     tension = tension / numbers(results, SAG, usual, "max_tension_N")

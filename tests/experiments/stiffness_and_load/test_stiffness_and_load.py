@@ -1,0 +1,107 @@
+"""Stiffness: metrics and tables of made-up results, a push of known joints, and a short run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from experiments.harness.experiment import Results
+from experiments.stiffness_and_load.figures import pictures
+from experiments.stiffness_and_load.run import QUICK, push, run
+from experiments.stiffness_and_load.tables import (
+    AGENTS,
+    OURS,
+    SAG,
+    WIRES,
+    metrics,
+    per_seed,
+    tables,
+)
+from kengoro.session import Session
+
+STIFFNESS = (30.0, 3.0)
+
+
+def results() -> Results:
+    """Two robots with errors of 1 and 2 deg, twice that at 3 N/mm, and 8 times without tensions."""
+    made: Results = {}
+    for seed in range(2):
+        robot: dict[str, Any] = {}
+        for agent, worse, tension in ((SAG, 8.0, 200.0), (OURS, 2.0, 150.0), (WIRES, 2.0, 150.0)):
+            usual = {
+                "target_true_deg": 1.0 + seed,
+                "worst_deg": 3.0,
+                "target_true_mm": 10.0,
+                "max_tension_N": tension,
+            }
+            soft = usual | {"target_true_deg": worse * (1.0 + seed)}
+            bias = 0.8 if agent == OURS else 1.1
+            pushes = [
+                {"joint": "elbow", "asked": asked, "predicted": asked, "measured": bias * asked,
+                 "muscles": [2000, 9000], "tension_N": 90.0}
+                for asked in (10.0, 20.0)
+            ]  # fmt: skip
+            at = {"30": usual, "3": soft}
+            robot[agent] = {"at": at, "pushes": [] if agent == SAG else pushes, "observations": 1}
+        made[seed] = robot
+    return made
+
+
+def test_metrics_are_ratios_to_the_stiffness_of_learning_and_to_the_maps_lengths() -> None:
+    named = metrics(results(), STIFFNESS)
+    assert named["error_at_3_over_30_deg"]["median"] == pytest.approx(2.0)
+    assert named["error_at_3_over_30_deg"]["reached"]
+    assert named["largest_tension_ratio"]["median"] == pytest.approx(0.75)
+    assert not named["largest_tension_ratio"]["reached"]
+    assert named["error_above_that_of_map_lengths_deg"]["median"] == 0.0
+    assert named["stiffness_away_tensions"]["median"] == pytest.approx(0.2)
+    assert named["stiffness_away_tensions_and_wires"]["median"] == pytest.approx(0.1)
+
+
+def test_tables_have_a_row_for_each_agent_and_stiffness_and_for_each_push(tmp_path: Path) -> None:
+    errors, pushes = tables(results(), STIFFNESS)
+    assert len(errors.rows) == len(AGENTS) * len(STIFFNESS)
+    assert errors.rows[1][1:3] == ("3", "12.0 (16.0)")
+    assert errors.rows[1][-1] == "1.7"  # 5 N at 3 N/mm
+    assert len(pushes.rows) == 2 * 2 * 2
+    assert pushes.rows[0][3:7] == ("10.0", "10.0", "8.0", "2.0 to 9.0")
+    assert per_seed(results())[1][SAG] == {"30": [2.0, 200.0], "3": [16.0, 200.0]}
+    [picture] = pictures(results(), STIFFNESS)
+    assert len(picture.png) > 10_000
+
+
+@pytest.mark.parametrize("stiffness", [12.0, 90.0])
+def test_friction_does_not_count_in_a_push(stiffness: float) -> None:
+    """A joint that dry friction holds back by the same torque at each level."""
+    friction, angle, torque = 0.2, 0.0, np.zeros(1)
+
+    def wait(_: float) -> None:
+        nonlocal angle
+        pull = float(torque[0])
+        if abs(pull) > friction:
+            angle = (pull - np.sign(pull) * friction) / stiffness
+        session.truth["joint_angles"][0] = angle
+
+    joint = SimpleNamespace(dofadr=[0])
+    robot = SimpleNamespace(
+        model=SimpleNamespace(joint=lambda _: joint), data=SimpleNamespace(qfrc_applied=torque)
+    )
+    world = SimpleNamespace(robot=robot, joints=("elbow",))
+    session = SimpleNamespace(world=world, wait=wait, truth={"joint_angles": np.zeros(1)})
+    found = push(cast(Session, session), "elbow", 1.0, 2.0)
+    assert found == pytest.approx(stiffness, rel=1e-6)
+    assert torque[0] == 0.0
+
+
+def test_a_short_run_has_errors_and_pushes(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    cache = Path(request.config.cache.mkdir("maps"))
+    ours, sag = (run(name, 0, QUICK, cache) for name in (OURS, SAG))
+    assert set(ours["at"]) == set(sag["at"]) == {"30", "10"}
+    assert ours["at"]["10"]["target_true_deg"] < sag["at"]["10"]["target_true_deg"]
+    [one] = ours["pushes"]
+    assert one["measured"] == pytest.approx(one["asked"], rel=0.4)
+    assert sag["pushes"] == []
