@@ -626,8 +626,8 @@ class Agent:
             self.guard.set_stiffness(self.stiffness)
 
     def _at_reference(self, readings: SensorReadings) -> Floats:
-        """Measured lengths (m,) [m] as they were without what wires stretch by load."""
-        if self.map.wires is None:
+        """Measured lengths (m,) [m] as they were without what tendons stretch by load."""
+        if self.map.tendons is None:
             return readings.lengths
         return readings.lengths + self.map.stretch(readings.tensions)
 

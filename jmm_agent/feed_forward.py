@@ -83,7 +83,7 @@ def stretch(jmm: JointMuscleMap, motors: MotorControl, tensions: Floats) -> Floa
     """By how much a command is shorter than f(theta), so that muscles pull (m,) [m].
 
     Args:
-        jmm: the joint-muscle mapping; its wires stretch, too.
+        jmm: the joint-muscle mapping; its tendons stretch, too.
         motors: gains and limit.
         tensions: that hold the posture (m,) [N].
     """

@@ -1,7 +1,7 @@
 """Stiffness of joints from that of muscles, and muscles from wanted joints.
 
-A muscle pulls through its motor, with K_stiff, and its wire, with a compliance c, in series. Loads
-and tensions that stay as they are add a part, mostly negative:
+A muscle pulls through its motor, with K_stiff, and its tendon, with a compliance c, in series.
+Loads and tensions that stay as they are add a part, mostly negative:
 
     K_q = G' diag(1 / (1 / K_stiff + c)) G  +  sum_i T_i dG_i/dq - dtau/dq.
 
@@ -34,7 +34,7 @@ class PostureStiffness(NamedTuple):
     Attributes:
         arms: moment arms of the muscles that pull (m, n) [m/rad]; 0 for the others.
         rest: stiffness of loads and of tensions that stay (n, n) [N m/rad].
-        compliance: of the wires (m,) [m/N].
+        compliance: of the tendons (m,) [m/N].
     """
 
     arms: Floats
@@ -46,7 +46,7 @@ class PostureStiffness(NamedTuple):
         return self._matrix(self.in_series(stiffness))
 
     def in_series(self, stiffness: Floats) -> Floats:
-        """Stiffness of motor and wire (m,) [N/m] at K_stiff (m,) [N/m]."""
+        """Stiffness of motor and tendon (m,) [N/m] at K_stiff (m,) [N/m]."""
         return np.asarray(1.0 / (1.0 / stiffness + self.compliance))
 
     def joints(self, stiffness: Floats) -> Floats:

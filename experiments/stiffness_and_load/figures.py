@@ -18,12 +18,12 @@ from experiments.stiffness_and_load.tables import (
     MUST_STIFFNESS,
     OURS,
     SAG,
-    WIRES,
+    TENDONS,
     numbers,
     pushed,
 )
 
-STYLES = {SAG: ("#777777", "v"), OURS: ("#c8452f", "o"), WIRES: ("#3a6fb5", "s")}
+STYLES = {SAG: ("#777777", "v"), OURS: ("#c8452f", "o"), TENDONS: ("#3a6fb5", "s")}
 """Colour and marker of each agent."""
 
 

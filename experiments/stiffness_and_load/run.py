@@ -3,11 +3,11 @@
 A robot learns at the stiffness that its motors were made with. Then the stiffness is set, with
 learning off, and the robot moves to postures that it did not learn from. Three agents do so: one
 whose commands are the map's lengths, ours, whose commands pull with distributed tensions, and ours
-when it was told how its wires stretch, as a bench shows. Both of ours are asked for the stiffness
+when it was told how its tendons stretch, as a bench shows. Both of ours are asked for the stiffness
 of joints, and a torque on the joint shows how stiff it is.
 
 A push begins with a smaller torque, so that dry friction, which resists as much at both, does not
-count. Friction of F leaves the wire of a muscle anywhere within F / K.
+count. Friction of F leaves the tendon of a muscle anywhere within F / K.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from experiments.robots.conditions import ACTUAL, make_session
 from experiments.stiffness_and_load.tables import (
     AGENTS,
     SAG,
-    WIRES,
+    TENDONS,
     metrics,
     per_seed,
     tables,
 )
 from jmm_agent.agent import Agent, AgentOptions
-from jmm_agent.mapping.wire_stretch import WireStretch
+from jmm_agent.mapping.tendon_stretch import TendonStretch
 from jmm_agent.types import Floats
 from kengoro.agents import make_agent
 from kengoro.robots import NO_END, make_env
@@ -42,7 +42,7 @@ from kengoro.trained_maps import trained_map
 from kengoro.visits import errors, no_visits, rmse_deg, visit
 
 COMPLIANCE, HARDENING = 1e-5, 4e6
-"""Of the wires of actual robots, as a bench shows them [m/N], [N/m^2]."""
+"""Of the tendons of actual robots, as a bench shows them [m/N], [N/m^2]."""
 MOST_ASKED = 60_000.0
 """Highest stiffness of a muscle that joints may get [N/m]."""
 
@@ -83,12 +83,12 @@ QUICK = Sizes(
 def agent_of(condition: str, seed: int, cache: Path | None) -> Agent:
     """Agent of a condition."""
     jmm = trained_map(cache)
-    if condition == WIRES:
+    if condition == TENDONS:
         ones = np.ones(len(jmm.muscles))
         bias = make_agent(seed, jmm=jmm).motors
         assert bias is not None
-        wires = WireStretch(COMPLIANCE * ones, HARDENING * ones, bias.bias * ones)
-        jmm = replace(jmm, wires=wires)
+        tendons = TendonStretch(COMPLIANCE * ones, HARDENING * ones, bias.bias * ones)
+        jmm = replace(jmm, tendons=tendons)
     return make_agent(seed, jmm=jmm, options=AgentOptions(feed_forward=condition != SAG))
 
 

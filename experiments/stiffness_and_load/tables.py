@@ -12,11 +12,11 @@ from experiments.harness.report import Table
 from experiments.harness.statistics import metric
 from jmm_agent.types import Floats
 
-SAG, OURS, WIRES = "map's lengths", "tensions", "tensions and wires"
+SAG, OURS, TENDONS = "map's lengths", "tensions", "tensions and tendons"
 AGENTS = {
     SAG: "commands are the map's lengths",
     OURS: "commands pull with distributed tensions",
-    WIRES: "the same, and the stretch of wires is known",
+    TENDONS: "the same, and the stretch of tendons is known",
 }
 """Conditions, and their titles."""
 MUST_RATIO = {10.0: 1.3, 3.0: 2.5}
@@ -67,7 +67,7 @@ def metrics(results: Results, stiffness: Sequence[float]) -> dict[str, Mapping[s
     tension = numbers(results, OURS, usual, "max_tension_N")
     tension = tension / numbers(results, SAG, usual, "max_tension_N")
     found["largest_tension_ratio"] = metric(tension, "", must=MUST_TENSION)
-    for agent in (OURS, WIRES):
+    for agent in (OURS, TENDONS):
         name = f"stiffness_away_{agent.replace(' ', '_')}"
         found[name] = metric(away(results, agent), "", must=MUST_STIFFNESS)
     return found
@@ -87,7 +87,7 @@ def tables(results: Results, stiffness: Sequence[float]) -> list[Table]:
             ]
             rows.append((title, f"{value:g}", *cells, f"{FRICTION / value:.1f}"))
     pushes = []
-    for agent in (OURS, WIRES):
+    for agent in (OURS, TENDONS):
         for seed, result in results.items():
             for one in result[agent]["pushes"]:
                 low, high = (1e-3 * value for value in one["muscles"])
@@ -109,8 +109,8 @@ def tables(results: Results, stiffness: Sequence[float]) -> list[Table]:
             ("agent", "K [N/mm]", "joints [deg]", "worst posture [deg]", "hand [mm]",
              "largest tension [N]", "friction [mm]"),
             rows,
-            "Medians over postures, but the fourth column. Last: wire within which friction of 5 N "
-            "leaves a muscle.",
+            "Medians over postures, but the fourth column. Last: length within which friction of "
+            "5 N leaves a muscle.",
         ),
         Table(
             "Stiffness of joints by a push",

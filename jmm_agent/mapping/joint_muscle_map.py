@@ -18,13 +18,13 @@ from jmm_agent.errors import AgentError
 from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arrays
 from jmm_agent.mapping.group_map import ARRAYS, METRES, GroupMap, Layers, MappingError
 from jmm_agent.mapping.group_stack import GroupStack
-from jmm_agent.mapping.wire_stretch import FIELDS, WireStretch
+from jmm_agent.mapping.tendon_stretch import FIELDS, TendonStretch
 from jmm_agent.types import Floats
 
 QUADRATIC_STEP = float(np.deg2rad(10.0))
 """Distance of the points of the quadratic Jacobian (sec. II-B) [rad]."""
-FORMAT, WITH_WIRES = "jmm-1", "jmm-2"
-"""Formats of the files of maps whose wires do not stretch, and do."""
+FORMAT, WITH_TENDONS = "jmm-1", "jmm-2"
+"""Formats of the files of maps whose tendons do not stretch, and do."""
 MAX_BYTES = 64 << 20
 """Largest map file, unfolded [bytes]; that of the arm has less than one MiB."""
 
@@ -43,17 +43,17 @@ class JointMuscleMap:
         joints: names of the n joints.
         muscles: names of the m muscles; each is the output of exactly one group.
         groups: the networks.
-        wires: how wires stretch by tension; None: not at all, as in the paper.
+        tendons: how tendons stretch by tension; None: not at all, as in the paper.
 
     Raises:
         MappingError: a muscle is not the output of exactly one group, an index is out of range, or
-            there are wires of another number of muscles.
+            there are tendons of another number of muscles.
     """
 
     joints: tuple[str, ...]
     muscles: tuple[str, ...]
     groups: tuple[GroupMap, ...]
-    wires: WireStretch | None = None
+    tendons: TendonStretch | None = None
 
     def __post_init__(self) -> None:
         muscles = [int(muscle) for group in self.groups for muscle in group.muscle_index]
@@ -62,9 +62,9 @@ class JointMuscleMap:
         for group in self.groups:
             if np.any((group.joint_index < 0) | (group.joint_index >= len(self.joints))):
                 raise MappingError(f"Group {group.name!r}: a joint index is out of range.")
-        if self.wires is not None and len(self.wires.compliance) != len(self.muscles):
+        if self.tendons is not None and len(self.tendons.compliance) != len(self.muscles):
             raise MappingError(
-                f"Map: there are wires of {len(self.wires.compliance)} muscles, but "
+                f"Map: there are tendons of {len(self.tendons.compliance)} muscles, but "
                 f"{len(self.muscles)} muscles."
             )
 
@@ -74,7 +74,7 @@ class JointMuscleMap:
         Args:
             q: joint angles (n,) or (B, n) [rad].
             tensions: of the muscles (m,) or (B, m) [N]; None: those of reference, see
-                `WireStretch`. Without wires that stretch they have no effect.
+                `TendonStretch`. Without tendons that stretch they have no effect.
 
         Returns:
             Lengths (m,) or (B, m) [m].
@@ -102,10 +102,10 @@ class JointMuscleMap:
             MappingError: a wrong shape, or a tension that is not finite.
         """
         checked = self._tensions(tensions)
-        return np.zeros(checked.shape) if self.wires is None else self.wires.stretch(checked)
+        return np.zeros(checked.shape) if self.tendons is None else self.tendons.stretch(checked)
 
     def tension_jacobian(self, tensions: Floats) -> Floats:
-        """Diagonal of dl/dT (m,) or (B, m) [m/N]: 0, or the negative compliance of each wire.
+        """Diagonal of dl/dT (m,) or (B, m) [m/N]: 0, or the negative compliance of each tendon.
 
         Args:
             tensions: of the muscles (m,) or (B, m) [N].
@@ -114,7 +114,7 @@ class JointMuscleMap:
             MappingError: a wrong shape, or a tension that is not finite.
         """
         checked = self._tensions(tensions)
-        return np.zeros(checked.shape) if self.wires is None else -self.wires.slope(checked)
+        return np.zeros(checked.shape) if self.tendons is None else -self.tendons.slope(checked)
 
     def jacobian(self, q: Floats) -> Floats:
         """Analytic muscle Jacobian G = dl/dq (sec. II-B).
@@ -252,15 +252,15 @@ class JointMuscleMap:
             path: of the file.
         """
         content: dict[str, np.ndarray] = {
-            "format": np.array(FORMAT if self.wires is None else WITH_WIRES),
+            "format": np.array(FORMAT if self.tendons is None else WITH_TENDONS),
             "joints": np.array(self.joints),
             "muscles": np.array(self.muscles),
             "groups": np.array([group.name for group in self.groups]),
         }
         for rank, group in enumerate(self.groups):
             content |= {f"{rank}_{field}": getattr(group, field) for field in ARRAYS}
-        if self.wires is not None:
-            content |= {f"wires_{field}": getattr(self.wires, field) for field in FIELDS}
+        if self.tendons is not None:
+            content |= {f"tendons_{field}": getattr(self.tendons, field) for field in FIELDS}
         write_arrays(path, content)
 
     @classmethod
@@ -279,8 +279,8 @@ class JointMuscleMap:
             raise CheckpointError(f"Checkpoint {os.fspath(path)}: {error}.") from error
         try:
             form = str(content.get("format"))
-            if form not in (FORMAT, WITH_WIRES):
-                raise MappingError(f"its format is {form}, not {FORMAT} or {WITH_WIRES}")
+            if form not in (FORMAT, WITH_TENDONS):
+                raise MappingError(f"its format is {form}, not {FORMAT} or {WITH_TENDONS}")
             groups = tuple(
                 GroupMap(str(name), *(content[f"{rank}_{field}"] for field in ARRAYS))
                 for rank, name in enumerate(content["groups"])
@@ -289,8 +289,8 @@ class JointMuscleMap:
             muscles = tuple(str(name) for name in content["muscles"])
             if form == FORMAT:
                 return cls(joints, muscles, groups)
-            wires = WireStretch(*(content[f"wires_{field}"] for field in FIELDS))
-            return cls(joints, muscles, groups, wires)
+            tendons = TendonStretch(*(content[f"tendons_{field}"] for field in FIELDS))
+            return cls(joints, muscles, groups, tendons)
         except Exception as error:  # NumPy raises errors of many types for arrays that do not fit
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise CheckpointError(
@@ -299,7 +299,7 @@ class JointMuscleMap:
 
     def __reduce__(self) -> tuple[type[JointMuscleMap], tuple[Any, ...]]:
         """Copies and pickles are without what is computed from the groups."""
-        return JointMuscleMap, (self.joints, self.muscles, self.groups, self.wires)
+        return JointMuscleMap, (self.joints, self.muscles, self.groups, self.tendons)
 
     @cached_property
     def _stack(self) -> GroupStack:

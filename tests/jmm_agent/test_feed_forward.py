@@ -9,7 +9,7 @@ from jmm_agent.commander import Commander
 from jmm_agent.feed_forward import BETWEEN, FeedForward, stretch
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.wire_stretch import WireStretch
+from jmm_agent.mapping.tendon_stretch import TendonStretch
 from jmm_agent.tension_distribution import TensionDistribution, TensionOptions
 from jmm_agent.trajectory import Trajectory
 from jmm_agent.types import Floats
@@ -71,8 +71,8 @@ def test_another_map_and_another_stiffness_give_other_tensions() -> None:
 def test_a_command_makes_a_motor_pull_with_the_tension() -> None:
     jmm, tensions = make_map(), np.array([30.0, 40.0, 60.0, 100.0, 400.0])
     q, each = postures(1)[0], np.array([1e3, 2e3, 5e3, 1e4, 3e4])
-    wires = WireStretch(np.full(5, 1e-5), np.full(5, 4e6), np.full(5, 30.0))
-    elastic = JointMuscleMap(jmm.joints, jmm.muscles, jmm.groups, wires)
+    tendons = TendonStretch(np.full(5, 1e-5), np.full(5, 4e6), np.full(5, 30.0))
+    elastic = JointMuscleMap(jmm.joints, jmm.muscles, jmm.groups, tendons)
     for motors in (MOTORS, MotorControl(each=each)):
         for one in (jmm, elastic):
             measured = one.lengths(q, tensions)

@@ -20,7 +20,7 @@ def made(arms: Floats = TWO, rest: float = -0.5, compliance: float = 1e-5) -> Po
 def test_a_joint_with_a_muscle_has_its_stiffness_times_the_squared_arm() -> None:
     one = made(np.array([[0.05]]), rest=0.0, compliance=1.0 / 20_000.0)
     [stiffness] = one.joints(np.array([20_000.0]))
-    assert stiffness == pytest.approx(10_000.0 * 0.05**2)  # motor and wire in series
+    assert stiffness == pytest.approx(10_000.0 * 0.05**2)  # motor and tendon in series
 
 
 def test_the_stiffness_of_a_joint_is_what_a_push_at_it_alone_shows() -> None:

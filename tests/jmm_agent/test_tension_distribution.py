@@ -132,7 +132,7 @@ def test_the_reserve_is_kept_where_the_stiffness_is_low() -> None:
         TensionOptions(length_error=0.0)
 
 
-def test_the_map_as_learned_gives_the_arms() -> None:
+def test_moment_arms_are_those_of_the_map_as_learned() -> None:
     distribution = TensionDistribution(Weight(), TensionOptions())
     for seed in (0, 1):
         jmm, q = make_map(seed), postures(1, seed)[0]

@@ -178,7 +178,7 @@ def test_the_environment_takes_a_stiffness_alone_or_with_a_bias(env: Any) -> Non
     made.close()
 
 
-def test_a_small_soft_robot_holds_what_it_can_and_says_what_it_cannot(
+def test_a_small_soft_robot_holds_its_posture_and_names_what_it_cannot_hold(
     tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     scene = tmp_path / "two.xml"

@@ -16,7 +16,7 @@ from experiments.stiffness_and_load.tables import (
     AGENTS,
     OURS,
     SAG,
-    WIRES,
+    TENDONS,
     metrics,
     per_seed,
     tables,
@@ -31,7 +31,7 @@ def results() -> Results:
     made: Results = {}
     for seed in range(2):
         robot: dict[str, Any] = {}
-        for agent, worse, tension in ((SAG, 8.0, 200.0), (OURS, 2.0, 150.0), (WIRES, 2.0, 150.0)):
+        for agent, worse, tension in ((SAG, 8.0, 200.0), (OURS, 2.0, 150.0), (TENDONS, 2.0, 150.0)):
             usual = {
                 "target_true_deg": 1.0 + seed,
                 "worst_deg": 3.0,
@@ -59,7 +59,7 @@ def test_metrics_are_ratios_to_the_stiffness_of_learning_and_to_the_maps_lengths
     assert not named["largest_tension_ratio"]["reached"]
     assert named["error_above_that_of_map_lengths_deg"]["median"] == 0.0
     assert named["stiffness_away_tensions"]["median"] == pytest.approx(0.2)
-    assert named["stiffness_away_tensions_and_wires"]["median"] == pytest.approx(0.1)
+    assert named["stiffness_away_tensions_and_tendons"]["median"] == pytest.approx(0.1)
 
 
 def test_tables_have_a_row_for_each_agent_and_stiffness_and_for_each_push(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
-"""Stretch of the wires by their tension, as a part of the joint-muscle mapping.
+"""Stretch of the tendons by their tension, as a part of the joint-muscle mapping.
 
-An encoder measures the length that was paid out, which is the path minus what the wire stretches. A
-wire is a hardening spring, T = x / compliance + hardening x^2 for a stretch x > 0. The networks of
-a map hold the lengths at a tension of reference, so that
+An encoder measures the length that was paid out, which is the path minus what the tendon stretches.
+A tendon is a hardening spring, T = x / compliance + hardening x^2 for a stretch x > 0. The networks
+of a map hold the lengths at a tension of reference, so that
 
     l(theta, T) = f(theta) - x(T) + x(reference).
 """
@@ -17,15 +17,15 @@ from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 
 FIELDS = ("compliance", "hardening", "reference")
-"""Names of the arrays of a `WireStretch`."""
+"""Names of the arrays of a `TendonStretch`."""
 
 
 @dataclass(frozen=True, eq=False)
-class WireStretch:
-    """Wires of m muscles.
+class TendonStretch:
+    """Tendons of m muscles.
 
     Attributes:
-        compliance: stretch per tension at small tensions (m,) [m/N]; 0: the wire does not stretch.
+        compliance: stretch per tension at small tensions (m,) [m/N]; 0: none.
         hardening: coefficient of the quadratic term of the tension (m,) [N/m^2].
         reference: tension at which the networks of the map hold (m,) [N], such as T_bias.
 
@@ -43,7 +43,7 @@ class WireStretch:
             array = np.array(getattr(self, field.name), dtype=float)
             if array.ndim != 1 or array.shape != shape or not np.all((array >= 0) & (array < 1e30)):
                 raise AgentError(
-                    f"WireStretch: {field.name} must be finite numbers from 0 on, one for each "
+                    f"TendonStretch: {field.name} must be finite numbers from 0 on, one for each "
                     f"muscle, got {getattr(self, field.name)!r}."
                 )
             array.setflags(write=False)
