@@ -3,7 +3,7 @@ from .agent_log import AgentLog, RecordedAgent
 from .command_limits import CommandLimits
 from .driving.call_watch import DriverTimeoutError
 from .driving.drive import DriveOptions, DriveReport, LostReadingsError, drive
-from .driving.driver import Driver, PausingDriver
+from .driving.driver import Driver, PausingDriver, StiffnessDriver
 from .driving.emergency_stop import EmergencyStop, EmergencyStopError
 from .driving.stopping import stopping
 from .driving.watchdog import Watchdog
@@ -14,17 +14,20 @@ from .guard.guard import Guard, GuardOptions
 from .guard.null_guard import NullGuard
 from .heat.heat_monitor import HeatMonitor
 from .heat.parameters import HeatOptions, ThermalParameters
+from .joint_stiffness import Stiffness
 from .kinematics.arm_kinematics import ArmKinematics, IkOptions
 from .learning.job_queue import Entered
 from .learning.options import BESIDE, LearningOptions
 from .mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from .mapping.learner import Pairs, RidgeRule
 from .mapping.minibatch import MinibatchRule
+from .mapping.tendon_stretch import TendonStretch
 from .mapping.training import load_or_train, train
 from .nominal_model import NominalModel
 from .observation import SensorReadings
 from .options import AgentOptions
 from .scales import RobotScales
+from .tension_distribution import TensionOptions
 from .updaters import VisionOptions
 from .vision.camera import Camera
 from .vision.camera_clock import CameraClock
@@ -73,6 +76,10 @@ __all__ = [
     "RidgeRule",
     "RobotScales",
     "SensorReadings",
+    "Stiffness",
+    "StiffnessDriver",
+    "TendonStretch",
+    "TensionOptions",
     "ThermalParameters",
     "VisionOptions",
     "Watchdog",
