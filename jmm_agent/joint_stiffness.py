@@ -13,10 +13,11 @@ steps, each a linear least-squares problem within the limits of K_stiff.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from ctypes import c_int
 from typing import NamedTuple
 
+import daqp
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from jmm_agent.types import Floats
 
@@ -120,8 +121,15 @@ class PostureStiffness(NamedTuple):
         slopes = (self.arms @ inverse[:, joints]).T ** 2 * found[:, None] ** 2
         rows = np.vstack([slopes * usual / goal[:, None], KEEP * np.eye(len(series))])
         right = np.concatenate([1.0 - found / goal, -KEEP * (series - usual) / usual])
-        bounds = (low - series) / usual - 1e-12, (high - series) / usual + 1e-12
-        return np.asarray(usual * lsq_linear(rows, right, bounds).x)
+        x, _, flag, _ = daqp.solve(
+            rows.T @ rows,
+            -rows.T @ right,
+            np.empty((0, len(series))),
+            (high - series) / usual,
+            (low - series) / usual,
+            np.zeros(len(series), dtype=c_int),
+        )
+        return np.asarray(usual * x if flag > 0 else np.zeros_like(series))
 
 
 class Stiffness(NamedTuple):
