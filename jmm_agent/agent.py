@@ -624,6 +624,8 @@ class Agent:
         """Pass the stiffness of the motors to all parts that use it."""
         if self.stiffness is not None:
             self.guard.set_stiffness(self.stiffness)
+        if self.heat is not None and self.motors is not None:
+            self.heat.set_motors(self.motors)
 
     def _at_reference(self, readings: SensorReadings) -> Floats:
         """Measured lengths (m,) [m] as they were without what tendons stretch by load."""

@@ -46,14 +46,12 @@ from kengoro.robots import shuffled_postures
 from kengoro.visits import errors, visit
 
 OPTIONS = {
-    OURS: AgentOptions(feed_forward=False),
-    LENGTHS: AgentOptions(vision=VisionOptions(fit="together"), feed_forward=False),
-    CONSTANTS: AgentOptions(
-        prior=PriorOptions(shape=1e-6), vision=VisionOptions(fit="together"), feed_forward=False
-    ),
+    OURS: AgentOptions(),
+    LENGTHS: AgentOptions(vision=VisionOptions(fit="together")),
+    CONSTANTS: AgentOptions(prior=PriorOptions(shape=1e-6), vision=VisionOptions(fit="together")),
     PAPER: PAPER_OPTIONS,
 }
-"""Without feed-forward: maps alone command the robot that compares them."""
+"""Options of each agent. The paper's commands are the map's lengths, in the tests as well."""
 
 QUICK = Sizes(
     counts=(1, 3), tested=1, blind=5, move=0.8, patience=1.0, test_move=0.4, test_hold=0.3
@@ -79,11 +77,14 @@ class Robot:
         self._seed, self._sizes, self._world = seed, sizes, known_world(cache)
         postures = shuffled_postures(seed)
         self.learned, self._tested = postures, postures[-1 - sizes.tested :]
-        self._evaluator = Evaluator(self._world, ACTUAL, seed, sizes.test_move, sizes.test_hold)
+        body = self._world, ACTUAL, seed, sizes.test_move, sizes.test_hold
+        self._evaluators = {pulls: Evaluator(*body, pulls) for pulls in (True, False)}
 
-    def tested(self, jmm: PostureMap, vision: VisionUpdater) -> dict[str, float]:
+    def tested(
+        self, jmm: PostureMap, vision: VisionUpdater, feed_forward: bool = True
+    ) -> dict[str, float]:
         """Errors of a map at the test postures; see `kengoro.visits.errors`."""
-        return errors(self._evaluator.evaluate(jmm, self._tested, vision))
+        return errors(self._evaluators[feed_forward].evaluate(jmm, self._tested, vision))
 
     def drive(self, method: str, cache: Path | None) -> dict[str, Any]:
         """Learn by a method; errors by the number of looks, of it and of what it gives others."""
@@ -91,13 +92,15 @@ class Robot:
         rule = MinibatchRule() if method == PAPER else None
         agent = make_agent(seed, options=OPTIONS[method], rule=rule, cache=cache)
         session = make_session(ACTUAL, seed, agent, self.learned[0])
-        found: dict[str, Any] = {method: {"0": self.tested(agent.map, deepcopy(agent.vision))}}
+        pulls = agent.options.feed_forward
+        before = self.tested(agent.map, deepcopy(agent.vision), pulls)
+        found: dict[str, Any] = {method: {"0": before}}
         for number, posture in enumerate(self.learned[1 : 1 + max(sizes.counts)], start=1):
             visit(session, posture, None, sizes.move, sizes.patience)
             if number not in sizes.counts:
                 continue
             vision = deepcopy(agent.vision)
-            found[method][str(number)] = self.tested(agent.map, vision)
+            found[method][str(number)] = self.tested(agent.map, vision, pulls)
             if method != OURS:
                 continue
             baselines, pairs = _baselines(cache), agent.vision.pairs
@@ -110,9 +113,7 @@ class Robot:
 
     def feel(self, cache: Path | None) -> dict[str, Any]:
         """Visit postures without a camera; errors before and after."""
-        agent = make_agent(
-            self._seed, options=AgentOptions(camera="", feed_forward=False), cache=cache
-        )
+        agent = make_agent(self._seed, options=AgentOptions(camera=""), cache=cache)
         session = make_session(ACTUAL, self._seed, agent, self.learned[0])
         seeing = make_agent(self._seed, cache=cache).vision
         before = self.tested(agent.map, seeing)

@@ -11,10 +11,14 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from experiments.robots.conditions import ACTUAL
 from experiments.robots.world import World
+from jmm_agent.feed_forward import BETWEEN
+from jmm_agent.guard.faults import MotorControl
 from jmm_agent.mapping.length_map import LengthMap
+from jmm_agent.tension_distribution import TensionOptions, distribute
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionUpdater
 from kengoro.visits import ANGLES, Visits, no_visits
@@ -39,12 +43,24 @@ class Evaluator:
         seed: of the robot and of its sensors' noise.
         move: duration of a movement [s].
         hold: time to come to rest [s].
+        feed_forward: whether commands pull with the tensions that the maps balance, as those of
+            agents with `AgentOptions.feed_forward` do; if not, commands are the maps' lengths.
     """
 
-    def __init__(self, world: World, condition: str, seed: int, move: float, hold: float) -> None:
+    def __init__(
+        self,
+        world: World,
+        condition: str,
+        seed: int,
+        move: float,
+        hold: float,
+        feed_forward: bool = False,
+    ) -> None:
+        gains, self._feed_forward = Gains(), feed_forward
+        self._motors = MotorControl(gains.stiffness, gains.bias, gains.limit)
         departures = actual(seed) if condition == ACTUAL else drawing()
         self._world, self._seed = world, seed
-        self._robot = Robot(world.scene, departures, Gains())
+        self._robot = Robot(world.scene, departures, gains)
         moving, holding = (round(t / self._robot.control_period) for t in (move, hold))
         share = np.minimum(1.0, np.arange(1, moving + holding + 1) / moving)
         self._trajectory = (share * share * (3.0 - 2.0 * share))[:, None]
@@ -67,7 +83,7 @@ class Evaluator:
         robot.reset(postures[0], np.random.default_rng([self._seed, 4]))
         for here, target in pairwise(postures):
             tension = 0.0
-            for command in jmm.lengths(here + self._trajectory * (target - here)):
+            for command in self._commands(jmm, here, target):
                 robot.step(command)
                 tension = max(tension, float(robot.tensions.max()))
             true, lengths = robot.joint_angles, robot.measured_lengths()
@@ -81,6 +97,20 @@ class Evaluator:
             visits["max_tension"].append(round(tension, 1))
             visits["time"].append(round(robot.time, 2))
         return visits
+
+    def _commands(self, jmm: PostureMap, here: Floats, target: Floats) -> Floats:
+        """Commands of a movement from one posture (n,) [rad] to another one (steps, m) [m]."""
+        lengths = jmm.lengths(here + self._trajectory * (target - here))
+        if not self._feed_forward:
+            return lengths
+        shares, pulls = np.linspace(0.0, 1.0, BETWEEN + 1), []
+        low = TensionOptions().low(self._motors, lengths.shape[1])
+        for q in here + shares[:, None] * (target - here):
+            arms = jmm.lengths_and_jacobian(q)[1]
+            load = self._world.arm.gravity(q)
+            pulls.append(distribute(arms, load, low, self._motors.limit).tensions)
+        pull = make_interp_spline(shares, np.array(pulls), k=1)(self._trajectory[:, 0])
+        return np.asarray(lengths - (pull - self._motors.bias) / self._motors.stiffness)
 
     def own_lengths(self, postures: Floats) -> Floats:
         """Encoder readings of the robot with all muscles at T_bias.

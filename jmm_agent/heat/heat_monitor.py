@@ -203,10 +203,18 @@ class HeatMonitor:
         """
         limits = self.tension_limits()
         shortest = self._motors.shortest_target(lengths, limits)
-        cut = (shortest - target_lengths) * self._motors.stiffness
+        cut = (shortest - target_lengths) * self._motors.gains
         limiting = limits < self._motors.limit
         self._name_cut((cut > CUT * self._motors.limit) & limiting, limits)
         return np.maximum(target_lengths, shortest)
+
+    def set_motors(self, motors: MotorControl) -> None:
+        """Take note of motors with another stiffness.
+
+        Args:
+            motors: gains and limit.
+        """
+        self._motors = motors
 
     def not_held(self, needed: Floats) -> str:
         """Which muscles are too hot for postures, in one sentence; empty if none is.
