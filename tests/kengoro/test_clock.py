@@ -81,7 +81,7 @@ class Recorder:
 
     def __init__(self, lengths: Floats) -> None:
         self.lengths, self.times = lengths, list[float]()
-        self.hand_is_free, self.seen, self.faults = True, None, []
+        self.hand_is_free, self.seen, self.faults, self.stiffness = True, None, [], None
         self.target = self.joint_angles = np.zeros(1)
 
     def begin_episode(self) -> None:
