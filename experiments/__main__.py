@@ -59,6 +59,7 @@ RUNNERS = {
     "real-machines": Runner("measured machines, beside models that a person would fit"),
     "public-models": Runner("public MJCF models, each as it is and with a payload"),
     "other-robots": Runner("robots of other sizes and kinds, with default options"),
+    "commissioning": Runner("swapped, reversed and absent muscles are named before learning"),
     "remote-robot": Runner("an agent drives a robot in another process"),
     "power-cycle": Runner("all lengths are zeroed anew: what was learned is used again"),
     "lab-faults": Runner("killed processes and broken lines: who stops the robot, how soon"),

@@ -1,7 +1,11 @@
 from .agent import Agent
 from .agent_log import AgentLog, RecordedAgent
 from .command_limits import CommandLimits
+from .commissioning.commissioning import Commissioner, Commissioning, CommissioningError
+from .commissioning.findings import Finding
+from .commissioning.options import CommissionOptions
 from .driving.call_watch import DriverTimeoutError
+from .driving.commission import commission
 from .driving.drive import DriveOptions, DriveReport, LostReadingsError, drive
 from .driving.driver import Driver, PausingDriver, StiffnessDriver
 from .driving.emergency_stop import EmergencyStop, EmergencyStopError
@@ -23,6 +27,7 @@ from .mapping.learner import Pairs, RidgeRule
 from .mapping.minibatch import MinibatchRule
 from .mapping.tendon_stretch import TendonStretch
 from .mapping.training import load_or_train, train
+from .muscle_order import MuscleOrder
 from .nominal_model import NominalModel
 from .observation import SensorReadings
 from .options import AgentOptions
@@ -45,6 +50,10 @@ __all__ = [
     "CameraClock",
     "CheckpointError",
     "CommandLimits",
+    "CommissionOptions",
+    "Commissioner",
+    "Commissioning",
+    "CommissioningError",
     "Detector",
     "DriveOptions",
     "DriveReport",
@@ -54,6 +63,7 @@ __all__ = [
     "EmergencyStopError",
     "Entered",
     "Fault",
+    "Finding",
     "GraspPlanner",
     "Guard",
     "GuardOptions",
@@ -68,6 +78,7 @@ __all__ = [
     "MarkerPose",
     "MinibatchRule",
     "MotorControl",
+    "MuscleOrder",
     "NominalModel",
     "NullGuard",
     "Pairs",
@@ -83,6 +94,7 @@ __all__ = [
     "ThermalParameters",
     "VisionOptions",
     "Watchdog",
+    "commission",
     "drive",
     "load_or_train",
     "stopping",

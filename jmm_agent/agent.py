@@ -49,6 +49,7 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.memory_file import AgentMemory, write_memory
+from jmm_agent.muscle_order import MuscleOrder
 from jmm_agent.muscle_stiffness import MuscleStiffness
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.options import AgentOptions
@@ -103,6 +104,8 @@ class Agent:
         limits: of rate and tension of the commands; None for those of the guard only. `drive` sets
             limits that derive from the map while there are none.
         heat: limits tensions by the temperatures of the motors; None: they are not watched.
+        order: of the robot's muscles and their signs, where they differ from the map's, as found
+            by a commissioning run; None if they do not.
         statics: of the nominal model, which say whether a posture can be reached; None if unknown.
         unreachable: why postures of the last `go` cannot be reached; empty if all can.
         learner: holds the map.
@@ -120,6 +123,7 @@ class Agent:
 
     limits: CommandLimits | None = None
     heat: HeatMonitor | None = None
+    order: MuscleOrder | None = None
 
     def __init__(
         self,
@@ -186,7 +190,10 @@ class Agent:
 
         None until `set_stiffness` was called: then they keep what they were made with.
         """
-        return self._stiffness.commanded
+        commanded = self._stiffness.commanded
+        if self.order is None or commanded is None or self.motors is None:
+            return commanded
+        return self.order.stiffness(commanded, self.motors.stiffness)
 
     @property
     def learning(self) -> bool:
@@ -435,6 +442,12 @@ class Agent:
                 or a frame of the wrong shape that was to be evaluated, and the map stays. A guard
                 replaces readings that are not finite, as long as one length is finite.
         """
+        if self.order is None:
+            return self._step_muscles(readings)
+        return self.order.command(self._step_muscles(self.order.readings(readings)), readings)
+
+    def _step_muscles(self, readings: SensorReadings) -> Floats:
+        """Run one control step with readings and target lengths of the map's muscles."""
         tick = self.time_line.tick(readings.time)
         if tick is None:
             return self._commander.target_lengths.copy()
@@ -462,7 +475,9 @@ class Agent:
             )
         if self._stiffness.advance(passed):
             self._stiffness_changed()
-        limits = None if self.limits is None else self.limits.with_stiffness(self.stiffness)
+        limits = self.limits
+        if limits is not None:
+            limits = limits.with_stiffness(self._stiffness.commanded)
         command = self._commander.command(self.map, limits, readings.lengths, passed, self.motors)
         command = self.guard.limit(command)
         if self.heat is not None:
@@ -622,8 +637,8 @@ class Agent:
 
     def _stiffness_changed(self) -> None:
         """Pass the stiffness of the motors to all parts that use it."""
-        if self.stiffness is not None:
-            self.guard.set_stiffness(self.stiffness)
+        if self._stiffness.commanded is not None:
+            self.guard.set_stiffness(self._stiffness.commanded)
         if self.heat is not None and self.motors is not None:
             self.heat.set_motors(self.motors)
 

@@ -2,6 +2,7 @@ from .agents import make_agent, scales_of
 from .calibration.calibration_file import Calibration, load_calibration
 from .clock import Clock
 from .commands.record import record
+from .commissioning import commission
 from .errors import UsageError
 from .recording import Recording
 from .remote_robot.client import RemoteRobot
@@ -22,6 +23,7 @@ __all__ = [
     "ServerOptions",
     "Session",
     "UsageError",
+    "commission",
     "load_calibration",
     "make_agent",
     "make_env",

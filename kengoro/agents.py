@@ -10,12 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from jmm_agent.agent import Agent
+from jmm_agent.commissioning.commissioning import Commissioning
+from jmm_agent.errors import AgentError
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.guard.guard import Guard, GuardOptions
 from jmm_agent.heat.heat_monitor import HeatMonitor
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
+from jmm_agent.muscle_order import MuscleOrder
 from jmm_agent.options import AgentOptions
 from jmm_agent.scales import RobotScales, robot_scales
 from jmm_agent.types import Floats
@@ -63,6 +66,7 @@ def make_agent(
     rule: Rule | None = None,
     learning: bool = True,
     cache: Path | None = None,
+    commissioning: Commissioning | None = None,
 ) -> Agent:
     """An agent that knows the nominal model of a robot, by default Kengoro's arm, and no more.
 
@@ -80,29 +84,70 @@ def make_agent(
         detector: finds markers in frames; a `MarkerDetector` if left out.
         motors: gains and limit; those of the MJCF file, or by its load, if left out.
         scales: of the robot; by its nominal model if left out.
-        options: of the agent; they name its camera and markers, too. Those of another robot derive
-            from its model (`jmm_agent.RobotScales`) unless they are given.
+        options: of the agent; they name its camera and markers, too. Others derive from the model.
         guard_options: of the guard; they name the frame on which disturbances act.
         rule: how the map is moved by what is learned; the ridge rule if left out.
         learning: whether the agent learns; see `Agent.learning`.
         cache: folder of trained maps; the user's cache folder if left out.
+        commissioning: result of a run, which is undone; absent muscles are left out.
 
     Raises:
         UsageError: an argument is not valid, or the model has no such camera or marker.
+        CommissioningError: a fault of the run cannot be undone.
     """
-    check_seed(seed)
+    order = _order(seed, commissioning)
     options, own = _chosen(options, guard), scene is not None
     design = _design(scene, folders, camera, marker_sides, motors, options, scales, jmm)
     options = design.scales.agent_options(options)
-    jmm = map_of(design.robot.model, cache) if jmm is None else jmm
-    detector = detector or _detector(options, design.camera, marker_sides, dictionary)
+    design, jmm = _mapped(design, scene, folders, jmm, cache, commissioning)
     typical, start = _postures(design.robot, jmm.joints, own, postures, start)
+    given = detector or _detector(options, design.camera, marker_sides, dictionary)
     rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
-    agent = Agent(jmm, design.kinematics, detector, typical, start, rng, options, rule, loads=loads)
-    agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
+    agent = Agent(jmm, design.kinematics, given, typical, start, rng, options, rule, loads=loads)
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
-    agent.heat, agent.learning = _heat(design, jmm, options), learning
+    agent.heat = _heat(design, jmm, options)
+    return _equipped(agent, design, learning, order)
+
+
+def _order(seed: int, commissioning: Commissioning | None) -> MuscleOrder | None:
+    """Order of the muscles, if it is not that of the model; checks the seed, too."""
+    check_seed(seed)
+    order = None if commissioning is None else commissioning.order
+    return order if order is not None and order.changes else None
+
+
+def _equipped(agent: Agent, design: _Design, learning: bool, order: MuscleOrder | None) -> Agent:
+    """The agent with what it knows of the robot's motors and muscles."""
+    agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
+    agent.learning, agent.order = learning, order
     return agent
+
+
+def _mapped(
+    design: _Design,
+    scene: Path | str | None,
+    folders: Sequence[Path | str],
+    jmm: JointMuscleMap | None,
+    cache: Path | None,
+    commissioning: Commissioning | None,
+) -> tuple[_Design, JointMuscleMap]:
+    """Design and map of a robot without muscles that are absent; gains and scales stay.
+
+    Raises:
+        UsageError: no muscle would move some joint.
+    """
+    jmm = map_of(design.robot.model, cache) if jmm is None else jmm
+    without = () if commissioning is None else commissioning.absent
+    if not without:
+        return design, jmm
+    try:
+        robot = NominalRobot(arm_scene() if scene is None else scene, folders, None, without)
+    except AgentError as error:
+        raise UsageError(
+            f"Without {', '.join(without)} the robot cannot be used: {error}"
+        ) from error
+    missing = [name for name in without if name in jmm.muscles]
+    return design._replace(robot=robot), jmm.without(missing)
 
 
 def _detector(

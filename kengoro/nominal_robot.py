@@ -30,6 +30,7 @@ class NominalRobot:
         scene: MJCF file.
         folders: further folders whose files the model may include or load.
         groups: as in `nominal_model`.
+        without: names of muscles that are left out.
 
     Attributes:
         arm: geometric model.
@@ -44,9 +45,10 @@ class NominalRobot:
         scene: Path | str,
         folders: Sequence[Path | str] = (),
         groups: Groups | None = None,
+        without: Sequence[str] = (),
     ) -> None:
         self._scene, self._folders = Path(scene), tuple(folders)
-        self.arm = NominalArm(scene, folders)
+        self.arm = NominalArm(scene, folders, without)
         self.model: NominalModel = model_of(self.arm, groups)
 
     def kinematics(self, joints: Sequence[str], options: AgentOptions) -> ArmKinematics:

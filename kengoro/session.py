@@ -146,10 +146,21 @@ class Session:
         Raises:
             EpisodeEndedError: the environment ended the episode.
         """
+        self.step_by(self.agent.step)
+
+    def step_by(self, controller: Callable[[SensorReadings], Floats]) -> None:
+        """Run one control period in which something else than the agent may command the robot.
+
+        Args:
+            controller: returns target lengths (m,) [m] for sensor readings.
+
+        Raises:
+            EpisodeEndedError: the environment ended the episode.
+        """
         self.agent.hand_is_free = self.fingers == OPEN
         command, stiffness = self._command, self._stiffness
         if not self._cycle.lost:
-            self._command = self.agent.step(self.readings)
+            self._command = controller(self.readings)
         if not self._cycle.late:
             command, stiffness = self._command, self.agent.stiffness
         self._set_stiffness(stiffness)

@@ -7,7 +7,7 @@ sec. II-A, II-B). The layers are in rad and mm as in the paper; all methods use 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -244,6 +244,33 @@ class JointMuscleMap:
             for group in self.groups
         )
         return replace(self, groups=groups)
+
+    def without(self, muscles: Sequence[str]) -> JointMuscleMap:
+        """A map of the other muscles.
+
+        Args:
+            muscles: names of the muscles that are left out.
+
+        Raises:
+            MappingError: a name is unknown, or none is left.
+        """
+        for name in muscles:
+            if name not in self.muscles:
+                raise MappingError(f"Map: unknown muscle {name!r}; muscles are {self.muscles}.")
+        kept = [index for index, name in enumerate(self.muscles) if name not in muscles]
+        if not kept:
+            raise MappingError("Map: no muscle is left.")
+        number = {index: rank for rank, index in enumerate(kept)}
+        groups = []
+        for group in self.groups:
+            rows = [row for row, index in enumerate(group.muscle_index) if int(index) in number]
+            index = np.array([number[int(each)] for each in group.muscle_index[rows]], dtype=int)
+            if rows:
+                w2, b2 = group.W2[rows], group.b2[rows]
+                groups.append(replace(group, muscle_index=index, W2=w2, b2=b2))
+        names = tuple(self.muscles[index] for index in kept)
+        tendons = None if self.tendons is None else self.tendons.of(kept)
+        return JointMuscleMap(self.joints, names, tuple(groups), tendons)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a file (.npz without pickle), atomically.

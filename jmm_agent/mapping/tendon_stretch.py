@@ -9,6 +9,7 @@ of a map hold the lengths at a tension of reference, so that
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -48,6 +49,15 @@ class TendonStretch:
                 )
             array.setflags(write=False)
             object.__setattr__(self, field.name, array)
+
+    def of(self, muscles: Sequence[int]) -> TendonStretch:
+        """Tendons of some muscles.
+
+        Args:
+            muscles: their indices.
+        """
+        index = list(muscles)
+        return TendonStretch(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def stretch(self, tensions: Floats) -> Floats:
         """Stretch beyond that at the reference (..., m) [m].

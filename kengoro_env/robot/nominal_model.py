@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.errors import ModelError
+from kengoro_env.errors import ModelError, UnknownNameError
 from kengoro_env.robot.model_file import is_muscle, load_spec
 from kengoro_env.robot.tendons import actuated_joints
 from kengoro_env.types import Floats
@@ -28,6 +28,7 @@ class NominalArm:
     Args:
         scene: MJCF file with the robot.
         folders: further folders whose files the model may include or load.
+        without: names of muscles that are left out.
 
     Attributes:
         joints: names of the joints, in the order of (n,) arrays.
@@ -42,9 +43,18 @@ class NominalArm:
             neither a hinge nor a slide, or one without a range.
     """
 
-    def __init__(self, scene: Path | str, folders: Sequence[Path | str] = ()) -> None:
+    def __init__(
+        self,
+        scene: Path | str,
+        folders: Sequence[Path | str] = (),
+        without: Sequence[str] = (),
+    ) -> None:
         spec = load_spec(scene, folders)
-        self.muscles = tuple(tendon.name for tendon in spec.tendons if is_muscle(tendon))
+        muscles = tuple(tendon.name for tendon in spec.tendons if is_muscle(tendon))
+        for name in without:
+            if name not in muscles:
+                raise UnknownNameError("muscle", name, muscles)
+        self.muscles = tuple(name for name in muscles if name not in without)
         if not self.muscles:
             raise ModelError(
                 f"the model file {scene} has no muscles: a muscle is a <spatial> in <tendon>, "

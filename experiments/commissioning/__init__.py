@@ -1,0 +1,1 @@
+"""Commissioning runs of robots with and without faults."""
