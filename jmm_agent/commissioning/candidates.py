@@ -13,6 +13,7 @@ from jmm_agent.commissioning.findings import (
     ABSENT,
     ENCODER_SCALE,
     ENCODER_STUCK,
+    MOTOR_DEAD,
     REVERSED,
     SWAPPED,
     TENSION_SCALE,
@@ -81,11 +82,12 @@ def candidates(likelihood: Likelihood, wiring: Wiring, factor: float) -> Iterato
     count = len(wiring.commands)
     for channel in range(count):
         yield from _arms(likelihood, wiring, channel)
-        if wiring.absent[wiring.commands[channel]]:
+        if wiring.idle[wiring.commands[channel]]:
             continue
         if _low(likelihood, wiring, channel):
             muscle = int(wiring.commands[channel])
             yield Candidate(ABSENT, (channel,), "", wiring.without(muscle))
+            yield Candidate(MOTOR_DEAD, (channel,), "", wiring.without(muscle, dead=True))
         for part, names in TURNED.items():
             if not _own_sign_fits(likelihood, channel, part):
                 continue
@@ -101,7 +103,7 @@ def candidates(likelihood: Likelihood, wiring: Wiring, factor: float) -> Iterato
 def _arms(likelihood: Likelihood, wiring: Wiring, channel: int) -> Iterator[Candidate]:
     """Other moment arms of a muscle, which change how it moves others and how they move it."""
     others = likelihood.apart[channel]
-    mean = likelihood.predicted(wiring.absent).mean * np.outer(wiring.arms, wiring.arms)
+    mean = likelihood.predicted(wiring).mean
     row = likelihood.lengths[channel][others], mean[channel][others]
     column = likelihood.lengths[:, channel][others], mean[:, channel][others]
     factor = _slope(np.append(row[0], column[0]), np.append(row[1], column[1]))
@@ -123,7 +125,7 @@ def _scales(
     quiet = record.tension_noise[channel] < QUIET * np.median(record.tension_noise)
     silent = (np.abs(record.before[channel]) < LOW * record.motors.bias).all()
     flat = _flat(likelihood.tensions[channel], likelihood.tension_noise[channel], channel)
-    if (quiet or silent) and flat:
+    if (quiet or silent) and flat and _moves_others(likelihood, channel):
         dead = wiring.scaled(channel, tension_factors=0.0)
         yield Candidate(TENSION_SENSOR_DEAD, (channel,), "", dead)
     own = likelihood.lengths[channel, channel], likelihood.tensions[channel, channel]
@@ -141,6 +143,13 @@ def _scales(
             tension_factors=lengths,
         )  # fmt: skip
         yield Candidate(ENCODER_SCALE, (channel,), "reading and command", whole, lengths)
+
+
+def _moves_others(likelihood: Likelihood, channel: int) -> bool:
+    """Whether other muscles moved when the muscle of a channel was pulled."""
+    column = np.abs(likelihood.lengths[:, channel])
+    noise = likelihood.length_noise[:, channel]
+    return bool((column > FLAT + NOISES * noise)[likelihood.apart[channel]].any())
 
 
 def _flat(responses: Floats, noise: Floats, channel: int) -> bool:
@@ -167,11 +176,12 @@ def _own_sign_fits(likelihood: Likelihood, channel: int, part: str) -> bool:
     """Whether a part may be reversed by the signs of the responses to the own pull."""
     length = likelihood.lengths[channel, channel]
     tension = likelihood.tensions[channel, channel]
+    rises, longer = not tension < 0.0, not length > 0.0  # where they are known
     return {
-        "motor and encoder": tension > 0.0 and not length < 0.0,
-        "motor": tension > 0.0 and not length > 0.0,
-        "encoder": bool(length < 0.0) and not tension > 0.0,
-        "tension sensor": tension > 0.0 and not length < 0.0,
+        "motor and encoder": rises and not length < 0.0,
+        "motor": rises and longer,
+        "encoder": longer and not tension > 0.0,
+        "tension sensor": rises and not length < 0.0,
     }[part]
 
 
@@ -199,7 +209,7 @@ def row_factors(likelihood: Likelihood, wiring: Wiring, channel: int) -> tuple[f
         predicted.
     """
     others = likelihood.apart[channel]
-    mean = likelihood.predicted(wiring.absent).mean
+    mean = likelihood.predicted(wiring).mean
     expected = mean[wiring.lengths[channel], wiring.commands] * wiring.command_factors
     length = _slope(likelihood.lengths[channel][others], expected[others])
     source = int(np.argsort(wiring.lengths)[wiring.tensions[channel]])

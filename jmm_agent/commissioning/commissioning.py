@@ -76,7 +76,7 @@ class Commissioning:
                 f"{left[0].sentence} Then repeat the commissioning run."
             )
         wiring = self.wiring
-        present = np.flatnonzero(~wiring.absent)
+        present = np.flatnonzero(~wiring.idle)
         commands, lengths, tensions = (
             np.argsort(order)[present]
             for order in (wiring.commands, wiring.lengths, wiring.tensions)
@@ -94,9 +94,9 @@ class Commissioning:
 
     @property
     def absent(self) -> tuple[str, ...]:
-        """Names of the muscles that are absent."""
+        """Names of the muscles that are absent, or whose motors do nothing."""
         return tuple(
-            name for name, absent in zip(self.muscles, self.wiring.absent, strict=True) if absent
+            name for name, absent in zip(self.muscles, self.wiring.idle, strict=True) if absent
         )
 
     def __str__(self) -> str:
@@ -221,7 +221,6 @@ class Commissioner:
             record, self._jmm, self._joint_limits, self._posture, self._options
         )
         wiring, found, undecided = diagnose(likelihood, self._options)
-        nothing = np.zeros(count, dtype=bool)
         return Commissioning(
             self._muscles,
             tuple(found),
@@ -229,7 +228,7 @@ class Commissioner:
             record.duration,
             record.largest_tension,
             wiring,
-            likelihood.predicted(nothing).mean,
+            likelihood.predicted(Wiring.healthy(count)).mean,
             likelihood.lengths,
             record,
         )

@@ -26,7 +26,7 @@ REACHES = 0.1
 effect [1]."""
 WOUND = 1.0
 """A motor that has wound up by this many travels before it was pulled turns [1]."""
-TURNS = 0.25
+TURNS = 0.8
 """Response of its own length from which on a motor turns, as a share of the stroke [1]."""
 
 
@@ -41,7 +41,8 @@ def diagnose(
     """
     wiring, steps = search(likelihood, options)
     idle = _idle(likelihood, wiring)
-    wiring = replace(wiring, absent=wiring.absent | idle)
+    for index in np.flatnonzero(idle):
+        wiring = wiring.without(int(index), dead=_is_dead(likelihood, wiring, int(index)))
     steps = [step for step in steps if not _idles(step, wiring)]
     found = [*_swaps(likelihood, wiring, steps), *_faults(likelihood, steps)]
     found += _absent(likelihood, wiring)
@@ -92,12 +93,15 @@ def _rings(wiring: Wiring) -> Iterator[tuple[int, ...]]:
 
 def _idle(likelihood: Likelihood, wiring: Wiring) -> Bools:
     """Muscles that had no tension, and neither pulled nor moved any other when shortened far."""
-    mean = np.abs(likelihood.predicted(np.zeros_like(wiring.absent)).mean)
+    mean = np.abs(likelihood.predicted(Wiring.healthy(len(wiring.commands))).mean)
     reaches = np.where(likelihood.apart, mean, 0.0).max(axis=0) > REACHES
     usual = wiring.commands == np.arange(len(reaches))
-    idle = np.isinf(likelihood.record.taken_up) & reaches & usual & ~wiring.absent
+    idle = np.isinf(likelihood.record.taken_up) & reaches & usual & ~wiring.idle
     for index in np.flatnonzero(idle):
-        idle[index] = likelihood.of(wiring.without(int(index))) > likelihood.of(wiring)
+        if not _is_dead(likelihood, wiring, int(index)):
+            continue  # its motor turns, and its length does not follow the arm
+        ends = [wiring.without(int(index), dead) for dead in (False, True)]
+        idle[index] = max(map(likelihood.of, ends)) > likelihood.of(wiring)
     return np.asarray(idle)
 
 
@@ -106,23 +110,28 @@ def _idles(step: Step, wiring: Wiring) -> bool:
     candidate = step.candidate
     if candidate.kind == kinds.SWAPPED:
         return False
-    return bool(wiring.absent[wiring.commands[candidate.channels[0]]])
+    return bool(wiring.idle[wiring.commands[candidate.channels[0]]])
+
+
+def _is_dead(likelihood: Likelihood, wiring: Wiring, index: int) -> bool:
+    """Whether the motor of a muscle that holds nothing does not turn either."""
+    record = likelihood.record
+    channel = int(np.argsort(wiring.commands)[index])
+    wound = record.first_lengths[channel] - record.rest_lengths[channel]
+    own = float(likelihood.lengths[channel, channel])
+    return not (wound > WOUND * record.travel or record.running[channel] or own > TURNS)
 
 
 def _absent(likelihood: Likelihood, wiring: Wiring) -> Iterator[Finding]:
     """A finding for each muscle that holds nothing."""
-    record = likelihood.record
-    wound = record.first_lengths - record.rest_lengths > WOUND * record.travel
-    for index in np.flatnonzero(wiring.absent):
-        channel = int(np.argsort(wiring.commands)[index])
-        own = float(likelihood.lengths[channel, channel])
-        turns = wound[channel] or record.running[channel] or not abs(own) < TURNS
-        kind = kinds.ABSENT if turns else kinds.MOTOR_DEAD
-        muscle = record.muscles[index]
-        sentence = sentences.absent(muscle) if turns else sentences.motor_dead(muscle)
-        present = wiring.absent.copy()
-        present[index] = False
-        evidence = likelihood.of(wiring) - likelihood.of(replace(wiring, absent=present))
+    for index in np.flatnonzero(wiring.idle):
+        dead = _is_dead(likelihood, wiring, int(index))
+        kind = kinds.MOTOR_DEAD if dead else kinds.ABSENT
+        muscle = likelihood.record.muscles[index]
+        sentence = sentences.motor_dead(muscle) if dead else sentences.absent(muscle)
+        others = np.arange(len(wiring.commands)) != index
+        with_it = replace(wiring, absent=wiring.absent & others, dead=wiring.dead & others)
+        evidence = likelihood.of(wiring) - likelihood.of(with_it)
         confidence = 1.0 / (1.0 + float(np.exp(-TEMPER * np.clip(evidence, 0.0, 100.0))))
         yield Finding(kind, (muscle,), sentence, "", np.nan, evidence, confidence)
 
@@ -130,7 +139,7 @@ def _absent(likelihood: Likelihood, wiring: Wiring) -> Iterator[Finding]:
 def _faults(likelihood: Likelihood, steps: list[Step]) -> Iterator[Finding]:
     """A finding for each step that is neither an exchange nor an absent muscle."""
     for (kind, channels, part, _, value), evidence, confidence in steps:
-        if kind in (kinds.SWAPPED, kinds.ABSENT):
+        if kind in (kinds.SWAPPED, kinds.ABSENT, kinds.MOTOR_DEAD):
             continue
         muscle = likelihood.record.muscles[channels[0]]
         sentence = _sentence(kind, muscle, part, value)
@@ -208,7 +217,7 @@ def power(likelihood: Likelihood, wiring: Wiring, other: Wiring) -> float:
         wiring: as found.
         other: with one more fault.
     """
-    mean = likelihood.predicted(wiring.absent).mean * np.outer(wiring.arms, wiring.arms)
+    mean = likelihood.predicted(wiring).mean
     rows = [np.ix_(each.lengths, each.commands) for each in (wiring, other)]
     deviation = likelihood.terms(wiring).deviations[0]
     change = (mean[rows[1]] - mean[rows[0]]) / deviation

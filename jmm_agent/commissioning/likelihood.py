@@ -105,7 +105,8 @@ class Likelihood:
 
     def _stiffness_ratio(self) -> float:
         """rho: by how much lengths of other muscles respond less than predicted."""
-        hat = self.responses(np.zeros(len(self.lengths), dtype=bool)).mean
+        none = np.zeros(len(self.lengths), dtype=bool)
+        hat = self.responses(none, none).mean
         products = np.where(self.apart, self.lengths * hat, np.nan)
         squares = np.where(np.isfinite(products), hat**2, np.nan)
         usable = np.nansum(squares, axis=0) > 0.0
@@ -115,22 +116,25 @@ class Likelihood:
         slope = float(np.median(slopes))
         return float(np.clip(1.0 / max(slope, 1e-3) - 1.0, 0.0, SOFTEST))
 
-    def responses(self, absent: Bools) -> Responses:
-        """Predicted responses of the paths without some muscles (m,)."""
-        key = absent.tobytes()
+    def responses(self, absent: Bools, dead: Bools) -> Responses:
+        """Predicted responses of the paths without some muscles (m,), and with dead motors (m,)."""
+        key = absent.tobytes() + dead.tobytes()
         if key not in self._responses:
-            self._responses[key] = self._prediction.without(absent, self._at_bias)
+            at_bias = self._at_bias | dead[:, None]
+            self._responses[key] = self._prediction.without(absent, at_bias)
         return self._responses[key]
 
-    def predicted(self, absent: Bools) -> Responses:
+    def predicted(self, wiring: Wiring) -> Responses:
         """Predicted responses of the lengths that encoders read, by muscle, and their spread.
 
         Args:
-            absent: muscles that hold nothing (m,).
+            wiring: only its absent muscles, dead motors and moment arms count.
         """
-        hat, spread = self.responses(absent)
+        hat, spread = self.responses(wiring.absent, wiring.dead)
         soft = 1.0 + self.ratio
-        return Responses((hat + self.ratio * np.eye(len(hat))) / soft, spread / soft)
+        mean = (hat + self.ratio * np.diag(~wiring.dead)) / soft
+        arms = np.where(self.apart, np.outer(wiring.arms, wiring.arms), 1.0)
+        return Responses(mean * arms, spread / soft)
 
     def terms(self, wiring: Wiring) -> Terms:
         """Residuals in standard deviations, and these, of lengths and of tensions.
@@ -138,8 +142,7 @@ class Likelihood:
         Args:
             wiring: of the robot.
         """
-        mean, spread = self.predicted(wiring.absent)
-        mean = mean * np.where(self.apart, np.outer(wiring.arms, wiring.arms), 1.0)
+        mean, spread = self.predicted(wiring)
         commands, drive = wiring.commands, wiring.command_factors
         where = np.ix_(wiring.lengths, commands)
         gain = np.outer(wiring.length_factors, drive)
@@ -153,7 +156,7 @@ class Likelihood:
         seen, doubt = self._seen(wiring, mean, spread)
         own = wiring.tensions[:, None] == commands
         expected = wiring.tension_factors[:, None] * (seen - own * drive)
-        expected[wiring.absent[wiring.tensions]] = 0.0
+        expected[(wiring.absent | wiring.dead)[wiring.tensions]] = 0.0
         gain = np.repeat(wiring.tension_factors[:, None], len(mean), axis=1)
         deviations[1] = self._deviation(gain, doubt, self.tension_noise, self.friction)
         residuals[1] = (self.tensions - expected) / deviations[1]

@@ -42,7 +42,7 @@ class CommissionOptions:
     tightened: float = 0.25
     stroke: float = 0.12
     pull: float = 0.2
-    reach: float = 0.5
+    reach: float = 1.5
     tension: float = 0.4
     release: float = 0.7
     ramp: float = 0.2

@@ -48,7 +48,8 @@ def motor_dead(muscle: str) -> str:
     """A motor that does nothing."""
     return (
         f"The motor of {muscle} does nothing: neither its own length nor any other changes when it "
-        "is commanded, and its tension stays low; check its power, its fuse and its cable."
+        "is commanded, and its tension stays low; check its power, its fuse and its cable, and "
+        "whether it hangs loose with a dead tension sensor."
     )
 
 

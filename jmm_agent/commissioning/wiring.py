@@ -20,7 +20,8 @@ class Wiring:
         command_factors: stroke of the muscle over that of the command [1].
         length_factors: reading over length [1]; 0: stuck.
         tension_factors: reading over tension [1]; 0: dead.
-        absent: muscles that hold nothing.
+        absent: muscles that hold nothing, while their motors may turn.
+        dead: muscles whose motors do nothing.
         arms: moment arms of each muscle over the nominal ones [1], which are no fault.
     """
 
@@ -31,6 +32,7 @@ class Wiring:
     length_factors: Floats
     tension_factors: Floats
     absent: Bools
+    dead: Bools
     arms: Floats
 
     @classmethod
@@ -40,8 +42,8 @@ class Wiring:
         Args:
             count: number of muscles m.
         """
-        order, ones = np.arange(count), np.ones(count)
-        return cls(order, order, order, ones, ones, ones, np.zeros(count, dtype=bool), ones)
+        order, ones, none = np.arange(count), np.ones(count), np.zeros(count, dtype=bool)
+        return cls(order, order, order, ones, ones, ones, none, none, ones)
 
     def swapped(self, first: int, second: int, parts: tuple[str, ...]) -> Wiring:
         """With two channels exchanged.
@@ -72,12 +74,19 @@ class Wiring:
             changes[part] = values
         return replace(self, **changes)
 
-    def without(self, muscle: int) -> Wiring:
+    @property
+    def idle(self) -> Bools:
+        """Muscles that no motor pulls (m,)."""
+        return self.absent | self.dead
+
+    def without(self, muscle: int, dead: bool = False) -> Wiring:
         """With a muscle that holds nothing.
 
         Args:
             muscle: its number.
+            dead: whether it is mounted, and its motor does nothing.
         """
-        absent = self.absent.copy()
-        absent[muscle] = True
-        return replace(self, absent=absent)
+        field = "dead" if dead else "absent"
+        muscles = getattr(self, field).copy()
+        muscles[muscle] = True
+        return replace(self, **{field: muscles})

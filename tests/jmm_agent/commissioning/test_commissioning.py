@@ -45,7 +45,9 @@ def test_pulls_are_small_slow_and_one_at_a_time() -> None:
     stroke = np.abs(result.record.strokes).max()
     assert 0.0 < stroke <= options.stroke * travel * 1.001
     assert steps.max() <= max(stroke / options.ramp, 0.5 * travel / options.tighten) * 0.051
-    assert np.abs(commands - commands[0]).max() < travel
+    assert np.abs(commands - commands[0]).max() < 1.6 * travel  # of a loose muscle
+    ends = np.abs(commands[-1] - commands[0])
+    assert ends.max() < 1.6 * travel
     pulls = commands[len(commands) // 2 :]
     assert (np.count_nonzero(np.diff(pulls, axis=0), axis=1) <= 1).all()
     assert robot.largest < 0.8 * MOTORS.limit
