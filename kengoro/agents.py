@@ -105,7 +105,6 @@ def make_agent(
     rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
     agent = Agent(jmm, design.kinematics, given, typical, start, rng, options, rule, loads=loads)
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
-    agent.heat = _heat(design, jmm, options)
     return _equipped(agent, design, learning, order)
 
 
@@ -120,6 +119,7 @@ def _equipped(agent: Agent, design: _Design, learning: bool, order: MuscleOrder 
     """The agent with what it knows of the robot's motors and muscles."""
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
     agent.learning, agent.order = learning, order
+    agent.heat = _heat(design, agent.map, agent.options)
     return agent
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.group_map import MappingError
+from jmm_agent.mapping.tendon_stretch import TendonStretch
 from jmm_agent.muscle_order import MuscleOrder
 from jmm_agent.observation import SensorReadings
 from tests.jmm_agent.small_map import MUSCLES, make_map, postures
@@ -38,6 +41,18 @@ def test_readings_and_commands_are_converted() -> None:
     assert mine.command(np.array([10.0, 20.0, 30.0]), READINGS).tolist() == [-20, 30, 10, 4]
     assert mine.idle.tolist() == [False, False, False, True]
     assert mine.changes
+
+
+def test_stiffness_and_temperatures_belong_to_the_motors() -> None:
+    mine = order()
+    assert mine.stiffness(np.array([1.0, 2.0, 3.0]), 9.0).tolist() == [2.0, 3.0, 1.0, 9.0]
+    warm = READINGS._replace(temperatures=np.array([20.0, 30.0, 40.0, 50.0]))
+    temperatures = mine.readings(warm).temperatures
+    assert temperatures is not None
+    assert temperatures.tolist() == [40.0, 20.0, 30.0]
+    assert mine.readings(READINGS).temperatures is None
+    with pytest.raises(AgentError, match=r"temperatures have shape \(3,\).*4 channels"):
+        mine.readings(READINGS._replace(temperatures=np.zeros(3)))
 
 
 def test_an_idle_channel_that_reads_no_number_gets_a_finite_command() -> None:
@@ -87,3 +102,14 @@ def test_a_map_without_muscles_has_the_lengths_of_the_others() -> None:
         whole.without(["m9"])
     with pytest.raises(MappingError, match="no muscle is left"):
         whole.without(MUSCLES)
+
+
+def test_a_map_without_a_muscle_has_the_tendons_of_the_others() -> None:
+    compliance = 1e-6 * np.arange(1.0, 1.0 + len(MUSCLES))
+    tendons = TendonStretch(compliance, 0.0 * compliance, 30.0 + 0.0 * compliance)
+    jmm, q = replace(make_map(0), tendons=tendons), postures(3, 1)
+    tensions = np.full((3, len(MUSCLES)), 80.0)
+    kept = [0, 2, 3, 4]
+    other = jmm.without([MUSCLES[1]])
+    expected = jmm.lengths(q, tensions)[:, kept]
+    np.testing.assert_allclose(other.lengths(q, tensions[:, kept]), expected, rtol=1e-12)
