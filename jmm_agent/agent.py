@@ -34,6 +34,7 @@ from jmm_agent.guard.arm_state import ArmState
 from jmm_agent.guard.faults import Fault, MotorControl
 from jmm_agent.guard.guard import Guard
 from jmm_agent.guard.null_guard import NullGuard
+from jmm_agent.hand_load import HandLoad
 from jmm_agent.hand_observer import HandObserver
 from jmm_agent.heat.heat_monitor import HeatMonitor
 from jmm_agent.joint_stiffness import Stiffness
@@ -65,7 +66,7 @@ from jmm_agent.updaters import (
     VisionMemory,
     VisionUpdater,
 )
-from jmm_agent.vision.balance import Loads
+from jmm_agent.vision.balance import Balance, Loads
 from jmm_agent.vision.camera_delay import DelayEstimate
 from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
@@ -113,6 +114,8 @@ class Agent:
         vision: the Vision Updater.
         estimator: estimates the joint angles.
         time_line: converts time stamps to the agent's own time, and counts skipped readings.
+        hand_load: mass of what the hand holds while `hand_is_free` is False, with its standard
+            deviation; commands pull with tensions that hold it. None without ``loads``.
         hand_is_free: False while the hand holds or touches something. The map is then left alone,
             because it holds only while no forces but gravity act (sec. I).
 
@@ -157,6 +160,11 @@ class Agent:
         if seeing.lengths is None and forward is not None:
             seeing = replace(seeing, lengths="l")
         self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads)
+        self.hand_load = None
+        if loads is not None:
+            grip = options.grip if options.grip in kinematics.frames else site
+            balance = Balance(nominal_map, loads, limits, options.vision.balance)
+            self.hand_load = HandLoad(loads, balance, kinematics, grip, options.settling)
         self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
         self._stiffness = MuscleStiffness(len(nominal_map.muscles), options.map_rate)
@@ -317,6 +325,8 @@ class Agent:
         if self._stiffness.finish():
             self._stiffness_changed()
         self.estimator.reset(self.target)
+        if self.hand_load is not None:
+            self.hand_load.clear()
 
     def go(self, postures: Floats, duration: float) -> None:
         """Move through postures within a time.
@@ -464,6 +474,7 @@ class Agent:
         self._step += 1
         self._observer.advance(self._step)
         self._watch_robot(readings)
+        self._watch_hand(readings)
         self._rests.advance(self._step, readings.time, self.hand_is_free)
         since = self._rests.settling.since
         self._lengths.update(readings, self._commander.target_lengths, self.motors, since)
@@ -628,6 +639,20 @@ class Agent:
         )
         new = self.guard.watch(readings, state)
         self._schedule.take_back(readings.time, self.guard.take_back, new)
+
+    def _watch_hand(self, readings: SensorReadings) -> None:
+        """Estimate what the hand holds, and let the tensions hold it, too."""
+        load = self.hand_load
+        if load is None or self._tensions is None:
+            return
+        if self.hand_is_free:
+            load.clear()
+        elif not self.guard.faults:
+            rests = self.vision.balanced_rests
+            load.update(
+                readings.time, readings.lengths, readings.tensions, self.estimator.q, *rests
+            )
+        self._tensions.loads = load.loads
 
     def _map_changed(self) -> None:
         """Pass a new map to all parts that use it."""

@@ -55,6 +55,7 @@ class Commander:
         self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
         self._feed_forward = feed_forward
         self._firm: Bools | None = None
+        self._loads = None if feed_forward is None else feed_forward.distribution.loads
         self.time = -np.inf
         self.target_lengths = jmm.lengths(start)
         self.stretch = np.zeros(len(jmm.muscles))
@@ -196,11 +197,11 @@ class Commander:
             motors: gains and limit; None if unknown, and then there is no feed-forward.
         """
         q, known = self._trajectory.at(self.time), self._mapped
-        forward, firm = self._feed_forward, self._firm
+        forward, firm, loads = self._feed_forward, self._firm, self._loads
         if forward is not None:
-            self._firm = forward.distribution.firm
-        before = None
-        if known is not None and (known[0] is not jmm or self._firm is not firm):
+            self._firm, self._loads = forward.distribution.firm, forward.distribution.loads
+        before, same = None, self._firm is firm and self._loads is loads
+        if known is not None and (known[0] is not jmm or not same):
             before = known[0].lengths(q) - self.stretch
         if forward is not None and motors is not None:
             pull = forward.tensions(jmm, motors, self._trajectory, self.time)

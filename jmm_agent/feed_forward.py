@@ -39,6 +39,7 @@ class FeedForward:
         self._points: Floats | None = None
         self._map: JointMuscleMap | None = None
         self._low = np.empty(0)
+        self._loads = self.distribution.loads
         self._known: dict[int, Floats] = {}
         self._now: Floats | None = None
 
@@ -48,7 +49,7 @@ class FeedForward:
         """Tensions (m,) [N] at a point of a movement.
 
         They are computed anew for another movement, which they begin with those of now, and for
-        another map or stiffness: at two points of it, so that no control step takes long.
+        another map, load or stiffness: at two points of it, so that no control step takes long.
 
         Args:
             jmm: the joint-muscle mapping as learned so far.
@@ -58,9 +59,12 @@ class FeedForward:
         """
         moved = trajectory.points is not self._points
         low = self.distribution.low(jmm, motors)
-        if moved or jmm is not self._map or not np.array_equal(low, self._low):
+        loads = self.distribution.loads
+        same = jmm is self._map and loads is self._loads and np.array_equal(low, self._low)
+        if moved or not same:
             self._known = {0: self._now} if moved and self._now is not None else {}
-            self._points, self._map, self._low = trajectory.points, jmm, low
+            self._points, self._map = trajectory.points, jmm
+            self._low, self._loads = low, loads
         last = len(trajectory.points) - 1
         position = BETWEEN * float(np.clip(last - trajectory.remaining(time), 0.0, last))
         first = min(int(position), BETWEEN * last - 1)

@@ -31,6 +31,8 @@ class AgentOptions:
         camera: frame of the camera in the kinematics; empty for a robot without a camera, whose
             hand is measured otherwise (`Agent.observe`).
         marker_site: site of the hand's marker in the kinematics.
+        grip: frame of the kinematics at which the hand holds a load; the marker's if there is none
+            of that name.
         feed_forward: whether commands are shorter than the map's lengths by what the tensions that
             hold the posture need, see `FeedForward`. Only where loads and `Agent.motors` are known.
         tension: which tensions those are beside the loads.
@@ -59,6 +61,7 @@ class AgentOptions:
     can_marker: int = 1
     camera: str = "eye"
     marker_site: str = "marker_hand"
+    grip: str = "grip"
     feed_forward: bool = True
     tension: TensionOptions = field(default_factory=TensionOptions)
     arrival: float = 0.1

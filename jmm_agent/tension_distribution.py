@@ -166,10 +166,11 @@ class TensionDistribution:
 
     Attributes:
         firm: which muscles are to resist both ways (m,); None for none.
+        loads: as given; may be replaced, for a hand that holds something.
     """
 
     def __init__(self, loads: Loads, options: TensionOptions) -> None:
-        self._loads, self._options = loads, options
+        self.loads, self._options = loads, options
         self.firm: Bools | None = None
 
     def low(self, jmm: JointMuscleMap, motors: MotorControl) -> Floats:
@@ -185,7 +186,7 @@ class TensionDistribution:
             q: joint angles (n,) [rad].
         """
         low = self.low(jmm, motors)
-        return distribute(jmm.jacobian(q), self._loads.gravity(q), low, motors.limit)
+        return distribute(jmm.jacobian(q), self.loads.gravity(q), low, motors.limit)
 
     def not_balanced(self, jmm: JointMuscleMap, motors: MotorControl, points: Floats) -> str:
         """One sentence on postures that the muscles cannot hold by a map; empty if there are none.
@@ -217,6 +218,6 @@ class TensionDistribution:
         arms = jmm.jacobian(np.vstack([q + moves, q - moves]))
         torques = tensions @ arms
         for row, posture in enumerate(np.vstack([q + moves, q - moves])):
-            torques[row] -= self._loads.gravity(posture)
+            torques[row] -= self.loads.gravity(posture)
         slope = (torques[: len(q)] - torques[len(q) :]) / (2.0 * step)
         return np.asarray(0.5 * (slope + slope.T))

@@ -107,6 +107,17 @@ class VisionUpdater:
         """Posture at which the lengths were zeroed (n,) [rad]; None while it is unknown."""
         return self._rests.zero
 
+    @property
+    def balanced_rests(self) -> tuple[Floats, Floats]:
+        """Joint angles (K, n) [rad] and tensions (K, m) [N] of the rests that were learned from."""
+        seen = zip(self._angles, self._observations, strict=True)
+        rests = [(rest.guess, rest.tensions) for rest in self._rests.rests]
+        rests += [(q, found.tensions) for q, found in seen if found.tensions is not None]
+        whole = [(q, tensions) for q, tensions in rests if np.isfinite(tensions).all()]
+        angles = np.array([q for q, _ in whole]).reshape(-1, len(self._limits))
+        muscles = len(self._learner.map.muscles)
+        return angles, np.array([tensions for _, tensions in whole]).reshape(-1, muscles)
+
     def begin(self) -> None:
         """Begin an episode, before which lengths may have been zeroed anew."""
         self._forget_rests()
@@ -197,7 +208,7 @@ class VisionUpdater:
             self.drop(seen.reason)
             return seen
         command = _pair_lengths(self._options.lengths, lengths, target)
-        sound = bool(tensions.max() < self._options.saturation)
+        sound = not bool(np.any(tensions >= self._options.saturation))  # NaN: not known
         pair = Pairs(angles[None], command[None], np.array([self._options.noise]))
         if sound and self.hold_out is not None and self.hold_out.keeps(pair):
             return seen._replace(reason="held back, to test updates on it")

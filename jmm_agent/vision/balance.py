@@ -154,12 +154,36 @@ class Balance:
         pulled = np.maximum(tensions, 0.0)
         rows = self._rows(angles, pulled)
         found, slopes = self._balanced(rows), self._slopes(angles, pulled)
-        weighted = found.weight.T[:, :, None] * rows.pulls
-        inner = np.eye(pulled.shape[1]) + rows.pulls.transpose(0, 2, 1) @ weighted
-        explained = weighted @ np.linalg.solve(inner, weighted.transpose(0, 2, 1))
-        information = found.weight.T[:, :, None] * np.eye(len(angles)) - explained
+        information = _information(rows, found.weight)
         matrix = np.einsum("kja,jkl,ljb->kalb", slopes, information, slopes, optimize=True)
         return matrix, np.einsum("kja,kj->ka", slopes, found.weight * found.missed)
+
+    def mass(self, angles: Floats, tensions: Floats, weights: Floats) -> tuple[float, float]:
+        """Mass of a load that the robot holds at some of the rests, and its standard deviation.
+
+        The errors of moment arms are unknown, too; rests without the load determine most of them.
+
+        Args:
+            angles: joint angles (K, n) [rad].
+            tensions: measured (K, m) [N].
+            weights: torques of a load of 1 kg on the joints, as those of `Loads.gravity`, 0 at
+                rests without it (K, n) [N m/kg].
+
+        Returns:
+            Mass and standard deviation [kg]; 0 and infinite if the weights are all 0.
+        """
+        rows, mass, spread = self._rows(angles, np.maximum(tensions, 0.0)), 0.0, np.inf
+        for _ in range(STEPS):
+            here = rows._replace(missed=rows.missed - mass * weights)
+            information = _information(here, self._balanced(here).weight)
+            known = float(np.einsum("kj,jkl,lj->", weights, information, weights))
+            if known <= 0.0:
+                return 0.0, np.inf
+            change = float(np.einsum("kj,jkl,lj->", weights, information, here.missed)) / known
+            mass, spread = mass + change, known**-0.5
+            if abs(change) < SAME * spread:
+                break
+        return mass, spread
 
     def scale(self, angles: Floats, tensions: Floats) -> float:
         """Loads over the torques of the tensions, by least squares over all rests [1].
@@ -227,3 +251,16 @@ class Balance:
         ]
         loads = np.array(changes).transpose(0, 2, 1) / (2.0 * DIFFERENCE)
         return self._map.torque_slope(angles, tensions) - loads
+
+
+def _information(rows: _Rows, weight: Floats) -> Floats:
+    """Inverse covariance of each joint's rows, with unknown moment arms (n, K, K) [N^-2 m^-2].
+
+    Args:
+        rows: of K rests.
+        weight: of each row (K, n) [N^-2 m^-2].
+    """
+    weighted = weight.T[:, :, None] * rows.pulls
+    inner = np.eye(rows.pulls.shape[2]) + rows.pulls.transpose(0, 2, 1) @ weighted
+    explained = weighted @ np.linalg.solve(inner, weighted.transpose(0, 2, 1))
+    return weight.T[:, :, None] * np.eye(weight.shape[0]) - explained

@@ -290,6 +290,8 @@ def test_a_tension_that_is_no_number_is_not_learned_from() -> None:
     assert np.isfinite(seen.angles).all()
     assert vision.zero is not None
     assert np.isfinite(vision.zero).all()
+    assert vision.dropped == {}
+    assert len(vision.pairs.postures) == 1
 
 
 def test_a_robot_that_is_zeroed_again_before_it_is_seen_begins_again() -> None:
@@ -398,3 +400,29 @@ def test_the_evidence_of_widths_is_that_of_a_gaussian_where_all_is_linear() -> N
         found[offset] = fit.log_evidence, integral
     laplace, sampled = (found[0.006][i] - found[0.003][i] for i in (0, 1))
     assert laplace == pytest.approx(sampled, abs=0.3)
+
+
+@pytest.mark.parametrize("loaded", [0, 3])
+def test_the_mass_of_a_load_is_separated_from_wrong_moment_arms(loaded: int) -> None:
+    """The robot's arms are wrong at all rests; a load of 0.7 kg is there at the last ones only."""
+    rng = np.random.default_rng(4)
+    arms = 0.006 * rng.standard_normal((5, 4))
+    arms[make_map(0).jacobian(postures(1, 1)[0]) == 0.0] = 0.0
+    q = postures(15, 3)
+    tensions = np.array([tensions_at(one) for one in q])
+    weights = 4.0 * np.cos(3.0 * q) * (np.arange(15) >= 15 - loaded)[:, None]
+
+    class Displaced(MadeUpLoads):
+        """Loads of the nominal model, which lacks the load; the tensions hold all of it."""
+
+        def gravity(self, posture: Floats) -> Floats:
+            number = int(np.argmin(np.linalg.norm(q - posture, axis=1)))
+            held = super().gravity(posture) + tensions[number] @ arms
+            return held - 0.7 * weights[number]
+
+    options = BalanceOptions(share=0.02, noise=0.05)
+    mass, std = Balance(make_map(0), Displaced(), WIDE, options).mass(q, tensions, weights)
+    if loaded:
+        assert abs(mass - 0.7) < 3.0 * std < 0.3
+    else:
+        assert (mass, std) == (0.0, np.inf)

@@ -1,0 +1,90 @@
+"""What the hand holds: its mass from tensions, and postures with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+import kengoro_env  # noqa: F401  # registers the environments
+from jmm_agent.hand_load import GRAVITY, LoadedHand
+from jmm_agent.types import Floats
+from kengoro import Session, make_agent
+from kengoro.robots import shuffled_postures
+from kengoro.session import CLOSED, OPEN
+from kengoro_env.robot.draft import Draft
+
+
+@pytest.fixture
+def maps(request: pytest.FixtureRequest) -> Path:
+    return Path(request.config.cache.mkdir("maps"))
+
+
+class Payload:
+    """A ball of some mass at the grip."""
+
+    def __init__(self, mass: float) -> None:
+        self.mass = mass
+
+    def edit(self, draft: Draft) -> None:
+        [(body, site)] = [(b, s) for b in draft.spec.bodies for s in b.sites if s.name == "grip"]
+        ball = body.add_body(name="payload", pos=site.pos)
+        size = [0.01, 0.0, 0.0]
+        sphere = mujoco.mjtGeom.mjGEOM_SPHERE
+        ball.add_geom(type=sphere, size=size, mass=self.mass, contype=0, conaffinity=0)
+
+
+def holding(mass: float, maps: Path, postures: Floats) -> Session:
+    """Session of the nominal robot that closes its hand about a mass [kg] and moves."""
+    departures = (Payload(mass),) if mass else ()
+    env = gym.make(
+        "Kengoro/Posture-v0", departures=departures, camera=False, max_episode_steps=5000
+    )
+    start = {"posture": postures[0], "target": postures[0]}
+    session = Session(env, make_agent(0, cache=maps), 0, None, start)
+    session.fingers = CLOSED
+    for posture in postures[1:]:
+        session.agent.go(posture, 1.5)
+        session.wait(3.0)
+    return session
+
+
+def missed(session: Session) -> float:
+    """Distance of the joints from the target, RMS [deg]."""
+    true = session.truth["joint_angles"]
+    return float(np.degrees(np.sqrt(np.mean((true - session.agent.target) ** 2))))
+
+
+@pytest.mark.parametrize("mass", [0.5, 1.0])
+def test_the_mass_of_a_load_is_estimated_and_held(mass: float, maps: Path) -> None:
+    postures = shuffled_postures(3)[:4]
+    session, empty = holding(mass, maps, postures), holding(0.0, maps, postures)
+    load, none = session.agent.hand_load, empty.agent.hand_load
+    assert load is not None
+    assert none is not None
+    assert abs(load.mass - mass) < min(0.1 * mass, 2.0 * load.std)
+    assert abs(none.mass) < 2.0 * none.std
+    q = session.agent.joint_angles
+    np.testing.assert_array_equal(none.loads.gravity(q), none._empty.gravity(q))
+    assert missed(session) < missed(empty) + 0.3
+    session.fingers = OPEN
+    session.wait(0.1)
+    assert (load.mass, load.std) == (0.0, np.inf)
+
+
+def test_the_weight_is_the_slope_of_the_height(maps: Path) -> None:
+    agent = make_agent(0, cache=maps)
+    assert agent.hand_load is not None
+    q = shuffled_postures(5)[2]
+    hand = LoadedHand(agent.hand_load._empty, agent.kinematics, "grip", 2.0)
+    heights = [
+        [agent.kinematics.pose("grip", q + sign * step)[2, 3] for sign in (1.0, -1.0)]
+        for step in 1e-5 * np.eye(len(q))
+    ]
+    slope = np.diff(heights, axis=1)[:, 0] / -2e-5
+    np.testing.assert_allclose(hand.weight(q), -GRAVITY * slope, atol=1e-6)
+    more = hand.gravity(q) - agent.hand_load._empty.gravity(q)
+    np.testing.assert_allclose(more, 2.0 * hand.weight(q), atol=1e-12)
