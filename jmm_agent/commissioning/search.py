@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.commissioning.candidates import ARMS, Candidate, candidates
+from jmm_agent.commissioning.candidates import ARMS, EXCHANGED, Candidate, candidates
+from jmm_agent.commissioning.findings import SWAPPED
 from jmm_agent.commissioning.likelihood import Likelihood
 from jmm_agent.commissioning.options import CommissionOptions
 from jmm_agent.commissioning.wiring import Wiring
@@ -16,6 +17,8 @@ TEMPER = 0.5
 
 COMMON = 6.0
 """How much likelier other moment arms are than a fault [nat]."""
+CLOSE = 10.0
+"""Difference of evidence within which another exchange is an alternative [nat]."""
 SEARCHES = 3
 """Number of searches, each with the scales that derive from the one before."""
 ALIKE = 0.8
@@ -70,9 +73,19 @@ def _greedy(
         if gains[best] + COMMON * usual[best] < options.named:
             break
         shared = np.array([bool(set(each.channels) & set(found[best].channels)) for each in found])
+        for number in np.flatnonzero(~shared & (gains > gains[best] - CLOSE)):
+            shared[number] = _explains_same(likelihood, found[best], found[number])
         others = TEMPER * (np.append(gains[shared], 0.0) - gains[best])
         confidence = 1.0 / float(np.exp(others).sum())
         wiring = found[best].wiring
         if not usual[best]:
             steps.append(Step(found[best], float(gains[best]), confidence))
     return wiring, steps
+
+
+def _explains_same(likelihood: Likelihood, best: Candidate, other: Candidate) -> bool:
+    """Whether an exchange of other channels explains the same, so that both are worse than one."""
+    if not best.kind == other.kind == SWAPPED:
+        return False
+    both = best.wiring.swapped(*other.channels, parts=EXCHANGED[other.part])
+    return likelihood.of(both) < likelihood.of(best.wiring)
