@@ -87,5 +87,6 @@ def _explains_same(likelihood: Likelihood, best: Candidate, other: Candidate) ->
     """Whether an exchange of other channels explains the same, so that both are worse than one."""
     if not best.kind == other.kind == SWAPPED:
         return False
-    both = best.wiring.swapped(*other.channels, parts=EXCHANGED[other.part])
+    first, second = other.channels
+    both = best.wiring.swapped(first, second, EXCHANGED[other.part])
     return likelihood.of(both) < likelihood.of(best.wiring)
