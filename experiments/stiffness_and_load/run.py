@@ -4,7 +4,7 @@ A robot learns at the stiffness that its motors were made with. Then the stiffne
 learning off, and the robot moves to postures that it did not learn from. Three agents do so: one
 whose commands are the map's lengths, ours, whose commands pull with distributed tensions, and ours
 when it was told how its tendons stretch, as a bench shows. Both of ours are asked for the stiffness
-of joints, and a torque on the joint shows how stiff it is.
+of joints, and a torque on the joint shows how stiff it is. Ours also gets loads into its hand.
 
 A push begins with a smaller torque, so that dry friction, which resists as much at both, does not
 count. Friction of F leaves the tendon of a muscle anywhere within F / K.
@@ -24,10 +24,14 @@ from experiments.harness.experiment import Experiment, Findings, Results, run_ex
 from experiments.posture_accuracy.run import Sizes as PlanSizes
 from experiments.posture_accuracy.run import make_plan
 from experiments.robots.conditions import ACTUAL, make_session
+from experiments.stiffness_and_load.load import carried
 from experiments.stiffness_and_load.tables import (
     AGENTS,
+    OURS,
     SAG,
     TENDONS,
+    load_metrics,
+    load_table,
     metrics,
     per_seed,
     tables,
@@ -58,6 +62,8 @@ class Sizes:
         joints: joints that are pushed.
         shares: stiffness that they are asked for, as shares of that at the stiffness of learning.
         bend: angle by which a push should bend a joint [deg].
+        loads: masses that are put into the hand; 0 for none [kg].
+        known: number of postures with a load after which its mass is to be known.
         move: duration of a movement [s].
         patience: longest wait for rest and an observation [s].
         settle: time in which a push, and a change of stiffness, comes to rest [s].
@@ -69,6 +75,8 @@ class Sizes:
     joints: tuple[str, ...] = ("sh_pitch", "sh_roll", "elbow")
     shares: tuple[float, ...] = (0.3, 0.6)
     bend: float = 2.0
+    loads: tuple[float, ...] = (0.0, 0.5, 1.0)
+    known: int = 3
     move: float = 2.0
     patience: float = 2.5
     settle: float = 2.0
@@ -76,7 +84,7 @@ class Sizes:
 
 QUICK = Sizes(
     learned=1, tested=1, stiffness=(30.0, 10.0), joints=("elbow",), shares=(0.4,),
-    move=0.8, patience=1.2, settle=0.8,
+    loads=(0.0, 1.0), known=1, move=0.8, patience=1.2, settle=0.8,
 )  # fmt: skip
 
 
@@ -103,6 +111,11 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     agent.learning = False
     tested = _tested(seed, sizes)
     found: dict[str, Any] = {"observations": agent.vision.fired, "at": {}, "pushes": []}
+    if condition == OURS:
+        postures, times = _carried(seed, sizes), (sizes.move, sizes.settle, sizes.known)
+        found["loads"] = {
+            f"{mass:g}": carried(agent, seed, postures, mass, *times) for mass in sizes.loads
+        }
     for stiffness in sizes.stiffness:
         session = _without_camera(agent, seed, tested[0])
         agent.set_stiffness(1e3 * stiffness)
@@ -124,6 +137,12 @@ def _tested(seed: int, sizes: Sizes) -> Floats:
     """A posture to start at, and others that are not learned from, shape (1 + tested, n) [rad]."""
     plan = make_plan(seed, PlanSizes(learned=sizes.learned, targets=1, starts=1 + sizes.tested))
     return plan.starts
+
+
+def _carried(seed: int, sizes: Sizes) -> Floats:
+    """A posture to start at, and those to which loads are moved, shape (1 + K, n) [rad]."""
+    count = 1 + sizes.known + sizes.tested
+    return make_plan(seed, PlanSizes(learned=sizes.learned, targets=1, starts=count)).starts
 
 
 def _without_camera(agent: Agent, seed: int, start: Floats) -> Session:
@@ -195,9 +214,9 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     from experiments.stiffness_and_load.figures import pictures
 
     return Findings(
-        metrics(results, sizes.stiffness),
+        metrics(results, sizes.stiffness) | load_metrics(results, sizes.loads),
         per_seed(results),
-        tables(results, sizes.stiffness),
+        [*tables(results, sizes.stiffness), load_table(results, sizes.loads)],
         pictures(results, sizes.stiffness),
         {},
     )
@@ -205,11 +224,11 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
 
 EXPERIMENT = Experiment(
     name="stiffness-and-load",
-    title="Stiffness of the muscles",
+    title="Stiffness of the muscles, and loads in the hand",
     introduction=(
         "Actual robots learn at 30 N/mm. Then the stiffness of their muscles is set, and they move "
         "to postures that they did not learn from, without learning. Joints are asked for a "
-        "stiffness, and pushed."
+        "stiffness, and pushed. Loads are put into the hand, and their masses estimated."
     ),
     figure="beyond the paper",
     conditions=tuple(AGENTS),

@@ -1,4 +1,4 @@
-"""Tables and metrics of the stiffness."""
+"""Tables and metrics of the stiffness, and of loads in the hand."""
 
 from __future__ import annotations
 
@@ -25,6 +25,10 @@ MUST_TENSION = 0.7
 """Largest tension over that of commands which are the map's lengths [1]."""
 MUST_STIFFNESS = 0.25
 """Largest difference of measured and asked stiffness, as a share of what was asked [1]."""
+MUST_MASS = 0.1
+"""Largest error of an estimated mass, as a share of it [1]."""
+MUST_LOADED = 1.3
+"""Largest error with a load over that with an empty hand [1]."""
 FRICTION = 5.0
 """Dry friction of a muscle at a high tension of an actual robot [N], 1 N and 2 % of the tension."""
 
@@ -71,6 +75,47 @@ def metrics(results: Results, stiffness: Sequence[float]) -> dict[str, Mapping[s
         name = f"stiffness_away_{agent.replace(' ', '_')}"
         found[name] = metric(away(results, agent), "", must=MUST_STIFFNESS)
     return found
+
+
+def loaded(results: Results, mass: float, key: str) -> Floats:
+    """A result with a load [kg], of each robot."""
+    found = [result[OURS]["loads"][f"{mass:g}"][key] for result in results.values()]
+    return np.array(found, dtype=float)
+
+
+def load_metrics(results: Results, loads: Sequence[float]) -> dict[str, Mapping[str, Any]]:
+    """Errors of masses, and of postures over those with an empty hand, the first of ``loads``."""
+    empty, *others = loads
+    found: dict[str, Mapping[str, Any]] = {
+        "mass_of_nothing_kg": metric(np.abs(loaded(results, empty, "mass_kg")), "kg")
+    }
+    for mass in others:
+        error = np.abs(loaded(results, mass, "mass_kg") / mass - 1.0)
+        found[f"mass_error_{mass:g}_kg"] = metric(error, "", must=MUST_MASS)
+        for unit in ("deg", "mm"):
+            key = f"target_true_{unit}"
+            ratio = loaded(results, mass, key) / loaded(results, empty, key)
+            must = MUST_LOADED if unit == "deg" else None
+            found[f"error_with_{mass:g}_kg_over_empty_{unit}"] = metric(ratio, "", must=must)
+    return found
+
+
+def load_table(results: Results, loads: Sequence[float]) -> Table:
+    """Estimated masses, and errors of the postures, median over robots (worst robot)."""
+    rows = []
+    for mass in loads:
+        estimates, spreads = (loaded(results, mass, key) for key in ("mass_kg", "std_kg"))
+        cells = []
+        for key in ("target_true_deg", "target_true_mm", "max_tension_N"):
+            values = loaded(results, mass, key)
+            cells.append(f"{np.median(values):.1f} ({values.max():.1f})")
+        between = f"{estimates.min():.2f} to {estimates.max():.2f}"
+        estimate, spread = f"{np.median(estimates):.2f}", f"{np.median(spreads):.2f}"
+        rows.append((f"{mass:g}", estimate, between, spread, *cells))
+    header = ("load [kg]", "estimate", "of all robots", "standard deviation", "joints [deg]",
+              "hand [mm]", "largest tension [N]")  # fmt: skip
+    note = "The first row is an empty hand that the agent believes to be full."
+    return Table("Loads in the hand", header, rows, note)
 
 
 def tables(results: Results, stiffness: Sequence[float]) -> list[Table]:

@@ -1,0 +1,79 @@
+"""A load in the hand: its mass by the tensions, and the postures that the robot holds with it.
+
+The load is a ball at the grip of the same robot, put there in the model; the agent is told that the
+hand holds something, and nothing else.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+
+from jmm_agent.agent import Agent
+from jmm_agent.types import Floats
+from kengoro.robots import NO_END
+from kengoro.session import CLOSED, Session
+from kengoro.visits import errors, no_visits, visit
+from kengoro_env.departures import actual
+from kengoro_env.robot.draft import Draft
+
+RADIUS = 0.01
+"""Radius of the ball, which collides with nothing [m]."""
+
+
+class Payload:
+    """A departure: a ball at the grip.
+
+    Args:
+        mass: of the ball [kg].
+    """
+
+    def __init__(self, mass: float) -> None:
+        self.mass = mass
+
+    def edit(self, draft: Draft) -> None:
+        """Add the ball to the body that has the site of the grip."""
+        [(hand, grip)] = [(b, s) for b in draft.spec.bodies for s in b.sites if s.name == "grip"]
+        ball, kind = hand.add_body(name="payload", pos=grip.pos), mujoco.mjtGeom.mjGEOM_SPHERE
+        size = [RADIUS, 0.0, 0.0]
+        ball.add_geom(type=kind, size=size, mass=self.mass, contype=0, conaffinity=0)
+
+
+def carried(
+    agent: Agent, seed: int, postures: Floats, mass: float, move: float, settle: float, known: int
+) -> dict[str, Any]:
+    """Move a load from posture to posture.
+
+    Args:
+        agent: has learned with an empty hand; it is copied.
+        seed: of the robot.
+        postures: joint angles (1 + K, n) [rad], where it starts and where it goes.
+        mass: of the load [kg]; 0: an empty hand, which the agent believes to be full.
+        move: duration of a movement [s].
+        settle: time to come to rest [s].
+        known: number of postures after which the mass is told and errors count.
+
+    Returns:
+        Estimated mass and standard deviation [kg] after these postures; errors at the others.
+    """
+    departures = (*actual(seed), Payload(mass)) if mass else actual(seed)
+    options: dict[str, Any] = {"camera": False, "max_episode_steps": NO_END}
+    env = gym.make("Kengoro/Posture-v0", departures=departures, **options)
+    start = {"posture": postures[0], "target": postures[0]}
+    session, visits = Session(env, deepcopy(agent), seed, None, start), no_visits()
+    session.fingers = CLOSED
+    load = session.agent.hand_load
+    assert load is not None
+    estimate = (0.0, np.inf)
+    for number, posture in enumerate(postures[1:]):
+        into = no_visits() if number < known else visits
+        visit(session, posture, into, move, settle, search=False)
+        if number == known - 1:
+            estimate = load.mass, load.std
+    env.close()
+    mass_kg, std_kg = (round(value, 4) for value in estimate)
+    return {"mass_kg": mass_kg, "std_kg": std_kg} | errors(visits)
