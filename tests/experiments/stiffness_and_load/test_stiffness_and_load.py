@@ -17,6 +17,8 @@ from experiments.stiffness_and_load.tables import (
     OURS,
     SAG,
     TENDONS,
+    load_metrics,
+    load_table,
     metrics,
     per_seed,
     tables,
@@ -105,3 +107,27 @@ def test_a_short_run_has_errors_and_pushes(tmp_path: Path, request: pytest.Fixtu
     [one] = ours["pushes"]
     assert one["measured"] == pytest.approx(one["asked"], rel=0.4)
     assert sag["pushes"] == []
+    empty, full = (ours["loads"][mass] for mass in ("0", "1"))
+    assert abs(full["mass_kg"] - empty["mass_kg"] - 1.0) < 0.2
+    assert "loads" not in sag
+
+
+def test_loads_are_compared_with_an_empty_hand() -> None:
+    rows = {"target_true_mm": 9.0, "max_tension_N": 170.0}
+    found = {
+        seed: {
+            OURS: {
+                "loads": {
+                    "0": rows | {"mass_kg": -0.02, "std_kg": 0.1, "target_true_deg": 1.0},
+                    "0.5": rows | {"mass_kg": 0.5 + error, "std_kg": 0.1, "target_true_deg": 1.2},
+                }
+            }
+        }
+        for seed, error in ((1, 0.02), (2, -0.1))
+    }
+    named = load_metrics(found, (0.0, 0.5))
+    assert named["mass_of_nothing_kg"]["median"] == pytest.approx(0.02)
+    assert named["mass_error_0.5_kg"]["worst"] == pytest.approx(0.2)
+    assert named["error_with_0.5_kg_over_empty_deg"]["median"] == pytest.approx(1.2)
+    table = load_table(found, (0.0, 0.5))
+    assert table.rows[1][:3] == ("0.5", "0.46", "0.40 to 0.52")
