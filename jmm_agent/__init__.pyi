@@ -16,6 +16,7 @@ from .grasping import GraspPlanner
 from .guard.faults import Fault, MotorControl
 from .guard.guard import Guard, GuardOptions
 from .guard.null_guard import NullGuard
+from .hand_load import HandLoad
 from .heat.heat_monitor import HeatMonitor
 from .heat.parameters import HeatOptions, ThermalParameters
 from .joint_stiffness import Stiffness
@@ -67,6 +68,7 @@ __all__ = [
     "GraspPlanner",
     "Guard",
     "GuardOptions",
+    "HandLoad",
     "HeatMonitor",
     "HeatOptions",
     "HoldOutOptions",
