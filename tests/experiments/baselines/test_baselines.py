@@ -22,6 +22,7 @@ from experiments.baselines.tables import (
 )
 from experiments.robots.conditions import ACTUAL, NOMINAL
 from experiments.robots.world import World, known_world
+from jmm_agent.agent import AgentOptions
 from kengoro.agents import make_agent
 from kengoro.robots import shuffled_postures
 
@@ -48,7 +49,7 @@ def without_times(result: dict[str, Any]) -> str:
 
 
 def test_pairs_are_gathered_by_number_of_postures(world: World) -> None:
-    agent = make_agent(SEED, jmm=world.map)
+    agent = make_agent(SEED, jmm=world.map, options=AgentOptions(feed_forward=False))
     stages = gather(agent, ACTUAL, SEED, shuffled_postures(SEED), SIZES, world)
     assert list(stages) == [1, 3]
     for count, stage in stages.items():
@@ -64,7 +65,7 @@ def test_pairs_are_gathered_by_number_of_postures(world: World) -> None:
 
 
 def test_every_method_learns_from_the_pairs(world: World) -> None:
-    agent = make_agent(SEED, jmm=world.map)
+    agent = make_agent(SEED, jmm=world.map, options=AgentOptions(feed_forward=False))
     stage = gather(agent, ACTUAL, SEED, shuffled_postures(SEED), SIZES, world)[3]
     made = methods(world, Baselines(world.map, world.postures), SEED)
     assert {NO_LEARNING, *made} == METHODS
