@@ -71,7 +71,7 @@ def _panels(results: Results, stiffness: Sequence[float]) -> Figure:
     joints.fill_between(
         line, (1.0 - MUST_STIFFNESS) * line, (1.0 + MUST_STIFFNESS) * line, color="black", alpha=0.1
     )
-    joints.set(xlabel="stiffness asked of a joint [N m/rad]", ylabel="measured by a push")
+    joints.set(xlabel="stiffness asked of a joint [N m/rad]", ylabel="measured by a push [N m/rad]")
     joints.grid(alpha=0.3)
     figure.legend(*errors.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
