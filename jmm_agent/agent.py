@@ -56,7 +56,7 @@ from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.options import AgentOptions
 from jmm_agent.rest_learning import RestLearning
 from jmm_agent.statics import Hold, Statics, not_reachable
-from jmm_agent.tension_distribution import TensionDistribution
+from jmm_agent.tension_distribution import TensionDistribution, not_balanced
 from jmm_agent.time_line import Tick, TimeLine
 from jmm_agent.types import Floats
 from jmm_agent.updaters import (
@@ -344,21 +344,18 @@ class Agent:
                 duration is negative or not finite.
         """
         points = self._commander.checked(postures, duration)
-        not_held = not_reachable(self.reachable(points))
-        if not not_held and self._tensions and self.motors and self.options.feed_forward:
-            not_held = self._tensions.not_balanced(self.map, self.motors, points)
+        not_held, hot = not_reachable(self.reachable(points)), ""
+        if self._tensions is not None and self.motors is not None:
+            pulls = [self._tensions.at(self.map, self.motors, q) for q in points]
+            if not not_held and self.options.feed_forward:
+                not_held = not_balanced(pulls, self.map.joints, self.motors)
+            if self.heat is not None:
+                hot = self.heat.not_held(np.array([pull.tensions for pull in pulls]))
         beyond = self._commander.beyond(postures, self.map.joints)
-        hot = "" if self.heat is None else self.heat.not_held(self._needed(points))
         self.unreachable = " ".join(filter(None, (beyond, not_held, hot)))
         if self.unreachable:
             _log.warning("%s", self.unreachable)
         self._commander.go(points, duration)
-
-    def _needed(self, points: Floats) -> Floats:
-        """Tensions that hold postures (K, n) [rad] by the map (K, m) [N]; none without loads."""
-        if self._tensions is None or self.motors is None:
-            return np.empty((0, len(self.map.muscles)))
-        return np.array([self._tensions.at(self.map, self.motors, q).tensions for q in points])
 
     def set_stiffness(
         self, value: ArrayLike | Mapping[str, float], limits: tuple[float, float] | None = None
@@ -645,12 +642,12 @@ class Agent:
         load = self.hand_load
         if load is None or self._tensions is None:
             return
-        if self.hand_is_free:
+        if self.hand_is_free and load.rests:
             load.clear()
-        elif not self.guard.faults:
-            rests = self.vision.balanced_rests
+        elif not self.hand_is_free and not self.guard.faults:
+            lengths, tensions = readings.lengths, readings.tensions
             load.update(
-                readings.time, readings.lengths, readings.tensions, self.estimator.q, *rests
+                readings.time, lengths, tensions, self.estimator.q, self.vision.balanced_rests
             )
         self._tensions.loads = load.loads
 

@@ -13,6 +13,8 @@ Here w is the torque of 1 kg at the grip. While the hand holds something the map
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
@@ -20,8 +22,6 @@ from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.types import Floats
 from jmm_agent.vision.balance import Balance, Loads
 
-GRAVITY = 9.81
-"""Acceleration of gravity, along -z of the world [m/s^2]."""
 MOST = 20
 """Number of newest rests of either kind that are compared."""
 CERTAIN = 2.0
@@ -44,6 +44,11 @@ class LoadedHand:
         self._loads, self._kinematics, self._frame = loads, kinematics, frame
         self._mass = mass
 
+    @property
+    def acceleration(self) -> Floats:
+        """Acceleration of gravity in the world's axes (3,) [m/s^2]."""
+        return self._loads.acceleration
+
     def gravity(self, posture: Floats) -> Floats:
         """Torques of gravity and springs on the joints (n,) [N m].
 
@@ -58,9 +63,9 @@ class LoadedHand:
         Args:
             posture: joint angles (n,) [rad].
         """
-        turned = self._kinematics.pose(self._frame, posture)[2, :3]
+        rotation = self._kinematics.pose(self._frame, posture)[:3, :3]
         slope = self._kinematics.frame_jacobian(self._frame, posture)[:3]
-        return np.asarray(-GRAVITY * turned @ slope)
+        return np.asarray(self.acceleration @ rotation @ slope)
 
 
 class HandLoad:
@@ -99,14 +104,18 @@ class HandLoad:
         self.loads: Loads = self._empty
         self._settling.reset()
 
+    @property
+    def rests(self) -> int:
+        """Number of rests at which the hand held the load."""
+        return len(self._angles)
+
     def update(
         self,
         time: float,
         lengths: Floats,
         tensions: Floats,
         q: Floats,
-        empty_angles: Floats,
-        empty_tensions: Floats,
+        empty: Callable[[], tuple[Floats, Floats]],
     ) -> bool:
         """Add readings of a control step in which the hand holds something.
 
@@ -115,8 +124,8 @@ class HandLoad:
             lengths: measured (m,) [m].
             tensions: measured (m,) [N].
             q: estimated joint angles (n,) [rad].
-            empty_angles: joint angles of rests without a load (K, n) [rad].
-            empty_tensions: their tensions (K, m) [N].
+            empty: gives joint angles (K, n) [rad] and tensions (K, m) [N] of rests without a load;
+                called once per rest.
 
         Returns:
             Whether the estimate changed, as once per rest.
@@ -126,7 +135,7 @@ class HandLoad:
         self._angles = [*self._angles, q.copy()][-MOST:]
         self._tensions = [*self._tensions, np.array(tensions)][-MOST:]
         hand = LoadedHand(self._empty, self._kinematics, self._frame)
-        angles, pulled = empty_angles[-MOST:], empty_tensions[-MOST:]
+        angles, pulled = (part[-MOST:] for part in empty())
         weights = np.array([hand.weight(one) for one in self._angles])
         self.mass, self.std = self._balance.mass(
             np.vstack([angles, self._angles]),

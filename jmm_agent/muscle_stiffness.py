@@ -26,8 +26,6 @@ ARM = 0.05
 """Least moment arm of a muscle that stiffens a joint, as a share of the largest one there [1]."""
 PULLS = 1e-3
 """A muscle resists both ways if its tension is above T_bias by this share of it [1]."""
-STEP = 1e-4
-"""Step of the derivatives by joint angles [rad]."""
 SHORTEST = 0.2
 """Shortest duration of a change [s]."""
 
@@ -224,7 +222,7 @@ def posture_stiffness(
     """
     tensions, arms = distribution.at(jmm, motors, q).tensions, jmm.jacobian(q)
     pulls = tensions > (1.0 + PULLS) * motors.bias
-    rest = distribution.slope(jmm, q, tensions, STEP)
+    rest = distribution.slope(jmm, q, tensions)
     return PostureStiffness(arms * pulls[:, None], rest, -jmm.tension_jacobian(tensions))
 
 

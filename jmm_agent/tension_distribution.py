@@ -32,7 +32,7 @@ from jmm_agent.errors import AgentError, positive
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.types import Bools, Floats
-from jmm_agent.vision.balance import Loads
+from jmm_agent.vision.balance import Loads, load_slope
 
 SOFT = 1e-3
 """Missing torque that costs as much as T_max of one muscle, over that on the largest arm [1]."""
@@ -94,22 +94,23 @@ class Distribution(NamedTuple):
     Attributes:
         tensions: (m,) [N].
         missing: torques of the loads that they do not balance (n,) [N m].
+        arms: moment arms (m, n) [m/rad].
     """
 
     tensions: Floats
     missing: Floats
+    arms: Floats
 
-    def failure(self, arms: Floats, motors: MotorControl, joints: Sequence[str]) -> str:
+    def failure(self, motors: MotorControl, joints: Sequence[str]) -> str:
         """Which joint cannot be held, in one sentence without a full stop; empty if all can.
 
         Args:
-            arms: moment arms (m, n) [m/rad].
             motors: gains and limit.
             joints: names of the n joints.
         """
         worst = int(np.abs(self.missing).argmax())
         missing = abs(float(self.missing[worst]))
-        if missing <= TOLERANCE * max(motors.bias * float(np.abs(arms).max()), 1e-9):
+        if missing <= TOLERANCE * max(motors.bias * float(np.abs(self.arms).max()), 1e-9):
             return ""
         return (
             f"no pull of its muscles from T_bias = {motors.bias:.3g} N to {motors.limit:.3g} N "
@@ -154,7 +155,7 @@ def distribute(arms: Floats, torque: Floats, low: Floats, high: float) -> Distri
     if flag < 1:
         raise AgentError(f"Tension distribution: the solver ended without a solution ({flag}).")
     tensions = np.clip(high * size * x[:m], low, high)
-    return Distribution(tensions, torque - arms.T @ tensions)
+    return Distribution(tensions, torque - arms.T @ tensions, arms)
 
 
 class TensionDistribution:
@@ -188,22 +189,7 @@ class TensionDistribution:
         low = self.low(jmm, motors)
         return distribute(jmm.jacobian(q), self.loads.gravity(q), low, motors.limit)
 
-    def not_balanced(self, jmm: JointMuscleMap, motors: MotorControl, points: Floats) -> str:
-        """One sentence on postures that the muscles cannot hold by a map; empty if there are none.
-
-        Args:
-            jmm: the joint-muscle mapping as learned so far.
-            motors: gains and limit.
-            points: joint angles (K, n) [rad].
-        """
-        for number, q in enumerate(points):
-            reason = self.at(jmm, motors, q).failure(jmm.jacobian(q), motors, jmm.joints)
-            if reason:
-                which = "The posture" if len(points) == 1 else f"Posture {number} of {len(points)}"
-                return f"{which} cannot be held by the map as learned: {reason}."
-        return ""
-
-    def slope(self, jmm: JointMuscleMap, q: Floats, tensions: Floats, step: float) -> Floats:
+    def slope(self, jmm: JointMuscleMap, q: Floats, tensions: Floats) -> Floats:
         """How tensions that stay resist a change of posture (n, n) [N m/rad].
 
         It is sum_i T_i dG_i/dq - dtau/dq: the stiffness without motors, often negative.
@@ -212,12 +198,22 @@ class TensionDistribution:
             jmm: the joint-muscle mapping.
             q: joint angles (n,) [rad].
             tensions: (m,) [N].
-            step: of the differences [rad].
         """
-        moves = step * np.eye(len(q))
-        arms = jmm.jacobian(np.vstack([q + moves, q - moves]))
-        torques = tensions @ arms
-        for row, posture in enumerate(np.vstack([q + moves, q - moves])):
-            torques[row] -= self.loads.gravity(posture)
-        slope = (torques[: len(q)] - torques[len(q) :]) / (2.0 * step)
+        slope = jmm.torque_slope(q[None], tensions[None])[0] - load_slope(self.loads, q)
         return np.asarray(0.5 * (slope + slope.T))
+
+
+def not_balanced(pulls: Sequence[Distribution], joints: Sequence[str], motors: MotorControl) -> str:
+    """One sentence on postures that the muscles cannot hold by a map; empty if there are none.
+
+    Args:
+        pulls: tensions of each posture.
+        joints: names of the n joints.
+        motors: gains and limit.
+    """
+    for number, pull in enumerate(pulls):
+        reason = pull.failure(motors, joints)
+        if reason:
+            which = "The posture" if len(pulls) == 1 else f"Posture {number} of {len(pulls)}"
+            return f"{which} cannot be held by the map as learned: {reason}."
+    return ""

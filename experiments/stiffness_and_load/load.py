@@ -10,7 +10,6 @@ from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 
 from jmm_agent.agent import Agent
@@ -18,29 +17,7 @@ from jmm_agent.types import Floats
 from kengoro.robots import NO_END
 from kengoro.session import CLOSED, Session
 from kengoro.visits import errors, no_visits, visit
-from kengoro_env.departures import actual
-from kengoro_env.robot.draft import Draft
-
-RADIUS = 0.01
-"""Radius of the ball, which collides with nothing [m]."""
-
-
-class Payload:
-    """A departure: a ball at the grip.
-
-    Args:
-        mass: of the ball [kg].
-    """
-
-    def __init__(self, mass: float) -> None:
-        self.mass = mass
-
-    def edit(self, draft: Draft) -> None:
-        """Add the ball to the body that has the site of the grip."""
-        [(hand, grip)] = [(b, s) for b in draft.spec.bodies for s in b.sites if s.name == "grip"]
-        ball, kind = hand.add_body(name="payload", pos=grip.pos), mujoco.mjtGeom.mjGEOM_SPHERE
-        size = [RADIUS, 0.0, 0.0]
-        ball.add_geom(type=kind, size=size, mass=self.mass, contype=0, conaffinity=0)
+from kengoro_env.departures import Payload, actual
 
 
 def carried(
@@ -55,12 +32,12 @@ def carried(
         mass: of the load [kg]; 0: an empty hand, which the agent believes to be full.
         move: duration of a movement [s].
         settle: time to come to rest [s].
-        known: number of postures after which the mass is told and errors count.
+        known: number of postures after which the mass is noted and errors count.
 
     Returns:
         Estimated mass and standard deviation [kg] after these postures; errors at the others.
     """
-    departures = (*actual(seed), Payload(mass)) if mass else actual(seed)
+    departures = (*actual(seed), Payload(mass))
     options: dict[str, Any] = {"camera": False, "max_episode_steps": NO_END}
     env = gym.make("Kengoro/Posture-v0", departures=departures, **options)
     start = {"posture": postures[0], "target": postures[0]}

@@ -222,7 +222,7 @@ class HeatMonitor:
         Args:
             needed: tensions that hold them (K, m) [N].
         """
-        return self.too_hot(np.max(needed, axis=0)) if len(needed) else ""
+        return self.too_hot(np.max(needed, axis=0))
 
     def too_hot(self, wanted: Floats | None = None) -> str:
         """Which muscles heat limits, in one sentence; empty if it limits none.

@@ -181,7 +181,7 @@ class RestFitter:
             problem = self._problem(memory, observations, elongated, balance, widths)
             options = self._options.observations
             fit = fit_rests(problem, unknown, self._limits, options, len(start), None)
-            return fit.log_evidence
+            return problem.log_evidence(fit.unknown)
 
         small = PriorWidths(*(SMALL_ERRORS * np.array(usual)).tolist())
         others = evidence(usual) + ZERO_EVIDENCE, evidence(small)

@@ -107,7 +107,6 @@ class VisionUpdater:
         """Posture at which the lengths were zeroed (n,) [rad]; None while it is unknown."""
         return self._rests.zero
 
-    @property
     def balanced_rests(self) -> tuple[Floats, Floats]:
         """Joint angles (K, n) [rad] and tensions (K, m) [N] of the rests that were learned from."""
         seen = zip(self._angles, self._observations, strict=True)

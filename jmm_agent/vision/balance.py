@@ -39,6 +39,10 @@ SAME = 1e-5
 class Loads(Protocol):
     """Torques that a nominal model needs to hold a posture, such as `kengoro_env`'s nominal arm."""
 
+    @property
+    def acceleration(self) -> Floats:
+        """Acceleration of gravity in the world's axes (3,) [m/s^2]."""
+
     def gravity(self, posture: Floats) -> Floats:
         """Torques of gravity and springs on the joints (n,) [N m].
 
@@ -244,13 +248,20 @@ class Balance:
 
     def _slopes(self, angles: Floats, tensions: Floats) -> Floats:
         """How the rows change with the angles (K, n, n) [N m/rad]; moment arms' errors do not."""
-        moves = DIFFERENCE * np.eye(angles.shape[1])
-        changes = [
-            [self._loads.gravity(q + move) - self._loads.gravity(q - move) for move in moves]
-            for q in angles
-        ]
-        loads = np.array(changes).transpose(0, 2, 1) / (2.0 * DIFFERENCE)
+        loads = np.array([load_slope(self._loads, q) for q in angles])
         return self._map.torque_slope(angles, tensions) - loads
+
+
+def load_slope(loads: Loads, q: Floats) -> Floats:
+    """How the loads change with the joint angles (n, n) [N m/rad].
+
+    Args:
+        loads: torques of the nominal model.
+        q: joint angles (n,) [rad].
+    """
+    moves = DIFFERENCE * np.eye(len(q))
+    changes = [loads.gravity(q + move) - loads.gravity(q - move) for move in moves]
+    return np.array(changes).T / (2.0 * DIFFERENCE)
 
 
 def _information(rows: _Rows, weight: Floats) -> Floats:

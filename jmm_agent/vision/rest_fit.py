@@ -60,8 +60,6 @@ class RestFit(NamedTuple):
         zero: posture at which the lengths were zeroed (n,) [rad].
         widths: of the map's error, by the lengths at these angles.
         scale: loads over the torques of the tensions, see `Balance.scale`; NaN without a balance.
-        log_evidence: logarithm of the probability of all that was measured, but for a constant,
-            by Laplace's method.
     """
 
     observed: ObservationFit
@@ -69,7 +67,11 @@ class RestFit(NamedTuple):
     zero: Floats
     widths: PriorWidths
     scale: float
-    log_evidence: float
+
+    @property
+    def unknown(self) -> Floats:
+        """All angles that were fitted (K + R + 1, n) [rad], as `RestProblem` takes them."""
+        return np.vstack([self.observed.angles, self.rests, self.zero])
 
 
 class RestProblem:
@@ -239,5 +241,5 @@ def fit_rests(
     norms = problem.weights.norms(end.residuals)
     seen = ObservationFit(end.angles[:observed], converged, norms)
     widths = problem.widths if usual is None else problem.likeliest_widths(end.angles, usual)
-    more = problem.scale(end.angles), problem.log_evidence(end.angles)
-    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, *more)
+    scale = problem.scale(end.angles)
+    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, scale)

@@ -31,6 +31,7 @@ a number that no other departure has. To make a departure part of every ``actual
 
 from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
 from kengoro_env.departures.heat import HeatingMotors
+from kengoro_env.departures.payload import Payload
 from kengoro_env.departures.presets import actual, drawing
 from kengoro_env.departures.sensors import (
     CameraError,
@@ -51,6 +52,7 @@ __all__ = [
     "FrameDelay",
     "HeatingMotors",
     "MotorInertia",
+    "Payload",
     "TendonStretch",
     "TensionSensorError",
     "ZeroPosture",

@@ -138,6 +138,11 @@ class NominalArm:
         self._data.qpos[self._position] = posture
         return self._jacobian(self._data.qpos.copy())[:, self._velocity]
 
+    @property
+    def acceleration(self) -> Floats:
+        """Acceleration of gravity in the world's axes (3,) [m/s^2]."""
+        return np.array(self.model.opt.gravity)
+
     def gravity(self, posture: Floats) -> Floats:
         """Torques of gravity on the joints (n,) [N m] at a posture (n,) [rad].
 

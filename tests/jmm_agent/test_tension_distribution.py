@@ -12,6 +12,7 @@ from jmm_agent.tension_distribution import (
     TensionDistribution,
     TensionOptions,
     distribute,
+    not_balanced,
 )
 from jmm_agent.types import Floats
 from tests.jmm_agent.small_map import JOINTS, make_map, postures
@@ -71,7 +72,7 @@ def test_a_load_beyond_the_muscles_leaves_the_least_torque_missing_and_names_the
     least = lsq_linear(THREE.T, torque, (30.0, 500.0), "bvls").x
     np.testing.assert_allclose(found.missing, torque - THREE.T @ least, atol=0.05)
     assert found.tensions.max() <= 500.0
-    sentence = found.failure(THREE, MOTORS, ("shoulder", "elbow"))
+    sentence = found.failure(MOTORS, ("shoulder", "elbow"))
     assert "T_bias = 30 N to 500 N balances joint 'elbow', where" in sentence
     assert sentence.endswith("N m are missing")
 
@@ -80,9 +81,9 @@ def test_a_joint_without_a_muscle_on_one_side_is_named_only_if_the_load_needs_it
     arms = np.array([[0.03, 0.0], [-0.03, 0.0], [0.0, 0.02]])
     low = np.full(3, 30.0)
     held = distribute(arms, np.array([0.5, 2.0]), low, 500.0)
-    assert held.failure(arms, MOTORS, "ab") == ""
+    assert held.failure(MOTORS, "ab") == ""
     fallen = distribute(arms, np.array([0.5, -2.0]), low, 500.0)
-    assert "joint 'b', where 2.6 N m are missing" in fallen.failure(arms, MOTORS, "ab")
+    assert "joint 'b', where 2.6 N m are missing" in fallen.failure(MOTORS, "ab")
     np.testing.assert_allclose(fallen.tensions[:2], held.tensions[:2], atol=0.01)
 
 
@@ -140,17 +141,17 @@ def test_moment_arms_are_those_of_the_map_as_learned() -> None:
         expected = Weight().gravity(q) - found.tensions @ jmm.jacobian(q)
         np.testing.assert_allclose(found.missing, expected, atol=1e-12)
     heavy = TensionDistribution(Weight(1e4), TensionOptions())
-    points = np.array([q, q])
-    sentence = heavy.not_balanced(jmm, MOTORS, points)
+    pulls = [heavy.at(jmm, MOTORS, q)] * 2
+    sentence = not_balanced(pulls, JOINTS, MOTORS)
     assert sentence.startswith("Posture 0 of 2 cannot be held by the map as learned: no pull of")
     assert any(repr(joint) in sentence for joint in JOINTS)
-    assert heavy.not_balanced(jmm, MOTORS, points[:1]).startswith("The posture cannot be held")
+    assert not_balanced(pulls[:1], JOINTS, MOTORS).startswith("The posture cannot be held")
 
 
 def test_the_slope_is_how_torques_of_constant_tensions_change() -> None:
     distribution, jmm = TensionDistribution(Weight(3.0), TensionOptions()), make_map()
     q, tensions = postures(1)[0], np.array([10.0, 50.0, 30.0, 80.0, 20.0])
-    slope = distribution.slope(jmm, q, tensions, 1e-4)
+    slope = distribution.slope(jmm, q, tensions)
 
     def torque(at: Floats) -> Floats:
         return tensions @ jmm.jacobian(at) - Weight(3.0).gravity(at)

@@ -5,17 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 
-import kengoro_env  # noqa: F401  # registers the environments
-from jmm_agent.hand_load import GRAVITY, LoadedHand
+from jmm_agent.hand_load import LoadedHand
 from jmm_agent.types import Floats
 from kengoro import Session, make_agent
 from kengoro.robots import shuffled_postures
 from kengoro.session import CLOSED, OPEN
-from kengoro_env.robot.draft import Draft
+from kengoro_env.departures import Payload
 
 
 @pytest.fixture
@@ -23,23 +21,9 @@ def maps(request: pytest.FixtureRequest) -> Path:
     return Path(request.config.cache.mkdir("maps"))
 
 
-class Payload:
-    """A ball of some mass at the grip."""
-
-    def __init__(self, mass: float) -> None:
-        self.mass = mass
-
-    def edit(self, draft: Draft) -> None:
-        [(body, site)] = [(b, s) for b in draft.spec.bodies for s in b.sites if s.name == "grip"]
-        ball = body.add_body(name="payload", pos=site.pos)
-        size = [0.01, 0.0, 0.0]
-        sphere = mujoco.mjtGeom.mjGEOM_SPHERE
-        ball.add_geom(type=sphere, size=size, mass=self.mass, contype=0, conaffinity=0)
-
-
 def holding(mass: float, maps: Path, postures: Floats) -> Session:
     """Session of the nominal robot that closes its hand about a mass [kg] and moves."""
-    departures = (Payload(mass),) if mass else ()
+    departures = (Payload(mass),)
     env = gym.make(
         "Kengoro/Posture-v0", departures=departures, camera=False, max_episode_steps=5000
     )
@@ -85,6 +69,6 @@ def test_the_weight_is_the_slope_of_the_height(maps: Path) -> None:
         for step in 1e-5 * np.eye(len(q))
     ]
     slope = np.diff(heights, axis=1)[:, 0] / -2e-5
-    np.testing.assert_allclose(hand.weight(q), -GRAVITY * slope, atol=1e-6)
+    np.testing.assert_allclose(hand.weight(q), -9.81 * slope, atol=1e-6)
     more = hand.gravity(q) - agent.hand_load._empty.gravity(q)
     np.testing.assert_allclose(more, 2.0 * hand.weight(q), atol=1e-12)

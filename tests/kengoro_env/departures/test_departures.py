@@ -22,6 +22,7 @@ from kengoro_env.departures import (
     FrameDelay,
     HeatingMotors,
     MotorInertia,
+    Payload,
     TendonStretch,
     TensionSensorError,
     ZeroPosture,
@@ -62,6 +63,7 @@ CASES = {
     "FrameDelay": Case(lambda p: FrameDelay(delay=p), 0.1, 1e-6),
     "HeatingMotors": Case(lambda p: HeatingMotors(heat=p, seed=1), 4e-4, 1e-9),
     "MotorInertia": Case(lambda p: MotorInertia(inertia=p), 3.0, 1e-3),
+    "Payload": Case(lambda p: Payload(mass=p), 1.0, 1e-4),
     "TensionSensorError": Case(lambda p: TensionSensorError(noise=p, offset=p, seed=1), 3.0, 1e-3),
     "TendonStretch": Case(
         lambda p: TendonStretch(compliance=p, hardening=4e6),
@@ -73,7 +75,7 @@ CASES = {
         lambda p: ZeroPosture(shoulder=p, scapula=p, forearm=p, neck=p, seed=1), 0.3, 1e-5
     ),
 }
-NOT_IN_PRESET = {"Elongation", "HeatingMotors"}
+NOT_IN_PRESET = {"Elongation", "HeatingMotors", "Payload"}
 """Departures that `actual(seed)` has not."""
 MOVING = [name for name in CASES if name != "HeatingMotors"]
 """Departures that change the motion; heat does not."""
@@ -247,3 +249,28 @@ def test_the_preset_holds_every_departure_but_those_left_out() -> None:
     assert kinds == set(CASES) - NOT_IN_PRESET
     assert actual(5) == actual(5)
     assert actual(5) != actual(6)
+
+
+def test_a_payload_weighs_where_it_is() -> None:
+    q = START
+    with_ball = Robot(ARM, (Payload(0.7),))
+    weights = {}
+    for chosen in ((), (Payload(0.7),)):
+        model = Robot(ARM, chosen).model
+        weights[bool(chosen)] = model.body_mass.sum()
+    assert weights[True] - weights[False] == pytest.approx(0.7)
+    with_ball.reset(q, np.random.default_rng(0))
+    grip = with_ball.data.site("grip").xpos
+    ball = with_ball.data.xpos[np.isclose(with_ball.model.body_mass, 0.7)]
+    assert np.linalg.norm(ball - grip, axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("mass", [-0.1, np.nan, np.inf])
+def test_a_payload_needs_a_mass(mass: float) -> None:
+    with pytest.raises(KengoroError, match=r"mass is .* kg, but must be finite"):
+        Payload(mass)
+
+
+def test_a_payload_needs_a_site_of_the_robot() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown site 'palm'; known: .*grip"):
+        Robot(ARM, (Payload(0.5, "palm"),))
