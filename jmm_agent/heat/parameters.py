@@ -25,7 +25,7 @@ UNITS = ("W/N^2", "J/K", "J/K", "K/W", "K/W")
 class ThermalParameters:
     """Two thermal capacities, two thermal resistances, and the heat of a motor.
 
-    The resistances and time constants are those of the data sheet of a maxon RE 40 (150 W): 1.93
+    The resistances and time constants are those of a data sheet of a motor of 150 W: 1.93
     and 4.65 K/W; winding 41.5 s, motor 809 s. The heat is chosen so that a motor can hold about
     130 N forever, with 75 degC in its core.
 

@@ -19,7 +19,7 @@ class HeatingMotors:
 
     The observation then has ``temperatures`` (m,) [degC], and ``info`` has ``core_temperatures``
     and ``housing_temperatures`` (m,) [degC]. `MotorHeat` has the equations. Resistances and time
-    constants are those of the data sheet of a maxon RE 40 (150 W): 1.93 and 4.65 K/W; winding
+    constants are those of a data sheet of a motor of 150 W: 1.93 and 4.65 K/W; winding
     41.5 s, motor 809 s. With a heat of 4e-4 W/N^2 a motor holds about 130 N forever, with 75 degC
     in its core.
 

@@ -116,3 +116,34 @@ def test_commands_move_to_another_map_and_its_tensions_at_a_limited_speed(period
     assert speed <= rate * (1.0 + 1e-6)
     expected = second.lengths(POINTS[0]) - (exact(second, POINTS[0]) - 30.0) / 20_000.0
     np.testing.assert_allclose(commands[-1], expected, atol=1e-12)
+
+
+def test_other_loads_give_other_tensions_at_rest() -> None:
+    jmm, pull = make_map(), forward()
+    before = pull.tensions(jmm, MOTORS, TRAJECTORY, 8.0)
+    pull.distribution.loads = Weight(0.3)
+    after = pull.tensions(jmm, MOTORS, TRAJECTORY, 8.0)
+    heavy = TensionDistribution(Weight(0.3), TensionOptions()).at(jmm, MOTORS, POINTS[-1])
+    np.testing.assert_allclose(after, heavy.tensions, rtol=1e-9)
+    assert np.abs(after - before).max() > 1.0
+
+
+def test_commands_move_to_other_loads_at_a_limited_rate() -> None:
+    jmm, pull, rate, period = make_map(), forward(), 0.01, 0.02
+    commander = Commander(jmm, POINTS[0], LIMITS, rate, pull)
+    commander.start(POINTS[0], 0.0, jmm.lengths(POINTS[0]))
+    commands = []
+    for step in range(200):
+        if step == 100:
+            pull.distribution.loads = Weight(3.0)
+        passed = commander.advance(step * period)
+        commander.target_lengths = commander.command(
+            jmm, None, jmm.lengths(POINTS[0]), passed, MOTORS
+        )
+        commands.append(commander.target_lengths)
+    changes = np.abs(np.diff(commands, axis=0)).max(axis=1)
+    assert changes.max() <= 1.01 * rate * period
+    heavy = TensionDistribution(Weight(3.0), TensionOptions()).at(jmm, MOTORS, POINTS[0])
+    end = jmm.lengths(POINTS[0]) - stretch(jmm, MOTORS, heavy.tensions)
+    np.testing.assert_allclose(commands[-1], end, atol=1e-9)
+    assert np.abs(commands[-1] - commands[50]).max() > 5.0 * rate * period

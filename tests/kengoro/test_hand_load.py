@@ -8,12 +8,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from jmm_agent import AgentOptions
 from jmm_agent.hand_load import LoadedHand
 from jmm_agent.types import Floats
 from kengoro import Session, make_agent
 from kengoro.robots import shuffled_postures
 from kengoro.session import CLOSED, OPEN
 from kengoro_env.departures import Payload
+from kengoro_env.robot.nominal_model import NominalArm
+from tests.kengoro.test_set_stiffness import TWO_JOINTS
 
 
 @pytest.fixture
@@ -72,3 +75,22 @@ def test_the_weight_is_the_slope_of_the_height(maps: Path) -> None:
     np.testing.assert_allclose(hand.weight(q), -9.81 * slope, atol=1e-6)
     more = hand.gravity(q) - agent.hand_load._empty.gravity(q)
     np.testing.assert_allclose(more, 2.0 * hand.weight(q), atol=1e-12)
+
+
+@pytest.mark.parametrize("gravity", ["0 0 -9.81", "-6 0 -7", "0 0 0"])
+def test_the_weight_is_that_of_the_model_with_the_load(
+    gravity: str, maps: Path, tmp_path: Path
+) -> None:
+    """A robot of two joints, which may be mounted on a wall; MuJoCo says what the load adds."""
+    scene, loaded = tmp_path / "arm.xml", tmp_path / "loaded.xml"
+    text = TWO_JOINTS.replace("<worldbody>", f'<option gravity="{gravity}"/><worldbody>')
+    scene.write_text(text)
+    site = '<site name="marker_hand" pos="0.15 0 0"/>'
+    ball = '<body pos="0.15 0 0"><geom type="sphere" size="0.01" mass="0.3"/></body>'
+    loaded.write_text(text.replace(site, site + ball))
+    agent = make_agent(scene=scene, cache=maps, options=AgentOptions(camera=""))
+    assert agent.hand_load is not None
+    empty, full = NominalArm(scene), NominalArm(loaded)
+    hand = LoadedHand(empty, agent.kinematics, "marker_hand", 0.3)
+    for q in np.array([[0.0, 0.0], [0.4, -0.3], [-0.5, 0.6]]):
+        np.testing.assert_allclose(hand.gravity(q), full.gravity(q), atol=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ from jmm_agent import (
     Agent,
     AgentOptions,
     CommandLimits,
+    HeatOptions,
     JointMuscleMap,
     MotorControl,
+    MuscleOrder,
     RecordedAgent,
     SensorReadings,
 )
@@ -213,3 +216,36 @@ def test_a_small_soft_robot_holds_its_posture_and_names_what_it_cannot_hold(
     heavy.go(target, 0.5)
     assert heavy.unreachable.startswith("The posture cannot be held by the map as learned: no pull")
     assert any(repr(joint) in heavy.unreachable for joint in arm.joints)
+
+
+def test_heat_limits_tensions_of_motors_with_another_stiffness(
+    nominal_map: JointMuscleMap,
+) -> None:
+    agent = make_agent(2, jmm=nominal_map, options=replace(OPTIONS, heat=HeatOptions()))
+    lengths = nominal_map.lengths(POSTURE)
+    agent.set_stiffness(3_000.0)
+    tensions, bias, warm = np.full(36, 40.0), 30.0, np.full(36, 45.0)
+    for step in range(400):
+        agent.step(SensorReadings(0.02 * step, lengths, tensions, temperatures=warm))
+    assert agent.heat is not None
+    limits = agent.heat.tension_limits()
+    assert (limits > 2.0 * bias).all()
+    command = agent.heat.limit(lengths - 1.0, lengths)
+    np.testing.assert_allclose(bias + 3_000.0 * (lengths - command), limits, rtol=1e-9)
+
+
+def test_motors_get_their_stiffness_in_the_order_of_the_robot(
+    nominal_map: JointMuscleMap,
+) -> None:
+    agent, count = make_agent(2, jmm=nominal_map, options=OPTIONS), len(nominal_map.muscles)
+    channels, ones = np.roll(np.arange(count), 1), np.ones(count)
+    parts = [channels, channels, channels, ones, ones, ones]
+    agent.order = MuscleOrder(nominal_map.muscles, count, *parts)
+    wanted = np.linspace(5_000.0, 30_000.0, count)
+    agent.set_stiffness(wanted)
+    lengths = np.empty(count)
+    lengths[channels] = nominal_map.lengths(POSTURE)
+    for step in range(400):
+        agent.step(SensorReadings(0.02 * step, lengths, np.full(count, 40.0)))
+    assert agent.stiffness is not None
+    np.testing.assert_allclose(agent.stiffness[channels], wanted)

@@ -70,3 +70,16 @@ def test_own_lengths_are_the_drawings_where_nothing_departs_from_it(world: World
     assert map_error_mm(world.map, OTHERS, nominal + 0.010) == pytest.approx(10.0, abs=0.5)
     own = evaluator(world, ACTUAL).own_lengths(OTHERS)
     assert map_error_mm(world.map, OTHERS, own) > 5.0
+
+
+def test_commands_that_pull_with_balancing_tensions_do_not_sag(
+    world: World, detector: VisionUpdater
+) -> None:
+    sagging, holding = (
+        errors(
+            Evaluator(world, NOMINAL, SEED, 1.0, 1.0, pulls).evaluate(world.map, POSTURES, detector)
+        )
+        for pulls in (False, True)
+    )
+    assert holding["target_true_deg"] < 0.3 * sagging["target_true_deg"]
+    assert holding["target_true_mm"] < 0.3 * sagging["target_true_mm"]

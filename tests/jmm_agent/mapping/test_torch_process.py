@@ -34,7 +34,7 @@ print("torch" in sys.modules)
 
 
 def runs(process: int) -> bool:
-    """Whether a process has not ended; one that nobody waited for has."""
+    """Whether a process runs; a zombie does not."""
     try:
         os.kill(process, 0)
         state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]

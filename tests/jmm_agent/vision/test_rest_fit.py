@@ -355,20 +355,31 @@ def test_a_change_of_all_lengths_is_no_reason_to_widen_the_prior() -> None:
     np.testing.assert_array_equal(vision.elongated.sum(axis=0), np.full(5, 7.0))
 
 
-@pytest.mark.parametrize(("zero", "exact"), [(np.zeros(4), True), (ZERO, False)])
+@pytest.mark.parametrize(
+    ("zero", "offset", "shape", "rests", "exact"),
+    [
+        pytest.param(0.0, 1.0, 1.0, 8, True, id="usual errors, zeroed exactly"),
+        pytest.param(0.0, 1.0, 6.0, 8, True, id="a shape that is far off"),
+        pytest.param(0.0, 1.0, 1.0, 14, True, id="still so when it is no longer asked"),
+        pytest.param(1.0, 1.0, 1.0, 8, False, id="zeroed elsewhere"),
+        pytest.param(0.15, 0.2, 0.2, 8, False, id="all errors are small"),
+    ],
+)
+@pytest.mark.parametrize("seed", [1, 2])
 def test_the_first_rests_decide_whether_the_lengths_were_zeroed_exactly(
-    zero: Floats, exact: bool
+    zero: float, offset: float, shape: float, rests: int, exact: bool, seed: int
 ) -> None:
-    """Its lengths have errors as large as usual, beside those of the zero posture."""
-    size, rng, layers = 0.0005, np.random.default_rng(7), {}
+    """Errors of lengths in units of the usual ones, and the share of `ZERO`."""
+    size, rng, layers = 0.0005, np.random.default_rng(seed), {}
     vision = updater(widths=PriorOptions(zeroed_offset=size, zeroed_shape=size))
-    prior = MapPrior(make_map(0), postures(100, 8), PriorOptions(offset=size, shape=size))
+    errors = PriorOptions(offset=offset * size, shape=shape * size)
+    prior = MapPrior(make_map(0), postures(100, 8), errors)
     for rank, group in enumerate(prior.map.groups):
         change = rng.standard_normal((1 + group.b1.size, group.b2.size)) / METRES
         layers[group.name] = prior._layer(rank, group, change)
     other = prior.map.with_output_layers(layers)
-    for q in postures(8, 4):
-        lengths = other.lengths(q) - other.lengths(zero)
+    for q in postures(rests, 4):
+        lengths = other.lengths(q) - other.lengths(zero * ZERO)
         vision.seen(picture(q), q + 0.05, lengths, lengths, tensions_at(q))
     widths = vision.memory.rests.widths
     assert widths is not None
