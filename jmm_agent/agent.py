@@ -644,7 +644,7 @@ class Agent:
             return
         if self.hand_is_free and load.rests:
             load.clear()
-        elif not self.hand_is_free and not self.guard.faults:
+        elif not (self.hand_is_free or self.guard.faults) and self.vision.tensions_are_believed:
             lengths, tensions = readings.lengths, readings.tensions
             load.update(
                 readings.time, lengths, tensions, self.estimator.q, self.vision.balanced_rests

@@ -235,11 +235,11 @@ class HeatMonitor:
         cut = self.limited if wanted is None else wanted > limits
         if not cut.any():
             return ""
-        parts = [self._reason(int(index), limits) for index in np.flatnonzero(cut)]
+        core = self.core
+        parts = [self._reason(int(index), limits, core) for index in np.flatnonzero(cut)]
         return f"Too hot: {'; '.join(parts)}."
 
-    def _reason(self, index: int, limits: Floats) -> str:
-        core = self.core
+    def _reason(self, index: int, limits: Floats, core: CoreTemperatures) -> str:
         return (
             f"muscle {self._muscles[index]!r} may pull {limits[index]:.0f} N (core "
             f"{core.mean[index]:.0f} degC, at most {core.high[index]:.0f} of "
@@ -387,11 +387,13 @@ class HeatMonitor:
 
     def _name_cut(self, cut: Bools, limits: Floats) -> None:
         """Name muscles whose commands are cut, and forget those that are not any more."""
-        for index in np.flatnonzero(cut):
-            if (HEAT_LIMITED, int(index)) not in self._named:
-                detail = self._reason(int(index), limits)
+        new = [int(i) for i in np.flatnonzero(cut) if (HEAT_LIMITED, int(i)) not in self._named]
+        if new:
+            core = self.core
+            for index in new:
+                detail = self._reason(index, limits, core)
                 fault = Fault(HEAT_LIMITED, self._muscles[index], self._time, detail)
-                self._named[HEAT_LIMITED, int(index)] = fault
+                self._named[HEAT_LIMITED, index] = fault
                 _log.warning("Limited by heat: %s.", detail)
         self._cut_at[cut] = self._time
         for kind, known in list(self._named):

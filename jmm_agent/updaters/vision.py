@@ -107,6 +107,11 @@ class VisionUpdater:
         """Posture at which the lengths were zeroed (n,) [rad]; None while it is unknown."""
         return self._rests.zero
 
+    @property
+    def tensions_are_believed(self) -> bool:
+        """Whether tensions may be those of the loads, as in the model's units."""
+        return self._rests.unbalanced is None
+
     def balanced_rests(self) -> tuple[Floats, Floats]:
         """Joint angles (K, n) [rad] and tensions (K, m) [N] of the rests that were learned from."""
         seen = zip(self._angles, self._observations, strict=True)

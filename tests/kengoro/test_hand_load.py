@@ -62,6 +62,18 @@ def test_the_mass_of_a_load_is_estimated_and_held(mass: float, maps: Path) -> No
     assert (load.mass, load.std) == (0.0, np.inf)
 
 
+def test_no_mass_follows_from_tensions_that_are_not_believed(maps: Path) -> None:
+    """As in another unit: the Vision Updater has named them wrong."""
+    session = holding(1.0, maps, shuffled_postures(3)[:1])
+    vision = session.agent.vision
+    rests = vision.memory.rests._replace(unbalanced=9.8)
+    vision.memory = vision.memory._replace(rests=rests)
+    session.agent.go(shuffled_postures(3)[1], 1.5)
+    session.wait(3.0)
+    assert session.agent.hand_load is not None
+    assert (session.agent.hand_load.mass, session.agent.hand_load.rests) == (0.0, 0)
+
+
 def test_the_weight_is_the_slope_of_the_height(maps: Path) -> None:
     agent = make_agent(0, cache=maps)
     assert agent.hand_load is not None
