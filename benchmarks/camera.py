@@ -27,7 +27,7 @@ from rich.table import Table
 from benchmarks.marker_pose import OPENCV_IN_MUJOCO, SIDE, Tally
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerDetector
-from kengoro_env.departures.sensors import EYE
+from kengoro_env.departures.camera import EYE
 from kengoro_env.env import KengoroEnv
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot

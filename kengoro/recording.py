@@ -18,7 +18,7 @@ from kengoro.robots import CAMERA, HAND, NO_END, SIDES, make_env
 from kengoro.study_model import MARKER
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
-from kengoro_env.departures.sensors import EYE
+from kengoro_env.departures.camera import EYE
 from kengoro_env.env import KengoroEnv
 from kengoro_env.names import JOINTS
 from kengoro_env.robot.control_period import CONTROL_PERIOD

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from kengoro_env.departures.sensors import EYE
+from kengoro_env.departures.camera import EYE
 from kengoro_env.robot.draft import Draft
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.model_file import load_spec

@@ -29,17 +29,12 @@ a number that no other departure has. To make a departure part of every ``actual
 ``presets.py``; this changes all results.
 """
 
+from kengoro_env.departures.camera import CameraError, FrameDelay
 from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
 from kengoro_env.departures.heat import HeatingMotors
 from kengoro_env.departures.payload import Payload
 from kengoro_env.departures.presets import actual, drawing
-from kengoro_env.departures.sensors import (
-    CameraError,
-    EncoderError,
-    FrameDelay,
-    TensionSensorError,
-    ZeroPosture,
-)
+from kengoro_env.departures.sensors import EncoderError, TensionSensorError, ZeroPosture
 from kengoro_env.departures.tendons import DryFriction, Elongation, MotorInertia, TendonStretch
 
 __all__ = [

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from math import radians
 
+from kengoro_env.departures.camera import CameraError, FrameDelay
 from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
-from kengoro_env.departures.sensors import (
-    CameraError,
-    EncoderError,
-    FrameDelay,
-    TensionSensorError,
-    ZeroPosture,
-)
+from kengoro_env.departures.sensors import EncoderError, TensionSensorError, ZeroPosture
 from kengoro_env.departures.tendons import DryFriction, MotorInertia, TendonStretch
 from kengoro_env.robot.draft import Departure
 

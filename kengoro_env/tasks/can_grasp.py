@@ -16,7 +16,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from kengoro_env.departures.sensors import EYE
+from kengoro_env.departures.camera import EYE
 from kengoro_env.errors import ArgumentError
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.robot import Robot

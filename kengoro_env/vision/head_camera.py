@@ -6,7 +6,7 @@ from collections import deque
 
 import mujoco
 
-from kengoro_env.departures.sensors import EYE
+from kengoro_env.departures.camera import EYE
 from kengoro_env.robot.body import INSTANT
 from kengoro_env.vision.rendering import Image, Painter
 
