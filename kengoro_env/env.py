@@ -29,6 +29,7 @@ from kengoro_env.tasks.posture import posture_task
 from kengoro_env.tasks.task import Task
 from kengoro_env.types import Floats
 from kengoro_env.vision.head_camera import HeadCamera
+from kengoro_env.vision.lens import camera_painter
 from kengoro_env.vision.rendering import COARSE, HEIGHT, WIDTH, Image, Painter, open_window
 
 TASKS: dict[str, Callable[[], Task]] = {
@@ -127,8 +128,12 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         if camera and not self.task.has_camera:
             raise ArgumentError(f"the task {task!r} has no camera: leave camera out or False")
         if self.task.has_camera and camera is not False:
-            painter = Painter(robot.model, quality=COARSE)
-            self._camera = HeadCamera(painter, robot.frame_delay, tendons=True)
+            self._camera = HeadCamera(
+                camera_painter(robot.model, robot.lens, COARSE),
+                robot.frame_delay,
+                tendons=True,
+                times=robot.frame_times,
+            )
         self.bounds = length_bounds(self.task.scene)
         self._entries = (*robot.muscles, "fingers") if self.task.fingers else robot.muscles
         self._action_shape = (len(self._entries),)

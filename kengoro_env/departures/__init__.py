@@ -29,7 +29,13 @@ a number that no other departure has. To make a departure part of every ``actual
 ``presets.py``; this changes all results.
 """
 
-from kengoro_env.departures.camera import CameraError, FrameDelay
+from kengoro_env.departures.bodies import BoneError, MarkerError
+from kengoro_env.departures.camera import (
+    CameraError,
+    FrameDelay,
+    FrameTimeError,
+    LensDistortion,
+)
 from kengoro_env.departures.geometry import AttachmentDisplacement, BoneWrapping
 from kengoro_env.departures.heat import HeatingMotors
 from kengoro_env.departures.payload import Payload
@@ -39,13 +45,17 @@ from kengoro_env.departures.tendons import DryFriction, Elongation, MotorInertia
 
 __all__ = [
     "AttachmentDisplacement",
+    "BoneError",
     "BoneWrapping",
     "CameraError",
     "DryFriction",
     "Elongation",
     "EncoderError",
     "FrameDelay",
+    "FrameTimeError",
     "HeatingMotors",
+    "LensDistortion",
+    "MarkerError",
     "MotorInertia",
     "Payload",
     "TendonStretch",

@@ -1,13 +1,14 @@
-"""Departures of the camera: mounting, focal length, and the delay of its frames."""
+"""Departures of the camera: mounting, focal length, lens, and times of its frames."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import mujoco
 import numpy as np
 
-from kengoro_env.robot.draft import Draft
+from kengoro_env.errors import ArgumentError
+from kengoro_env.robot.draft import Draft, FrameTimes
 
 EYE = "eye"
 """Name of the camera in the head."""
@@ -64,6 +65,30 @@ def orientation_of(camera: mujoco.MjsCamera) -> np.ndarray:
 
 
 @dataclass(frozen=True)
+class LensDistortion:
+    """The lens distorts the frames, as `cv2.projectPoints` defines it (ROS: plumb_bob).
+
+    Attributes:
+        k1: radial coefficient of the second power [1]; negative for a barrel.
+        k2: radial coefficient of the fourth power [1].
+        p1: tangential coefficient [1].
+        p2: tangential coefficient [1].
+        k3: radial coefficient of the sixth power [1].
+    """
+
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+
+    def edit(self, draft: Draft) -> None:
+        """Write the coefficients into the sensor errors."""
+        if any(astuple(self)):
+            draft.sensor_errors.lens = astuple(self)
+
+
+@dataclass(frozen=True)
 class FrameDelay:
     """Delay of the camera's frames.
 
@@ -77,3 +102,34 @@ class FrameDelay:
         """Write the delay into the sensor errors."""
         if self.delay > 0.0:
             draft.sensor_errors.frame_delay = self.delay
+
+
+@dataclass(frozen=True)
+class FrameTimeError:
+    """The frames' time stamps are not the times of their exposure.
+
+    Attributes:
+        offset: constant error of the stamps [s]; positive: they are late.
+        jitter: standard deviation of each stamp's error [s], clipped at two sigma.
+        drift: how much faster than the robot's the camera's clock runs [1].
+        seed: seed of the jitter.
+
+    Raises:
+        ArgumentError: the jitter is negative.
+    """
+
+    offset: float = 0.0
+    jitter: float = 0.0
+    drift: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.jitter < np.inf:
+            raise ArgumentError(f"FrameTimeError: jitter is {self.jitter} s, valid is 0 or more")
+
+    def edit(self, draft: Draft) -> None:
+        """Write the errors of the stamps into the sensor errors."""
+        if any((self.offset, self.jitter, self.drift)):
+            draft.sensor_errors.frame_times = FrameTimes(
+                self.offset, self.jitter, self.drift, (self.seed, 109)
+            )

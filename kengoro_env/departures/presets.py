@@ -17,7 +17,8 @@ def drawing() -> tuple[Departure, ...]:
 
 
 def actual(seed: int) -> tuple[Departure, ...]:
-    """An actual robot: every kind of departure except `Elongation`, which is an event.
+    """An actual robot: the departures of the table in the docs; see `kengoro_env.departures`
+    for those that it has not.
 
     Args:
         seed: seed of the random parts; seeds below 100 are for tuning, others for reports.

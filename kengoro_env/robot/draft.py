@@ -38,6 +38,23 @@ class TendonSpec:
     wraps: dict[int, tuple[str, str]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class FrameTimes:
+    """Errors of the frames' time stamps.
+
+    Attributes:
+        offset: constant error [s].
+        jitter: standard deviation of each stamp's error [s].
+        drift: how much faster than the robot's the camera's clock runs [1].
+        seed: seed of the jitter.
+    """
+
+    offset: float = 0.0
+    jitter: float = 0.0
+    drift: float = 0.0
+    seed: tuple[int, ...] = (0,)
+
+
 @dataclass
 class SensorErrors:
     """Errors of the sensors, the camera's timing and the zero posture.
@@ -49,6 +66,8 @@ class SensorErrors:
         tension_noise: standard deviation of a tension reading [N].
         tension_offset: offset of the tension sensor by muscle [N].
         frame_delay: age of the newest frame that the agent gets [s].
+        frame_times: errors of the frames' time stamps.
+        lens: distortion of the camera's lens k1, k2, p1, p2, k3 [1]; None: there is none.
         zero_posture: joint angles at which the lengths were zeroed, by joint [rad].
     """
 
@@ -58,6 +77,8 @@ class SensorErrors:
     tension_noise: float = 0.0
     tension_offset: dict[str, float] = field(default_factory=dict)
     frame_delay: float = 0.0
+    frame_times: FrameTimes = FrameTimes()
+    lens: tuple[float, ...] | None = None
     zero_posture: dict[str, float] = field(default_factory=dict)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kengoro_env.errors import DivergedError, UnknownNameError
 from kengoro_env.robot.body import Body
 from kengoro_env.robot.control_period import CONTROL_PERIOD, set_time_step
-from kengoro_env.robot.draft import Departure, Draft
+from kengoro_env.robot.draft import Departure, Draft, FrameTimes
 from kengoro_env.robot.fingers import FINGERS, add_fingers
 from kengoro_env.robot.indexing import index_of
 from kengoro_env.robot.model_file import load_spec
@@ -126,6 +126,16 @@ class Robot(Body):
     def frame_delay(self) -> float:
         """Age of a frame when the agent gets it [s]."""
         return self._sensor_errors.frame_delay
+
+    @property
+    def frame_times(self) -> FrameTimes:
+        """Errors of the frames' time stamps."""
+        return self._sensor_errors.frame_times
+
+    @property
+    def lens(self) -> tuple[float, ...] | None:
+        """Distortion of the camera's lens k1, k2, p1, p2, k3 [1]; None if there is none."""
+        return self._sensor_errors.lens
 
     @property
     def time(self) -> float:

@@ -14,13 +14,17 @@ from kengoro_env import departures
 from kengoro_env.assets import asset_path
 from kengoro_env.departures import (
     AttachmentDisplacement,
+    BoneError,
     BoneWrapping,
     CameraError,
     DryFriction,
     Elongation,
     EncoderError,
     FrameDelay,
+    FrameTimeError,
     HeatingMotors,
+    LensDistortion,
+    MarkerError,
     MotorInertia,
     Payload,
     TendonStretch,
@@ -55,13 +59,19 @@ class Case:
 
 CASES = {
     "AttachmentDisplacement": Case(lambda p: AttachmentDisplacement(sigma=p, seed=1), 4e-3, 2e-6),
+    "BoneError": Case(lambda p: BoneError(position=p, rotation=10 * p, seed=1), 5e-3, 2e-6),
     "BoneWrapping": Case(lambda p: BoneWrapping(scale=p), 1.0, 1e-3),
     "CameraError": Case(lambda p: CameraError(focal=p, position=p, rotation=p, seed=1), 1e-2, 1e-7),
     "DryFriction": Case(lambda p: DryFriction(constant=10 * p, ratio=p), 0.1, 1e-5),
     "Elongation": Case(lambda p: Elongation("biceps", p), 1e-2, 1e-6),
     "EncoderError": Case(lambda p: EncoderError(offset=p, noise=p, quantum=p, seed=1), 1e-3, 1e-6),
     "FrameDelay": Case(lambda p: FrameDelay(delay=p), 0.1, 1e-6),
+    "FrameTimeError": Case(
+        lambda p: FrameTimeError(offset=p, jitter=p, drift=p, seed=1), 0.05, 1e-6
+    ),
     "HeatingMotors": Case(lambda p: HeatingMotors(heat=p, seed=1), 4e-4, 1e-9),
+    "LensDistortion": Case(lambda p: LensDistortion(k1=p, p1=p / 10), -0.2, -1e-6),
+    "MarkerError": Case(lambda p: MarkerError(size=p, position=p, rotation=p, seed=1), 1e-2, 1e-7),
     "MotorInertia": Case(lambda p: MotorInertia(inertia=p), 3.0, 1e-3),
     "Payload": Case(lambda p: Payload(mass=p), 1.0, 1e-4),
     "TensionSensorError": Case(lambda p: TensionSensorError(noise=p, offset=p, seed=1), 3.0, 1e-3),
@@ -75,7 +85,15 @@ CASES = {
         lambda p: ZeroPosture(shoulder=p, scapula=p, forearm=p, neck=p, seed=1), 0.3, 1e-5
     ),
 }
-NOT_IN_PRESET = {"Elongation", "HeatingMotors", "Payload"}
+NOT_IN_PRESET = {
+    "BoneError",
+    "Elongation",
+    "FrameTimeError",
+    "HeatingMotors",
+    "LensDistortion",
+    "MarkerError",
+    "Payload",
+}
 """Departures that `actual(seed)` has not."""
 MOVING = [name for name in CASES if name != "HeatingMotors"]
 """Departures that change the motion; heat does not."""
@@ -102,7 +120,7 @@ def test_null_leaves_the_compiled_model_identical(name: str) -> None:
 
 
 def movement(*chosen: Departure) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Joint angles [rad], lengths [m], tensions [N] of a short movement, and the camera's pose."""
+    """Joint angles [rad], lengths [m], tensions [N] of a short movement, and the view."""
     arm = Robot(ARM, chosen)
     arm.reset(START, np.random.default_rng(0))
     start, goal = NOMINAL.lengths(np.array([START, GOAL]))
@@ -111,8 +129,12 @@ def movement(*chosen: Departure) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
         arm.step(start + min(1.0, step / RAMP) * (goal - start))
         rows.append((arm.joint_angles, arm.measured_lengths(), arm.measured_tensions()))
     joints, lengths, tensions = (np.array(column) for column in zip(*rows, strict=True))
-    eye = arm.model.camera("eye")
-    camera = np.concatenate([eye.pos, eye.quat, eye.fovy, [arm.frame_delay]])
+    eye, plate = arm.model.camera("eye"), arm.model.body("marker_plate")
+    times = arm.frame_times
+    timing = [arm.frame_delay, times.offset, times.jitter, times.drift]
+    marker = [*plate.pos, *plate.quat, *arm.model.geom("marker_plate").size]
+    lens = np.zeros(5) if arm.lens is None else arm.lens
+    camera = np.concatenate([eye.pos, eye.quat, eye.fovy, timing, marker, lens])
     return joints, lengths, tensions, camera
 
 

@@ -1,0 +1,96 @@
+"""Departures of the bodies: bones and joint axes, and the marker on the hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from kengoro_env.names import JOINTS
+from kengoro_env.robot.draft import Draft
+from kengoro_env.types import Floats
+
+PLATE = "marker_plate"
+"""Name of the marker's body, and of its geom."""
+
+
+@dataclass(frozen=True)
+class BoneError:
+    """Bones have other lengths and joints other axes than in the nominal model.
+
+    The paper takes both as right (sec. II-A); a person has measured them on a real robot.
+
+    Attributes:
+        position: standard deviation of a joint's place in the bone before it, along each axis [m],
+            clipped at two sigma.
+        rotation: standard deviation of a joint axis's direction, about each axis [rad].
+        seed: seed of the errors.
+    """
+
+    position: float = 0.0
+    rotation: float = 0.0
+    seed: int = 0
+
+    def edit(self, draft: Draft) -> None:
+        """Move the bodies of the arm's joints, and turn the joints' axes."""
+        if self.position == 0.0 and self.rotation == 0.0:
+            return
+        rng = np.random.default_rng([self.seed, 107])
+        joints = {joint.name: joint for joint in draft.spec.joints}
+        for name in JOINTS:
+            shift = self.position * np.clip(rng.standard_normal(3), -2.0, 2.0)
+            turn = self.rotation * rng.standard_normal(3)
+            if name not in joints:  # the scene has only a part of the arm
+                continue
+            joint = joints[name]
+            if joint.parent.joints[0].name == name:
+                joint.parent.pos = joint.parent.pos + shift
+            if self.rotation > 0.0:
+                joint.axis = turned(joint.axis, turn)
+
+
+@dataclass(frozen=True)
+class MarkerError:
+    """The marker on the hand was printed and mounted otherwise than in the nominal model.
+
+    Attributes:
+        size: standard deviation of the printed side's relative error [1].
+        position: standard deviation of the mounting along each axis [m].
+        rotation: standard deviation of the mounting about each axis [rad].
+        seed: seed of the errors.
+    """
+
+    size: float = 0.0
+    position: float = 0.0
+    rotation: float = 0.0
+    seed: int = 0
+
+    def edit(self, draft: Draft) -> None:
+        """Move the marker's plate and change its size, if the scene has one."""
+        if self.size == 0.0 and self.position == 0.0 and self.rotation == 0.0:
+            return
+        if PLATE not in [body.name for body in draft.spec.bodies]:
+            return
+        rng = np.random.default_rng([self.seed, 108])
+        plate, geom = draft.spec.body(PLATE), draft.spec.geom(PLATE)
+        side = 1.0 + self.size * np.clip(rng.standard_normal(), -3.0, 3.0)
+        geom.size = geom.size * np.array([side, side, 1.0])
+        plate.pos = plate.pos + self.position * rng.standard_normal(3)
+        if self.rotation > 0.0:
+            mounted = draft.spec.copy().compile().body(PLATE).quat
+            vector = self.rotation * rng.standard_normal(3)
+            turn, quaternion = np.zeros(4), np.zeros(4)
+            angle = float(np.linalg.norm(vector))
+            mujoco.mju_axisAngle2Quat(turn, vector / angle, angle)
+            mujoco.mju_mulQuat(quaternion, mounted, turn)
+            plate.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+            plate.quat = quaternion
+
+
+def turned(axis: Floats, vector: Floats) -> Floats:
+    """An axis, turned by a rotation vector [rad]."""
+    angle, quaternion, result = float(np.linalg.norm(vector)), np.zeros(4), np.zeros(3)
+    mujoco.mju_axisAngle2Quat(quaternion, vector / angle, angle)
+    mujoco.mju_rotVecQuat(result, axis, quaternion)
+    return result
