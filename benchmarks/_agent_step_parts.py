@@ -143,3 +143,35 @@ def _add_fits(
         row(f"{count} observations: rests (default)", times_of(rests, 3))
         row("  together", times_of(fit, 3))
         row("  incremental, with elongations", times_of(incremental, 3))
+        _add_forecasts(row, agent, before, observations[:count])
+
+
+def _add_forecasts(
+    row: Callable[[str, list[float]], None],
+    agent: Agent,
+    before: FittedRests,
+    observations: list[MarkerObservation],
+) -> None:
+    """Add the times of what is expected of the newest observation, and of the next one.
+
+    Args:
+        row: adds a row with a title and times [s].
+        agent: whose memory is replaced.
+        before: fit of all observations but the newest.
+        observations: all.
+    """
+    known, forecast = observations[:-1], agent.vision.forecast
+    memory = agent.vision.memory._replace(
+        observations=known,
+        commands=[found.lengths for found in known],
+        sound=[True] * len(known),
+        angles=before.observed.angles,
+        elongated=before.elongated,
+        rests=before.memory,
+    )
+    agent.vision.memory = memory
+    row("  prediction", times_of(lambda: forecast.predict(memory, observations), 3))
+    both = agent.nominal_map, agent.map
+    row("  expected error of the hand", times_of(lambda: forecast.hand_error(memory, *both), 3))
+    row("  planner of the next look", times_of(agent.posture_planner, 3))
+    row("  next look, of 48 postures", times_of(lambda: agent.next_posture(posture_set()[:48]), 3))

@@ -29,9 +29,12 @@ from .mapping.minibatch import MinibatchRule
 from .mapping.tendon_stretch import TendonStretch
 from .mapping.training import load_or_train, train
 from .muscle_order import MuscleOrder
+from .next_posture import NextPosture
 from .nominal_model import NominalModel
 from .observation import SensorReadings
 from .options import AgentOptions
+from .posture_planner import PosturePlanner
+from .prediction_record import PredictionRecord
 from .scales import RobotScales
 from .tension_distribution import TensionOptions
 from .updaters import VisionOptions
@@ -39,6 +42,7 @@ from .vision.camera import Camera
 from .vision.camera_clock import CameraClock
 from .vision.hold_out import HoldOutOptions
 from .vision.marker_detector import Detector, MarkerDetector, MarkerPose
+from .vision.observation_prediction import ObservationPrediction
 
 __all__ = [
     "BESIDE",
@@ -81,10 +85,14 @@ __all__ = [
     "MinibatchRule",
     "MotorControl",
     "MuscleOrder",
+    "NextPosture",
     "NominalModel",
     "NullGuard",
+    "ObservationPrediction",
     "Pairs",
     "PausingDriver",
+    "PosturePlanner",
+    "PredictionRecord",
     "RecordedAgent",
     "RidgeRule",
     "RobotScales",

@@ -52,8 +52,11 @@ from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.memory_file import AgentMemory, write_memory
 from jmm_agent.muscle_order import MuscleOrder
 from jmm_agent.muscle_stiffness import MuscleStiffness
+from jmm_agent.next_posture import NextPosture, PlannerModel, PlannerState
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.options import AgentOptions
+from jmm_agent.posture_planner import PosturePlanner, planner_apart
+from jmm_agent.prediction_record import PredictionRecord
 from jmm_agent.rest_learning import RestLearning
 from jmm_agent.statics import Hold, Statics, not_reachable
 from jmm_agent.tension_distribution import TensionDistribution, not_balanced
@@ -68,6 +71,7 @@ from jmm_agent.updaters import (
 )
 from jmm_agent.vision.balance import Balance, Loads
 from jmm_agent.vision.camera_delay import DelayEstimate
+from jmm_agent.vision.hand_error import HandPostures
 from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_residual import MarkerResidual
@@ -159,7 +163,9 @@ class Agent:
         seeing = options.vision
         if seeing.lengths is None and forward is not None:
             seeing = replace(seeing, lengths="l")
-        self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads)
+        judged = HandPostures.among(typical, kinematics, site, _widest(options))
+        self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads, judged)
+        self._typical = typical
         self.hand_load = None
         if loads is not None:
             grip = options.grip if options.grip in kinematics.frames else site
@@ -175,8 +181,7 @@ class Agent:
         self._schedule = Schedule(self._learned, options.learning, self._map_changed)
         self._rests = RestLearning(self._learned, self._schedule, self._observer, options)
         self._lengths = LengthCheck(nominal_map, limits)
-        self._step = -1
-        self.hand_is_free = True
+        self._step, self.hand_is_free = -1, True
 
     @property
     def map(self) -> JointMuscleMap:
@@ -219,6 +224,11 @@ class Agent:
     def seen(self) -> Seen | None:
         """Result of the newest marker observation; None before the first."""
         return self._schedule.seen
+
+    @property
+    def predictions(self) -> PredictionRecord:
+        """Marker observations beside what was expected of them before they were learned."""
+        return self._schedule.predictions
 
     @property
     def taken_back(self) -> int:
@@ -419,6 +429,37 @@ class Agent:
         if self.statics is None:
             return []
         return [self.statics.hold(posture) for posture in np.atleast_2d(postures)]
+
+    def next_posture(
+        self, candidates: ArrayLike | None = None, within: float = np.inf
+    ) -> NextPosture:
+        """The posture at which to observe the hand next; `go` then moves there.
+
+        See `jmm_agent.posture_planner`. It takes some tenths of a second; on a live robot call
+        ``posture_planner().choose(candidates)`` in a thread beside the loop.
+
+        Args:
+            candidates: joint angles (C, n) [rad]; some of the typical postures if left out.
+            within: time that the movement may take [s].
+
+        Returns:
+            The posture, how long the movement to it takes at least, and why it was chosen.
+
+        Raises:
+            AgentError: the candidates are not finite angles of all joints, none of them can be
+                visited, or each observation is fitted alone.
+        """
+        return self.posture_planner().choose(candidates, within)
+
+    def posture_planner(self) -> PosturePlanner:
+        """Chooses the next posture by the present state, which later steps do not change."""
+        limits = self.limits or CommandLimits.of(self.map, self.kinematics.limits)
+        near = self.options.vision.distance, self.options.vision.stop_margin
+        state = PlannerState(self.map, self.vision.memory, self.target, *near, limits)
+        options, known = self.options, (self.kinematics, self._typical, self._observer.shows)
+        frames = options.marker_site, options.camera or None
+        model = PlannerModel(self.vision.forecast, *known, frames, options.vision.observations)
+        return planner_apart(model, self.statics, self._tensions, self.motors, state)
 
     def missed(self) -> str:
         """Which joint rests away from its target by the estimate, and which muscles are too hot.
@@ -677,6 +718,11 @@ class Agent:
         state = readings.time, np.inf, self.estimator.q
         lengths = self._at_reference(readings)
         return ArmSample(*state, lengths, target, readings.tensions, angles)
+
+
+def _widest(options: AgentOptions) -> float:
+    """By how much a joint may rest off its target, standard deviation [rad]."""
+    return options.prior.zero_posture or options.arrival
 
 
 def _check_joints(kinematics: ArmKinematics, nominal_map: JointMuscleMap) -> None:

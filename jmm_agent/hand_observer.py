@@ -7,7 +7,7 @@ one observation, of its frame or of a pose.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +88,11 @@ class HandObserver:
         self._frame_time, self._asked = -np.inf, np.inf
         self.markers: dict[int, MarkerPose] = {}
         self.due = False
+
+    @property
+    def shows(self) -> Callable[[Floats], bool] | None:
+        """Whether a frame shows the hand at a pose in the camera (4, 4); None: unknown."""
+        return None if self._marker is None else self._marker.shows
 
     def reset(self) -> None:
         """Forget all frames and poses, as before a new episode."""

@@ -18,12 +18,14 @@ from jmm_agent.guard.faults import (
     Fault,
 )
 from jmm_agent.settling import SettlingDetector
+from jmm_agent.updaters.forecast import NO_BETTER
 from jmm_agent.updaters.observation_check import UNCERTAIN
 from jmm_agent.vision.hand_pose import MOVING, REPEATED
 
-USUAL = ("too close to the last update", UNCERTAIN, MOVING, REPEATED)
+USUAL = ("too close to the last update", UNCERTAIN, NO_BETTER, MOVING, REPEATED)
 """Reasons not to learn from an observation that show no fault: the posture is known already, a
-coarse pose agrees with the map, or a tracker measures the hand's pose all the time."""
+coarse pose agrees with the map, the map is as good as it gets, or a tracker measures the hand's
+pose all the time."""
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import faults_for_info
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Floats
+from jmm_agent.vision.observation_prediction import ObservationPrediction
 from kengoro.clock import Clock
 from kengoro.errors import UsageError
 from kengoro_env.env import KengoroEnv
@@ -41,6 +42,8 @@ class Log:
         target, true, estimate: joint angles at each step, shape (n,) [rad].
         observation_time: of each marker observation [s].
         observation_error: theta_est - theta_ik at each observation, shape (n,) [rad].
+        observation_predicted: what was expected of each observation before it was learned, with its
+            distance from that; None where nothing was.
     """
 
     time: list[float] = field(default_factory=list)
@@ -50,6 +53,7 @@ class Log:
     estimate: list[Floats] = field(default_factory=list)
     observation_time: list[float] = field(default_factory=list)
     observation_error: list[Floats] = field(default_factory=list)
+    observation_predicted: list[ObservationPrediction | None] = field(default_factory=list)
 
 
 _viewer: ContextVar[Callable[[Session], None] | None] = ContextVar("viewer", default=None)
@@ -196,6 +200,10 @@ class Session:
             self._seen = self.agent.seen
             log.observation_time.append(self.time)
             log.observation_error.append(self.agent.seen.error)
+            newest, predicted = self.agent.predictions.newest, self.agent.seen.predicted
+            log.observation_predicted.append(
+                newest[-1].predicted if predicted is not None else None
+            )
 
     def wait(self, duration: float) -> None:
         """Step until ``duration`` [s] has passed."""

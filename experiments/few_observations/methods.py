@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from experiments.harness.experiment import Results
 
+CHOSEN = "chosen"
+"""Condition of our agent that chooses where to look."""
 OURS, LENGTHS, CONSTANTS, PAPER = "rests", "lengths", "constants", "paper"
 GAUSSIAN, POLYNOMIAL = "Gaussian process", "polynomial"
 DRIVING = {

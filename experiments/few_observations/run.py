@@ -9,15 +9,24 @@ source of information tells of the joint angles.
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from experiments.baselines.maps import Baselines
+from experiments.few_observations.chosen import (
+    posture_errors,
+    posture_metrics,
+    posture_tables,
+    predicted_observations,
+)
 from experiments.few_observations.methods import (
     BLIND,
     BY_SOURCE,
+    CHOSEN,
     CONSTANTS,
     DRIVING,
     GAUSSIAN,
@@ -37,9 +46,11 @@ from experiments.robots.evaluation import Evaluator, PostureMap
 from experiments.robots.variants import PAPER_OPTIONS
 from experiments.robots.world import Sizes as BodySizes
 from experiments.robots.world import known_world
-from jmm_agent.agent import AgentOptions
+from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.mapping.minibatch import MinibatchRule
 from jmm_agent.mapping.prior import PriorOptions
+from jmm_agent.next_posture import some_of
+from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions, VisionUpdater
 from kengoro.agents import make_agent
 from kengoro.robots import shuffled_postures
@@ -47,6 +58,7 @@ from kengoro.visits import errors, visit
 
 OPTIONS = {
     OURS: AgentOptions(),
+    CHOSEN: AgentOptions(),
     LENGTHS: AgentOptions(vision=VisionOptions(fit="together")),
     CONSTANTS: AgentOptions(prior=PriorOptions(shape=1e-6), vision=VisionOptions(fit="together")),
     PAPER: PAPER_OPTIONS,
@@ -95,7 +107,8 @@ class Robot:
         pulls = agent.options.feed_forward
         before = self.tested(agent.map, deepcopy(agent.vision), pulls)
         found: dict[str, Any] = {method: {"0": before}}
-        for number, posture in enumerate(self.learned[1 : 1 + max(sizes.counts)], start=1):
+        for number in range(1, 1 + max(sizes.counts)):
+            posture = self._next(method, agent, number)
             visit(session, posture, None, sizes.move, sizes.patience)
             if number not in sizes.counts:
                 continue
@@ -109,7 +122,17 @@ class Robot:
                 found.setdefault(name, {})[str(number)] = self.tested(jmm, vision)
         session.env.close()
         found["observations"] = agent.vision.fired
+        if method in (OURS, CHOSEN):
+            found["predictions"] = predicted_observations(agent.predictions)
+            found["dropped"] = agent.vision.dropped
         return found
+
+    def _next(self, method: str, agent: Agent, number: int) -> Floats:
+        """Posture of a look: the next one, or the one that the agent chooses among others."""
+        if method != CHOSEN:
+            return np.asarray(self.learned[number])
+        others = self.learned[1 : len(self.learned) - len(self._tested)]
+        return agent.next_posture(some_of(others, number)).posture
 
     def feel(self, cache: Path | None) -> dict[str, Any]:
         """Visit postures without a camera; errors before and after."""
@@ -137,10 +160,13 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     """Errors by number of looks, beside the other methods, and what each source tells."""
     from experiments.few_observations.figures import pictures
 
+    named, shown = posture_metrics(results, sizes), posture_tables(results, sizes)
+    if any(PAPER not in result for result in results.values()):
+        return Findings(named, posture_errors(results), shown, (), {})
     return Findings(
-        metrics(results, sizes),
+        metrics(results, sizes) | named,
         per_seed(results),
-        tables(results, sizes),
+        tables(results, sizes) + shown,
         pictures(results, sizes),
         {},
     )
@@ -166,12 +192,26 @@ EXPERIMENT = Experiment(
 
 @dataclass(frozen=True)
 class Args(common.Args):
-    """Errors after the first looks at the hand, and without any."""
+    """Errors after the first looks at the hand, and without any.
+
+    Attributes:
+        postures: where the hand is observed. "random": at random postures; "both": our agent also
+            chooses postures, which is compared; "chosen": this comparison alone.
+    """
 
     seeds: str = "0-9"
     out: Path = Path("out/few-observations")
+    postures: Literal["random", "chosen", "both"] = "both"
+
+
+CONDITIONS = {
+    "random": EXPERIMENT.conditions,
+    "both": (*EXPERIMENT.conditions, CHOSEN),
+    "chosen": (OURS, CHOSEN),
+}
+"""Conditions by where the agent looks."""
 
 
 def main(args: Args) -> Summary:
     """Run the experiment; returns its summary."""
-    return run_experiment(EXPERIMENT, args)
+    return run_experiment(replace(EXPERIMENT, conditions=CONDITIONS[args.postures]), args)

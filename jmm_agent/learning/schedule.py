@@ -17,6 +17,7 @@ from jmm_agent.learning.job import JobResult, LearnedState, LearningJob, MapLear
 from jmm_agent.learning.job_queue import Entered, JobQueue
 from jmm_agent.learning.options import LearningOptions
 from jmm_agent.learning.worker import ProcessWorker, StepWorker
+from jmm_agent.prediction_record import PredictionRecord
 from jmm_agent.updaters import Seen
 
 _log = logging.getLogger(__name__)
@@ -44,6 +45,7 @@ class Schedule:
 
     Attributes:
         seen: result of the newest marker observation; None before the first.
+        predictions: of the looks that were learned, or were to be, beside their errors.
         taken_back: number of times that something was unlearned.
     """
 
@@ -61,6 +63,7 @@ class Schedule:
         )
         self._before: deque[_Before] = deque()
         self.seen: Seen | None = None
+        self.predictions = PredictionRecord()
         self.taken_back = 0
 
     @property
@@ -174,6 +177,7 @@ class Schedule:
             self._before.append(_Before(job.time, learning.state))
         if result.seen is not None:
             self.seen = result.seen
+            self.predictions.add(result.seen)
         if result.state is not None:
             learning.state = result.state
         for reason, count in result.dropped:

@@ -36,6 +36,8 @@ BALANCED = 0.2, 3.0
 tensions ten times too large between 0.06 and 0.11, ten times too small 3.8 or more [1]."""
 CERTAIN = 3
 """Number of rests from which on it is said that tensions are not believed."""
+KNOWN_ZERO = 1e-6
+"""Standard deviation of a zero posture that is not estimated [rad]."""
 SAME_REST = 5.0
 """Noises of a pair's lengths within which two rests are the same."""
 
@@ -80,6 +82,9 @@ class RestFitter:
         limits: lowest and highest angle of each joint (n, 2) [rad].
         options: of the Vision Updater.
         loads: torques that the nominal model needs to hold a posture; None if unknown.
+
+    Attributes:
+        nominal: prior as given.
     """
 
     def __init__(
@@ -90,7 +95,7 @@ class RestFitter:
         options: VisionOptions,
         loads: Loads | None,
     ) -> None:
-        self._nominal, self._marker_residual = prior, marker_residual
+        self.nominal, self._marker_residual = prior, marker_residual
         self._limits, self._options = limits, options
         known = prior.options
         self._usual = PriorWidths(known.zeroed_offset, known.zeroed_shape, known.zero_posture)
@@ -106,9 +111,9 @@ class RestFitter:
     def prior(self, memory: RestMemory) -> MapPrior:
         """Prior of the map's error, given what is known from rests."""
         if memory.zero is None:
-            return self._nominal
+            return self.nominal
         widths = memory.widths or self._usual
-        return self._nominal.zeroed(memory.zero, widths.offset, widths.shape)
+        return self.nominal.zeroed(memory.zero, widths.offset, widths.shape)
 
     def remembered(self, memory: RestMemory, rest: Rest) -> RestMemory:
         """What is remembered with one rest more, unless it is the last one again."""
@@ -188,6 +193,30 @@ class RestFitter:
         bent = exact._replace(shape=2.0 * exact.shape)
         return exact if max(evidence(exact), evidence(bent)) > max(others) else usual
 
+    def problem(
+        self,
+        memory: RestMemory,
+        observations: Sequence[MarkerObservation],
+        elongated: Floats,
+    ) -> RestProblem:
+        """Cost of all rests, with the widths and the balance that are believed.
+
+        Without the fit of rests the zero posture is taken as known, and tensions are left out, as
+        in the fit of observations and lengths only. See `fit` for the arguments.
+        """
+        balance, widths = self._balance, memory.widths or self._usual
+        if not self.enabled:
+            known = self.nominal.options
+            widths = PriorWidths(known.offset, known.shape, KNOWN_ZERO)
+        if not self.enabled or memory.unbalanced is not None:
+            balance = None
+        return self._problem(memory, observations, elongated, balance, widths)
+
+    def without(self, memory: RestMemory, lengths: Floats) -> RestMemory:
+        """What is known without the rest that has some lengths (m,) [m]."""
+        rests = tuple(rest for rest in memory.rests if not self._is_same(rest.lengths, lengths))
+        return memory._replace(rests=rests)
+
     def _problem(
         self,
         memory: RestMemory,
@@ -199,7 +228,7 @@ class RestFitter:
         return RestProblem(
             observations,
             memory.rests,
-            self._nominal,
+            self.nominal,
             widths,
             self._marker_residual,
             balance,
@@ -255,10 +284,9 @@ class RestFitter:
         Rests from before an elongation are forgotten; so is a rest that the newest observation is
         of. See `fit` for the arguments, of which the last is as believed so far.
         """
-        options, newest = self._options.observations, observations[-1].lengths
-        rests = tuple(rest for rest in memory.rests if not self._is_same(rest.lengths, newest))
+        options = self._options.observations
         recent = min(options.elongation_recent, len(observations) - 1)
-        memory = memory._replace(rests=rests)
+        memory = self.without(memory, observations[-1].lengths)
         if recent < 1 or options.elongation_evidence == np.inf:
             return self.fit(memory, observations, start, elongated)
         found = self.fit(memory, observations, start, elongated, learn_widths=False)

@@ -11,15 +11,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
+from jmm_agent.updaters.forecast import Forecast, why_not_applied
 from jmm_agent.updaters.observation_check import ObservationCheck
 from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
 from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
 from jmm_agent.vision.balance import Loads
+from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
 from jmm_agent.vision.marker_observation import Frames
@@ -42,8 +45,11 @@ class VisionUpdater:
         limits: lowest and highest angle of each joint (n, 2) [rad].
         options: of the updater.
         loads: torques that the nominal model needs to hold a posture; None if unknown.
+        judged: postures at which the hand's error is expected; an update that does not lower it is
+            not applied. None: all are applied.
 
     Attributes:
+        forecast: predicts looks, and what updates are worth.
         elongated: number of permanent elongations of each muscle since each remembered observation
             (K, m).
         pairs: remembered pairs, the newest last.
@@ -61,10 +67,12 @@ class VisionUpdater:
         limits: Floats,
         options: VisionOptions,
         loads: Loads | None = None,
+        judged: HandPostures | None = None,
     ) -> None:
         self._learner, self._marker_residual = learner, marker_residual
         self._limits, self._options = limits, options
         self._fitter = RestFitter(prior, marker_residual, limits, options, loads)
+        self.forecast = Forecast(self._fitter, marker_residual, limits, options, judged)
         self._rests, self._prior = RestMemory(), prior
         self._check = ObservationCheck(prior.map, marker_residual, options)
         self._observations: list[MarkerObservation] = []
@@ -166,7 +174,10 @@ class VisionUpdater:
             np.array([one.lengths for one in found.rests]),
             np.full(len(found.rests), self._options.noise),
         )
+        before = self._learner.map
         self._learner.learn(pairs.last(1), Pairs(*(part[:-1] for part in pairs)))
+        if self._judge(before)[1]:
+            return None
         return Rested(found.rests[-1].guess, moved)
 
     def seen(
@@ -199,13 +210,14 @@ class VisionUpdater:
         )
         observations = [*self._observations, observation]
         observations = observations[-self._options.observations.memory :]
+        predicted = self.forecast.predict(self.memory, observations) if learn else None
         zeroed = learn and self._shows_zeroing(observations)
         found = self._fit(observations) if learn else self._evaluated(observations)
         fit, angles = found.observed, found.observed.angles[-1]
         doubt = self._check.doubt(fit, observation, self._angles)
         detail = self._check.detail(doubt, observation, angles)
         moved = self._moves_zero(found.memory)
-        seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail, moved)
+        seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail, moved, predicted)
         if not learn:
             return seen
         if seen.reason:
@@ -224,7 +236,20 @@ class VisionUpdater:
             seen = seen._replace(reason="undone: it made the map worse at held-out observations")
             self.drop(seen.reason)
             return seen
-        return seen._replace(learned=True)
+        expected, refused = self._judge(map_before)
+        self.fired -= bool(refused)
+        return seen._replace(learned=not refused, reason=refused, hand_error=expected)
+
+    def _judge(self, before: JointMuscleMap) -> tuple[HandErrors | None, str]:
+        """Expected errors of the hand by an update, and why it is not applied; then it is undone.
+
+        What was observed is remembered in any case.
+        """
+        expected = self.forecast.hand_error(self.memory, before, self._learner.map)
+        if refused := why_not_applied(expected):
+            self._learner.map = before
+            self.drop(refused)
+        return expected, refused
 
     def _remember(
         self,

@@ -7,7 +7,9 @@ from typing import NamedTuple
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
 from jmm_agent.updaters.rest_fitter import RestMemory
+from jmm_agent.vision.hand_error import HandErrors
 from jmm_agent.vision.marker_observation import MarkerObservation
+from jmm_agent.vision.observation_prediction import ObservationPrediction
 
 
 class EpisodeStart(NamedTuple):
@@ -74,6 +76,10 @@ class Seen(NamedTuple):
         detail: how far the measured pose is from that of ``angles``, if that is the reason.
         moved: whether it showed that the lengths were zeroed at quite another posture than was
             believed. Angles that were estimated before are then wrong.
+        predicted: what was expected before it was learned; None if nothing was learned from it, or
+            if each observation is fitted alone.
+        hand_error: expected errors of the hand with the map before the update and after it; None if
+            the update was not judged.
     """
 
     angles: Floats
@@ -83,3 +89,5 @@ class Seen(NamedTuple):
     zeroed: bool = False
     detail: str = ""
     moved: bool = False
+    predicted: ObservationPrediction | None = None
+    hand_error: HandErrors | None = None

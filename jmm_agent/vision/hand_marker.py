@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.types import Floats
 from jmm_agent.vision.marker_detector import Detections, Detector, MarkerPose, Skip
+from jmm_agent.vision.marker_in_view import PredictingDetector
 
 
 class FrameJob(NamedTuple):
@@ -117,6 +120,13 @@ class HandMarker:
         if self._number in detections.poses:
             return detections.poses[self._number]
         return detections.skips[self._number]
+
+    @property
+    def shows(self) -> Callable[[Floats], bool] | None:
+        """Whether a frame shows the hand's marker at a pose in the camera (4, 4); None: unknown."""
+        if not isinstance(self._detector, PredictingDetector):
+            return None
+        return partial(self._detector.shows, self._number)
 
     def submit(self, job: FrameJob) -> None:
         """Detect the markers of a frame at once; see `FrameMarkers`."""

@@ -14,6 +14,7 @@ from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_corners import locate_corners
+from jmm_agent.vision.marker_in_view import corners_px, is_shown
 from jmm_agent.vision.marker_input import check_frame, check_markers, predicted_poses
 from jmm_agent.vision.marker_search import (
     Candidate,
@@ -37,8 +38,6 @@ SQUARE_SHARE = 0.004
 """... or than this share of the marker's mean side ..."""
 SQUARE_DEVIATIONS = 3.0
 """... or than this number of standard deviations of a corner."""
-FACING = 0.1
-"""A marker is not searched if it is predicted with a cosine below this to the line of sight."""
 AWAY = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]])
 """Pose of a marker whose face is turned away from the camera."""
 REGION_SIDES = 2.0
@@ -192,6 +191,10 @@ class MarkerDetector:
             tuple(sorted({i for i, _ in found} - set(self._square_by_id))),
         )
 
+    def shows(self, marker_id: int, pose: Floats) -> bool:
+        """Whether a frame shows a marker; see `PredictingDetector`."""
+        return is_shown(self._camera, self._square_by_id[marker_id], pose)
+
     def _search_further(
         self,
         marker_id: int,
@@ -221,11 +224,9 @@ class MarkerDetector:
         """Left and top [px] of the part of a frame that may show a marker, and this part."""
         if not expected:
             return 0, 0, gray
-        pose, square = expected.get(marker_id, AWAY), self._square_by_id[marker_id]
-        pixels = self._camera.project(square @ pose[:3, :3].T + pose[:3, 3])
-        towards = -float(pose[:3, 2] @ pose[:3, 3])
-        faces = towards >= FACING * float(np.linalg.norm(pose[:3, 3]))
-        if not (faces and np.isfinite(pixels).all()):
+        square, pose = self._square_by_id[marker_id], expected.get(marker_id, AWAY)
+        pixels = corners_px(self._camera, square, pose)
+        if not np.isfinite(pixels).all():
             return 0, 0, gray[:0]
         reach = REGION_SIDES * float(np.ptp(pixels, axis=0).max())
         size = np.array(gray.shape[::-1])

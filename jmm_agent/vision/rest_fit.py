@@ -90,6 +90,7 @@ class RestProblem:
         elongated: number of permanent elongations of each muscle since each observation (K, m).
 
     Attributes:
+        prior: prior of the map's error with these widths, once the zero posture is known.
         widths: as given.
         weights: weights of the measured poses and joint angles.
     """
@@ -107,9 +108,9 @@ class RestProblem:
     ) -> None:
         self._observations, self._marker_residual = observations, marker_residual
         self._balance, self.widths = balance, widths
-        self._prior = prior.zeroed(np.zeros(len(prior.map.joints)), widths.offset, widths.shape)
+        self.prior = prior.zeroed(np.zeros(len(prior.map.joints)), widths.offset, widths.shape)
         lengths = [found.lengths for found in observations] + [rest.lengths for rest in rests]
-        self._lengths = np.array(lengths)
+        self._lengths = np.array(lengths).reshape(-1, elongated.shape[1])
         tensions = [found.tensions for found in observations] + [rest.tensions for rest in rests]
         whole = [one is not None and bool(np.isfinite(one).all()) for one in tensions]
         self._balanced = np.flatnonzero(whole) if balance is not None else np.arange(0)
@@ -127,12 +128,14 @@ class RestProblem:
             unknown: angles (K + R + 1, n) [rad].
             usual: widths before anything was measured.
         """
+        return likeliest_widths(self.linearised(unknown), self.widths, usual)
+
+    def linearised(self, unknown: Floats) -> Linearised:
+        """The problem about angles (K + R + 1, n) [rad]."""
         missed, arms = self._missed_and_arms(unknown)
-        kernels = self._prior.groups(unknown[:-1], elongated=self._elongated)
+        kernels = self.prior.groups(unknown[:-1], elongated=self._elongated)
         matrix = self.normal_equations(unknown)[0]
-        rows = self._rows(len(missed))
-        fit = Linearised(matrix, rows, arms, missed, kernels, unknown[-1])
-        return likeliest_widths(fit, self.widths, usual)
+        return Linearised(matrix, self._rows(len(missed)), arms, missed, kernels, unknown[-1])
 
     def log_evidence(self, unknown: Floats) -> float:
         """Logarithm of the probability of all that was measured with these widths.
@@ -143,7 +146,7 @@ class RestProblem:
         Args:
             unknown: most probable angles (K + R + 1, n) [rad].
         """
-        kernels = self._prior.groups(unknown[:-1], elongated=self._elongated)
+        kernels = self.prior.groups(unknown[:-1], elongated=self._elongated)
         spread = sum(len(kernel.muscles) * kernel.log_det for kernel in kernels)
         spread += 2.0 * unknown.shape[1] * np.log(self.widths.zero)
         spread += float(np.linalg.slogdet(self.normal_equations(unknown)[0])[1])
@@ -161,11 +164,11 @@ class RestProblem:
         pairs = zip(self._observations, angles, strict=False)
         residuals = [residual_of(f, self._marker_residual, q)[0] for f, q in pairs]
         poses = np.array(residuals).reshape(-1, 6)
-        lengths = self._prior.map.lengths(unknown)
+        lengths = self.prior.map.lengths(unknown)
         missed = self._lengths - lengths[:-1] + lengths[-1]
         cost = self.weights.cost(angles[: len(poses)], poses)
         cost += float(np.sum(zero**2)) / self.widths.zero**2
-        for group in self._prior.groups(angles, elongated=self._elongated):
+        for group in self.prior.groups(angles, elongated=self._elongated):
             own = missed[:, group.muscles]
             cost += float(np.sum(own * group.whiten(own)))
         if self._balance is not None and len(self._balanced):
@@ -194,7 +197,7 @@ class RestProblem:
         gradient[-1] += unknown[-1] / self.widths.zero**2
         missed, jacobian = self._missed_and_arms(unknown)
         rows = self._rows(count)
-        for group in self._prior.groups(unknown[:-1], elongated=self._elongated):
+        for group in self.prior.groups(unknown[:-1], elongated=self._elongated):
             arms, white = jacobian[:, group.muscles], group.whiten(missed[:, group.muscles])
             information = rows.T @ group.whiten(rows)
             products = np.einsum("kmi,lmj->kilj", arms, arms, optimize=True)
@@ -205,7 +208,7 @@ class RestProblem:
 
     def _missed_and_arms(self, unknown: Floats) -> tuple[Floats, Floats]:
         """Lengths minus those of the nominal map, and how each unknown posture moves the latter."""
-        lengths, jacobian = self._prior.map.lengths_and_jacobian(unknown)
+        lengths, jacobian = self.prior.map.lengths_and_jacobian(unknown)
         jacobian[-1] *= -1.0
         return self._lengths - lengths[:-1] + lengths[-1], jacobian
 

@@ -41,8 +41,13 @@ def main(args: Args) -> None:
         trial = begin_trial(env, make_agent(args.robot), args.robot, postures, watch=watch)
         result = trial.run_to_end()
     env.close()
-    fired = trial.session.agent.vision.fired
-    console.print(" ".join([*trial_sentences(result, fired), *result.notes]))
+    agent = trial.session.agent
+    sentences = [
+        *trial_sentences(result, agent.vision.fired),
+        agent.predictions.sentence,
+        *result.notes,
+    ]
+    console.print(" ".join(filter(None, sentences)))
     console.print(f"Film: {film}")
 
 

@@ -138,6 +138,11 @@ def test_the_log_holds_every_step_and_marker_observation(
         assert np.array(getattr(log, name)).shape == (steps, size)
     np.testing.assert_array_equal(log.true[-1], session.truth["joint_angles"])
     assert agent.vision.fired <= len(log.observation_time) == len(log.observation_error)
+    predicted = [one for one in log.observation_predicted if one is not None]
+    assert len(log.observation_predicted) == len(log.observation_time)
+    assert predicted == [observation.predicted for observation in agent.predictions.newest]
+    assert len(predicted) == agent.predictions.count >= 1
+    assert all(one.position_std > 0.003 for one in predicted)
     assert np.all(np.diff(log.observation_time) > 0)
 
 

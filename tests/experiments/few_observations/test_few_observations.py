@@ -7,9 +7,16 @@ from typing import Any
 
 import pytest
 
+from experiments.few_observations.chosen import (
+    posture_errors,
+    posture_metrics,
+    posture_tables,
+    predicted_observations,
+)
 from experiments.few_observations.methods import (
     BLIND,
     BY_SOURCE,
+    CHOSEN,
     DRIVING,
     GAUSSIAN,
     GIVEN,
@@ -18,10 +25,11 @@ from experiments.few_observations.methods import (
     POLYNOMIAL,
     Sizes,
 )
-from experiments.few_observations.run import QUICK, run
+from experiments.few_observations.run import CONDITIONS, QUICK, conclude, run
 from experiments.few_observations.sources import SOURCES
 from experiments.few_observations.tables import metrics, per_seed, tables
 from experiments.harness.experiment import Results
+from jmm_agent.prediction_record import PredictionRecord
 
 SIZES = Sizes(counts=(1, 3), blind=4)
 
@@ -68,6 +76,88 @@ def test_tables_have_a_row_for_each_method_and_source() -> None:
     assert differences.rows[0][1] == "-1.00 (-1.00 to -1.00)"
     assert [row[0] for row in sources.rows] == list(SOURCES.values())
     assert per_seed(results())[2][GAUSSIAN] == {"1": 9.0, "3": 0.25}
+
+
+def predicted(inside: bool) -> dict[str, Any]:
+    """What was expected of an observation of the hand, 10 mm from it."""
+    return {
+        "inside": inside,
+        "error_mm": 10.0,
+        "expected_mm": 20.0,
+        "error_deg": 1.0,
+        "expected_deg": 2.0,
+    }
+
+
+def compared(missed: int) -> Results:
+    """Three robots with random and chosen postures, 20 observations each, some outside of 95 %."""
+    observations = [predicted(number >= missed) for number in range(20)]
+    return {
+        seed: {
+            kind: {
+                kind: {"0": found(8.0), "1": found(4.0 + away), "3": found(2.0 - away)},
+                "predictions": observations,
+            }
+            for kind, away in ((OURS, 0.0), (CHOSEN, 0.1 * (1 + seed)))
+        }
+        for seed in range(3)
+    }
+
+
+@pytest.mark.parametrize(
+    ("missed", "least", "most"), [(0, True, False), (1, True, True), (3, False, True)]
+)
+def test_regions_must_cover_neither_too_few_observations_nor_all(
+    missed: int, least: bool, most: bool
+) -> None:
+    named = posture_metrics(compared(missed), SIZES)
+    for kind in (OURS, CHOSEN):
+        name = f"inside_of_95_percent_{kind}"
+        assert named[name]["median"] == pytest.approx(1.0 - missed / 20.0)
+        assert named[name]["reached"] == least
+        assert named[f"{name}_at_most"]["reached"] == most
+
+
+def test_chosen_postures_are_compared_with_random_ones_by_robot() -> None:
+    named = posture_metrics(compared(1), SIZES)
+    assert named["chosen_minus_random_after_1_deg"]["median"] == pytest.approx(0.2)
+    assert not named["chosen_minus_random_after_1_deg"]["reached"]
+    assert named["chosen_minus_random_after_3_mm"]["median"] == pytest.approx(-2.0)
+    assert named["chosen_minus_random_after_3_mm"]["reached"]
+    joints, hand, expected = posture_tables(compared(1), SIZES)
+    assert [row[0] for row in joints.rows] == [
+        "random postures",
+        "chosen postures",
+        "chosen minus random, paired",
+    ]
+    assert joints.rows[1][1:] == ("8.00 (8.00)", "4.20 (4.30)", "1.80 (1.90)")
+    assert hand.rows[0][2] == "40.00 (40.00)"
+    assert expected.rows[3] == ("random postures", "all", 60, "10.0", "20.0", "1.0", "2.0", "0.950")
+    assert posture_errors(compared(1))[2][CHOSEN]["3"] == pytest.approx(1.7)
+
+
+def test_results_of_random_postures_alone_are_not_compared() -> None:
+    alone = {seed: {OURS: result[OURS]} for seed, result in compared(1).items()}
+    named = posture_metrics(alone, SIZES)
+    assert set(named) == {f"inside_of_95_percent_{OURS}", f"inside_of_95_percent_{OURS}_at_most"}
+    assert len(posture_tables(alone, SIZES)) == 1
+    assert posture_metrics(results(), SIZES) == {}
+    assert CHOSEN not in CONDITIONS["random"]
+    assert set(CONDITIONS["chosen"]) < set(CONDITIONS["both"])
+
+
+def test_the_comparison_alone_has_a_report() -> None:
+    concluded = conclude(compared(1), SIZES)
+    assert set(concluded.per_seed) == {0, 1, 2}
+    assert len(concluded.tables) == 3
+
+
+def test_an_agent_chooses_postures_and_expects_what_it_sees(request: pytest.FixtureRequest) -> None:
+    part = run(CHOSEN, 0, QUICK, request.config.cache.mkdir("maps"))
+    assert part[CHOSEN]["3"]["target_true_mm"] < 0.6 * part[CHOSEN]["0"]["target_true_mm"]
+    assert len(part["predictions"]) >= 1
+    assert all(one["expected_mm"] > 0.0 for one in part["predictions"])
+    assert predicted_observations(PredictionRecord()) == []
 
 
 def test_ours_provides_joint_angles_to_others(tmp_path: Path) -> None:

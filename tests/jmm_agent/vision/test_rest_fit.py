@@ -405,7 +405,7 @@ def test_the_evidence_of_widths_is_that_of_a_gaussian_where_all_is_linear() -> N
             other = subject.cost(unknown + step.reshape(count, joints))[0]
             rows.append(-0.5 * (other - cost) + 0.5 * step @ matrix @ step)
         correction = np.log(np.mean(np.exp(np.clip(rows, -20.0, 20.0))))
-        kernels = subject._prior.groups(unknown[:-1], elongated=np.zeros((3, 5)))
+        kernels = subject.prior.groups(unknown[:-1], elongated=np.zeros((3, 5)))
         spread = sum(len(one.muscles) * one.log_det for one in kernels)
         integral = -0.5 * (cost + spread + np.linalg.slogdet(matrix)[1]) + correction
         found[offset] = subject.log_evidence(unknown), integral
