@@ -42,6 +42,7 @@ RUNNERS = {
     "baselines": Runner("other methods, with the same measurements", True),
     "few-observations": Runner("errors after the first looks at the hand", True),
     "stiffness-and-load": Runner("soft muscles: errors, and stiffness by a push", True),
+    "strange-robots": Runner("robots that the preset's departures do not describe", True),
     "faults": Runner("faults during learning are detected and do no harm"),
     "wrong-observations": Runner("updates from wrong observations are detected and undone"),
     "endurance": Runner("hours of learning: the error stays low"),

@@ -570,10 +570,14 @@ class Agent:
     def detect_markers(self, readings: SensorReadings) -> dict[int, MarkerPose]:
         """Markers in the newest frame, by id; empty without a frame.
 
+        Poses are in the camera as it is believed to be, see `camera_unknowns`.
+
         Raises:
             AgentError: the frame has a wrong shape or type.
         """
-        return self._observer.detect(readings, self.estimator.q)
+        found, vision = self._observer.detect(readings, self.estimator.q), self.vision
+        poses = {name: vision.corrected(one.pose_marker_in_camera) for name, one in found.items()}
+        return {name: replace(found[name], pose_marker_in_camera=poses[name]) for name in found}
 
     def recall(
         self, jmm: JointMuscleMap, antagonism: AntagonismMemory, vision: VisionMemory

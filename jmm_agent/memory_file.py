@@ -26,13 +26,17 @@ from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
 from jmm_agent.updaters.rest_fitter import RestMemory
+from jmm_agent.vision.camera_unknowns import UNKNOWNS
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.observation_arrays import OPTIONAL, arrays_of, observations_of
 from jmm_agent.vision.prior_widths import PriorWidths
 from jmm_agent.vision.rest_fit import Rest
 
-FORMAT = "agent-memory-3"
-OLDER = {"agent-memory-2": "which lacks the hidden layers that some rules learn; learn again"}
+FORMAT = "agent-memory-4"
+OLDER = {
+    "agent-memory-2": "which lacks the hidden layers that some rules learn; learn again",
+    "agent-memory-3": "which lacks the errors of the camera; learn again",
+}
 """Earlier formats, and why they are not read."""
 MAX_BYTES = 64 << 20
 """Largest file, unfolded [bytes]; that of the arm with 60 observations has less than one MiB."""
@@ -61,6 +65,7 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "zero": ("Z", "n"),
     "widths": ("Z", 3),
     "unbalanced": ("U",),
+    "camera": ("Y", UNKNOWNS),
     "rest_lengths": ("R", "m"),
     "rest_tensions": ("R", "m"),
     "rest_guess": ("R", "n"),
@@ -231,6 +236,7 @@ def _arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
         "zero": np.empty((0, joints)) if memory.zero is None else memory.zero[None],
         "widths": np.empty((0, 3)) if memory.widths is None else np.array(memory.widths)[None],
         "unbalanced": np.array([] if memory.unbalanced is None else [memory.unbalanced]),
+        "camera": np.empty((0, UNKNOWNS)) if memory.camera is None else memory.camera[None],
         "rest_lengths": np.array([rest.lengths for rest in rests]).reshape(-1, muscles),
         "rest_tensions": np.array([rest.tensions for rest in rests]).reshape(-1, muscles),
         "rest_guess": np.array([rest.guess for rest in rests]).reshape(-1, joints),
@@ -245,7 +251,8 @@ def _rests_of(arrays: Mapping[str, Floats]) -> RestMemory:
         return RestMemory(rests=rests)
     widths = PriorWidths(*arrays["widths"][0].tolist())
     unbalanced = float(arrays["unbalanced"][0]) if len(arrays["unbalanced"]) else None
-    return RestMemory(arrays["zero"][0], widths, rests, unbalanced)
+    camera = arrays["camera"][0] if len(arrays["camera"]) else None
+    return RestMemory(arrays["zero"][0], widths, rests, unbalanced, camera)
 
 
 def _text(content: Arrays, name: str) -> str:
@@ -304,6 +311,8 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
         raise ArrayFileError(f"last has {sizes['L']} postures, but one fits")
     if sizes["U"] > 1:
         raise ArrayFileError(f"unbalanced has {sizes['U']} ratios, but one fits")
+    if sizes["Y"] > 1:
+        raise ArrayFileError(f"camera has {sizes['Y']} rows, but one fits")
     if sizes["Z"] > 1:
         raise ArrayFileError(f"zero has {sizes['Z']} postures, but one fits")
 

@@ -67,6 +67,8 @@ SCALED: Mapping[str, Mapping[str, str]] = {
         "tolerance": "angle",
         "limit_margin": "angle",
     },
+    "CameraPrior": {"position": "reach"},
+    "JointPrior": {"offset": "reach"},
     "BalanceOptions": {"arm": "moment arm", "noise": "torque", "stop_margin": "angle"},
     "HoldOutOptions": {"noise": "length"},
     "EstimatorOptions": {

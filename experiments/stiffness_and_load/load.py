@@ -18,10 +18,18 @@ from kengoro.robots import NO_END
 from kengoro.session import CLOSED, Session
 from kengoro.visits import errors, no_visits, visit
 from kengoro_env.departures import Payload, actual
+from kengoro_env.robot.draft import Departure
 
 
 def carried(
-    agent: Agent, seed: int, postures: Floats, mass: float, move: float, settle: float, known: int
+    agent: Agent,
+    seed: int,
+    postures: Floats,
+    mass: float,
+    move: float,
+    settle: float,
+    known: int,
+    departures: tuple[Departure, ...] | None = None,
 ) -> dict[str, Any]:
     """Move a load from posture to posture.
 
@@ -33,11 +41,12 @@ def carried(
         move: duration of a movement [s].
         settle: time to come to rest [s].
         known: number of postures after which the mass is noted and errors count.
+        departures: of the robot; those of the preset if left out.
 
     Returns:
         Estimated mass and standard deviation [kg] after these postures; errors at the others.
     """
-    departures = (*actual(seed), Payload(mass))
+    departures = (*(actual(seed) if departures is None else departures), Payload(mass))
     options: dict[str, Any] = {"camera": False, "max_episode_steps": NO_END}
     env = gym.make("Kengoro/Posture-v0", departures=departures, **options)
     start = {"posture": postures[0], "target": postures[0]}

@@ -140,6 +140,26 @@ class ArmKinematics:
         relative = self._frames.relative(self._posture(q), *ends)
         return self._frames.jacobian(*ends, relative)[:, self._frames.column]
 
+    def misplaced(self, frame: str, q: ArrayLike, relative_to: str | None = None) -> Floats:
+        """Movement of a frame against another one by errors of the model's joints.
+
+        Args:
+            frame: name of the frame, in whose axes the movement is given.
+            q: joint angles (n,) [rad].
+            relative_to: name of the other frame; None: world.
+
+        Returns:
+            Movements (6, n, 6), an offset [m] and a rotation vector [rad], for each joint: by an
+            offset of the joint along each axis of its own frame, and by a turn of its axis about
+            each, with which the robot stays as it is drawn at the angle 0.
+
+        Raises:
+            KinematicsError: an unknown frame, a wrong shape or an angle that is not finite.
+        """
+        ends = self._frames.number(frame), self._frames.number(relative_to)
+        relative = self._frames.relative(self._posture(q), *ends)
+        return self._frames.misplaced(*ends, relative)[:, self._frames.column]
+
     def solve(
         self,
         frame: str,

@@ -97,6 +97,35 @@ class RelativeFrames:
         other = pin.getFrameJacobian(self._model, self._data, reference, local).reshape(6, -1)
         return jacobian - relative.toActionMatrixInverse() @ other
 
+    def misplaced(self, frame: int, reference: int | None, relative: Any) -> Floats:
+        """Twist (6, n, 6) of a frame against a reference by errors of the model's joints.
+
+        Args:
+            frame: Pinocchio's number of the frame.
+            reference: that of the reference; None: world.
+            relative: result of the last call of `relative`, with the same frames.
+
+        Returns:
+            For each joint, in Pinocchio's order, the twists in the axes of the frame by an offset
+            of the joint along each axis of its own frame [1], and by a turn of its axis about each
+            [m/rad, rad/rad], which leaves the robot as it is at the angle 0.
+        """
+        model, data = self._model, self._data
+        twists = np.zeros((6, model.nv, 6))
+        for joint in range(1, model.njoints):
+            before = data.oMi[model.parents[joint]] * model.jointPlacements[joint]
+            for number, sign, share in ((frame, 1.0, np.eye(6)),) + (
+                () if reference is None else ((reference, -1.0, relative.toActionMatrixInverse()),)
+            ):
+                if joint not in model.supports[model.frames[number].parentJoint]:
+                    continue
+                here = data.oMf[number]
+                moved = here.actInv(before).toActionMatrix()
+                turned = moved[:, 3:] - here.actInv(data.oMi[joint]).toActionMatrix()[:, 3:]
+                both = np.hstack([moved[:, :3], turned])
+                twists[:, model.joints[joint].idx_v] += sign * share @ both
+        return twists
+
 
 def finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """An argument as an array of finite numbers.

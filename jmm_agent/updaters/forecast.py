@@ -17,6 +17,7 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
 from jmm_agent.updaters.vision_memory import VisionMemory
 from jmm_agent.updaters.vision_options import VisionOptions
+from jmm_agent.vision.camera_unknowns import corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.map_posterior import MapPosterior
 from jmm_agent.vision.marker_observation import MarkerObservation, PoseResidual
@@ -90,7 +91,7 @@ class Forecast:
             memory: of the Vision Updater.
         """
         rests = memory.rests if self._fitter.enabled else RestMemory()
-        problem = self._fitter.problem(rests, memory.observations, memory.elongated)
+        problem = self._fitter.problem(rests, memory.observations, memory.angles, memory.elongated)
         unknown = self._begin(rests, memory.angles)
         return Posterior(unknown, MapPosterior(problem.prior, problem.linearised(unknown)))
 
@@ -113,14 +114,15 @@ class Forecast:
         elongated = np.vstack([memory.elongated, none])[-before - 1 :]
         start = np.vstack([memory.angles, observation.guess])[-before - 1 :]
         problem = self._fitter.problem(
-            rests, [*observations[:before], hidden(observation)], elongated
+            rests, [*observations[:before], hidden(observation)], start, elongated
         )
         begin = self._begin(rests, start)
         found = fit_rests(problem, begin, self._limits, options, before + 1, None)
         lengths = MapPosterior(problem.prior, problem.linearised(found.unknown))
         covariance = lengths.covariance_of_rest(before)
         angles = found.observed.angles[-1]
-        return compared(observation, self._marker_residual, options, angles, covariance)
+        (shown,) = corrected_observations([observation], rests.camera)
+        return compared(shown, self._marker_residual, options, angles, covariance)
 
     def hand_error(
         self, memory: VisionMemory, before: JointMuscleMap, after: JointMuscleMap

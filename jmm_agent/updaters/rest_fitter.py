@@ -11,10 +11,11 @@ from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.vision_options import VisionOptions
 from jmm_agent.vision.balance import Balance, Loads
+from jmm_agent.vision.camera_unknowns import UNKNOWNS, corrected_observations
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
 from jmm_agent.vision.permanent_elongation import log_bayes_factors, with_likeliest_step
 from jmm_agent.vision.prior_widths import PriorWidths
-from jmm_agent.vision.rest_fit import Rest, RestProblem, fit_rests
+from jmm_agent.vision.rest_fit import CommonErrors, Rest, RestFit, RestProblem, fit_rests
 
 SAME_WIDTH = 0.2
 """Logarithm of the ratio of two widths of the prior within which they are the same [1]."""
@@ -38,6 +39,9 @@ CERTAIN = 3
 """Number of rests from which on it is said that tensions are not believed."""
 KNOWN_ZERO = 1e-6
 """Standard deviation of a zero posture that is not estimated [rad]."""
+SAME_CAMERA = 0.1
+"""Change of the camera's errors, in standard deviations of their prior, within which they are the
+same [1]."""
 SAME_REST = 5.0
 """Noises of a pair's lengths within which two rests are the same."""
 
@@ -51,12 +55,15 @@ class RestMemory(NamedTuple):
         rests: newest rests without an observation.
         unbalanced: loads over the torques of the tensions, if they are so far from each other that
             no tension is believed; None if they are not.
+        camera: errors of the camera (8,) [m, rad, 1, 1], see `camera_unknowns`; None while they are
+            unknown.
     """
 
     zero: Floats | None = None
     widths: PriorWidths | None = None
     rests: tuple[Rest, ...] = ()
     unbalanced: float | None = None
+    camera: Floats | None = None
 
 
 class FittedRests(NamedTuple):
@@ -183,7 +190,7 @@ class RestFitter:
         )
 
         def evidence(widths: PriorWidths) -> float:
-            problem = self._problem(memory, observations, elongated, balance, widths)
+            problem = self._problem(memory, observations, elongated, balance, widths, start)
             options = self._options.observations
             fit = fit_rests(problem, unknown, self._limits, options, len(start), None)
             return problem.log_evidence(fit.unknown)
@@ -197,9 +204,10 @@ class RestFitter:
         self,
         memory: RestMemory,
         observations: Sequence[MarkerObservation],
+        start: Floats,
         elongated: Floats,
     ) -> RestProblem:
-        """Cost of all rests, with the widths and the balance that are believed.
+        """Cost of all rests, with the widths, the balance and the camera that are believed.
 
         Without the fit of rests the zero posture is taken as known, and tensions are left out, as
         in the fit of observations and lengths only. See `fit` for the arguments.
@@ -210,7 +218,7 @@ class RestFitter:
             widths = PriorWidths(known.offset, known.shape, KNOWN_ZERO)
         if not self.enabled or memory.unbalanced is not None:
             balance = None
-        return self._problem(memory, observations, elongated, balance, widths)
+        return self._problem(memory, observations, elongated, balance, widths, start)
 
     def without(self, memory: RestMemory, lengths: Floats) -> RestMemory:
         """What is known without the rest that has some lengths (m,) [m]."""
@@ -224,6 +232,7 @@ class RestFitter:
         elongated: Floats,
         balance: Balance | None,
         widths: PriorWidths,
+        start: Floats,
     ) -> RestProblem:
         return RestProblem(
             observations,
@@ -234,7 +243,16 @@ class RestFitter:
             balance,
             self._options.observations,
             elongated,
+            self._common(memory, start),
         )
+
+    def _common(self, memory: RestMemory, start: Floats) -> CommonErrors | None:
+        """Errors that all poses share, at angles (K, n) [rad]; None if there can be none."""
+        camera, joints = self._options.camera, self._options.joints
+        if not (camera.enabled or joints.offset or joints.turn):
+            return None
+        known = np.zeros(UNKNOWNS) if memory.camera is None else memory.camera
+        return CommonErrors(camera, joints, known, start)
 
     def _fit(
         self,
@@ -257,7 +275,7 @@ class RestFitter:
             same_kind = abs(np.log(widths.zero / usual.zero)) < abs(np.log(EXACT_ZERO)) / 2.0
             widths = widths if same_kind else usual
         for _ in range(max(1, steps)):
-            problem = self._problem(memory, observations, elongated, balance, widths)
+            problem = self._problem(memory, observations, elongated, balance, widths, angles)
             begin = np.vstack([angles, *(rest.guess[None] for rest in memory.rests), zero])
             known = steps == 0 or self._widths_are_known(len(begin) - 1)
             wanted = None if known else usual
@@ -265,10 +283,10 @@ class RestFitter:
             angles, zero = found.observed.angles, found.zero
             pairs = zip(memory.rests, found.rests, strict=True)
             rests = tuple(rest._replace(guess=guess) for rest, guess in pairs)
-            memory = RestMemory(zero, found.widths, rests)
             change = np.log(np.array(found.widths) / widths)
-            widths = found.widths
-            if np.abs(change).max() < SAME_WIDTH:
+            same = np.abs(change).max() < SAME_WIDTH and self._same_camera(memory, found)
+            widths, memory = found.widths, RestMemory(zero, found.widths, rests, None, found.camera)
+            if same:
                 break
         return FittedRests(found.observed, elongated, memory), found.scale
 
@@ -292,7 +310,7 @@ class RestFitter:
         found = self.fit(memory, observations, start, elongated, learn_widths=False)
         for _ in range(elongated.shape[1]):
             evidence = log_bayes_factors(
-                observations,
+                corrected_observations(observations, found.memory.camera),
                 self.prior(found.memory),
                 self._marker_residual,
                 options,
@@ -308,6 +326,14 @@ class RestFitter:
         if self._widths_are_known(len(observations) + len(found.memory.rests)):
             return found
         return self.fit(found.memory, observations, found.observed.angles, found.elongated)
+
+    def _same_camera(self, memory: RestMemory, found: RestFit) -> bool:
+        """Whether a fit moved the camera's errors so little that it need not be repeated."""
+        if found.camera is None:
+            return True
+        moved = found.camera if memory.camera is None else found.camera - memory.camera
+        most = SAME_CAMERA * self._options.camera.widths
+        return bool(np.all(np.abs(moved) <= most))
 
     @staticmethod
     def _widths_are_known(rests: int) -> bool:

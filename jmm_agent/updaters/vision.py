@@ -22,6 +22,7 @@ from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionM
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
 from jmm_agent.vision.balance import Loads
+from jmm_agent.vision.camera_unknowns import corrected, corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
@@ -114,6 +115,11 @@ class VisionUpdater:
     def zero(self) -> Floats | None:
         """Posture at which the lengths were zeroed (n,) [rad]; None while it is unknown."""
         return self._rests.zero
+
+    def corrected(self, pose: Floats) -> Floats:
+        """Pose (4, 4) in the camera of the model, of a marker that the camera showed."""
+        camera = self._rests.camera
+        return pose if camera is None else corrected(pose, camera)
 
     @property
     def tensions_are_believed(self) -> bool:
@@ -320,17 +326,18 @@ class VisionUpdater:
         if start.newest >= self._options.zeroing_recent or before < self._options.zeroing_least:
             self._start = None
             return False
+        shown = corrected_observations(observations, self._rests.camera)
         known = len(self._angles) - start.newest  # one more than before, if the oldest is forgotten
         test = ZeroingTest(
             self._prior,
             self._marker_residual,
             self._limits,
             options,
-            observations[:before],
+            shown[:before],
             self._angles[known - before : known],
             start.elongated[-before:],
         )
-        if test.log_bayes_factor(observations[before:]) < self._options.zeroing_evidence:
+        if test.log_bayes_factor(shown[before:]) < self._options.zeroing_evidence:
             return False
         self.elongated = np.zeros_like(self.elongated)
         self.elongated[known - before : known] = (
@@ -354,7 +361,8 @@ class VisionUpdater:
         start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
         none = np.zeros(self.elongated.shape[1])
         elongated = np.vstack([self.elongated, none])[-options.memory :]
-        fit = fit_newest(observations, self._prior, residual, limits, options, start, elongated)
+        shown = corrected_observations(observations, self._rests.camera)
+        fit = fit_newest(shown, self._prior, residual, limits, options, start, elongated)
         return FittedRests(fit, elongated, self._rests)
 
     def _learn(self, antagonism: Pairs) -> None:

@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from jmm_agent.vision.balance import BalanceOptions
+from jmm_agent.vision.camera_unknowns import CameraPrior
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.observation_fit import ObservationFitOptions
+from jmm_agent.vision.pose_errors import JointPrior
 
 PairLengths = Literal["min", "l_target", "l"]
 """Lengths of a pair, see `VisionOptions`."""
@@ -38,6 +40,8 @@ class VisionOptions:
             "incremental".
         balance: how far tensions and loads may disagree, and how many rests without an observation
             are remembered, if rests are fitted.
+        camera: standard deviations of the camera's errors, which are unknowns of the fit of rests.
+        joints: the same of the places and axes of the drawing's joints.
         observations: options of the fit.
         hold_out: which observations are held out, to undo updates that make the map worse; None:
             none.
@@ -58,6 +62,8 @@ class VisionOptions:
     rotation_residual: float = 0.06
     fit: Literal["rests", "together", "incremental", "alone"] = "rests"
     balance: BalanceOptions = field(default_factory=BalanceOptions)
+    camera: CameraPrior = field(default_factory=CameraPrior)
+    joints: JointPrior = field(default_factory=JointPrior)
     observations: ObservationFitOptions = field(default_factory=ObservationFitOptions)
     hold_out: HoldOutOptions | None = None
     zeroing_recent: int = 6

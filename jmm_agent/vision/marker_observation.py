@@ -158,6 +158,10 @@ class ObservationWeights:
             cost += float(np.sum(weight * (angles[k] - measured) ** 2))
         return cost
 
+    def matrix(self, k: int) -> Floats:
+        """Weight (6, 6) of the pose of an observation."""
+        return self._full[k] if k in self._full else np.diag(self._plain[k])
+
     def normal_equations(
         self, k: int, q: Floats, residual: Floats, slope: Floats
     ) -> tuple[Floats, Floats]:

@@ -49,3 +49,13 @@ class MarkerResidual:
         error = np.concatenate([offset, pin.log3(rotation)])
         jacobian = np.vstack([rotation @ slope[:3], pin.Jlog3(rotation) @ slope[3:]])
         return error, jacobian
+
+    def misplaced(self, q: Floats, frames: Frames | None = None) -> Floats:
+        """Movements (6, n, 6) of the marker by errors of the joints; `ArmKinematics.misplaced`.
+
+        Args:
+            q: joint angles (n,) [rad].
+            frames: as above.
+        """
+        frame, reference = frames or self._frames
+        return self._kinematics.misplaced(frame, q, relative_to=reference)

@@ -104,7 +104,7 @@ def hidden(observation: MarkerObservation) -> MarkerObservation:
     """A look whose pose was not measured, so that a fit predicts it.
 
     Args:
-        look: the look.
+        observation: the look.
     """
     return observation._replace(covariance=UNKNOWN * np.eye(6))
 
@@ -119,7 +119,7 @@ def compared(
     """How far a look is from its prediction.
 
     Args:
-        look: the look.
+        observation: the look.
         marker_residual: residual of the marker's pose at a posture.
         options: noise of poses.
         angles: expected joint angles (n,) [rad].

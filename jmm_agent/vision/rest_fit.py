@@ -27,6 +27,7 @@ import numpy as np
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.vision.balance import Balance
+from jmm_agent.vision.camera_unknowns import CameraPrior, corrected_observations
 from jmm_agent.vision.marker_observation import (
     MarkerObservation,
     ObservationWeights,
@@ -34,6 +35,7 @@ from jmm_agent.vision.marker_observation import (
     residual_of,
 )
 from jmm_agent.vision.observation_fit import ObservationFit, ObservationFitOptions, descend
+from jmm_agent.vision.pose_errors import JointPrior, PoseErrors, joint_columns
 from jmm_agent.vision.prior_widths import Linearised, PriorWidths, likeliest_widths
 
 
@@ -51,6 +53,22 @@ class Rest(NamedTuple):
     guess: Floats
 
 
+class CommonErrors(NamedTuple):
+    """Errors that all observed poses share, as they are believed when a fit begins.
+
+    Attributes:
+        prior: standard deviations of the camera's errors.
+        joints: standard deviations of the joints' errors.
+        camera: errors of the camera (8,) [m, rad, 1, 1].
+        angles: about the joint angles of the observations (K, n) [rad].
+    """
+
+    prior: CameraPrior
+    joints: JointPrior
+    camera: Floats
+    angles: Floats
+
+
 class RestFit(NamedTuple):
     """Result of a fit.
 
@@ -60,6 +78,8 @@ class RestFit(NamedTuple):
         zero: posture at which the lengths were zeroed (n,) [rad].
         widths: of the map's error, by the lengths at these angles.
         scale: loads over the torques of the tensions, see `Balance.scale`; NaN without a balance.
+        camera: errors of the camera (8,) [m, rad, 1, 1], see `camera_unknowns`; None: none is
+            believed.
     """
 
     observed: ObservationFit
@@ -67,6 +87,7 @@ class RestFit(NamedTuple):
     zero: Floats
     widths: PriorWidths
     scale: float
+    camera: Floats | None = None
 
     @property
     def unknown(self) -> Floats:
@@ -88,6 +109,7 @@ class RestProblem:
         balance: of tensions and loads; None: unknown loads.
         options: noise levels.
         elongated: number of permanent elongations of each muscle since each observation (K, m).
+        common: standard deviations of errors that all observations share; None: there are none.
 
     Attributes:
         prior: prior of the map's error with these widths, once the zero posture is known.
@@ -105,8 +127,9 @@ class RestProblem:
         balance: Balance | None,
         options: ObservationFitOptions,
         elongated: Floats,
+        common: CommonErrors | None = None,
     ) -> None:
-        self._observations, self._marker_residual = observations, marker_residual
+        self._marker_residual = marker_residual
         self._balance, self.widths = balance, widths
         self.prior = prior.zeroed(np.zeros(len(prior.map.joints)), widths.offset, widths.shape)
         lengths = [found.lengths for found in observations] + [rest.lengths for rest in rests]
@@ -120,6 +143,23 @@ class RestProblem:
         self.weights = ObservationWeights(
             observations, options.position_noise, options.rotation_noise, options.joint_noise
         )
+        self._common, self._observations = None, list(observations)
+        if common is not None and len(observations):
+            joints = joint_columns(observations, common.angles, marker_residual, common.joints)
+            self._common = PoseErrors(
+                observations, common.prior, common.camera, joints, self.weights
+            )
+            self._observations = corrected_observations(observations, common.camera)
+
+    def camera(self, unknown: Floats) -> Floats | None:
+        """Most probable errors of the camera (8,) at angles (K + R + 1, n) [rad]."""
+        return None if self._common is None else self._common.camera(self._poses(unknown))
+
+    def _poses(self, unknown: Floats) -> Floats:
+        """Residuals (K, 6) [m, rad] of the poses as the camera is believed to show them."""
+        pairs = zip(self._observations, unknown, strict=False)
+        residuals = [residual_of(f, self._marker_residual, q)[0] for f, q in pairs]
+        return np.array(residuals).reshape(-1, 6)
 
     def likeliest_widths(self, unknown: Floats, usual: PriorWidths) -> PriorWidths:
         """Widths that make the lengths likelier.
@@ -149,6 +189,7 @@ class RestProblem:
         kernels = self.prior.groups(unknown[:-1], elongated=self._elongated)
         spread = sum(len(kernel.muscles) * kernel.log_det for kernel in kernels)
         spread += 2.0 * unknown.shape[1] * np.log(self.widths.zero)
+        spread += 0.0 if self._common is None else self._common.log_det
         spread += float(np.linalg.slogdet(self.normal_equations(unknown)[0])[1])
         return -0.5 * (self.cost(unknown)[0] + spread)
 
@@ -161,12 +202,12 @@ class RestProblem:
     def cost(self, unknown: Floats) -> tuple[float, Floats]:
         """Cost at angles (K + R + 1, n) [rad], and the marker's residuals (K, 6) [m, rad]."""
         angles, zero = unknown[:-1], unknown[-1]
-        pairs = zip(self._observations, angles, strict=False)
-        residuals = [residual_of(f, self._marker_residual, q)[0] for f, q in pairs]
-        poses = np.array(residuals).reshape(-1, 6)
+        poses, cost = self._poses(angles), 0.0
+        if self._common is not None:
+            poses, cost = self._common.remaining(poses)
         lengths = self.prior.map.lengths(unknown)
         missed = self._lengths - lengths[:-1] + lengths[-1]
-        cost = self.weights.cost(angles[: len(poses)], poses)
+        cost += self.weights.cost(angles[: len(poses)], poses)
         cost += float(np.sum(zero**2)) / self.widths.zero**2
         for group in self.prior.groups(angles, elongated=self._elongated):
             own = missed[:, group.muscles]
@@ -183,11 +224,7 @@ class RestProblem:
         count, joints = len(unknown) - 1, unknown.shape[1]
         matrix = np.zeros((count + 1, joints, count + 1, joints))
         gradient = np.zeros((count + 1, joints))
-        for k, found in enumerate(self._observations):
-            seen = residual_of(found, self._marker_residual, unknown[k])
-            own, pull = self.weights.normal_equations(k, unknown[k], *seen)
-            matrix[k, :, k, :] += own
-            gradient[k] += pull
+        self._add_poses(unknown, matrix, gradient)
         if self._balance is not None and len(self._balanced):
             known, each = self._balanced, np.arange(joints)
             own, pull = self._balance.normal_equations(unknown[known], self._tensions)
@@ -205,6 +242,22 @@ class RestProblem:
             gradient -= np.einsum("kmi,km->ki", arms, rows.T @ white)
         size = (count + 1) * joints
         return matrix.reshape(size, size), gradient.ravel()
+
+    def _add_poses(self, unknown: Floats, matrix: Floats, gradient: Floats) -> None:
+        """Add what the observed poses tell to the matrix and the gradient of all postures."""
+        count = len(self._observations)
+        pairs = zip(self._observations, unknown, strict=False)
+        seen = [residual_of(found, self._marker_residual, q) for found, q in pairs]
+        poses = np.array([residual for residual, _ in seen]).reshape(-1, 6)
+        if self._common is not None:
+            poses = self._common.remaining(poses)[0]
+            shape = (count, unknown.shape[1]) * 2
+            taken = self._common.taken([slope for _, slope in seen])
+            matrix[:count, :, :count, :] -= taken.reshape(shape)
+        for k, (residual, (_, slope)) in enumerate(zip(poses, seen, strict=True)):
+            own, pull = self.weights.normal_equations(k, unknown[k], residual, slope)
+            matrix[k, :, k, :] += own
+            gradient[k] += pull
 
     def _missed_and_arms(self, unknown: Floats) -> tuple[Floats, Floats]:
         """Lengths minus those of the nominal map, and how each unknown posture moves the latter."""
@@ -245,4 +298,5 @@ def fit_rests(
     seen = ObservationFit(end.angles[:observed], converged, norms)
     widths = problem.widths if usual is None else problem.likeliest_widths(end.angles, usual)
     scale = problem.scale(end.angles)
-    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, scale)
+    camera = problem.camera(end.angles)
+    return RestFit(seen, end.angles[observed:-1], end.angles[-1], widths, scale, camera)

@@ -126,7 +126,7 @@ def square_covariance(pose: Floats, square: Floats, matrix: Floats, covariance: 
         Covariance (6, 6) of x, y, z [m] and of the rotations about x, y and z [rad], in the axes of
         the camera.
     """
-    gain = np.linalg.pinv(_slopes(pose, square, matrix))
+    gain = np.linalg.pinv(corner_slopes(pose, square, matrix))
     turn = np.kron(np.eye(2), pose[:3, :3])
     return np.asarray(turn @ gain @ covariance @ gain.T @ turn.T)
 
@@ -147,8 +147,14 @@ def either_covariance(covariance: Floats, pose: Floats, other: Floats) -> Floats
     return covariance + np.outer(apart, apart) / 2
 
 
-def _slopes(pose: Floats, square: Floats, matrix: Floats) -> Floats:
-    """Slopes of the corners (8, 6) [px] by offset [m] and rotation vector [rad]."""
+def corner_slopes(pose: Floats, square: Floats, matrix: Floats) -> Floats:
+    """Slopes of the corners (8, 6) [px] by offset [m] and rotation vector [rad] in its own axes.
+
+    Args:
+        pose: of the square (4, 4).
+        square: its corners (4, 3) [m].
+        matrix: intrinsic matrix of the camera (3, 3) [px].
+    """
     x, y, z = (square @ pose[:3, :3].T + pose[:3, 3]).T
     slopes = np.zeros((4, 2, 3))
     slopes[:, 0, 0], slopes[:, 0, 2] = matrix[0, 0] / z, -matrix[0, 0] * x / z**2

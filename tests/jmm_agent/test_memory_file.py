@@ -68,6 +68,7 @@ def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
             PriorWidths(0.001, 0.002, 0.3),
             tuple(Rest(*(rng.normal(size=size) for size in (M, M, N))) for _ in range(count)),
             7.5,
+            rng.normal(size=8),
         )
         if count
         else RestMemory(),
@@ -257,7 +258,7 @@ REFUSED: dict[Callable[[Path], None], str] = {
     missing: "the array 'elongated' is missing",
     other_joints: r"its joints \(4: a, b, c, e\) are not this robot's 4 joints",
     fewer_muscles: "its muscles .* are not this robot's 5 muscles",
-    other_format: "its format is agent-memory-0, and agent-memory-3 is read",
+    other_format: "its format is agent-memory-0, and agent-memory-4 is read",
     earlier_format: "its format is agent-memory-2, which lacks the hidden layers .*; learn again",
     no_hidden_layer: "the array 'b1_1' of numbers is missing",
     other_nominal_map: "another nominal map",

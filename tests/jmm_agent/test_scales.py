@@ -62,6 +62,8 @@ def test_each_option_in_units_of_a_robot_is_scaled() -> None:
     angles_in_the_image = ("turned", "still_rad", "facing", "mirrored")
     assert unscaled == {
         "ObservationFitOptions.joint_noise",
+        "CameraPrior.rotation",
+        "JointPrior.turn",
         *encoders,
         *(f"CameraMonitorOptions.{option}" for option in angles_in_the_image),
     }

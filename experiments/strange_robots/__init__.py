@@ -1,0 +1,1 @@
+"""Strange robots: eight kinds of robots that the preset's departures do not describe."""

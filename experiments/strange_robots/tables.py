@@ -1,0 +1,194 @@
+"""Tables and metrics of strange robots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.harness.experiment import Results
+from experiments.harness.report import Table
+from experiments.harness.statistics import metric
+from experiments.strange_robots.families import (
+    ABSENT,
+    BONES,
+    DRIFT,
+    FAMILIES,
+    LENS,
+    NOISE,
+    POINTS,
+    PRESET,
+    SOFT,
+    SWAPPED,
+)
+from experiments.strange_robots.trial import Sizes
+from jmm_agent.types import Floats
+
+COMMISSIONED = {f"{SWAPPED}-commissioned": SWAPPED, f"{ABSENT}-commissioned": ABSENT}
+"""Conditions with a commissioning run first, and their families."""
+CONDITIONS = (*FAMILIES, *COMMISSIONED)
+TITLES = {name: family.title for name, family in FAMILIES.items()} | {
+    name: f"{FAMILIES[family].title}, after a commissioning run"
+    for name, family in COMMISSIONED.items()
+}
+
+UNITS = {"deg": "target_true_deg", "mm": "target_true_mm"}
+MUST: Mapping[str, tuple[float, float | None]] = {
+    POINTS: (1.2, 14.0),
+    BONES: (1.2, None),
+    SOFT: (1.4, None),
+}
+"""Largest errors of joints [deg] and hand [mm] after the last look; None: no limit."""
+MUST_RATIO = {
+    LENS: 1.5,
+    SWAPPED: 1.5,
+    ABSENT: 1.5,
+    f"{SWAPPED}-commissioned": 1.5,
+    f"{ABSENT}-commissioned": 1.5,
+    DRIFT: 1.2,
+    NOISE: 1.2,
+}
+"""Largest error over that of the preset's robot after as many looks [1]."""
+MUST_LOADED = 1.3
+"""Largest error with a load over that with an empty hand [1]."""
+MUST_NAMED = {SWAPPED: 5.0, ABSENT: 5.0}
+"""Number of looks within which the muscles must be named."""
+NEVER = 1e3
+"""Number of looks that stands for "never named" in a metric."""
+
+
+def last(condition: str, sizes: Sizes) -> int:
+    """Number of looks after which a condition is judged."""
+    return sizes.long if condition == DRIFT else max(sizes.counts)
+
+
+def numbers(results: Results, condition: str, count: int, key: str) -> Floats:
+    """An error of a condition after some looks, of each robot."""
+    found = [result[condition]["errors"][str(count)][key] for result in results.values()]
+    return np.array(found, dtype=float)
+
+
+def metrics(results: Results, sizes: Sizes) -> dict[str, Mapping[str, Any]]:
+    """Errors and ratios beside what they must be."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for condition, musts in MUST.items():
+        for (unit, key), must in zip(UNITS.items(), musts, strict=True):
+            after = numbers(results, condition, last(condition, sizes), key)
+            found[f"{condition}_error_{unit}"] = metric(after, unit, must=must)
+    found[f"{POINTS}_largest_share_of_error_before_mm"] = _never_worse(results, sizes)
+    for condition, most in MUST_RATIO.items():
+        count = last(condition, sizes)
+        for unit, key in UNITS.items():
+            ratio = numbers(results, condition, count, key) / numbers(results, PRESET, count, key)
+            found[f"{condition}_over_preset_{unit}"] = metric(ratio, "", must=most)
+    empty, *loads = (f"{mass:g}" for mass in sizes.loads)
+    for load in loads:
+        for unit, key in UNITS.items():
+            each = [result[SOFT]["loads"] for result in results.values()]
+            ratio = np.array([one[load][key] / one[empty][key] for one in each])
+            must = MUST_LOADED if unit == "deg" else None
+            found[f"{SOFT}_with_{load}_kg_over_empty_{unit}"] = metric(ratio, "", must=must)
+    for condition, most in MUST_NAMED.items():
+        texts = [result[condition]["named_after"] for result in results.values()]
+        named = metric([NEVER if at is None else at for at in texts], "observations", must=most)
+        found[f"{condition}_named_after"] = {**named, "reached": bool(named["worst"] <= most)}
+        wrong = [len(result[condition]["false_names"]) for result in results.values()]
+        found[f"{condition}_false_names"] = metric(wrong, "")
+    return found
+
+
+def _never_worse(results: Results, sizes: Sizes) -> dict[str, Any]:
+    """Largest error of the hand after any number of looks, as a share of that before."""
+    before = numbers(results, POINTS, 0, UNITS["mm"])
+    each = [numbers(results, POINTS, count, UNITS["mm"]) / before for count in sizes.counts]
+    found = metric(np.max(each, axis=0), "", must=1.0)
+    return {**found, "reached": bool(found["worst"] <= 1.0)}
+
+
+def _cell(values: Floats) -> str:
+    return f"{np.median(values):.1f} ({values.max():.1f})"
+
+
+def tables(results: Results, sizes: Sizes) -> list[Table]:
+    """All tables of the report."""
+    shown = []
+    counts = (0, *sizes.counts, sizes.long)
+    for unit, key in UNITS.items():
+        rows = []
+        for condition in CONDITIONS:
+            known = (0, *sizes.counts_of(condition))
+            cells = [
+                _cell(numbers(results, condition, count, key)) if count in known else ""
+                for count in counts
+            ]
+            rows.append((TITLES[condition], *cells, _must(condition, unit)))
+        shown.append(
+            Table(
+                f"target - true [{unit}] by number of looks: median over robots (worst robot)",
+                ("robot", *map(str, counts), "must"),
+                rows,
+                "Medians over test postures. A ratio is to the preset's robot of the same seed.",
+            )
+        )
+    return [*shown, _load_table(results, sizes), _named_table(results)]
+
+
+def _must(condition: str, unit: str) -> str:
+    """What the error after the last look must be, in words."""
+    if condition in MUST:
+        most = MUST[condition][unit == "mm"]
+        return "" if most is None else f"{most:g} {unit}"
+    return f"{MUST_RATIO[condition]:g} x" if condition in MUST_RATIO else ""
+
+
+def _load_table(results: Results, sizes: Sizes) -> Table:
+    rows = []
+    for mass in sizes.loads:
+        each = [result[SOFT]["loads"][f"{mass:g}"] for result in results.values()]
+        cells = [_cell(np.array([one[key] for one in each])) for key in UNITS.values()]
+        rows.append((f"{mass:g}", f"{np.median([one['mass_kg'] for one in each]):.2f}", *cells))
+    head = ("load [kg]", "estimate [kg]", "joints [deg]", "hand [mm]")
+    note = f"After {sizes.known} postures with it. The agent is told that its hand is not free."
+    return Table("Loads in the hand of robots with soft wires", head, rows, note)
+
+
+def _named_table(results: Results) -> Table:
+    rows = []
+    for condition in CONDITIONS:
+        for seed, result in results.items():
+            found = result[condition]
+            after = "" if not found["odd"] else found["named_after"] or "never"
+            run = found.get("commissioning", {})
+            texts = [" ".join(one) for one in run.get("found", [])] or ["-"] * bool(run)
+            kinds = [f"{kind} {where}" for kind, where, _, _ in found["faults"]]
+            rows.append(
+                (condition, seed, " ".join(found["odd"]), after, ", ".join(texts),
+                 len(found["false_names"]), found["events"], f"{found['tension_N']:.0f}",
+                 ", ".join(kinds[:4]) + (" ..." if len(kinds) > 4 else ""))
+            )  # fmt: skip
+    head = ("robot", "seed", "odd", "named after", "commissioning found", "false names",
+            "elongations", "tension [N]", "faults named")  # fmt: skip
+    note = (
+        "Elongations: events by which the map explains lengths. False names: faults at muscles "
+        "that are as drawn. Tension: the largest while learning."
+    )
+    return Table("What the agent named while it learned", head, rows, note)
+
+
+def per_seed(results: Results) -> dict[int, Any]:
+    """Errors [deg, mm] by condition and number of looks, and what was named, of each robot."""
+    return {
+        seed: {
+            condition: {
+                "errors": {
+                    count: [one[key] for key in UNITS.values()]
+                    for count, one in result[condition]["errors"].items()
+                },
+                "named_after": result[condition]["named_after"],
+                "events": result[condition]["events"],
+            }
+            for condition in CONDITIONS
+        }
+        for seed, result in results.items()
+    }

@@ -1,0 +1,164 @@
+"""Errors of the camera as unknowns of the fit: its mounting, its focal length and its lens.
+
+A camera that is mounted a little otherwise, or whose lens distorts, misses all poses of the marker
+in a way that eight numbers b describe: offset [m] and rotation vector [rad] of its mounting, error
+of its focal length [1], and the coefficient k1 of a radial distortion [1], with which a ray of the
+slope s is seen at
+
+    s' = (1 + focal) (1 + k1 |s|^2) s.
+
+`corrected` undoes them: it moves the marker's corners as they were seen, and finds the pose again.
+A fit of observations linearises this about the present estimate (`camera_columns`), and integrates
+b out, see `jmm_agent.vision.pose_errors`.
+
+Kawaharazuka et al. 2018 believe the camera; these unknowns are ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from jmm_agent.errors import AgentError
+from jmm_agent.types import Floats
+from jmm_agent.vision.marker_observation import MarkerObservation
+from jmm_agent.vision.square_pose import corner_slopes, square_corners
+
+UNKNOWNS = 8
+"""Number of unknowns: offset, rotation, focal length, lens."""
+SIDE = 0.1
+"""Side of the square that stands for the marker, as a share of its distance; poses that are found
+again hardly depend on it [1]."""
+STEPS = 8
+"""Steps that find a pose, and the slopes before a lens, again."""
+SETTLED = 1e-9
+"""Change of a pose that ends the search for it [m, rad]."""
+MOST_LENS = 0.5
+"""Largest share by which a lens may move a slope; beyond it, it would fold the image [1]."""
+
+
+@dataclass(frozen=True)
+class CameraPrior:
+    """Standard deviations of the camera's errors before anything was seen.
+
+    Attributes:
+        position: of its mounting along each axis [m].
+        rotation: of its mounting about each axis [rad].
+        focal: of its focal length, as a share of it [1].
+        lens: of the coefficient k1 of a radial distortion that the agent does not know [1].
+
+    Raises:
+        AgentError: a number is negative or not finite.
+    """
+
+    position: float = 0.004
+    rotation: float = 0.01
+    focal: float = 0.006
+    lens: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not all(0.0 <= one < np.inf for one in self.widths):
+            raise AgentError(
+                f"CameraPrior: the standard deviations are {self.widths.tolist()}, but must be "
+                "finite and at least 0."
+            )
+
+    @property
+    def widths(self) -> Floats:
+        """Standard deviation of each unknown (8,) [m, rad, 1, 1]."""
+        return np.array([self.position] * 3 + [self.rotation] * 3 + [self.focal, self.lens])
+
+    @property
+    def enabled(self) -> bool:
+        """Whether anything of the camera is unknown."""
+        return bool(self.widths.any())
+
+
+def corrected(pose: Floats, unknowns: Floats) -> Floats:
+    """Pose (4, 4) in the camera as it is believed to be, from the pose that a camera showed.
+
+    Args:
+        pose: of the marker by the camera as it is modelled (4, 4).
+        unknowns: errors of the camera (8,) [m, rad, 1, 1].
+    """
+    mounting, (focal, lens) = unknowns[:6], unknowns[6:]
+    if focal or lens:
+        pose = _seen_straight(pose, float(focal), float(lens))
+    turn = cv2.Rodrigues(mounting[3:])[0]
+    moved = np.eye(4)
+    moved[:3, :3], moved[:3, 3] = turn @ pose[:3, :3], turn @ pose[:3, 3] + mounting[:3]
+    return moved
+
+
+def corrected_observations(
+    observations: Sequence[MarkerObservation], unknowns: Floats | None
+) -> list[MarkerObservation]:
+    """Observations whose poses are those in the camera as it is believed to be.
+
+    Poses of other frames than the camera's stay.
+
+    Args:
+        observations: K observations.
+        unknowns: errors of the camera (8,) [m, rad, 1, 1]; None: unknown yet.
+    """
+    if unknowns is None:
+        return list(observations)
+    return [
+        found._replace(pose=corrected(found.pose, unknowns)) if found.frames is None else found
+        for found in observations
+    ]
+
+
+def _seen_straight(pose: Floats, focal: float, lens: float) -> Floats:
+    """Pose of a square whose corners are moved to where an ideal camera sees them."""
+    square = square_corners(SIDE * float(np.linalg.norm(pose[:3, 3])))
+    points = square @ pose[:3, :3].T + pose[:3, 3]
+    seen = points[:, :2] / points[:, 2:] / (1.0 + focal)
+    straight = seen.copy()
+    for _ in range(STEPS):
+        grown = np.clip(lens * np.sum(straight**2, axis=1, keepdims=True), -MOST_LENS, MOST_LENS)
+        straight = seen / (1.0 + grown)
+    pose = pose.copy()
+    for _ in range(STEPS):
+        points = square @ pose[:3, :3].T + pose[:3, 3]
+        missed = straight - points[:, :2] / points[:, 2:]
+        step = np.linalg.lstsq(corner_slopes(pose, square, np.eye(3)), missed.ravel(), rcond=None)
+        pose[:3, 3] += pose[:3, :3] @ step[0][:3]
+        pose[:3, :3] = pose[:3, :3] @ cv2.Rodrigues(step[0][3:])[0]
+        if np.abs(step[0]).max() < SETTLED:
+            break
+    return pose
+
+
+def camera_columns(pose: Floats, unknowns: Floats) -> Floats:
+    """Change (6, 8) of the residual of a corrected pose by each error of the camera.
+
+    Args:
+        pose: of the marker, as the camera showed it (4, 4).
+        unknowns: errors of the camera (8,) [m, rad, 1, 1] about which the change counts.
+
+    Returns:
+        Offset [m] and rotation vector [rad] in the axes of the corrected marker, a column each.
+    """
+    focal, lens = (float(one) for one in unknowns[6:])
+    here = corrected(pose, unknowns)
+    axes, arm = here[:3, :3].T, here[:3, 3] - unknowns[:3]
+    columns = np.zeros((6, UNKNOWNS))
+    columns[:3, :3], columns[3:, 3:6] = axes, axes
+    columns[:3, 3:6] = axes @ np.cross(np.eye(3), arm).T
+    straight = corrected(pose, np.concatenate([np.zeros(6), unknowns[6:]]))
+    square = square_corners(SIDE * float(np.linalg.norm(straight[:3, 3])))
+    points = square @ straight[:3, :3].T + straight[:3, 3]
+    slopes = points[:, :2] / points[:, 2:]
+    moved = np.zeros((4, 2, 2))
+    for corner, slope in enumerate(slopes):
+        long = float(slope @ slope)
+        grown = (1.0 + lens * long) * np.eye(2) + 2.0 * lens * np.outer(slope, slope)
+        shifts = np.column_stack([(1.0 + lens * long) / (1.0 + focal) * slope, long * slope])
+        moved[corner] = -np.linalg.solve(grown, shifts)
+    by_slopes = corner_slopes(straight, square, np.eye(3))
+    columns[:, 6:] = np.linalg.lstsq(by_slopes, moved.reshape(8, 2), rcond=None)[0]
+    return columns

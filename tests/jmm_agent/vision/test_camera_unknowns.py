@@ -1,0 +1,109 @@
+"""Errors of the camera: poses that a lens distorts are found again, and their derivatives."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from jmm_agent.errors import AgentError
+from jmm_agent.types import Floats
+from jmm_agent.vision.camera_unknowns import (
+    CameraPrior,
+    camera_columns,
+    corrected,
+    corrected_observations,
+)
+from jmm_agent.vision.marker_observation import MarkerObservation
+from jmm_agent.vision.square_pose import solve_square, square_corners
+
+FOCAL = 579.4
+MATRIX = np.array([[FOCAL, 0.0, 319.5], [0.0, FOCAL, 239.5], [0.0, 0.0, 1.0]])
+
+
+def poses(count: int, distance: float = 0.5) -> list[Floats]:
+    """Poses of a marker all over the frame, tilted by 20 to 60 deg from facing the camera."""
+    rng, found = np.random.default_rng(4), []
+    for _ in range(count):
+        pose, tilt = np.eye(4), rng.uniform(np.radians(20.0), np.radians(60.0))
+        side = rng.uniform(0.0, 2.0 * np.pi)
+        tilted = cv2.Rodrigues(tilt * np.array([np.cos(side), np.sin(side), 0.0]))[0]
+        turned = cv2.Rodrigues(np.array([0.0, 0.0, rng.uniform(-3.0, 3.0)]))[0]
+        pose[:3, :3] = tilted @ np.diag([1.0, -1.0, -1.0]) @ turned
+        depth = distance * rng.uniform(0.7, 1.4)
+        pose[:3, 3] = depth * np.array([*rng.uniform(-1.0, 1.0, 2) * (0.45, 0.33), 1.0])
+        found.append(pose)
+    return found
+
+
+def shown(pose: Floats, side: float, focal: float, k1: float) -> Floats:
+    """Pose of a marker that a camera with other optics shows to an agent."""
+    square, matrix = square_corners(side), MATRIX.copy()
+    matrix[0, 0] = matrix[1, 1] = FOCAL * (1.0 + focal)
+    lens = np.array([k1, 0.0, 0.0, 0.0])
+    turn = cv2.Rodrigues(pose[:3, :3])[0]
+    corners = cv2.projectPoints(square, turn, pose[:3, 3], matrix, lens)[0].reshape(4, 2)
+    found = solve_square(square, corners, MATRIX, pose)
+    assert found is not None
+    return found.pose
+
+
+def apart(one: Floats, other: Floats) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between poses."""
+    turn = cv2.Rodrigues(one[:3, :3].T @ other[:3, :3])[0]
+    return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), float(np.linalg.norm(turn))
+
+
+@pytest.mark.parametrize(
+    ("side", "distance", "focal", "k1"),
+    [(0.05, 0.5, 0.0, -0.2), (0.05, 0.5, 0.02, 0.1), (0.01, 0.15, -0.01, -0.3)],
+)
+def test_poses_are_found_again(side: float, distance: float, focal: float, k1: float) -> None:
+    unknowns = np.array([0.0] * 6 + [focal, k1])
+    before, after = [], []
+    for pose in poses(40, distance):
+        seen = shown(pose, side, focal, k1)
+        before.append(apart(seen, pose))
+        after.append(apart(corrected(seen, unknowns), pose))
+    was, now = np.percentile(before, 90, axis=0), np.percentile(after, 90, axis=0)
+    assert was[0] > 0.01 * distance
+    assert now[0] < 0.05 * was[0]
+    assert now[1] < 0.06 * was[1]
+
+
+def test_a_camera_that_is_mounted_otherwise_is_undone() -> None:
+    unknowns = np.array([0.01, -0.02, 0.005, 0.02, 0.01, -0.03, 0.0, 0.0])
+    mounted = np.eye(4)
+    mounted[:3, :3], mounted[:3, 3] = cv2.Rodrigues(unknowns[3:6])[0], unknowns[:3]
+    [pose] = poses(1)
+    np.testing.assert_allclose(corrected(np.linalg.inv(mounted) @ pose, unknowns), pose, atol=1e-12)
+
+
+def test_columns_are_the_derivatives_of_the_corrected_pose() -> None:
+    unknowns = np.array([0.002, -0.001, 0.003, 1e-3, -2e-3, 1e-3, 0.01, -0.12])
+    for pose in poses(10):
+        here, found = corrected(pose, unknowns), camera_columns(pose, unknowns)
+        for number, step in enumerate(1e-3 * np.eye(8)):
+            ends = [corrected(pose, unknowns + sign * step) for sign in (1.0, -1.0)]
+            moved = here[:3, :3].T @ (ends[0][:3, 3] - ends[1][:3, 3]) / 2e-3
+            turned = cv2.Rodrigues(ends[1][:3, :3].T @ ends[0][:3, :3])[0].ravel() / 2e-3
+            # Rotation vectors are added, which is right to first order.
+            np.testing.assert_allclose(found[:3, number], moved, atol=3e-3)
+            np.testing.assert_allclose(found[3:, number], turned, atol=1e-2)
+
+
+def test_poses_of_other_frames_stay() -> None:
+    pose, none = poses(1)[0], np.zeros(3)
+    other = MarkerObservation(pose, none, none, ("grip", None))
+    own = MarkerObservation(pose, none, none)
+    lens = np.array([0.0] * 7 + [-0.2])
+    left, moved = corrected_observations([other, own], lens)
+    assert left.pose is pose
+    assert apart(moved.pose, pose)[0] > 1e-3
+    assert corrected_observations([own], None)[0].pose is pose
+
+
+def test_a_prior_has_no_negative_widths() -> None:
+    with pytest.raises(AgentError, match="at least 0"):
+        CameraPrior(lens=-0.1)
+    assert not CameraPrior(0.0, 0.0, 0.0, 0.0).enabled
