@@ -58,6 +58,7 @@ RUNNERS = {
     "emps": Runner("a measured drive: force that a mass alone does not explain"),
     "davinci": Runner("a measured cable drive: structure of its transmission"),
     "real-machines": Runner("measured machines, beside models that a person would fit"),
+    "real-log": Runner("map and estimator on a measured cable-driven robot's log, offline"),
     "public-models": Runner("public MJCF models, each as it is and with a payload"),
     "other-robots": Runner("robots of other sizes and kinds, with default options"),
     "commissioning": Runner("swapped, reversed and absent muscles are named before learning"),
