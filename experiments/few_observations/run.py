@@ -8,41 +8,41 @@ source of information tells of the joint angles.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from experiments.baselines.maps import Baselines
 from experiments.few_observations.chosen import (
     posture_errors,
     posture_metrics,
     posture_tables,
     predicted_observations,
 )
+from experiments.few_observations.given import known_given, observed_rests
 from experiments.few_observations.methods import (
     BLIND,
     BY_SOURCE,
     CHOSEN,
     CONSTANTS,
+    COUNTS,
     DRIVING,
-    GAUSSIAN,
     LENGTHS,
     OURS,
     PAPER,
-    POLYNOMIAL,
     Sizes,
 )
 from experiments.few_observations.sources import errors_by_source
 from experiments.few_observations.tables import metrics, per_seed, tables
 from experiments.harness import common
 from experiments.harness.common import Summary
+from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.robots.conditions import ACTUAL, make_session
-from experiments.robots.evaluation import Evaluator, PostureMap
+from experiments.robots.evaluation import Evaluator, PostureMap, TensionMap
 from experiments.robots.variants import PAPER_OPTIONS
 from experiments.robots.world import Sizes as BodySizes
 from experiments.robots.world import known_world
@@ -66,14 +66,15 @@ OPTIONS = {
 """Options of each agent. The paper's commands are the map's lengths, in the tests as well."""
 
 QUICK = Sizes(
-    counts=(1, 3), tested=1, blind=5, move=0.8, patience=1.0, test_move=0.4, test_hold=0.3
+    counts=(1, 3),
+    tested=1,
+    blind=5,
+    move=0.8,
+    patience=1.0,
+    test_move=0.4,
+    test_hold=0.3,
+    initial=100,
 )
-
-
-@cache
-def _baselines(maps: Path | None) -> Baselines:
-    world = known_world(maps)
-    return Baselines(world.map, world.postures)
 
 
 class Robot:
@@ -93,10 +94,14 @@ class Robot:
         self._evaluators = {pulls: Evaluator(*body, pulls) for pulls in (True, False)}
 
     def tested(
-        self, jmm: PostureMap, vision: VisionUpdater, feed_forward: bool = True
+        self, jmm: PostureMap | TensionMap, vision: VisionUpdater, feed_forward: bool = True
     ) -> dict[str, float]:
         """Errors of a map at the test postures; see `kengoro.visits.errors`."""
         return errors(self._evaluators[feed_forward].evaluate(jmm, self._tested, vision))
+
+    def rests(self, jmm: PostureMap | TensionMap) -> Iterator[tuple[Floats, Floats, Floats]]:
+        """Angles, lengths and tensions at the test postures; see `Evaluator.rests`."""
+        return self._evaluators[True].rests(jmm, self._tested)
 
     def drive(self, method: str, cache: Path | None) -> dict[str, Any]:
         """Learn by a method; errors by the number of looks, of it and of what it gives others."""
@@ -116,9 +121,8 @@ class Robot:
             found[method][str(number)] = self.tested(agent.map, vision, pulls)
             if method != OURS:
                 continue
-            baselines, pairs = _baselines(cache), agent.vision.pairs
-            given = {GAUSSIAN: baselines.process(pairs), POLYNOMIAL: baselines.polynomial(3, pairs)}
-            for name, jmm in given.items():
+            seen = observed_rests(agent.vision, self._world)
+            for name, jmm in known_given(cache, sizes.initial).maps(seen).items():
                 found.setdefault(name, {})[str(number)] = self.tested(jmm, vision)
         session.env.close()
         found["observations"] = agent.vision.fired
@@ -178,8 +182,9 @@ EXPERIMENT = Experiment(
     introduction=(
         "A new robot knows its drawing only. Each method drives the same robot to the same "
         "postures with its own commands, its camera and its marker, and learns at each. After some "
-        "looks its map moves the robot to other postures, without learning. Gaussian process and "
-        "polynomial get the joint angles and lengths of our agent. One agent has no camera."
+        "looks its map moves the robot to other postures, without learning. Further methods, among "
+        "them networks of the authors' later papers, get joint angles, tensions and lengths of all "
+        "looks of our agent, and start from the same drawing. One agent has no camera."
     ),
     figure="beyond the paper: its second future work",
     conditions=(*DRIVING, BLIND, BY_SOURCE),
@@ -190,6 +195,17 @@ EXPERIMENT = Experiment(
 )
 
 
+def with_observations(sizes: Sizes, observations: int) -> Sizes:
+    """Sizes with the numbers of looks up to the given one.
+
+    Raises:
+        ExperimentError: the number is not positive.
+    """
+    if observations < 1:
+        raise ExperimentError(f"Observations are {observations}, but at least 1 is needed.")
+    return replace(sizes, counts=tuple(count for count in COUNTS if count <= observations))
+
+
 @dataclass(frozen=True)
 class Args(common.Args):
     """Errors after the first looks at the hand, and without any.
@@ -197,11 +213,14 @@ class Args(common.Args):
     Attributes:
         postures: where the hand is observed. "random": at random postures; "both": our agent also
             chooses postures, which is compared; "chosen": this comparison alone.
+        observations: most looks on each robot; errors are those after 1, 2, 3, 5, 10, 27 and 81 of
+            them, as far as there are so many.
     """
 
     seeds: str = "0-9"
     out: Path = Path("out/few-observations")
     postures: Literal["random", "chosen", "both"] = "both"
+    observations: int = max(Sizes().counts)
 
 
 CONDITIONS = {
@@ -214,4 +233,6 @@ CONDITIONS = {
 
 def main(args: Args) -> Summary:
     """Run the experiment; returns its summary."""
-    return run_experiment(replace(EXPERIMENT, conditions=CONDITIONS[args.postures]), args)
+    conditions, sizes = CONDITIONS[args.postures], EXPERIMENT.sizes
+    sizes = with_observations(sizes, args.observations)
+    return run_experiment(replace(EXPERIMENT, conditions=conditions, sizes=sizes), args)

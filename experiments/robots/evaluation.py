@@ -7,8 +7,9 @@ and all maps start from the same posture.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -26,12 +27,26 @@ from kengoro_env.departures import actual, drawing
 from kengoro_env.robot.muscle_law import Gains
 from kengoro_env.robot.robot import Robot
 
+PULLS = 2
+"""Times that tensions are computed by a map whose moment arms depend on them."""
+
 
 class PostureMap(LengthMap, Protocol):
     """Map from joint angles to muscle lengths that can command and estimate an arm."""
 
     def lengths(self, q: Floats) -> Floats:
         """Muscle lengths [m]: (n,) -> (m,), or (B, n) -> (B, m)."""
+
+
+@runtime_checkable
+class TensionMap(Protocol):
+    """Map from joint angles and tensions to muscle lengths."""
+
+    def lengths(self, q: Floats, tensions: Floats) -> Floats:
+        """Muscle lengths (B, m) [m] at angles (B, n) [rad] and tensions (B, m) [N]."""
+
+    def at(self, tensions: Floats) -> PostureMap:
+        """The map from joint angles to lengths at tensions (m,) [N]."""
 
 
 class Evaluator:
@@ -65,7 +80,9 @@ class Evaluator:
         share = np.minimum(1.0, np.arange(1, moving + holding + 1) / moving)
         self._trajectory = (share * share * (3.0 - 2.0 * share))[:, None]
 
-    def evaluate(self, jmm: PostureMap, postures: Floats, vision: VisionUpdater) -> Visits:
+    def evaluate(
+        self, jmm: PostureMap | TensionMap, postures: Floats, vision: VisionUpdater
+    ) -> Visits:
         """Move from the first posture to all others in turn, without learning.
 
         The estimate is the least-squares solution for the lengths at rest, to which the Kalman
@@ -80,15 +97,11 @@ class Evaluator:
             K visits.
         """
         robot, world, visits = self._robot, self._world, no_visits()
-        robot.reset(postures[0], np.random.default_rng([self._seed, 4]))
-        for here, target in pairwise(postures):
-            tension = 0.0
-            for command in self._commands(jmm, here, target):
-                robot.step(command)
-                tension = max(tension, float(robot.tensions.max()))
+        for target, tension in self._moves(jmm, postures):
             true, lengths = robot.joint_angles, robot.measured_lengths()
-            estimate = world.estimate(jmm, lengths, target)
             tensions = robot.measured_tensions()
+            own = jmm.at(tensions) if isinstance(jmm, TensionMap) else jmm
+            estimate = world.estimate(own, lengths, target)
             seen = vision.seen(
                 world.marker(true), estimate, lengths, robot.target, tensions, learn=False
             ).angles
@@ -98,19 +111,52 @@ class Evaluator:
             visits["time"].append(round(robot.time, 2))
         return visits
 
-    def _commands(self, jmm: PostureMap, here: Floats, target: Floats) -> Floats:
+    def rests(
+        self, jmm: PostureMap | TensionMap, postures: Floats
+    ) -> Iterator[tuple[Floats, Floats, Floats]]:
+        """Move as in `evaluate`; true angles (n,) [rad], lengths (m,) [m], tensions (m,) [N].
+
+        Args:
+            jmm: map that commands.
+            postures: joint angles, shape (1 + K, n) [rad].
+        """
+        robot = self._robot
+        for _ in self._moves(jmm, postures):
+            yield robot.joint_angles, robot.measured_lengths(), robot.measured_tensions()
+
+    def _moves(
+        self, jmm: PostureMap | TensionMap, postures: Floats
+    ) -> Iterator[tuple[Floats, float]]:
+        """Move to all postures but the first; targets, and largest tensions [N], once at rest."""
+        robot = self._robot
+        robot.reset(postures[0], np.random.default_rng([self._seed, 4]))
+        for here, target in pairwise(postures):
+            tension = 0.0
+            for command in self._commands(jmm, here, target):
+                robot.step(command)
+                tension = max(tension, float(robot.tensions.max()))
+            yield target, tension
+
+    def _commands(self, jmm: PostureMap | TensionMap, here: Floats, target: Floats) -> Floats:
         """Commands of a movement from one posture (n,) [rad] to another one (steps, m) [m]."""
-        lengths = jmm.lengths(here + self._trajectory * (target - here))
-        if not self._feed_forward:
-            return lengths
-        shares, pulls = np.linspace(0.0, 1.0, BETWEEN + 1), []
-        low = TensionOptions().low(self._motors, lengths.shape[1])
-        for q in here + shares[:, None] * (target - here):
-            arms = jmm.lengths_and_jacobian(q)[1]
-            load = self._world.arm.gravity(q)
-            pulls.append(distribute(arms, load, low, self._motors.limit).tensions)
-        pull = make_interp_spline(shares, np.array(pulls), k=1)(self._trajectory[:, 0])
+        path = here + self._trajectory * (target - here)
+        low = TensionOptions().low(self._motors, len(self._robot.tensions))
+        pull = np.full((len(path), len(low)), self._motors.bias)
+        if self._feed_forward:
+            shares = np.linspace(0.0, 1.0, BETWEEN + 1)
+            pulls = [self._pull(jmm, q, low) for q in here + shares[:, None] * (target - here)]
+            pull = make_interp_spline(shares, np.array(pulls), k=1)(self._trajectory[:, 0])
+        lengths = jmm.lengths(path, pull) if isinstance(jmm, TensionMap) else jmm.lengths(path)
         return np.asarray(lengths - (pull - self._motors.bias) / self._motors.stiffness)
+
+    def _pull(self, jmm: PostureMap | TensionMap, q: Floats, low: Floats) -> Floats:
+        """Tensions (m,) [N] that hold a posture (n,) [rad] by a map, at least the lowest (m,)."""
+        load, pull = self._world.arm.gravity(q), low
+        for _ in range(PULLS if isinstance(jmm, TensionMap) else 1):
+            own = jmm.at(pull) if isinstance(jmm, TensionMap) else jmm
+            arms = own.lengths_and_jacobian(q)[1]
+            pull = distribute(arms, load, low, self._motors.limit).tensions
+        return pull
 
     def own_lengths(self, postures: Floats) -> Floats:
         """Encoder readings of the robot with all muscles at T_bias.

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from experiments.robots.conditions import ACTUAL, NOMINAL
-from experiments.robots.evaluation import Evaluator, map_error_mm
+from experiments.robots.evaluation import Evaluator, PostureMap, map_error_mm
 from experiments.robots.world import World, known_world
+from jmm_agent.mapping.group_map import METRES
+from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionUpdater
 from kengoro.agents import make_agent
 from kengoro.robots import shuffled_postures
@@ -83,3 +85,45 @@ def test_commands_that_pull_with_balancing_tensions_do_not_sag(
     )
     assert holding["target_true_deg"] < 0.3 * sagging["target_true_deg"]
     assert holding["target_true_mm"] < 0.3 * sagging["target_true_mm"]
+
+
+class Stretching:
+    """The drawing with tendons that stretch [m/N], as a map of angles and tensions."""
+
+    def __init__(self, world: World, stretch: float) -> None:
+        self._map, self._stretch = world.map, stretch
+
+    def lengths(self, q: Floats, tensions: Floats) -> Floats:
+        return np.asarray(self._map.lengths(q) - self._stretch * tensions)
+
+    def at(self, tensions: Floats) -> PostureMap:
+        offsets = -self._stretch * tensions / METRES
+        groups = self._map.groups
+        return self._map.with_output_layers(
+            {group.name: (group.W2, group.b2 + offsets[group.muscle_index]) for group in groups}
+        )
+
+
+@pytest.mark.parametrize("pulls", [False, True])
+def test_a_map_of_tensions_without_effect_moves_as_one_of_angles(
+    world: World, detector: VisionUpdater, pulls: bool
+) -> None:
+    subject = Evaluator(world, ACTUAL, SEED, 0.6, 0.6, pulls)
+    expected = subject.evaluate(world.map, POSTURES, detector)
+    assert subject.evaluate(Stretching(world, 0.0), POSTURES, detector) == expected
+
+
+def test_a_map_whose_tendons_stretch_commands_and_estimates_with_it(
+    world: World, detector: VisionUpdater
+) -> None:
+    subject = Evaluator(world, NOMINAL, SEED, 0.6, 0.6, feed_forward=True)
+    stiff, soft = (Stretching(world, stretch) for stretch in (0.0, 1e-5))
+    tensions, more = (
+        np.array([tension for _, _, tension in subject.rests(jmm, POSTURES)])
+        for jmm in (stiff, soft)
+    )
+    # Commands are shorter by the stretch, so muscles pull by up to K times that more.
+    assert 1.1 * tensions.mean() < more.mean() < 1.5 * tensions.mean()
+    lengths = world.map.lengths(POSTURES[1])
+    estimate = world.estimate(soft.at(np.full(36, 100.0)), lengths - 1e-3, POSTURES[1])
+    np.testing.assert_allclose(estimate, POSTURES[1], atol=1e-3)
