@@ -43,6 +43,7 @@ RUNNERS = {
     "few-observations": Runner("errors after the first looks at the hand", True),
     "stiffness-and-load": Runner("soft muscles: errors, and stiffness by a push", True),
     "strange-robots": Runner("robots that the preset's departures do not describe", True),
+    "wire-snaps": Runner("a wire snaps in motion, and the robot moves on with the others", True),
     "faults": Runner("faults during learning are detected and do no harm"),
     "wrong-observations": Runner("updates from wrong observations are detected and undone"),
     "endurance": Runner("hours of learning: the error stays low"),

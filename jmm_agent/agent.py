@@ -31,7 +31,7 @@ from jmm_agent.commander import Commander
 from jmm_agent.errors import AgentError
 from jmm_agent.feed_forward import FeedForward
 from jmm_agent.guard.arm_state import ArmState
-from jmm_agent.guard.faults import Fault, MotorControl
+from jmm_agent.guard.faults import MUSCLE_LEFT_OUT, Fault, MotorControl
 from jmm_agent.guard.guard import Guard
 from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.hand_load import HandLoad
@@ -52,9 +52,11 @@ from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.memory_file import AgentMemory, write_memory
 from jmm_agent.muscle_order import MuscleOrder
 from jmm_agent.muscle_stiffness import MuscleStiffness
+from jmm_agent.muscles_in_use import MusclesInUse
 from jmm_agent.next_posture import NextPosture, PlannerModel, PlannerState
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.options import AgentOptions
+from jmm_agent.posture_choice import Chosen, PostureChoice
 from jmm_agent.posture_planner import PosturePlanner, planner_apart
 from jmm_agent.prediction_record import PredictionRecord
 from jmm_agent.rest_learning import RestLearning
@@ -113,6 +115,7 @@ class Agent:
             by a commissioning run; None if they do not.
         statics: of the nominal model, which say whether a posture can be reached; None if unknown.
         unreachable: why postures of the last `go` cannot be reached; empty if all can.
+        in_use: which muscles are in use; a guard leaves out those that have snapped.
         learner: holds the map.
         antagonism: the Antagonism Updater.
         vision: the Vision Updater.
@@ -131,6 +134,8 @@ class Agent:
     limits: CommandLimits | None = None
     heat: HeatMonitor | None = None
     order: MuscleOrder | None = None
+    hand_load: HandLoad | None = None
+    _measured: Floats
 
     def __init__(
         self,
@@ -167,6 +172,8 @@ class Agent:
         self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads, judged)
         self._typical = typical
         self.hand_load = None
+        self.in_use = MusclesInUse(nominal_map.muscles)
+        self._choice = PostureChoice(kinematics, self._tensions, self.in_use)
         if loads is not None:
             grip = options.grip if options.grip in kinematics.frames else site
             balance = Balance(nominal_map, loads, limits, options.vision.balance)
@@ -321,6 +328,7 @@ class Agent:
         found = [*self.guard.faults, *self.time_line.found()]
         found += [*self._lengths.faults, *self._rests.faults]
         found += [] if self.heat is None else self.heat.faults
+        found += [*self.in_use.faults, *([self._choice.fault] if self._choice.fault else [])]
         return sorted(found, key=lambda fault: fault.since)
 
     def begin_episode(self) -> None:
@@ -338,23 +346,34 @@ class Agent:
         if self.hand_load is not None:
             self.hand_load.clear()
 
-    def go(self, postures: Floats, duration: float) -> None:
+    def go(self, postures: Floats, duration: float, goal: str | None = None) -> None:
         """Move through postures within a time.
 
         Before the first step of an episode the trajectory begins at the first estimate. Postures
         that the muscles cannot hold, or far beyond the joint limits, are logged, see `unreachable`.
+        While muscles are out of use, the arm goes to the nearest that can be held in their stead,
+        and the movement may take longer.
 
         Args:
             postures: joint angles (K, n) [rad] to pass, or the target (n,) [rad] alone; clipped
                 into the joint limits.
             duration: of the movement [s].
+            goal: frame, such as the hand, that is then to be near where it would be; None: the
+                joint angles are.
 
         Raises:
             AgentError: a posture is not finite or of the wrong shape, or there is none, or the
-                duration is negative or not finite.
+                duration is negative or not finite, or there is no such frame.
         """
         points = self._commander.checked(postures, duration)
-        not_held, hot = not_reachable(self.reachable(points)), ""
+        self._choice.set_goal(goal)
+        chosen = Chosen(points, duration)
+        chosen = self._choice.choose(chosen, self._commander.time, self.map, self.motors)
+        points, duration = chosen.points, chosen.duration
+        not_held = self._choice.sentence
+        if self.in_use.all:
+            not_held = not_reachable(self.reachable(points))
+        hot = ""
         if self._tensions is not None and self.motors is not None:
             pulls = [self._tensions.at(self.map, self.motors, q) for q in points]
             if not not_held and self.options.feed_forward:
@@ -413,6 +432,41 @@ class Agent:
             "Agent: agents cannot be pickled; write what was learned with `save`, and `load` it "
             "into a new agent of the same robot."
         )
+
+    def leave_out(self, muscle: str, why: str = "somebody has left it out") -> None:
+        """Use a muscle no longer, as when it has snapped; see `jmm_agent.muscles_in_use`.
+
+        Its motor must pull with T_bias at most. A guard leaves out snapped muscles by itself.
+
+        Args:
+            muscle: its name.
+            why: in some words, for the fault that then stays.
+
+        Raises:
+            AgentError: there is no such muscle, or it is the last one.
+        """
+        time = self._commander.time
+        if self.in_use.leave_out(muscle, time, why, MUSCLE_LEFT_OUT):
+            self._in_use_changed()
+
+    def repaired(self, muscle: str) -> None:
+        """Use a muscle again that was left out, and has been mounted anew.
+
+        Its length is off by an unknown number, which the next marker observation shows. Until then
+        its motor pulls with T_bias, and its length counts for nothing else.
+
+        Args:
+            muscle: its name.
+
+        Raises:
+            AgentError: there is no such muscle.
+        """
+        self._schedule.reset()
+        seen = bool(self.vision.memory.observations)
+        if self.in_use.repaired(muscle, offset_is_open=seen):
+            self.vision.repaired(self.in_use.index(muscle))
+            self.antagonism.repaired(self.in_use.index(muscle))
+            self._in_use_changed()
 
     def reachable(self, postures: Floats) -> list[Hold]:
         """Whether the muscles can hold postures, by the nominal model.
@@ -515,7 +569,12 @@ class Agent:
         self._watch_hand(readings)
         self._rests.advance(self._step, readings.time, self.hand_is_free)
         since = self._rests.settling.since
-        self._lengths.update(readings, self._commander.target_lengths, self.motors, since)
+        checked = readings
+        if not self.in_use.all:
+            checked = readings._replace(
+                tensions=np.where(self.in_use.mask, readings.tensions, np.nan)
+            )
+        self._lengths.update(checked, self._commander.target_lengths, self.motors, since)
         trusted = not self.guard.faults and self.hand_is_free
         self._rests.learn(readings, self._sample(readings), trusted, bool(tick.jump))
         if not self.guard.faults:
@@ -524,6 +583,7 @@ class Agent:
             )
         if self._stiffness.advance(passed):
             self._stiffness_changed()
+        self._reroute()
         limits = self.limits
         if limits is not None:
             limits = limits.with_stiffness(self._stiffness.commanded)
@@ -531,6 +591,8 @@ class Agent:
         command = self.guard.limit(command)
         if self.heat is not None:
             command = self.heat.limit(command, readings.lengths)
+        if not self.in_use.all:
+            command = np.where(self.in_use.mask, command, self._measured)
         self._commander.target_lengths = command
         return self._commander.target_lengths.copy()
 
@@ -597,7 +659,8 @@ class Agent:
     @property
     def memory(self) -> AgentMemory:
         """All that was learned until now; later steps do not change it."""
-        return memory_of(self._learned, self.target)
+        in_use = None if self.in_use.all else self.in_use.state()
+        return memory_of(self._learned, self.target, in_use)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all that was learned to a file, whole or not at all.
@@ -627,6 +690,9 @@ class Agent:
         memory = load_memory(path, self._learned, self._nominal_map, self.kinematics.frames)
         self.recall(memory.map, memory.antagonism, memory.vision)
         self._commander.recall(memory.map, memory.posture)
+        ones = np.ones(len(self.map.muscles))
+        self.in_use.recall(ones if memory.in_use is None else memory.in_use)
+        self._in_use_changed()
         self.begin_episode()
 
     def zeroed(self) -> None:
@@ -666,8 +732,10 @@ class Agent:
             readings, commander.time, commander.target_lengths, self.estimator.lengths
         )
         self.time_line.accept(tick)
-        self.estimator.doubt(filtered.doubted)
-        return readings._replace(lengths=filtered.lengths, tensions=filtered.tensions)
+        in_use, self._measured = self.in_use, filtered.lengths
+        self.estimator.doubt(filtered.doubted | ~in_use.mask)
+        lengths = in_use.usable(filtered.lengths, self.estimator.lengths)
+        return readings._replace(lengths=lengths, tensions=in_use.pulling(filtered.tensions))
 
     def _watch_robot(self, readings: SensorReadings) -> None:
         """Look for faults; unlearn what was learned just before a new one."""
@@ -681,6 +749,8 @@ class Agent:
         )
         new = self.guard.watch(readings, state)
         self._schedule.take_back(readings.time, self.guard.take_back, new)
+        if self.in_use.snapped(self.guard.faults, readings.time):
+            self._in_use_changed()
 
     def _watch_hand(self, readings: SensorReadings) -> None:
         """Estimate what the hand holds, and let the tensions hold it, too."""
@@ -701,6 +771,25 @@ class Agent:
         self.estimator.set_map(self.map)
         self.guard.map_changed()
         self._observer.map_changed()
+        if self.in_use.observed(self.vision.shown):
+            self._in_use_changed()
+
+    def _in_use_changed(self) -> None:
+        """Pass which muscles are in use to all parts, and check what remains of the movement."""
+        for fault in self.in_use.faults:
+            _log.warning("Muscle %s: %s.", fault.where, fault.detail)
+        self._choice.in_use_changed()
+        self.guard.leave_out(~self.in_use.mask)
+        rest = Chosen(*self._commander.remaining())
+        self._choice.begin(rest, self._commander.time, self.map, self.motors)
+
+    def _reroute(self) -> None:
+        """Go to another posture than was wanted, once it is known that it cannot be held."""
+        chosen = self._choice.advance()
+        if chosen is not None:
+            self.unreachable = self._choice.sentence
+            _log.warning("%s", self.unreachable)
+            self._commander.go(chosen.points, chosen.duration)
 
     def _stiffness_changed(self) -> None:
         """Pass the stiffness of the motors to all parts that use it."""
@@ -720,7 +809,7 @@ class Agent:
         target = self._commander.target_lengths + self._commander.stretch
         angles = self.estimator.joint_encoders.usable(readings.joint_angles)
         state = readings.time, np.inf, self.estimator.q
-        lengths = self._at_reference(readings)
+        lengths = self.in_use.known(self._at_reference(readings), self._measured)
         return ArmSample(*state, lengths, target, readings.tensions, angles)
 
 

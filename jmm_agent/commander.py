@@ -18,7 +18,7 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.map_transition import MapTransition
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.trajectory import Trajectory
-from jmm_agent.types import Bools, Floats
+from jmm_agent.types import Floats
 
 BEYOND = 0.1
 """How far beyond its limits a joint may be sent without a warning [rad], [m], or as a share of its
@@ -54,8 +54,7 @@ class Commander:
         self._gaps = GapDetector()
         self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
         self._feed_forward = feed_forward
-        self._firm: Bools | None = None
-        self._loads = None if feed_forward is None else feed_forward.distribution.loads
+        self._used = _used(feed_forward)
         self.time = -np.inf
         self.target_lengths = jmm.lengths(start)
         self.stretch = np.zeros(len(jmm.muscles))
@@ -197,10 +196,9 @@ class Commander:
             motors: gains and limit; None if unknown, and then there is no feed-forward.
         """
         q, known = self._trajectory.at(self.time), self._mapped
-        forward, firm, loads = self._feed_forward, self._firm, self._loads
-        if forward is not None:
-            self._firm, self._loads = forward.distribution.firm, forward.distribution.loads
-        before, same = None, self._firm is firm and self._loads is loads
+        forward, used = self._feed_forward, self._used
+        self._used = _used(forward)
+        before, same = None, all(a is b for a, b in zip(self._used, used, strict=True))
         if known is not None and (known[0] is not jmm or not same):
             before = known[0].lengths(q) - self.stretch
         if forward is not None and motors is not None:
@@ -213,6 +211,14 @@ class Commander:
         if limits is None:
             return wanted
         return limits.applied(wanted, self.target_lengths, lengths, passed)
+
+    def remaining(self) -> tuple[Floats, float]:
+        """Postures (K, n) [rad] that remain, the target last, and the time left [s]."""
+        trajectory = self._trajectory
+        count = max(1, int(np.ceil(trajectory.remaining(self.time))))
+        begun = np.isfinite(self.time) and self.time > trajectory.start
+        passed = self.time - trajectory.start if begun else 0.0
+        return trajectory.points[-count:], max(0.0, trajectory.duration - passed)
 
     def missed(self, q: Floats, joints: Sequence[str], arrival: float) -> str:
         """Which joint is away from its target after the trajectory; empty if none is.
@@ -237,3 +243,11 @@ class Commander:
         ):
             self._mapped = jmm, q, jmm.lengths(q)
         return self._mapped[2].copy()
+
+
+def _used(forward: FeedForward | None) -> tuple[object, ...]:
+    """What tensions depend on beside map and motors; each changes its identity if it changes."""
+    if forward is None:
+        return (None,)
+    distribution = forward.distribution
+    return distribution.firm, distribution.loads, distribution.in_use

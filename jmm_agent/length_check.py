@@ -78,7 +78,7 @@ class LengthCheck:
         """Add the readings of a control step.
 
         Args:
-            readings: of the step.
+            readings: of the step; the tension is NaN of muscles that are not in use.
             command: target lengths (m,) [m] while they were measured.
             motors: gains and limit; None if unknown.
             since: time from which the lengths have been at rest [s]; infinite if they are not.
@@ -109,7 +109,7 @@ class LengthCheck:
     ) -> None:
         """Compare the tensions with those that the motors' control demands, once in a rest."""
         demanded = np.clip(motors.demanded(readings.lengths, command), 0.0, motors.limit)
-        away = np.abs(readings.tensions - demanded) / motors.limit
+        away = np.nan_to_num(np.abs(readings.tensions - demanded) / motors.limit, nan=0.0)
         wrong = int(np.count_nonzero(away > MISMATCH))
         self._rests = self._rests + 1 if wrong >= FEWEST else 0
         if self._rests < RESTS:

@@ -70,6 +70,7 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "rest_tensions": ("R", "m"),
     "rest_guess": ("R", "n"),
     "posture": ("n",),
+    "in_use": ("m",),
     "counts": (2,),
     **{
         f"{kind}_{part}": shape
@@ -83,6 +84,17 @@ ELEMENTS = {"sound": "b", "frames": "U"}
 """Kinds of the elements of arrays that do not hold numbers."""
 
 
+OF_MUSCLES = (
+    "lengths",
+    "commands",
+    "rest_lengths",
+    "vision_lengths",
+    "antagonism_lengths",
+    "held_out_lengths",
+)
+"""Arrays in which NaN stands for a muscle that was out of use."""
+
+
 class AgentMemory(NamedTuple):
     """All that an agent has learned, and what it needs to continue to the bit.
 
@@ -93,6 +105,7 @@ class AgentMemory(NamedTuple):
         hold_out: what is remembered of held-out observations; None if none is held out.
         posture: joint angles (n,) [rad] of the last target.
         generator: state of the generator of rehearsal pairs, as a bit generator holds it.
+        in_use: see `MusclesInUse.state` (m,); None: all muscles are in use.
     """
 
     map: JointMuscleMap
@@ -101,6 +114,7 @@ class AgentMemory(NamedTuple):
     hold_out: HoldOutMemory | None
     posture: Floats
     generator: dict[str, Any]
+    in_use: Floats | None = None
 
 
 def fingerprint(jmm: JointMuscleMap) -> str:
@@ -161,6 +175,7 @@ def write_memory(
         **_arrays_of_rests(vision.rests, joints, muscles),
         "last": np.empty((0, joints)) if antagonism.last is None else antagonism.last[None],
         "posture": memory.posture,
+        "in_use": np.ones(muscles) if memory.in_use is None else memory.in_use,
         "counts": np.array([0, 0] if hold_out is None else hold_out[:2]),
     }
     named = (("vision", vision.pairs), ("antagonism", antagonism.pairs), ("held_out", held_out))
@@ -190,6 +205,7 @@ def read_memory(
     try:
         content = read_arrays(path, MAX_BYTES)
         _check_robot(content, nominal)
+        content.setdefault("in_use", np.ones(len(nominal.muscles)))  # of files before it
         _check_arrays(content, nominal)
         _check_frames(content["frames"], frames)
         return _memory(content, nominal)
@@ -300,13 +316,15 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
             raise ArrayFileError(f"{name} holds {array.dtype}, which does not fit")
         if array.dtype.kind in "bU":
             continue
-        unknown = np.isnan(array) if name in OPTIONAL else False
+        unknown = np.isnan(array) if name in (*OPTIONAL, *OF_MUSCLES) else False
         if not ((np.abs(array) <= LARGEST) | unknown).all():
             raise ArrayFileError(f"{name} has a number that is not finite, or beyond {LARGEST:g}")
         if (name.endswith("_noise") or name == "widths") and (array <= 0).any():
             raise ArrayFileError(f"{name} has a number that is not positive")
         if name in ("elongated", "counts") and (array < 0).any():
             raise ArrayFileError(f"{name} has a negative number")
+    if not np.isin(content["in_use"], (0.0, 0.5, 1.0)).all() or not content["in_use"].any():
+        raise ArrayFileError("in_use has a number that is not 0, 0.5 or 1, or no muscle in use")
     if sizes["L"] > 1:
         raise ArrayFileError(f"last has {sizes['L']} postures, but one fits")
     if sizes["U"] > 1:
@@ -358,6 +376,7 @@ def _memory(content: Arrays, nominal: JointMuscleMap) -> AgentMemory:
         HoldOutMemory(believed, in_a_row, pairs["held_out"]),
         arrays["posture"],
         _generator_state(_text(content, "generator")),
+        arrays["in_use"] if (arrays["in_use"] < 1.0).any() else None,
     )
 
 

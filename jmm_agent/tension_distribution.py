@@ -16,6 +16,10 @@ T_low is therefore above T_bias by a reserve R, where that helps: a muscle then 
 over R / K. At a stiffness K at which that is far below the errors of the lengths, map errors decide
 which muscles pull, and the reserve shrinks to R R / (K error). Muscles of joints whose stiffness is
 wanted are firm: their reserve is K error, so that they resist both ways in spite of such errors.
+
+While muscles are out of use (`jmm_agent.muscles_in_use`) they have no tension. Then a posture may
+be held only at the edge of what is left: tensions may be as low as T_bias where T_low leaves torque
+missing, and a stop of a joint that is at its limit pushes as a muscle would, with the largest arm.
 """
 
 from __future__ import annotations
@@ -101,6 +105,16 @@ class Distribution(NamedTuple):
     missing: Floats
     arms: Floats
 
+    def lacking(self, motors: MotorControl) -> int | None:
+        """Number of the joint that lacks most torque; None if all are held.
+
+        Args:
+            motors: gains and limit.
+        """
+        worst = int(np.abs(self.missing).argmax())
+        least = TOLERANCE * max(motors.bias * float(np.abs(self.arms).max()), 1e-9)
+        return worst if abs(float(self.missing[worst])) > least else None
+
     def failure(self, motors: MotorControl, joints: Sequence[str]) -> str:
         """Which joint cannot be held, in one sentence without a full stop; empty if all can.
 
@@ -108,24 +122,34 @@ class Distribution(NamedTuple):
             motors: gains and limit.
             joints: names of the n joints.
         """
-        worst = int(np.abs(self.missing).argmax())
-        missing = abs(float(self.missing[worst]))
-        if missing <= TOLERANCE * max(motors.bias * float(np.abs(self.arms).max()), 1e-9):
+        worst = self.lacking(motors)
+        if worst is None:
             return ""
+        missing = abs(float(self.missing[worst]))
         return (
             f"no pull of its muscles from T_bias = {motors.bias:.3g} N to {motors.limit:.3g} N "
             f"balances joint {joints[worst]!r}, where {missing:.2g} N m are missing"
         )
 
 
-def distribute(arms: Floats, torque: Floats, low: Floats, high: float) -> Distribution:
+def distribute(
+    arms: Floats,
+    torque: Floats,
+    low: Floats,
+    high: float,
+    least: Floats | None = None,
+    stops: Floats | None = None,
+) -> Distribution:
     """Tensions nearest to the lowest ones that balance torques, or leave the least missing.
 
     Args:
         arms: moment arms (m, n) [m/rad].
         torque: of the loads (n,) [N m].
-        low: lowest tensions (m,) [N], below ``high``.
+        low: wanted tensions (m,) [N], below ``high``.
         high: largest tension [N].
+        least: lowest tensions (m,) [N]; ``low`` if left out.
+        stops: 1 for a joint at its upper stop, -1 at its lower one, else 0 (n,); none if left out.
+            What a stop pushes is not missing.
 
     Raises:
         AgentError: an argument is not finite, the bounds are contradictory, or no solution is
@@ -138,24 +162,32 @@ def distribute(arms: Floats, torque: Floats, low: Floats, high: float) -> Distri
             "Tension distribution: moment arms, torques and bounds must be finite, and the lowest "
             f"tension of each muscle at most {high} N."
         )
+    bounds = low if least is None else np.asarray(least, dtype=float)
     # The unknowns: tensions over the largest (m,), and missing torques over what they may be (n,).
     scale = max(float(np.abs(arms).max()), 1e-12)
     matrix = np.hstack([arms.T / scale, SOFT * np.eye(n)])
     balance = torque / (scale * high)
     size = max(1.0, float(np.abs(balance).max()))  # far beyond all muscles it would be too large
-    least, most, balance = low / (high * size), 1.0 / size, balance / size
+    wanted, balance = low / (high * size), balance / size
+    lowest, highest = bounds / (high * size), np.full(m, 1.0 / size)
+    at_stop = np.flatnonzero(np.zeros(n) if stops is None else stops)
+    if stops is not None:  # a stop pushes like a muscle with the largest arm
+        matrix = np.hstack([matrix, np.diag(stops)[:, at_stop]])
+    k = len(at_stop)
     x, _, flag, _ = daqp.solve(
-        np.eye(m + n),
-        np.concatenate([-least, np.zeros(n)]),
+        np.eye(m + n + k),
+        np.concatenate([-wanted, np.zeros(n + k)]),
         matrix,
-        np.concatenate([np.full(m, most), np.full(n, FREE), balance]),
-        np.concatenate([least, np.full(n, -FREE), balance]),
-        np.concatenate([np.zeros(m + n), np.full(n, EQUAL)]).astype(c_int),
+        np.concatenate([highest, np.full(n + k, FREE), balance]),
+        np.concatenate([lowest, np.full(n, -FREE), np.zeros(k), balance]),
+        np.concatenate([np.zeros(m + n + k), np.full(n, EQUAL)]).astype(c_int),
     )
     if flag < 1:
         raise AgentError(f"Tension distribution: the solver ended without a solution ({flag}).")
-    tensions = np.clip(high * size * x[:m], low, high)
-    return Distribution(tensions, torque - arms.T @ tensions, arms)
+    tensions = np.clip(high * size * x[:m], bounds, high)
+    missing = torque - arms.T @ tensions
+    missing[at_stop] -= scale * high * size * matrix[at_stop, m + n :] @ x[m + n :]
+    return Distribution(tensions, missing, arms)
 
 
 class TensionDistribution:
@@ -168,15 +200,21 @@ class TensionDistribution:
     Attributes:
         firm: which muscles are to resist both ways (m,); None for none.
         loads: as given; may be replaced, for a hand that holds something.
+        in_use: muscles that pull (m,); None for all.
+        limits: angles at which the joints' stops are (n, 2) [rad]; they count while muscles are out
+            of use. None: unknown.
     """
 
     def __init__(self, loads: Loads, options: TensionOptions) -> None:
         self.loads, self._options = loads, options
         self.firm: Bools | None = None
+        self.in_use: Bools | None = None
+        self.limits: Floats | None = None
 
     def low(self, jmm: JointMuscleMap, motors: MotorControl) -> Floats:
-        """T_low (m,) [N]; see `TensionOptions.low`."""
-        return self._options.low(motors, len(jmm.muscles), self.firm)
+        """T_low (m,) [N]; see `TensionOptions.low`. 0 for muscles out of use."""
+        low = self._options.low(motors, len(jmm.muscles), self.firm)
+        return low if self.in_use is None else np.where(self.in_use, low, 0.0)
 
     def at(self, jmm: JointMuscleMap, motors: MotorControl, q: Floats) -> Distribution:
         """Tensions that hold a posture.
@@ -186,8 +224,26 @@ class TensionDistribution:
             motors: gains and limit.
             q: joint angles (n,) [rad].
         """
-        low = self.low(jmm, motors)
-        return distribute(jmm.jacobian(q), self.loads.gravity(q), low, motors.limit)
+        low, arms, torque = self.low(jmm, motors), jmm.jacobian(q), self.loads.gravity(q)
+        if self.in_use is None:
+            return distribute(arms, torque, low, motors.limit)
+        arms[~self.in_use] = 0.0
+        found = distribute(arms, torque, low, motors.limit, stops=self.stops(q))
+        if found.lacking(motors) is None:
+            return found
+        least = np.where(self.in_use, motors.bias, 0.0)
+        return distribute(arms, torque, low, motors.limit, least, self.stops(q))
+
+    def stops(self, q: Floats) -> Floats:
+        """1 for a joint at its upper stop, -1 at its lower one, else 0 (n,).
+
+        Args:
+            q: joint angles (n,) [rad].
+        """
+        if self.limits is None:
+            return np.zeros(len(q))
+        low, high = self.limits.T
+        return np.where(q >= high, 1.0, 0.0) - (q <= low)
 
     def slope(self, jmm: JointMuscleMap, q: Floats, tensions: Floats) -> Floats:
         """How tensions that stay resist a change of posture (n, n) [N m/rad].

@@ -70,6 +70,8 @@ INSTEAD = {
 }
 ALLOWED = {
     "wire_elongation",  # the id of a cause, which people have in their files
+    "wire-snaps",  # the name of an experiment
+    "wire_snaps",
     "childclass",  # an attribute of MJCF
     "child_frame_id",  # a field of ROS messages
 }

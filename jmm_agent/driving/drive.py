@@ -86,6 +86,7 @@ class DriveReport(NamedTuple):
         reasons: what was wrong with lost readings, and how often.
         gaps: number of gaps in time, in which the trajectory paused.
         longest_gap: of these [s].
+        left_out: muscles that were out of use at the end, as they had snapped.
     """
 
     cycles: int = 0
@@ -93,6 +94,7 @@ class DriveReport(NamedTuple):
     reasons: tuple[tuple[str, int], ...] = ()
     gaps: int = 0
     longest_gap: float = 0.0
+    left_out: tuple[str, ...] = ()
 
 
 def drive(
@@ -239,7 +241,8 @@ class _Loop:
             self._write()
             watch(readings, self._command)
             if self._time - self._begin >= seconds - ROUNDING:
-                return self._report._replace(reasons=tuple(self._reasons.items()))
+                reasons, left_out = tuple(self._reasons.items()), self._agent.in_use.left_out
+                return self._report._replace(reasons=reasons, left_out=left_out)
 
     def _write(self) -> None:
         """Command the newest target lengths, if there are any."""

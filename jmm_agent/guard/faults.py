@@ -49,6 +49,8 @@ NEVER_SETTLED = "never_settled"
 NO_FRAME = "no_frame"
 NOTHING_LEARNED = "nothing_learned"
 HAND_NOT_FREE = "hand_not_free"
+MUSCLE_LEFT_OUT = "muscle_left_out"
+POSTURE_NOT_HELD = "posture_not_held"
 ZEROED = "zeroed"
 JOINT_CONTRADICTED = "joint_contradicted"
 LENGTHS_WRONG = "lengths_wrong"
@@ -74,6 +76,8 @@ AGENT_KINDS = {
     HEAT_LIMITED: "the tension of a muscle is limited, because its motor is hot",
     TEMPERATURE_MISSING: "the housing's temperature is not measured: the core is known less well",
     TEMPERATURE_WRONG: "the housing's temperature is far from what the thermal model allows",
+    MUSCLE_LEFT_OUT: "the muscle is out of use, because somebody has left it out",
+    POSTURE_NOT_HELD: "muscles in use cannot hold a wanted posture, and the arm goes to another",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }
 """Kinds of faults that any agent names, also without a guard, and the meaning of each."""

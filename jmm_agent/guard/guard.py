@@ -32,7 +32,7 @@ from jmm_agent.guard.muscle_monitor import FilteredReadings, MuscleMonitor, Musc
 from jmm_agent.guard.recent import ROUNDING
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_marker import FrameJob, FrameMarkers
 from jmm_agent.vision.marker_detector import MarkerPose, Skip
@@ -107,6 +107,7 @@ class Guard:
         self._kinematics, self._gravity = kinematics, gravity
         self._motors = motors = motors or MotorControl()
         self._muscles = MuscleMonitor(muscles, motors, options.muscles)
+        self._names, self._used = tuple(muscles), np.ones(len(muscles), dtype=bool)
         self._delay = DelayMonitor(motors, options.delay)
         self._disturbance = DisturbanceMonitor(options.disturbance)
         self._camera = FrozenCameraMonitor(options.camera)
@@ -144,6 +145,14 @@ class Guard:
         self._muscles.motors = self._delay.motors = motors
         self._delay.jump()  # older commands demanded tensions at the stiffness of their time
 
+    def leave_out(self, muscles: Bools) -> None:
+        """Name no more faults of muscles that are out of use, from now on.
+
+        Args:
+            muscles: which (m,).
+        """
+        self._used = ~muscles
+
     def map_changed(self) -> None:
         """Forget earlier estimates: those of another map cannot be compared with the next ones."""
         self._estimates.clear()
@@ -168,7 +177,10 @@ class Guard:
         dt = readings.time - after if np.isfinite(after) else CONTROL_PERIOD
         lengths, tensions = readings.lengths, readings.tensions
         filtered = self._muscles.update(dt, lengths, tensions, command, expected)
-        usable = ~(filtered.doubted | filtered.numb)
+        if not self._used.all():
+            doubts = (doubt & self._used for doubt in filtered[2:])
+            filtered = FilteredReadings(filtered.lengths, filtered.tensions, *doubts)
+        usable = ~(filtered.doubted | filtered.numb) & self._used
         self._delay.update(dt, filtered.lengths, filtered.tensions, command, usable)
         self._filtered = filtered
         return filtered
@@ -224,7 +236,9 @@ class Guard:
         far = np.abs(estimate - state.jacobian_at).max() > FAR
         if self._gravity is None or in_doubt or far:
             return
-        torques = self._gravity(estimate) - state.jacobian.T @ self._filtered.tensions
+        torques = self._gravity(estimate) - state.jacobian.T @ (
+            self._filtered.tensions * self._used
+        )
         jacobian = self._kinematics.frame_jacobian(self.options.hand, estimate)[:3]
         rotation = self._kinematics.pose(self.options.hand, estimate)[:3, :3]
         self._disturbance.update(time - self._force_time, torques, jacobian, rotation, trusted)
@@ -277,7 +291,9 @@ class Guard:
 
     def _found(self) -> Iterator[tuple[str, str]]:
         """Kind and location of each fault that is found now."""
-        yield from self._muscles.found()
+        for kind, muscle in self._muscles.found():
+            if self._used[self._names.index(muscle)]:
+                yield kind, muscle
         if self._delay.late:
             yield COMMAND_LATE, "commands"
         if self._disturbance.pushed:

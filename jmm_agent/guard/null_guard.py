@@ -8,7 +8,7 @@ from jmm_agent.guard.arm_state import ArmState
 from jmm_agent.guard.faults import Fault
 from jmm_agent.guard.muscle_monitor import FilteredReadings
 from jmm_agent.observation import SensorReadings
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 
 
 class NullGuard:
@@ -35,6 +35,9 @@ class NullGuard:
         """Do nothing."""
 
     def set_stiffness(self, stiffness: Floats) -> None:
+        """Do nothing."""
+
+    def leave_out(self, muscles: Bools) -> None:
         """Do nothing."""
 
     def filter(

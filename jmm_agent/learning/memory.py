@@ -11,12 +11,13 @@ from jmm_agent.memory_file import AgentMemory, read_memory
 from jmm_agent.types import Floats
 
 
-def memory_of(learning: MapLearning, posture: Floats) -> AgentMemory:
+def memory_of(learning: MapLearning, posture: Floats, in_use: Floats | None = None) -> AgentMemory:
     """All that was learned; later learning does not change it.
 
     Args:
         learning: the map and both updaters.
         posture: joint angles (n,) [rad] of the last target.
+        in_use: see `MusclesInUse.state` (m,); None: all muscles are in use.
     """
     hold_out = learning.vision.hold_out
     return AgentMemory(
@@ -26,6 +27,7 @@ def memory_of(learning: MapLearning, posture: Floats) -> AgentMemory:
         None if hold_out is None else hold_out.memory,
         posture.copy(),
         dict(learning.learner.rng.bit_generator.state),
+        in_use,
     )
 
 

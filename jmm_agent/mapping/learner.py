@@ -25,7 +25,7 @@ class Pairs(NamedTuple):
 
     Attributes:
         postures: (K, n) [rad].
-        lengths: muscle lengths (K, m) [m].
+        lengths: muscle lengths (K, m) [m]; NaN of muscles that were out of use.
         noise: standard deviation of the lengths of each pair (K,) [m].
     """
 

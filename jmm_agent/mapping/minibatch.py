@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from jmm_agent.mapping.group_map import METRES
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
@@ -38,12 +40,14 @@ class MinibatchRule:
         Raises:
             TrainingError: the process that runs torch has failed.
         """
-        groups = current.groups
+        groups, lengths = current.groups, batch.lengths
+        if np.isnan(lengths).any():  # muscles that were out of use stay as they are
+            lengths = np.where(np.isnan(lengths), current.lengths(batch.postures), lengths)
         moved = shared().call(
             "jmm_agent.networks.descent:descend",
             [group.layers for group in groups],
             [(batch.postures[:, g.joint_index] - g.centre) / g.scale for g in groups],
-            [batch.lengths[:, group.muscle_index] / METRES for group in groups],
+            [lengths[:, group.muscle_index] / METRES for group in groups],
             self.steps,
             self.rate,
             self.all_layers,

@@ -7,6 +7,9 @@ muscles of a group share the kernel phi(theta)' phi(theta'). Each permanent elon
 adds one unknown number of standard deviation `elongation` to all lengths that were measured before
 it, at any posture. A zeroing of all lengths at another posture does the same for all muscles at
 once, with the standard deviation `zeroing`; it counts as `MapPrior.zeroing_share` elongations.
+
+A length that is NaN is unknown: its muscle was out of use, see `jmm_agent.muscles_in_use`. It
+counts as one with infinitely many elongations since, which tells nothing (`without_unknown`).
 """
 
 from __future__ import annotations
@@ -22,6 +25,27 @@ from jmm_agent.errors import AgentError, positive
 from jmm_agent.mapping.group_map import METRES, GroupMap
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.types import Floats, Ints
+
+UNKNOWN = 1e12
+"""Variance of a length that tells nothing [m^2]."""
+
+
+def without_unknown(lengths: Floats, elongated: Floats | None) -> tuple[Floats, Floats | None]:
+    """Lengths of which each can be calculated with, and elongations that leave out the unknown.
+
+    Args:
+        lengths: measured (K, m) [m]; NaN where a muscle was out of use.
+        elongated: number of elongations of each muscle since each posture (K, m); None: none.
+
+    Returns:
+        Lengths (K, m) [m] with 0 in place of NaN, and elongations (K, m) that are infinite there;
+        both as they are if no length is unknown.
+    """
+    unknown = np.isnan(lengths)
+    if not unknown.any():
+        return lengths, elongated
+    since = np.zeros(lengths.shape) if elongated is None else elongated
+    return np.where(unknown, 0.0, lengths), np.where(unknown, np.inf, since)
 
 
 @dataclass(frozen=True)
@@ -158,8 +182,8 @@ class MapPrior:
             postures: (K, n) [rad].
             noise: standard deviation of the lengths at each posture (K,) [m]; the prior's if left
                 out.
-            elongated: number of elongations of each muscle since each posture (K, m); none if left
-                out.
+            elongated: number of elongations of each muscle since each posture (K, m), infinite
+                where a length is unknown; none if left out.
             rows: features (K, 1 + H) [m] of each group at the postures; computed if left out.
         """
         spread = np.full(len(postures), self.options.noise) if noise is None else noise
@@ -173,24 +197,38 @@ class MapPrior:
                 else elongated[:, muscles]
             )
             for times, alike in _histories(history):
-                elongation = self.options.elongation**2 * np.minimum.outer(times, times)
+                elongation = self._elongation(times)
                 kernels.append(GroupKernel(muscles[alike], features, spread, elongation))
         return kernels
+
+    def _elongation(self, times: Floats) -> Floats:
+        """Covariance (K, K) [m^2] of the elongation of a muscle since each posture."""
+        finite = np.where(np.isfinite(times), times, 0.0)
+        covariance = self.options.elongation**2 * np.minimum.outer(finite, finite)
+        unknown = np.flatnonzero(np.isinf(times))
+        covariance[unknown, unknown] = UNKNOWN
+        return np.asarray(covariance)
 
     def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:
         """The map with the smallest change of output layers that explains pairs.
 
         Args:
             postures: (K, n) [rad].
-            lengths: muscle lengths (K, m) [m].
+            lengths: muscle lengths (K, m) [m]; NaN where unknown.
             noise: standard deviation of the lengths of each pair (K,) [m].
         """
-        residual = lengths - self.map.lengths(postures)
+        lengths, elongated = without_unknown(lengths, None)
+        residual, kernels = lengths - self.map.lengths(postures), {}
+        for kernel in self.groups(postures, noise, elongated):
+            kernels.update(dict.fromkeys(kernel.muscles.tolist(), kernel))
         layers: dict[str, tuple[Floats, Floats]] = {}
-        for rank, (group, kernel) in enumerate(
-            zip(self.map.groups, self.groups(postures, noise), strict=True)
-        ):
-            change = kernel.features.T @ kernel.whiten(residual[:, kernel.muscles]) / METRES
+        for rank, group in enumerate(self.map.groups):
+            own = dict.fromkeys(kernels[int(muscle)] for muscle in group.muscle_index)
+            change = np.empty((group.W2.shape[1] + 1, len(group.muscle_index)))
+            for kernel in own:
+                column = np.isin(group.muscle_index, kernel.muscles)
+                white = kernel.whiten(residual[:, kernel.muscles])
+                change[:, column] = kernel.features.T @ white / METRES
             layers[group.name] = self._layer(rank, group, change)
         return self.map.with_output_layers(layers)
 

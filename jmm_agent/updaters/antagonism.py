@@ -73,6 +73,16 @@ class AntagonismUpdater:
         """Forget all pairs, because lengths were zeroed anew."""
         self._last, self.pairs = None, self.pairs.last(0)
 
+    def repaired(self, muscle: int) -> None:
+        """Forget the lengths of a muscle that was mounted anew.
+
+        Args:
+            muscle: its number.
+        """
+        lengths = self.pairs.lengths.copy()
+        lengths[:, muscle] = np.nan
+        self.pairs = self.pairs._replace(lengths=lengths)
+
     def settled(self, estimate: Floats, lengths: Floats, remembered: Pairs) -> bool:
         """Learn a pair if its posture is far enough from that of the last update.
 

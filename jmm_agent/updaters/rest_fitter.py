@@ -125,7 +125,7 @@ class RestFitter:
     def remembered(self, memory: RestMemory, rest: Rest) -> RestMemory:
         """What is remembered with one rest more, unless it is the last one again."""
         most = self._options.balance.rests if self.enabled and self._balance is not None else 0
-        whole = np.isfinite(rest.lengths).all() and np.isfinite(rest.tensions).all()
+        whole = not np.isinf(rest.lengths).any() and np.isfinite(rest.tensions).all()
         if (
             most < 1
             or not whole
@@ -341,5 +341,6 @@ class RestFitter:
         return rests >= MOST_FOR_WIDTHS
 
     def _is_same(self, one: Floats, other: Floats) -> bool:
-        """Whether two rests have the same lengths (m,) [m] but for noise."""
-        return bool(np.abs(one - other).max() <= SAME_REST * self._options.noise)
+        """Whether two rests have the same lengths (m,) [m] but for noise, where both are known."""
+        apart = np.nan_to_num(np.abs(one - other), nan=0.0)
+        return bool(apart.max() <= SAME_REST * self._options.noise)

@@ -14,7 +14,7 @@ import numpy as np
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 from jmm_agent.updaters.forecast import Forecast, why_not_applied
 from jmm_agent.updaters.observation_check import ObservationCheck
 from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
@@ -152,6 +152,29 @@ class VisionUpdater:
             self._learner.map = self._prior.map
         if self.hold_out is not None:
             self.hold_out.forget()
+
+    def repaired(self, muscle: int) -> None:
+        """Open the offset of a muscle's length, because it was mounted anew; its shape stays.
+
+        Args:
+            muscle: its number.
+        """
+        since = np.zeros(self.elongated.shape[1])
+        since[muscle] = 1.0
+        self.elongated = self.elongated + since
+        if self._start is not None:
+            self._start = self._start._replace(elongated=self._start.elongated + since)
+        self._forget_rests()
+        if self.hold_out is not None:
+            self.hold_out.repaired(muscle)
+
+    @property
+    def shown(self) -> Bools:
+        """Whose length the newest remembered observation shows as it is now (m,)."""
+        if not self._observations:
+            return np.zeros(self.elongated.shape[1], dtype=bool)
+        lengths = self._observations[-1].lengths
+        return np.asarray((self.elongated[-1] == 0.0) & np.isfinite(lengths))
 
     def rested(self, rest: Rest) -> Rested | None:
         """Remember a rest in which the hand was not seen, or not yet.
@@ -391,5 +414,5 @@ class VisionUpdater:
 
 def _pair_lengths(kind: PairLengths | None, lengths: Floats, target: Floats) -> Floats:
     if kind == "l_target":
-        return target
+        return np.where(np.isnan(lengths), np.nan, target)
     return lengths if kind == "l" else np.minimum(lengths, target)

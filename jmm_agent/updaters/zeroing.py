@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from jmm_agent.mapping.prior import GroupKernel, MapPrior
+from jmm_agent.mapping.prior import GroupKernel, MapPrior, without_unknown
 from jmm_agent.types import Floats
 from jmm_agent.vision.marker_observation import (
     MarkerObservation,
@@ -97,8 +97,9 @@ class ZeroingTest:
         self._prior, self._marker_residual, self._options = prior, marker_residual, options
         self._low = limits[:, 0] - options.limit_margin
         self._high = limits[:, 1] + options.limit_margin
-        self._angles, self._elongated = angles, elongated
-        self._missed = np.array([found.lengths for found in before]) - prior.map.lengths(angles)
+        lengths, since = without_unknown(np.array([found.lengths for found in before]), elongated)
+        self._angles, self._elongated = angles, elongated if since is None else since
+        self._missed = lengths - prior.map.lengths(angles)
         self._zero = prior.map.jacobian(np.zeros(len(limits)))
         arm = float(np.sqrt(np.mean(np.sum(self._zero**2, axis=1))))
         self._turn = prior.options.zeroing / max(arm, LEAST_ARM)
@@ -114,7 +115,9 @@ class ZeroingTest:
         self._weights = ObservationWeights(
             newest, options.position_noise, options.rotation_noise, options.joint_noise
         )
-        self._lengths = np.array([found.lengths for found in newest])
+        lengths = np.array([found.lengths for found in newest])
+        self._lengths, since = without_unknown(lengths, np.zeros_like(lengths))
+        self._since = np.zeros_like(lengths) if since is None else since
         guess = np.array([found.guess for found in newest])
         share = self._prior.zeroing_share
         zeroed = [
@@ -224,9 +227,8 @@ class ZeroingTest:
         return _Point(cost, matrix.reshape(size, size), gradient.ravel())
 
     def _kernels(self, elongated: Floats, q: Floats) -> Sequence[GroupKernel]:
-        none = np.zeros((len(q), elongated.shape[1]))
         postures = np.vstack([self._angles, q])
-        return self._prior.groups(postures, elongated=np.vstack([elongated, none]))
+        return self._prior.groups(postures, elongated=np.vstack([elongated, self._since]))
 
     def _single(self, elongated: Floats, here: _Evidence) -> Floats:
         """Logarithm of the Bayes factor (m,) for the elongation of each muscle."""

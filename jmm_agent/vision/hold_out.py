@@ -93,6 +93,16 @@ class HoldOut:
         """Forget all pairs, because lengths were zeroed anew."""
         self._in_a_row, self.pairs = 0, self.pairs.last(0)
 
+    def repaired(self, muscle: int) -> None:
+        """Forget the lengths of a muscle that was mounted anew.
+
+        Args:
+            muscle: its number.
+        """
+        lengths = self.pairs.lengths.copy()
+        lengths[:, muscle] = np.nan
+        self.pairs = self.pairs._replace(lengths=lengths)
+
     def keeps(self, pair: Pairs) -> bool:
         """Whether the pair of a believed observation is held out, and must not be learned.
 
@@ -125,6 +135,9 @@ class HoldOut:
         return True
 
     def _error(self, jmm: JointMuscleMap) -> float:
-        """Median over pairs of the RMS over muscles [m]; one wrong pair changes it little."""
+        """Median over pairs of the RMS over muscles [m]; one wrong pair changes it little.
+
+        Muscles that were out of use do not count.
+        """
         errors = jmm.lengths(self.pairs.postures) - self.pairs.lengths
-        return float(np.median(np.sqrt(np.mean(errors**2, axis=1))))
+        return float(np.median(np.sqrt(np.nanmean(errors**2, axis=1))))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jmm_agent.mapping.group_map import METRES
-from jmm_agent.mapping.prior import GroupKernel, MapPrior
+from jmm_agent.mapping.prior import UNKNOWN, GroupKernel, MapPrior, without_unknown
 from jmm_agent.types import Floats, Ints
 from jmm_agent.vision.marker_observation import (
     MarkerObservation,
@@ -107,8 +107,8 @@ class IncrementalProblem:
         elongated: Floats,
     ) -> None:
         self._observations, self._rows, self._prior = observations, rows, prior
-        self._elongated = elongated
-        self._lengths = np.array([found.lengths for found in observations])
+        lengths = np.array([found.lengths for found in observations])
+        self._lengths, self._elongated = without_unknown(lengths, elongated)
         self._joints = [group.joint_index for group in prior.map.groups]
         self._group = group_of_muscle(prior)
         self._newest: tuple[Floats, Sequence[GroupKernel]] | None = None
@@ -216,7 +216,8 @@ class NewestProblem:
             shared = kernel.features @ own
             missed[kernel.muscles] -= shared @ weighed
             variance[kernel.muscles] = own @ own + self._noise**2 - shared @ kernel.whiten(shared)
-        return missed, variance
+        unknown = np.isnan(missed)
+        return np.where(unknown, 0.0, missed), np.where(unknown, UNKNOWN, variance)
 
 
 def group_of_muscle(prior: MapPrior) -> Ints:

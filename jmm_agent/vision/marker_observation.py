@@ -29,7 +29,7 @@ class MarkerObservation(NamedTuple):
 
     Attributes:
         pose: measured pose_marker_in_camera (4, 4), or the pose of ``frames``.
-        lengths: measured muscle lengths (m,) [m].
+        lengths: measured muscle lengths (m,) [m]; NaN of muscles that were out of use.
         guess: estimated joint angles (n,) [rad], where the fit starts.
         frames: whose pose it is, and in which frame; None: the marker's in the camera.
         covariance: of the pose (6, 6), see `checked_covariance`; None: the noise of the options.

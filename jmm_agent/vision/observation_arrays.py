@@ -18,6 +18,8 @@ OPTIONAL = ("covariance", "joint_angles", "tensions")
 def arrays_of(observations: Sequence[MarkerObservation], joints: int, muscles: int) -> Arrays:
     """Arrays of K observations; "" and NaN stand for what some of them do not have.
 
+    A length is NaN while its muscle is out of use.
+
     Args:
         observations: the observations.
         joints: number of joints, n.

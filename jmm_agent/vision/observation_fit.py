@@ -32,7 +32,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from jmm_agent.kinematics.bounded_least_squares import minimise
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.prior import MapPrior, without_unknown
 from jmm_agent.types import Floats
 from jmm_agent.vision.marker_observation import (
     MarkerObservation,
@@ -201,9 +201,10 @@ class ObservationProblem:
         options: ObservationFitOptions,
         elongated: Floats | None = None,
     ) -> None:
-        self._observations, self._prior, self._elongated = observations, prior, elongated
+        self._observations, self._prior = observations, prior
         self._marker_residual = marker_residual
-        self._lengths = np.array([found.lengths for found in observations])
+        lengths = np.array([found.lengths for found in observations])
+        self._lengths, self._elongated = without_unknown(lengths, elongated)
         self.weights = ObservationWeights(
             observations, options.position_noise, options.rotation_noise, options.joint_noise
         )

@@ -32,7 +32,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from jmm_agent.mapping.prior import GroupKernel, MapPrior
+from jmm_agent.mapping.prior import GroupKernel, MapPrior, without_unknown
 from jmm_agent.types import Floats
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
@@ -103,11 +103,11 @@ def elongations(
     Returns:
         Lengths (K, m) [m] to subtract from the measured ones.
     """
-    measured = np.array([found.lengths for found in observations])
+    measured, since = without_unknown(np.array([one.lengths for one in observations]), elongated)
     missed = measured - prior.map.lengths(angles)
     found = np.zeros_like(missed)
-    if elongated.any():
-        for kernel in prior.groups(angles, elongated=elongated):
+    if elongated.any() and since is not None:
+        for kernel in prior.groups(angles, elongated=since):
             found[:, kernel.muscles] = kernel.elongation @ kernel.whiten(missed[:, kernel.muscles])
     return found
 
@@ -138,12 +138,12 @@ def log_bayes_factors(
     """
     problem = ObservationProblem(observations, prior, marker_residual, options, elongated)
     expected, jacobian = prior.map.lengths_and_jacobian(angles)
-    missed = np.array([found.lengths for found in observations]) - expected
+    lengths, since = without_unknown(np.array([found.lengths for found in observations]), elongated)
     return evidence_of_steps(
         problem.normal_equations(angles),
-        prior.groups(angles, elongated=elongated),
+        prior.groups(angles, elongated=since),
         jacobian,
-        missed,
+        lengths - expected,
         prior.options.elongation,
         recent,
     )

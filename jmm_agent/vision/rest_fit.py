@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.prior import MapPrior, without_unknown
 from jmm_agent.types import Floats
 from jmm_agent.vision.balance import Balance
 from jmm_agent.vision.camera_unknowns import CameraPrior, corrected_observations
@@ -43,7 +43,7 @@ class Rest(NamedTuple):
     """A robot at rest.
 
     Attributes:
-        lengths: measured (m,) [m].
+        lengths: measured (m,) [m]; NaN of muscles that were out of use.
         tensions: measured (m,) [N].
         guess: estimated joint angles (n,) [rad], where the fit starts.
     """
@@ -133,13 +133,14 @@ class RestProblem:
         self._balance, self.widths = balance, widths
         self.prior = prior.zeroed(np.zeros(len(prior.map.joints)), widths.offset, widths.shape)
         lengths = [found.lengths for found in observations] + [rest.lengths for rest in rests]
-        self._lengths = np.array(lengths).reshape(-1, elongated.shape[1])
         tensions = [found.tensions for found in observations] + [rest.tensions for rest in rests]
         whole = [one is not None and bool(np.isfinite(one).all()) for one in tensions]
         self._balanced = np.flatnonzero(whole) if balance is not None else np.arange(0)
         self._tensions = np.array([tensions[k] for k in self._balanced])
         none = np.zeros((len(rests), elongated.shape[1]))
-        self._elongated = np.vstack([elongated, none])
+        self._lengths, self._elongated = without_unknown(
+            np.array(lengths).reshape(-1, elongated.shape[1]), np.vstack([elongated, none])
+        )
         self.weights = ObservationWeights(
             observations, options.position_noise, options.rotation_noise, options.joint_noise
         )
