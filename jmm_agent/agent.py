@@ -62,8 +62,9 @@ from jmm_agent.prediction_record import PredictionRecord
 from jmm_agent.rest_learning import RestLearning
 from jmm_agent.statics import Hold, Statics, not_reachable
 from jmm_agent.tension_distribution import TensionDistribution, not_balanced
+from jmm_agent.tension_watch import TensionWatch
 from jmm_agent.time_line import Tick, TimeLine
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 from jmm_agent.updaters import (
     AntagonismMemory,
     AntagonismUpdater,
@@ -78,6 +79,7 @@ from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.pose_covariance import numbers
+from jmm_agent.wiring import Wiring
 
 __all__ = ["Agent", "AgentOptions"]
 
@@ -85,6 +87,8 @@ _log = logging.getLogger(__name__)
 
 START_UPDATES = 50
 """Updates of the estimator with the first lengths, before the first command."""
+STOP = 1.0
+"""Time in which commands go to where the arm is, because a tension stays at its limit [s]."""
 START_CHANGE = 1e-3
 """Change by an update that ends these updates on a live robot [rad]."""
 
@@ -116,6 +120,7 @@ class Agent:
         statics: of the nominal model, which say whether a posture can be reached; None if unknown.
         unreachable: why postures of the last `go` cannot be reached; empty if all can.
         in_use: which muscles are in use; a guard leaves out those that have snapped.
+        wiring: which muscles were found to be exchanged, and which are left out.
         learner: holds the map.
         antagonism: the Antagonism Updater.
         vision: the Vision Updater.
@@ -185,9 +190,11 @@ class Agent:
         self._learned = MapLearning(
             self.learner, self.antagonism, self.vision, options.learn_antagonism
         )
+        self.estimator.spread = self._learned.spread
         self._schedule = Schedule(self._learned, options.learning, self._map_changed)
         self._rests = RestLearning(self._learned, self._schedule, self._observer, options)
-        self._lengths = LengthCheck(nominal_map, limits)
+        self._lengths, self.wiring = LengthCheck(nominal_map, limits), Wiring(nominal_map, limits)
+        self._tension_watch = TensionWatch(nominal_map.muscles)
         self._step, self.hand_is_free = -1, True
 
     @property
@@ -210,7 +217,7 @@ class Agent:
 
         None until `set_stiffness` was called: then they keep what they were made with.
         """
-        commanded = self._stiffness.commanded
+        commanded = self.wiring.stiffness(self._stiffness.commanded)
         if self.order is None or commanded is None or self.motors is None:
             return commanded
         return self.order.stiffness(commanded, self.motors.stiffness)
@@ -326,9 +333,12 @@ class Agent:
         learning, which are named without a guard, too, and do not keep the agent from learning.
         """
         found = [*self.guard.faults, *self.time_line.found()]
-        found += [*self._lengths.faults, *self._rests.faults]
+        found += [*self._lengths.faults, *self._rests.faults, *self.wiring.faults]
+        found += self._tension_watch.faults
         found += [] if self.heat is None else self.heat.faults
-        found += [*self.in_use.faults, *([self._choice.fault] if self._choice.fault else [])]
+        named = {fault.where for fault in self.wiring.faults}
+        found += [fault for fault in self.in_use.faults if fault.where not in named]
+        found += [self._choice.fault] if self._choice.fault else []
         return sorted(found, key=lambda fault: fault.since)
 
     def begin_episode(self) -> None:
@@ -338,6 +348,8 @@ class Agent:
             self.heat.reset()
         self._rests.reset()
         self._lengths.reset()
+        self.wiring.reset()
+        self._tension_watch.reset()
         self.time_line.reset()
         self._commander.reset()
         if self._stiffness.finish():
@@ -462,7 +474,8 @@ class Agent:
             AgentError: there is no such muscle.
         """
         self._schedule.reset()
-        seen = bool(self.vision.memory.observations)
+        seen, assignment = bool(self.vision.memory.observations), self.vision.assignment
+        self.vision.rewire(assignment.mended(self.in_use.index(muscle)))
         if self.in_use.repaired(muscle, offset_is_open=seen):
             self.vision.repaired(self.in_use.index(muscle))
             self.antagonism.repaired(self.in_use.index(muscle))
@@ -544,9 +557,10 @@ class Agent:
                 or a frame of the wrong shape that was to be evaluated, and the map stays. A guard
                 replaces readings that are not finite, as long as one length is finite.
         """
-        if self.order is None:
-            return self._step_muscles(readings)
-        return self.order.command(self._step_muscles(self.order.readings(readings)), readings)
+        self._rewire()
+        muscles = readings if self.order is None else self.order.readings(readings)
+        command = self.wiring.command(self._step_muscles(self.wiring.readings(muscles)))
+        return command if self.order is None else self.order.command(command, readings)
 
     def _step_muscles(self, readings: SensorReadings) -> Floats:
         """Run one control step with readings and target lengths of the map's muscles."""
@@ -567,6 +581,8 @@ class Agent:
         self._observer.advance(self._step)
         self._watch_robot(readings)
         self._watch_hand(readings)
+        if self.motors is not None and self._tension_watch.update(readings, passed, self.motors):
+            self._commander.go(self._commander.checked(self.joint_angles, STOP), STOP)
         self._rests.advance(self._step, readings.time, self.hand_is_free)
         since = self._rests.settling.since
         checked = readings
@@ -574,7 +590,8 @@ class Agent:
             checked = readings._replace(
                 tensions=np.where(self.in_use.mask, readings.tensions, np.nan)
             )
-        self._lengths.update(checked, self._commander.target_lengths, self.motors, since)
+        command = self._commander.target_lengths
+        self._lengths.update(checked, command, self.motors, since)
         trusted = not self.guard.faults and self.hand_is_free
         self._rests.learn(readings, self._sample(readings), trusted, bool(tick.jump))
         if not self.guard.faults:
@@ -727,10 +744,10 @@ class Agent:
         angles = self.estimator.joint_encoders.checked(readings.joint_angles)
         frame_time = self._observer.exposed(tick.frame_time(readings.frame_time))
         readings = readings._replace(time=tick.time, frame_time=frame_time, joint_angles=angles)
-        commander = self._commander
-        filtered = self.guard.filter(
-            readings, commander.time, commander.target_lengths, self.estimator.lengths
-        )
+        commander, expected, wiring = self._commander, self.estimator.lengths, self.wiring
+        if self.motors is not None:
+            wiring.watch(readings, expected, self.motors, self.in_use.mask)
+        filtered = self.guard.filter(readings, commander.time, commander.target_lengths, expected)
         self.time_line.accept(tick)
         in_use, self._measured = self.in_use, filtered.lengths
         self.estimator.doubt(filtered.doubted | ~in_use.mask)
@@ -766,9 +783,37 @@ class Agent:
             )
         self._tensions.loads = load.loads
 
+    def _rewire(self) -> None:
+        """Apply what is known of the wiring now."""
+        commander, wiring = self._commander, self.wiring
+        before = wiring.left_out
+        order = wiring.apply(self.vision.assignment, max(commander.time, 0.0))
+        if order is None:
+            return
+        self._schedule.assignment = wiring.assignment
+        self._use_wired(before & ~wiring.left_out)
+        if np.any(order != np.arange(len(order))):
+            commander.reorder(order)
+            self.estimator.reset(self.vision.newest(self.estimator.q))
+        self.guard.jump()
+        self._rests.restart()
+
+    def _use_wired(self, back: Bools) -> None:
+        """Use the muscles that the wiring leaves, and those again that it has got back."""
+        changed, time = False, max(self._commander.time, 0.0)
+        for number, muscle in enumerate(self.map.muscles):
+            if self.wiring.left_out[number]:
+                kind, why = self.wiring.reason(number)
+                changed |= self.in_use.leave_out(muscle, time, why, kind)
+            elif back[number]:
+                changed |= self.in_use.repaired(muscle, offset_is_open=False)
+        if changed:
+            self._in_use_changed()
+
     def _map_changed(self) -> None:
         """Pass a new map to all parts that use it."""
         self.estimator.set_map(self.map)
+        self.estimator.spread = self._learned.spread
         self.guard.map_changed()
         self._observer.map_changed()
         if self.in_use.observed(self.vision.shown):

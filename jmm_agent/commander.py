@@ -18,7 +18,7 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.map_transition import MapTransition
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.trajectory import Trajectory
-from jmm_agent.types import Floats
+from jmm_agent.types import Floats, Ints
 
 BEYOND = 0.1
 """How far beyond its limits a joint may be sent without a warning [rad], [m], or as a share of its
@@ -75,6 +75,18 @@ class Commander:
         self.stretch, self.tensions = np.zeros_like(self.stretch), None
         if self._feed_forward is not None:
             self._feed_forward.reset()
+
+    def reorder(self, order: Ints) -> None:
+        """Continue with muscles in another order, while no channel's command jumps.
+
+        Args:
+            order: index before of what is now each muscle (m,).
+        """
+        self.target_lengths = self.target_lengths[order]
+        self._transition.reorder(order)
+        if self._mapped is not None:
+            wanted = self._mapped[2] - self.stretch
+            self._transition.begin(wanted - wanted[order])
 
     def recall(self, jmm: JointMuscleMap, posture: Floats) -> None:
         """Continue from the target of another time.

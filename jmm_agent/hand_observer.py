@@ -172,6 +172,10 @@ class HandObserver:
         self._exposure.end_movement()
         self._poses.end_movement()
 
+    def forget_rest(self) -> None:
+        """Await no observation until the next rest."""
+        self.due, self._asked = False, np.inf
+
     def follow(self, readings: SensorReadings, q: Floats) -> None:
         """Follow the marker, where exposure or delay of the camera demand it.
 

@@ -31,6 +31,7 @@ Measured joint angles correct the result once more (`JointEncoders`).
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -41,9 +42,12 @@ from scipy.special import gammaincinv
 
 from jmm_agent.joint_encoders import JointEncoders
 from jmm_agent.kalman_filter_options import EstimatorError, EstimatorOptions
+from jmm_agent.map_consistency import Consistency, consistency_of
 from jmm_agent.mapping.length_map import LengthMap
 from jmm_agent.types import Floats
 
+Spread = Callable[[Floats], Floats]
+"""Joint angles (n,) [rad] -> standard deviations of the lengths by a map (m,) [m]."""
 DOUBTED_NOISE = 1e4
 """Noise of a length that is in doubt, in units of the encoder noise."""
 
@@ -62,22 +66,6 @@ class Estimate(NamedTuple):
     covariance: Floats
     nis: float
     dof: int
-
-
-class Consistency(NamedTuple):
-    """Consistency of measured lengths with the map and the noise.
-
-    Attributes:
-        value: mean NIS over the window.
-        low: lower end of the band in which the mean lies if map and noise are right.
-        high: upper end of that band.
-        consistent: whether the mean lies in the band.
-    """
-
-    value: float
-    low: float
-    high: float
-    consistent: bool
 
 
 class _Linearised(NamedTuple):
@@ -105,6 +93,7 @@ class JointEstimator:
     Attributes:
         options: as given, or the defaults.
         joint_encoders: compares measured joint angles with the lengths.
+        spread: how far lengths of the map may be off, for `consistency`; None: it is right.
 
     Raises:
         EstimatorError: shapes do not fit, or a number is not finite.
@@ -126,6 +115,8 @@ class JointEstimator:
         self._high = box[:, 1] + self.options.limit_margin
         self._identity = np.eye(len(box))
         self._nis: deque[float] = deque(maxlen=self.options.window)
+        self._residuals: deque[Floats] = deque(maxlen=self.options.window)
+        self.spread: Spread | None = None
         self._noise = np.array(self.options.encoder_noise)
         self._doubted = 0
         self.joint_encoders = JointEncoders(box[:, 0], box[:, 1], self.options)
@@ -158,12 +149,20 @@ class JointEstimator:
 
     @property
     def consistency(self) -> Consistency | None:
-        """Consistency of the last updates.
+        """Consistency of the lengths of the last updates with the map.
 
+        Where it is known how far the map may be off (`spread`), see `jmm_agent.map_consistency`.
+        Otherwise the map counts as right, and the mean NIS is compared with its chi-squared band.
         None before the first update, and if there are no more muscles than joints.
         """
         if not self._nis or self._dof == 0:
             return None
+        if self.spread is not None:
+            noise = self.options.encoder_noise / np.sqrt(len(self._residuals))
+            std = np.hypot(self.spread(self.q), noise)
+            std = np.where(self._noise > self.options.encoder_noise, np.inf, std)
+            mean = np.mean(self._residuals, axis=0)
+            return consistency_of(mean, self._here.jacobian, std, self.options.confidence)
         low, high = _band(len(self._nis), self._dof, self.options.confidence)
         value = float(np.mean(self._nis))
         return Consistency(value, low, high, low <= value <= high)
@@ -198,7 +197,7 @@ class JointEstimator:
         self._filter = KalmanFilter(dim_x=n, dim_z=rank)
         self._filter.x, self._filter.P = start[:, None], spread
         self._filter.R = np.eye(rank)
-        self._nis.clear()
+        self._forget()
         self.joint_encoders.reset()
 
     def set_map(self, length_map: LengthMap) -> None:
@@ -228,7 +227,7 @@ class JointEstimator:
             raise EstimatorError("Estimator: the new map has another number of muscles.")
         self._here = here
         self._filter.P = self._filter.P + self.options.invalidation_std**2 * np.eye(self._low.size)
-        self._nis.clear()
+        self._forget()
 
     def doubt(self, muscles: NDArray[np.bool_]) -> None:
         """Leave the lengths of some muscles out of the estimate, until the next call.
@@ -249,7 +248,12 @@ class JointEstimator:
         self._noise, self._doubted = noise, int(muscles.sum())
         self._here = self._linearise(self._filter.x[:, 0])
         self._count_freedom()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget earlier updates, of which consistency is judged."""
         self._nis.clear()
+        self._residuals.clear()
 
     def _count_freedom(self) -> None:
         """Count the degrees of freedom that the joints leave to the lengths without doubt."""
@@ -316,6 +320,7 @@ class JointEstimator:
         self._here = there._replace(lengths=there.lengths + moved)
         nis = float(np.sum((innovation - there.basis @ seen) ** 2))
         self._nis.append(nis)
+        self._residuals.append((measured - self._here.lengths) * self._noise)
         return Estimate(self.q, self.covariance, nis, self._dof)
 
     def _linearise(self, q: Floats) -> _Linearised:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jmm_agent.types import Floats
+from jmm_agent.types import Floats, Ints
 
 
 class MapTransition:
@@ -39,6 +39,10 @@ class MapTransition:
         self._time = float(np.abs(self._left).max()) / self._rate
         if self._time == 0.0:
             self.reset()
+
+    def reorder(self, order: Ints) -> None:
+        """Continue with muscles in another order: ``order`` (m,) is where each was before."""
+        self._left = self._left[order]
 
     def advance(self, passed: float) -> Floats:
         """Lengths to add to those of the present map (m,) [m].

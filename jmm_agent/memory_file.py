@@ -19,13 +19,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
+from jmm_agent.guard.faults import (
+    MUSCLE_ABSENT,
+    MUSCLE_REVERSED,
+    MUSCLE_SNAPPED,
+    MUSCLE_UNSTABLE,
+    MUSCLES_SWAPPED,
+)
 from jmm_agent.mapping.array_file import ArrayFileError, Arrays, read_arrays, write_arrays
 from jmm_agent.mapping.group_map import ARRAYS, LARGEST, Layers
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
+from jmm_agent.updaters.assignment import Assignment
 from jmm_agent.updaters.rest_fitter import RestMemory
+from jmm_agent.updaters.wiring_evidence import Miswiring
 from jmm_agent.vision.camera_unknowns import UNKNOWNS
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.observation_arrays import OPTIONAL, arrays_of, observations_of
@@ -40,6 +49,11 @@ OLDER = {
 """Earlier formats, and why they are not read."""
 MAX_BYTES = 64 << 20
 """Largest file, unfolded [bytes]; that of the arm with 60 observations has less than one MiB."""
+
+MISWIRINGS = (
+    MUSCLES_SWAPPED, MUSCLE_REVERSED, MUSCLE_ABSENT, MUSCLE_SNAPPED, MUSCLE_UNSTABLE
+)  # fmt: skip
+"""Kinds of findings about the wiring, by their number in the file."""
 
 GENERATORS: dict[str, type[np.random.BitGenerator]] = {
     kind.__name__: kind
@@ -69,6 +83,9 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "rest_lengths": ("R", "m"),
     "rest_tensions": ("R", "m"),
     "rest_guess": ("R", "n"),
+    "channels": ("m",),
+    "left_out": ("m",),
+    "miswired": ("W", 3),
     "posture": ("n",),
     "in_use": ("m",),
     "counts": (2,),
@@ -173,6 +190,7 @@ def write_memory(
         "angles": vision.angles,
         "elongated": vision.elongated,
         **_arrays_of_rests(vision.rests, joints, muscles),
+        **_arrays_of_assignment(vision.assignment, muscles),
         "last": np.empty((0, joints)) if antagonism.last is None else antagonism.last[None],
         "posture": memory.posture,
         "in_use": np.ones(muscles) if memory.in_use is None else memory.in_use,
@@ -204,6 +222,8 @@ def read_memory(
     check_path(path)
     try:
         content = read_arrays(path, MAX_BYTES)
+        if "channels" not in content and "muscles" in content:  # an older file
+            content |= _arrays_of_assignment(Assignment(), len(nominal.muscles))
         _check_robot(content, nominal)
         content.setdefault("in_use", np.ones(len(nominal.muscles)))  # of files before it
         _check_arrays(content, nominal)
@@ -269,6 +289,39 @@ def _rests_of(arrays: Mapping[str, Floats]) -> RestMemory:
     unbalanced = float(arrays["unbalanced"][0]) if len(arrays["unbalanced"]) else None
     camera = arrays["camera"][0] if len(arrays["camera"]) else None
     return RestMemory(arrays["zero"][0], widths, rests, unbalanced, camera)
+
+
+def _arrays_of_assignment(assignment: Assignment, muscles: int) -> Arrays:
+    """Arrays of what is known of the wiring; refused observations are not kept."""
+    rows = [
+        (MISWIRINGS.index(one.kind), one.muscles[0], one.muscles[-1]) for one in assignment.named
+    ]
+    return {
+        "channels": assignment.channels(muscles),
+        "left_out": assignment.mask(muscles).astype(int),
+        "miswired": np.array(rows, dtype=int).reshape(-1, 3),
+    }
+
+
+def _assignment_of(arrays: Mapping[str, Floats]) -> Assignment:
+    """What arrays of `_arrays_of_assignment` hold.
+
+    Raises:
+        ArrayFileError: channels are not each muscle's own, or a kind or muscle is unknown.
+    """
+    channels, rows = arrays["channels"].astype(int), arrays["miswired"].astype(int)
+    muscles = len(channels)
+    known = rows.size == 0 or (rows.min() >= 0 and rows[:, 0].max() < len(MISWIRINGS))
+    known = known and (rows.size == 0 or rows[:, 1:].max() < muscles)
+    if not known or sorted(channels.tolist()) != list(range(muscles)):
+        raise ArrayFileError("its wiring is that of no robot")
+    own = np.array_equal(channels, np.arange(muscles))
+    named = [
+        Miswiring(MISWIRINGS[kind], (first,) if first == last else (first, last))
+        for kind, first, last in rows.tolist()
+    ]
+    out = tuple(np.flatnonzero(arrays["left_out"]).tolist())
+    return Assignment(() if own else tuple(channels.tolist()), out, tuple(named))
 
 
 def _text(content: Arrays, name: str) -> str:
@@ -366,6 +419,7 @@ def _memory(content: Arrays, nominal: JointMuscleMap) -> AgentMemory:
         arrays["elongated"],
         pairs["vision"],
         rests=_rests_of(arrays),
+        assignment=_assignment_of(arrays),
     )
     last = arrays["last"][0] if len(arrays["last"]) else None
     believed, in_a_row = (int(count) for count in content["counts"])

@@ -54,6 +54,11 @@ class RestLearning:
         self._vision.begin()
         self.settling.reset()
 
+    def restart(self) -> None:
+        """Await the next rest, because lengths now mean something else."""
+        self.settling.reset()
+        self._observer.forget_rest()
+
     @property
     def done(self) -> bool:
         """Whether the lengths have settled and nothing remains to be learned from them."""

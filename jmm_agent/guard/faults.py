@@ -60,6 +60,11 @@ HEAT_CHANGED = "heat_changed"
 HEAT_LIMITED = "heat_limited"
 TEMPERATURE_MISSING = "temperature_missing"
 TEMPERATURE_WRONG = "temperature_wrong"
+MUSCLES_SWAPPED = "muscles_swapped"
+MUSCLE_REVERSED = "muscle_reversed"
+MUSCLE_ABSENT = "muscle_absent"
+MUSCLE_UNSTABLE = "muscle_unstable"
+TENSION_LIMIT = "tension_limit"
 
 AGENT_KINDS = {
     CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
@@ -78,6 +83,11 @@ AGENT_KINDS = {
     TEMPERATURE_WRONG: "the housing's temperature is far from what the thermal model allows",
     MUSCLE_LEFT_OUT: "the muscle is out of use, because somebody has left it out",
     POSTURE_NOT_HELD: "muscles in use cannot hold a wanted posture, and the arm goes to another",
+    MUSCLES_SWAPPED: "two muscles are exchanged: each reads and moves the path of the other",
+    MUSCLE_REVERSED: "the lengths of a muscle have the wrong sign, and it is left out",
+    MUSCLE_ABSENT: "a muscle does not follow the joints, because it is absent or slack; left out",
+    MUSCLE_UNSTABLE: "a muscle was elongated again and again, and is left out",
+    TENSION_LIMIT: "the tension of a muscle stays at its limit, and the motion is stopped",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }
 """Kinds of faults that any agent names, also without a guard, and the meaning of each."""

@@ -6,9 +6,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
+from jmm_agent.map_consistency import CONTRADICTED
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner
 from jmm_agent.types import Floats
@@ -19,6 +22,7 @@ from jmm_agent.updaters import (
     VisionMemory,
     VisionUpdater,
 )
+from jmm_agent.updaters.assignment import Assignment, step_between
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.vision.rest_fit import Rest
@@ -43,6 +47,8 @@ class LearningJob(NamedTuple):
         covariance: of the pose (6, 6).
         joint_angles: measured joint angles (n,) [rad], NaN where there is no encoder.
         remember: whether the Vision Updater remembers the rest, too.
+        assignment: of channels, by which lengths, targets and tensions are ordered, and which
+            muscles have been lost.
     """
 
     kind: Literal["antagonism", "vision"]
@@ -57,6 +63,19 @@ class LearningJob(NamedTuple):
     covariance: Floats | None = None
     joint_angles: Floats | None = None
     remember: bool = True
+    assignment: Assignment = Assignment()
+
+    def ordered(self, assignment: Assignment) -> LearningJob:
+        """The job with lengths, targets and tensions in the order of another wiring."""
+        if self.assignment.order == assignment.order:
+            return self
+        order = step_between(self.assignment, assignment, len(self.lengths))
+        return self._replace(
+            lengths=self.lengths[order],
+            target=self.target[order],
+            tensions=self.tensions[order],
+            assignment=assignment,
+        )
 
 
 class LearnedState(NamedTuple):
@@ -140,6 +159,23 @@ class MapLearning:
             self.vision.hold_out.memory = state.hold_out
         self.antagonism.fired, self.vision.fired = state.fired
 
+    @property
+    def spread(self) -> Callable[[Floats], Floats] | None:
+        """How far lengths of the map may be off at joint angles (n,) [rad], (m,) [m].
+
+        None if the rule of learning has no prior.
+        """
+        prior = self.learner.prior
+        if prior is None:
+            return None
+        pairs = self.vision.pairs
+        postures, noise = pairs.postures, np.maximum(pairs.noise, prior.options.noise)
+
+        def spread(q: Floats) -> Floats:
+            return CONTRADICTED * np.hypot(prior.spread(postures, noise, q), prior.options.noise)
+
+        return spread
+
     def run(self, job: LearningJob, state: LearnedState) -> JobResult:
         """Learn a job.
 
@@ -151,6 +187,10 @@ class MapLearning:
             The result. `state` is then the one after the job.
         """
         self.state = state
+        lost = self.vision.assignment.losing(job.assignment, len(job.lengths))
+        if lost is not self.vision.assignment:
+            self.vision.rewire(lost)
+        job = job.ordered(self.vision.assignment)
         if job.kind == "antagonism":
             return self._rest(job)
         assert job.pose is not None
@@ -168,12 +208,13 @@ class MapLearning:
                 covariance=job.covariance,
                 joint_angles=job.joint_angles,
             )
-            if seen.zeroed or (seen.learned and seen.moved):
+            rewired = job.learn and self.vision.find_miswiring()
+            if rewired or seen.zeroed or (seen.learned and seen.moved):
                 self.antagonism.forget()
         finally:
             dropped, self.vision.dropped = self.vision.dropped, before
         return JobResult(
-            self.state if job.learn else None, seen.learned, seen, tuple(dropped.items())
+            self.state if job.learn else None, seen.learned or rewired, seen, tuple(dropped.items())
         )
 
     def _rest(self, job: LearningJob) -> JobResult:

@@ -19,6 +19,7 @@ from jmm_agent.learning.options import LearningOptions
 from jmm_agent.learning.worker import ProcessWorker, StepWorker
 from jmm_agent.prediction_record import PredictionRecord
 from jmm_agent.updaters import Seen
+from jmm_agent.updaters.assignment import Assignment
 
 _log = logging.getLogger(__name__)
 
@@ -46,6 +47,7 @@ class Schedule:
     Attributes:
         seen: result of the newest marker observation; None before the first.
         predictions: of the looks that were learned, or were to be, beside their errors.
+        assignment: wiring by which the readings of new jobs are ordered.
         taken_back: number of times that something was unlearned.
     """
 
@@ -64,6 +66,7 @@ class Schedule:
         self._before: deque[_Before] = deque()
         self.seen: Seen | None = None
         self.predictions = PredictionRecord()
+        self.assignment = Assignment()
         self.taken_back = 0
 
     @property
@@ -111,7 +114,7 @@ class Schedule:
         Args:
             job: the job.
         """
-        self._queue.submit(job)
+        self._queue.submit(job._replace(assignment=self.assignment))
 
     def advance(self, step: int, hand_is_free: bool) -> None:
         """Let the results of a control step enter; called before `submit`.

@@ -161,6 +161,11 @@ class Learner:
         """Whether the rule uses the prior of the map's error."""
         return isinstance(self.rule, PriorRule)
 
+    @property
+    def prior(self) -> MapPrior | None:
+        """Prior of the map's error, as known so far; None if the rule uses none."""
+        return getattr(self.rule, "prior", None)
+
     def know(self, prior: MapPrior) -> None:
         """Use another prior of the map's error, if the rule uses one.
 

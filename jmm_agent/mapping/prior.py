@@ -7,6 +7,7 @@ muscles of a group share the kernel phi(theta)' phi(theta'). Each permanent elon
 adds one unknown number of standard deviation `elongation` to all lengths that were measured before
 it, at any posture. A zeroing of all lengths at another posture does the same for all muscles at
 once, with the standard deviation `zeroing`; it counts as `MapPrior.zeroing_share` elongations.
+Muscles may be left out, because they do not follow the joints, or have larger errors than others.
 
 A length that is NaN is unknown: its muscle was out of use, see `jmm_agent.muscles_in_use`. It
 counts as one with infinitely many elongations since, which tells nothing (`without_unknown`).
@@ -24,7 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from jmm_agent.errors import AgentError, positive
 from jmm_agent.mapping.group_map import METRES, GroupMap
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.types import Floats, Ints
+from jmm_agent.types import Bools, Floats, Ints
 
 UNKNOWN = 1e12
 """Variance of a length that tells nothing [m^2]."""
@@ -128,10 +129,14 @@ class MapPrior:
     Attributes:
         map: the nominal map.
         options: as given.
+        factors: errors of each muscle's map, in standard deviations of the others (m,) [1];
+            infinite for a muscle that is left out of all kernels; None: all are alike.
 
     Raises:
         AgentError: the postures do not differ in the joints of some group.
     """
+
+    factors: Floats | None = None
 
     def __init__(
         self, nominal_map: JointMuscleMap, postures: Floats, options: PriorOptions
@@ -169,6 +174,18 @@ class MapPrior:
         found.options = replace(self.options, offset=offset, shape=shape)
         return found
 
+    def with_factors(self, factors: Floats | None) -> MapPrior:
+        """The same prior, with other `factors`."""
+        found = copy(self)
+        found.factors = None if factors is None or (factors == 1.0).all() else factors
+        return found
+
+    def left_out(self) -> Bools:
+        """Muscles that are left out (m,)."""
+        if self.factors is None:
+            return np.zeros(len(self.map.muscles), dtype=bool)
+        return np.isinf(self.factors)
+
     def groups(
         self,
         postures: Floats,
@@ -198,7 +215,8 @@ class MapPrior:
             )
             for times, alike in _histories(history):
                 elongation = self._elongation(times)
-                kernels.append(GroupKernel(muscles[alike], features, spread, elongation))
+                for factor, same in self._alike(muscles[alike]):
+                    kernels.append(GroupKernel(same, factor * features, spread, elongation))
         return kernels
 
     def _elongation(self, times: Floats) -> Floats:
@@ -209,6 +227,36 @@ class MapPrior:
         covariance[unknown, unknown] = UNKNOWN
         return np.asarray(covariance)
 
+    def _alike(self, muscles: Ints) -> Iterator[tuple[float, Ints]]:
+        """Factors of muscles, and those of each; none for those that are left out."""
+        if self.factors is None:
+            yield 1.0, muscles
+            return
+        own = self.factors[muscles]
+        for factor in np.unique(own[np.isfinite(own)]):
+            yield float(factor), muscles[own == factor]
+
+    def spread(self, pairs: Floats, noise: Floats, q: Floats) -> Floats:
+        """Standard deviation of the lengths at a posture (m,) [m], after pairs were learned.
+
+        Args:
+            pairs: their postures (K, n) [rad].
+            noise: standard deviation of the lengths of each (K,) [m].
+            q: joint angles (n,) [rad].
+        """
+        found = np.full(len(self.map.muscles), np.inf)
+        postures, count = np.vstack([pairs, q]), len(pairs)
+        for rank, group in enumerate(self.map.groups):
+            features = self.features(rank, group.hidden(postures))
+            for factor, same in self._alike(group.muscle_index):
+                crossed = factor**2 * features @ features[count]
+                variance = crossed[count]
+                if count:
+                    learned = GroupKernel(same, factor * features[:count], noise, np.zeros(1))
+                    variance -= crossed[:count] @ learned.whiten(crossed[:count])
+                found[same] = np.sqrt(max(float(variance), 0.0))
+        return found
+
     def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:
         """The map with the smallest change of output layers that explains pairs.
 
@@ -218,19 +266,25 @@ class MapPrior:
             noise: standard deviation of the lengths of each pair (K,) [m].
         """
         lengths, elongated = without_unknown(lengths, None)
-        residual, kernels = lengths - self.map.lengths(postures), {}
-        for kernel in self.groups(postures, noise, elongated):
-            kernels.update(dict.fromkeys(kernel.muscles.tolist(), kernel))
+        residual = lengths - self.map.lengths(postures)
+        kernels = self.groups(postures, noise, elongated)
         layers: dict[str, tuple[Floats, Floats]] = {}
         for rank, group in enumerate(self.map.groups):
-            own = dict.fromkeys(kernels[int(muscle)] for muscle in group.muscle_index)
-            change = np.empty((group.W2.shape[1] + 1, len(group.muscle_index)))
-            for kernel in own:
-                column = np.isin(group.muscle_index, kernel.muscles)
-                white = kernel.whiten(residual[:, kernel.muscles])
-                change[:, column] = kernel.features.T @ white / METRES
+            change = self._change(kernels, group, residual)
             layers[group.name] = self._layer(rank, group, change)
         return self.map.with_output_layers(layers)
+
+    def _change(self, kernels: Sequence[GroupKernel], group: GroupMap, residual: Floats) -> Floats:
+        """Change (1 + H, k) [mm] of the features' weights; 0 for muscles that are left out."""
+        muscles = group.muscle_index
+        change = np.zeros((1 + group.W2.shape[1], len(muscles)))
+        for kernel in kernels:
+            own = np.isin(muscles, kernel.muscles)
+            if own.any():
+                white = kernel.features.T @ kernel.whiten(residual[:, kernel.muscles])
+                factor = 1.0 if self.factors is None else self.factors[kernel.muscles[0]]
+                change[:, own] = factor * white / METRES
+        return change
 
     def features(self, rank: int, hidden: Floats) -> Floats:
         """Features of a group.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.types import Floats
+from jmm_agent.types import Bools, Floats
 from jmm_agent.updaters.vision_options import VisionOptions
 from jmm_agent.vision.marker_observation import (
     MarkerObservation,
@@ -21,6 +21,10 @@ UNREACHED = "inverse kinematics did not converge"
 """The pose is far from that of the fitted posture."""
 UNCERTAIN = "the pose's covariance is too large to improve the estimate, and both agree"
 """Only the noise of the pose would be learned."""
+TOO_CLOSE = "too close to the last update"
+"""The posture is known already."""
+USUAL = UNCERTAIN, TOO_CLOSE
+"""Reasons not to learn from an observation that is right."""
 
 
 class ObservationCheck:
@@ -61,8 +65,15 @@ class ObservationCheck:
         ):
             return UNCERTAIN
         if len(learned) and (np.linalg.norm(angles - learned[-1]) < options.distance):
-            return "too close to the last update"
+            return TOO_CLOSE
         return ""
+
+    def reached(self, fit: ObservationFit) -> Bools:
+        """Which observations are near their fitted postures (K,)."""
+        position, rotation = fit.residual_norms.T
+        options = self._options
+        near = (position <= options.position_residual) & (rotation <= options.rotation_residual)
+        return np.asarray(near)
 
     def detail(self, doubt: str, observation: MarkerObservation, angles: Floats) -> str:
         """How far an observation is from its fitted posture, in a sentence; empty if it is near.

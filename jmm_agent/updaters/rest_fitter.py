@@ -10,6 +10,7 @@ import numpy as np
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.vision_options import VisionOptions
+from jmm_agent.updaters.wiring_evidence import WiringEvidence
 from jmm_agent.vision.balance import Balance, Loads
 from jmm_agent.vision.camera_unknowns import UNKNOWNS, corrected_observations
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
@@ -109,6 +110,15 @@ class RestFitter:
         self._balance = (
             None if loads is None else Balance(prior.map, loads, limits, options.balance)
         )
+
+    def leave_out(self, factors: Floats | None) -> None:
+        """Leave muscles out of all further fits; see `MapPrior.factors`."""
+        self.nominal = self.nominal.with_factors(factors)
+
+    def wiring_evidence(self, prior: MapPrior) -> WiringEvidence:
+        """Comparison of wirings, with a prior of the nominal model's errors."""
+        residual, options = self._marker_residual, self._options.observations
+        return WiringEvidence(prior, self._usual, residual, self._limits, options, self._balance)
 
     @property
     def enabled(self) -> bool:

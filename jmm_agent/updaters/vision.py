@@ -9,17 +9,22 @@ themselves, and the pair holds l. The paper's l_target is an option.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Bools, Floats
+from jmm_agent.updaters.assignment import Assignment, ObservationRecord, step_between
 from jmm_agent.updaters.forecast import Forecast, why_not_applied
-from jmm_agent.updaters.observation_check import ObservationCheck
+from jmm_agent.updaters.observation_check import USUAL, ObservationCheck
 from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
 from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
+from jmm_agent.updaters.wiring_evidence import reordered
+from jmm_agent.updaters.wiring_watch import WiringWatch
 from jmm_agent.updaters.zeroing import ZeroingTest
 from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera_unknowns import corrected, corrected_observations
@@ -56,6 +61,7 @@ class VisionUpdater:
         pairs: remembered pairs, the newest last.
         hold_out: observations that are not learned from; None if none is held out.
         zeroings: number of zeroings of all lengths that were noticed.
+        assignment: which muscle each channel is. All lengths, tensions and pairs are in its order.
         fired: number of updates.
         dropped: number of observations that were not learned from, by reason.
     """
@@ -74,7 +80,8 @@ class VisionUpdater:
         self._limits, self._options = limits, options
         self._fitter = RestFitter(prior, marker_residual, limits, options, loads)
         self.forecast = Forecast(self._fitter, marker_residual, limits, options, judged)
-        self._rests, self._prior = RestMemory(), prior
+        self._rests, self._prior, self.assignment = RestMemory(), prior, Assignment()
+        self._wiring = WiringWatch(self._fitter.wiring_evidence, prior, limits)
         self._check = ObservationCheck(prior.map, marker_residual, options)
         self._observations: list[MarkerObservation] = []
         self._commands: list[Floats] = []
@@ -103,12 +110,14 @@ class VisionUpdater:
             self._start,
             self.zeroings,
             self._rests,
+            self.assignment,
         )
 
     @memory.setter
     def memory(self, earlier: VisionMemory) -> None:
         self._observations, self._commands, self._sound = earlier[:3]
         self._angles, self.elongated, self.pairs, self._start, self.zeroings = earlier[3:8]
+        self._assign(earlier.assignment)
         self._know(earlier.rests)
 
     @property
@@ -120,6 +129,10 @@ class VisionUpdater:
         """Pose (4, 4) in the camera of the model, of a marker that the camera showed."""
         camera = self._rests.camera
         return pose if camera is None else corrected(pose, camera)
+
+    def newest(self, otherwise: Floats) -> Floats:
+        """Joint angles (n,) [rad] of the newest observation, or others if there is none."""
+        return self._angles[-1] if len(self._angles) else otherwise
 
     @property
     def tensions_are_believed(self) -> bool:
@@ -249,11 +262,15 @@ class VisionUpdater:
         seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail, moved, predicted)
         if not learn:
             return seen
-        if seen.reason:
-            self.drop(seen.reason)
-            return seen
         command = _pair_lengths(self._options.lengths, lengths, target)
         sound = not bool(np.any(tensions >= self._options.saturation))  # NaN: not known
+        if seen.reason:
+            self.drop(seen.reason)
+            if seen.reason not in USUAL:
+                self.assignment = self.assignment.refusing(
+                    ObservationRecord(observation, command, sound)
+                )
+            return seen
         pair = Pairs(angles[None], command[None], np.array([self._options.noise]))
         if sound and self.hold_out is not None and self.hold_out.keeps(pair):
             return seen._replace(reason="held back, to test updates on it")
@@ -279,6 +296,78 @@ class VisionUpdater:
             self._learner.map = before
             self.drop(refused)
         return expected, refused
+
+    def find_miswiring(self) -> bool:
+        """Whether observations show muscles that are not those of the nominal model, for once.
+
+        They are then exchanged or left out, and all is learned again from what is remembered. None
+        is looked for by observations in which a length is unknown, because a muscle was out of use.
+        """
+        if not (self._fitter.enabled and self._learner.uses_prior):
+            return False
+        rests, muscles = self._rests.rests, self.elongated.shape[1]
+        if any(np.isnan(one.lengths).any() for one in (*self._observations, *rests)):
+            return False
+        shown = corrected_observations(self._observations, self._rests.camera)
+        found = self._wiring.found(self.assignment, shown, rests, self.elongated)
+        if found is None:
+            return False
+        may = self._wiring.may_leave_out(self.assignment, found.muscles)
+        self.rewire(self.assignment.finding(found, muscles, may))
+        return True
+
+    def rewire(self, assignment: Assignment) -> None:
+        """Learn all again with another wiring.
+
+        Args:
+            assignment: the wiring.
+        """
+        if assignment is self.assignment:
+            return
+        muscles = self.elongated.shape[1]
+        order, ones = step_between(self.assignment, assignment, muscles), np.ones(muscles)
+        observed = [
+            ObservationRecord(
+                reordered(one.observation, order, ones), one.command[order], one.sound
+            )
+            for one in (*self._learned_from(), *self.assignment.refused)
+        ][-self._options.observations.memory :]
+        rests = tuple(reordered(rest, order, ones) for rest in self._rests.rests)
+        self._assign(assignment)
+        self._know(RestMemory(rests=rests))
+        observations, guesses = [one.observation for one in observed], [*self._angles]
+        guesses += [one.guess for one in observations[len(guesses) :]]
+        start, none = (
+            np.array(guesses).reshape(-1, len(self._limits)),
+            np.zeros((len(observed), muscles)),
+        )
+        if not observed:
+            return
+        found = self._fitter.fit_with_elongation(self._rests, observations, start, none)
+        near = self._check.reached(found.observed)
+        if not near.all() and near.any():
+            observed = [one for one, reached in zip(observed, near, strict=True) if reached]
+            observations, none = [one.observation for one in observed], none[near]
+            start = found.observed.angles[near]
+            found = self._fitter.fit_with_elongation(found.memory, observations, start, none)
+        self._observations, self._angles = observations, found.observed.angles
+        self._commands = [one.command for one in observed]
+        self._sound = [one.sound for one in observed]
+        self.elongated, self._start = found.elongated, None
+        self._know(found.memory)
+        self._learn(self.pairs.last(0))
+
+    def _learned_from(self) -> Iterator[ObservationRecord]:
+        """Observations that were learned from, with their commands."""
+        yield from map(ObservationRecord, self._observations, self._commands, self._sound)
+
+    def _assign(self, assignment: Assignment) -> None:
+        """Use another wiring; muscles that are left out enter no further fit."""
+        before, self.assignment = self.assignment, assignment
+        if before.left_out != assignment.left_out:
+            self._fitter.leave_out(assignment.factors(self.elongated.shape[1]))
+            self._prior = self._fitter.prior(self._rests)
+            self._learner.know(self._prior)
 
     def _remember(
         self,

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
+from jmm_agent.updaters.assignment import Assignment
 from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.vision.hand_error import HandErrors
 from jmm_agent.vision.marker_observation import MarkerObservation
@@ -39,6 +40,7 @@ class VisionMemory(NamedTuple):
             were zeroed anew then.
         zeroings: number of zeroings that were noticed.
         rests: what is known from all rests.
+        assignment: which muscle each channel is; all lengths are in its order.
     """
 
     observations: list[MarkerObservation]
@@ -50,6 +52,7 @@ class VisionMemory(NamedTuple):
     start: EpisodeStart | None = None
     zeroings: int = 0
     rests: RestMemory = RestMemory()
+    assignment: Assignment = Assignment()
 
 
 class Rested(NamedTuple):

@@ -210,7 +210,8 @@ class NewestProblem:
 
     def _predicted(self, row: Row) -> tuple[Floats, Floats]:
         """Lengths (m,) [m] minus those predicted by the others, and the variance of that [m^2]."""
-        missed, variance = self._newest.lengths - row.lengths, np.empty(len(row.lengths))
+        missed = self._newest.lengths - row.lengths
+        variance = np.full(len(missed), np.inf)  # of muscles that are left out
         for kernel, weighed in zip(self._kernels, self._weighed, strict=True):
             own = row.features[self._group[kernel.muscles[0]]]
             shared = kernel.features @ own

@@ -1,0 +1,382 @@
+"""Muscles that are not those of the nominal model: found by evidence, named, and put right.
+
+The robots have other counts of joints and muscles than Kengoro's arm, and other sizes; they were
+zeroed at another posture, and some of their joints are not seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jmm_agent.commander import Commander
+from jmm_agent.guard.faults import (
+    MUSCLE_ABSENT,
+    MUSCLE_REVERSED,
+    MUSCLE_SNAPPED,
+    MUSCLE_UNSTABLE,
+    MUSCLES_SWAPPED,
+    TENSION_LIMIT,
+    MotorControl,
+)
+from jmm_agent.learning.job import LearningJob
+from jmm_agent.map_consistency import CONTRADICTED, consistency_of
+from jmm_agent.mapping.group_map import GroupMap
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
+from jmm_agent.mapping.prior import MapPrior, PriorOptions
+from jmm_agent.observation import SensorReadings
+from jmm_agent.tension_watch import LASTING, TensionWatch
+from jmm_agent.types import Floats, Ints
+from jmm_agent.updaters import VisionOptions, VisionUpdater
+from jmm_agent.updaters.assignment import Assignment, step_between
+from jmm_agent.updaters.wiring_evidence import Miswiring
+from jmm_agent.vision.camera_unknowns import CameraPrior
+from jmm_agent.vision.marker_observation import Frames
+from jmm_agent.wiring import Wiring
+
+MOTORS = MotorControl()
+ZEROING = PriorOptions()
+
+
+NO_CAMERA = CameraPrior(0.0, 0.0, 0.0, 0.0)
+"""Poses of these tests are shown by no camera."""
+
+
+def map_of(
+    joints: int, muscles: int, size: float, seed: int = 0, twins: bool = False
+) -> JointMuscleMap:
+    """A map of one group; lengths of some ``size`` times 20 mm; the first two may be twins."""
+    rng = np.random.default_rng([seed, 11])
+    weights = 12.0 * size * rng.normal(size=(muscles, 16))
+    if twins:
+        weights[1] = weights[0]
+    names = tuple(f"j{i}" for i in range(joints)), tuple(f"m{i}" for i in range(muscles))
+    group = GroupMap(
+        "all",
+        np.arange(joints),
+        np.arange(muscles),
+        np.zeros(joints),
+        np.ones(joints),
+        0.6 * rng.normal(size=(16, joints)),
+        rng.normal(size=16),
+        weights,
+        np.zeros(muscles),
+    )
+    start = JointMuscleMap(*names, (group,))
+    shift = 1e3 * start.lengths(np.zeros(joints))
+    return start.with_output_layers({"all": (group.W2, -shift)})
+
+
+def marker_residual(
+    q: Floats, pose: Floats, frames: Frames | None = None, /
+) -> tuple[Floats, Floats]:
+    """Residual of the first four joints, all that the camera shows, and its Jacobian."""
+    error = np.array([*(q[:3] - pose[:3, 3]), q[3] - pose[3, 0], 0.0, 0.0])
+    return error, np.eye(6, len(q)) * (np.arange(len(q)) < 4)
+
+
+class World:
+    """A Vision Updater, and a robot that it learns from.
+
+    Args:
+        joints: number of joints; the camera shows the first four.
+        muscles: number of muscles.
+        size: of the robot, over that of Kengoro's arm.
+        order: muscle at each channel.
+    """
+
+    def __init__(
+        self,
+        joints: int = 5,
+        muscles: int = 14,
+        size: float = 1.0,
+        seed: int = 0,
+        order: Ints | None = None,
+        twins: bool = False,
+    ) -> None:
+        self.rng, self.size = np.random.default_rng([seed, 12]), size
+        self.map = map_of(joints, muscles, size, twins=twins)
+        self.limits = np.column_stack([-np.ones(joints), np.ones(joints)])
+        scaled = {
+            name: size * getattr(ZEROING, name)
+            for name in ("offset", "shape", "noise", "elongation", "zeroing")
+        }
+        zeroed = {name: size * getattr(ZEROING, name) for name in ("zeroed_offset", "zeroed_shape")}
+        prior = MapPrior(self.map, self.postures(50), replace(ZEROING, **scaled, **zeroed))
+        rng = np.random.default_rng(seed)
+        learner = Learner(self.map, self.limits, RidgeRule(prior), BatchOptions(), rng)
+        options = VisionOptions(camera=NO_CAMERA, lengths="l", noise=0.001 * size)
+        self.vision = VisionUpdater(learner, prior, marker_residual, self.limits, options)
+        self.learner = learner
+        self.order = np.arange(muscles) if order is None else order
+        self.zero = self.rng.normal(0.0, 0.15, joints)
+        self.offset = self.rng.normal(0.0, 0.001 * size, muscles)
+        self.shape = map_of(joints, muscles, 0.04 * size, 1 + seed)
+        self.signs = np.ones(muscles)
+        self.absent: int | None = None
+
+    def postures(self, count: int) -> Floats:
+        return self.rng.uniform(-0.8, 0.8, (count, len(self.limits)))
+
+    def lengths(self, q: Floats) -> Floats:
+        """Lengths (m,) [m] of the muscles, as zeroed."""
+        path = self.map.lengths(q) - self.map.lengths(self.zero) + self.shape.lengths(q)
+        return np.asarray(path + self.offset)
+
+    def read(self, q: Floats) -> Floats:
+        """Lengths (m,) [m] as the channels read them."""
+        lengths = self.signs * self.lengths(q)
+        if self.absent is not None:
+            lengths[self.absent] = 0.01 * self.size
+        noise = self.rng.normal(0.0, 1e-4 * self.size, len(lengths))
+        return np.asarray(lengths[self.order] + noise)
+
+    def observe(self, seen: Floats | None = None) -> bool:
+        """Whether an observation at a random posture, perhaps with a pose of another one, rewires.
+
+        Channels are read in the order that is known, as the agent does.
+        """
+        q = self.postures(1)[0]
+        lengths = self.read(q)[self.vision.assignment.channels(len(self.order))]
+        pose, shown = np.eye(4), q if seen is None else seen
+        pose[:3, 3], pose[3, 0] = shown[:3], shown[3]
+        pose[:3, 3] += self.rng.normal(0.0, 0.002, 3)
+        guess = q + self.rng.normal(0.0, 0.1, len(q))
+        nothing = np.full(len(lengths), np.nan)
+        self.vision.seen(pose, guess, lengths, lengths, nothing)
+        return self.vision.find_miswiring()
+
+    def observe_several(self, count: int) -> None:
+        for _ in range(count):
+            self.observe()
+
+    @property
+    def named(self) -> list[tuple[str, tuple[int, ...]]]:
+        return [(one.kind, one.muscles) for one in self.vision.assignment.named]
+
+    def error(self) -> Floats:
+        """Error of the learned map at other postures, RMS of each muscle (m,) [m]."""
+        q = self.postures(40)
+        true = np.array([self.lengths(one) for one in q])
+        return np.asarray(np.sqrt(np.mean((self.learner.map.lengths(q) - true) ** 2, axis=0)))
+
+
+def exchanged(muscles: int, first: int, second: int) -> Ints:
+    order = np.arange(muscles)
+    order[[first, second]] = second, first
+    return order
+
+
+@pytest.mark.parametrize(
+    ("joints", "muscles", "size", "pair", "seed"),
+    [(5, 14, 1.0, (2, 9), 0), (4, 10, 0.3, (0, 1), 1), (6, 18, 3.0, (16, 17), 2)],
+)
+def test_two_exchanged_muscles_are_named_within_five_observations_and_exchanged_back(
+    joints: int, muscles: int, size: float, pair: tuple[int, int], seed: int
+) -> None:
+    world = World(joints, muscles, size, seed, exchanged(muscles, *pair))
+    world.observe_several(5)
+    assert world.named == [(MUSCLES_SWAPPED, pair)]
+    assert tuple(world.vision.assignment.channels(muscles)) == tuple(exchanged(muscles, *pair))
+    world.observe_several(15)
+    healthy = World(joints, muscles, size, seed)
+    healthy.observe_several(20)
+    assert np.median(world.error()) < 1.5 * np.median(healthy.error()) + 1e-5
+    assert world.error()[list(pair)].max() < 3.0 * healthy.error().max()
+
+
+@pytest.mark.parametrize(("size", "seed"), [(1.0, 0), (0.3, 1)])
+def test_a_muscle_that_does_not_follow_the_joints_is_named_and_left_out(
+    size: float, seed: int
+) -> None:
+    world = World(size=size, seed=seed)
+    world.absent = 6
+    world.observe_several(8)
+    assert world.named == [(MUSCLE_ABSENT, (6,))]
+    assert world.vision.assignment.left_out == (6,)
+    world.observe_several(12)
+    healthy = World(size=size, seed=seed)
+    healthy.observe_several(20)
+    others = np.arange(14) != 6
+    assert np.median(world.error()[others]) < 1.5 * np.median(healthy.error()[others])
+
+
+def test_a_muscle_with_the_other_sign_is_named_and_left_out() -> None:
+    world = World(seed=3)
+    world.signs[4] = -1.0
+    world.observe_several(6)
+    assert world.named == [(MUSCLE_REVERSED, (4,))]
+    assert world.vision.assignment.left_out == (4,)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_named_on_a_robot_like_its_model(seed: int) -> None:
+    world = World(seed=seed, size=(1.0, 0.3)[seed % 2])
+    world.observe_several(16)
+    assert world.named == []
+
+
+def test_muscles_with_the_same_path_are_not_distinguished() -> None:
+    world = World(order=exchanged(14, 0, 1), twins=True)
+    world.observe_several(8)
+    assert world.named == []
+
+
+def test_one_pose_of_another_posture_names_no_muscle() -> None:
+    for wrong_at in (0, 2, 4):
+        world = World(seed=5)
+        for number in range(6):
+            world.observe(world.postures(1)[0] if number == wrong_at else None)
+        assert world.named == []
+
+
+def test_a_muscle_that_is_elongated_again_and_again_is_left_out() -> None:
+    world = World(seed=1)
+    world.observe_several(8)
+    for _ in range(4):
+        world.offset[3] += 0.03
+        world.observe_several(3)
+    assert world.named == [(MUSCLE_UNSTABLE, (3,))]
+    assert world.vision.assignment.left_out == (3,)
+
+
+def test_a_muscle_that_was_elongated_once_is_not_named() -> None:
+    for seed in range(3):
+        world = World(seed=seed)
+        world.observe_several(6)
+        world.offset[3] += 0.02
+        world.observe_several(6)
+        assert world.named == []
+
+
+def test_muscles_are_named_but_kept_where_a_joint_would_have_none_left() -> None:
+    world = World(joints=4, muscles=6, seed=2)
+    watch = world.vision._wiring
+    assert watch.may_leave_out(Assignment(), (0,))
+    assert not watch.may_leave_out(Assignment(left_out=(1,)), (0,))
+    kept = Assignment().finding(Miswiring(MUSCLE_ABSENT, (0,)), 6, leave_out=False)
+    assert (kept.left_out, len(kept.named)) == ((), 1)
+
+
+def test_a_job_from_before_an_exchange_is_learned_in_the_order_of_now() -> None:
+    now = Assignment().finding(Miswiring(MUSCLES_SWAPPED, (0, 2)), 4)
+    values = np.array([10.0, 11.0, 12.0, 13.0])
+    job = LearningJob("antagonism", 0.0, np.zeros(2), values, values + 1, values + 2)
+    ordered = job.ordered(now)
+    np.testing.assert_array_equal(ordered.lengths, [12.0, 11.0, 10.0, 13.0])
+    np.testing.assert_array_equal(ordered.tensions, ordered.lengths + 2)
+    assert ordered.ordered(now) is ordered
+    back = now.finding(Miswiring(MUSCLES_SWAPPED, (0, 2)), 4)
+    assert back.order == ()
+    np.testing.assert_array_equal(step_between(now, back, 4), [2, 1, 0, 3])
+
+
+def test_no_channel_jumps_when_muscles_are_exchanged() -> None:
+    """The transition takes the difference, and ends at the map's lengths."""
+    jmm, limits = map_of(3, 6, 1.0), np.column_stack([-np.ones(3), np.ones(3)])
+    rate, rng = 0.1, np.random.default_rng(0)
+    commander = Commander(jmm, np.array([0.4, -0.5, 0.3]), limits, rate)
+    now = Assignment().finding(Miswiring(MUSCLES_SWAPPED, (1, 4)), 6)
+    commander.start(np.array([0.4, -0.5, 0.3]), 0.0, commander.target_lengths)
+
+    times = np.cumsum(rng.uniform(0.01, 0.03, 200)).tolist()
+
+    def command() -> Floats:
+        passed = commander.advance(times.pop(0))
+        found = commander.command(jmm, None, commander.target_lengths, passed, None)
+        commander.target_lengths = found
+        return found
+
+    channels = command()
+    commander.reorder(step_between(Assignment(), now, 6))
+    order = now.channels(6)
+    for _ in range(100):
+        before, channels = channels, np.empty(6)
+        channels[order] = command()
+        assert np.abs(channels - before).max() <= 0.03 * rate + 1e-9
+    np.testing.assert_allclose(channels[order], jmm.lengths(commander.target), atol=1e-9)
+
+
+@pytest.mark.parametrize(("taut", "kind"), [(True, MUSCLE_SNAPPED), (False, MUSCLE_ABSENT)])
+def test_a_muscle_that_is_wound_up_without_tension_is_lost(taut: bool, kind: str) -> None:
+    jmm = map_of(3, 6, 0.5)
+    wiring = Wiring(jmm, np.column_stack([-np.ones(3), np.ones(3)]))
+    rng, time, expected = np.random.default_rng(2), 0.0, jmm.lengths(np.zeros(3))
+    lengths, tensions = expected.copy(), np.full(6, 60.0)
+    for step in range(400):
+        time += rng.uniform(0.005, 0.02)
+        if step > 10 or not taut:
+            tensions[2] = rng.normal(0.0, 1.0)
+            lengths[2] -= 0.1 * 0.0125
+        tensions[4] = 0.0  # a dead sensor
+        in_use = ~wiring.left_out
+        wiring.watch(SensorReadings(time, lengths, tensions), expected, MOTORS, in_use)
+    assert wiring.apply(Assignment(), time) is not None
+    assert [(fault.kind, fault.where) for fault in wiring.faults] == [(kind, "m2")]
+    assert wiring.left_out.tolist() == [False, False, True, False, False, False]
+    assert wiring.reason(2)[0] == kind
+
+
+def test_a_tension_that_stays_at_its_limit_stops_the_motion_once_and_a_short_one_does_not() -> None:
+    for limit in (500.0, 8.0):
+        motors = MotorControl(limit=limit, bias=0.06 * limit)
+        watch, rng, time = TensionWatch(("a", "b")), np.random.default_rng(1), 0.0
+        stops = []
+        for number in range(1500):
+            passed = rng.uniform(0.005, 0.015)
+            time += passed
+            short = limit if number % 300 < 150 else 0.1 * limit
+            tensions = np.array([short, limit if number > 400 else 0.2 * limit])
+            readings = SensorReadings(time, np.zeros(2), tensions)
+            if watch.update(readings, passed, motors):
+                stops.append(time)
+        assert len(stops) == 2
+        assert stops[1] - stops[0] >= LASTING
+        assert [(fault.kind, fault.where) for fault in watch.faults] == [(TENSION_LIMIT, "b")]
+
+
+@pytest.mark.parametrize(("joints", "muscles", "size"), [(4, 10, 0.3), (6, 18, 2.0)])
+def test_lengths_are_consistent_with_a_learned_map_and_not_with_one_that_is_wrong(
+    joints: int, muscles: int, size: float
+) -> None:
+    world = World(joints, muscles, size, seed=4)
+    for _ in range(8):
+        world.observe()
+    pairs, prior = world.vision.pairs, world.learner.prior
+    assert prior is not None
+
+    def found(wrong: Floats) -> list[float]:
+        """Values over the upper end, at further postures."""
+        shares = []
+        for q in world.postures(40):
+            residual = world.lengths(q) + wrong - world.learner.map.lengths(q)
+            std = np.hypot(prior.spread(pairs.postures, pairs.noise, q), prior.options.noise)
+            jacobian = world.learner.map.jacobian(q[None])[0]
+            one = consistency_of(residual, jacobian, CONTRADICTED * std, 0.95)
+            assert one is not None
+            assert one.consistent == (one.value <= one.high)
+            shares.append(one.value / one.high)
+        return shares
+
+    assert np.mean(np.array(found(np.zeros(muscles))) <= 1.0) >= 0.9
+    wrong = np.zeros(muscles)
+    wrong[3] = 0.015 * size
+    assert np.mean(np.array(found(wrong)) > 1.0) >= 0.9
+
+
+def test_contradictions_are_those_that_no_movement_of_the_joints_explains() -> None:
+    rng = np.random.default_rng(0)
+    jacobian, std = rng.normal(size=(9, 3)), rng.uniform(0.5, 2.0, 9)
+    std[4] = np.inf
+    moved = consistency_of(jacobian @ rng.normal(size=3), jacobian, std, 0.95)
+    assert moved is not None
+    assert moved.value < 1e-18
+    shares = [
+        consistency_of(rng.normal(0.0, np.minimum(std, 1e9)), jacobian, std, 0.95)
+        for _ in range(2000)
+    ]
+    assert abs(np.mean([one.consistent for one in shares if one]) - 0.95) < 0.015
+    assert consistency_of(np.ones(3), jacobian[:3], std[:3], 0.95) is None
