@@ -306,7 +306,8 @@ class VisionUpdater:
         if not (self._fitter.enabled and self._learner.uses_prior):
             return False
         rests, muscles = self._rests.rests, self.elongated.shape[1]
-        if any(np.isnan(one.lengths).any() for one in (*self._observations, *rests)):
+        lengths = [one.lengths for one in self._observations] + [one.lengths for one in rests]
+        if np.isnan(lengths).any():
             return False
         shown = corrected_observations(self._observations, self._rests.camera)
         found = self._wiring.found(self.assignment, shown, rests, self.elongated)
