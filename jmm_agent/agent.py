@@ -140,6 +140,8 @@ class Agent:
     heat: HeatMonitor | None = None
     order: MuscleOrder | None = None
     hand_load: HandLoad | None = None
+    statics: Statics | None = None
+    unreachable = ""
     _measured: Floats
 
     def __init__(
@@ -158,9 +160,7 @@ class Agent:
         _check_joints(kinematics, nominal_map)
         self.options = options = options or AgentOptions()
         self.kinematics = kinematics
-        self.statics: Statics | None = None
-        self.unreachable = ""
-        self._nominal_map = nominal_map
+        self._nominal_map, self._typical = nominal_map, typical
         self.guard: Guard | NullGuard = NullGuard() if guard is None else guard
         limits, camera, site = kinematics.limits, options.camera, options.marker_site
         prior = MapPrior(nominal_map, typical, options.prior)
@@ -175,8 +175,6 @@ class Agent:
             seeing = replace(seeing, lengths="l")
         judged = HandPostures.among(typical, kinematics, site, _widest(options))
         self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads, judged)
-        self._typical = typical
-        self.hand_load = None
         self.in_use = MusclesInUse(nominal_map.muscles)
         self._choice = PostureChoice(kinematics, self._tensions, self.in_use)
         if loads is not None:

@@ -12,7 +12,12 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters.vision_options import VisionOptions
 from jmm_agent.updaters.wiring_evidence import WiringEvidence
 from jmm_agent.vision.balance import Balance, Loads
-from jmm_agent.vision.camera_unknowns import UNKNOWNS, corrected_observations
+from jmm_agent.vision.camera_unknowns import (
+    NOT_UNKNOWN,
+    UNKNOWNS,
+    corrected_observations,
+    is_of_camera,
+)
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
 from jmm_agent.vision.permanent_elongation import log_bayes_factors, with_likeliest_step
 from jmm_agent.vision.prior_widths import PriorWidths
@@ -105,6 +110,7 @@ class RestFitter:
     ) -> None:
         self.nominal, self._marker_residual = prior, marker_residual
         self._limits, self._options = limits, options
+        self._camera = options.camera if is_of_camera(marker_residual) else NOT_UNKNOWN
         known = prior.options
         self._usual = PriorWidths(known.zeroed_offset, known.zeroed_shape, known.zero_posture)
         self._balance = (
@@ -258,7 +264,7 @@ class RestFitter:
 
     def _common(self, memory: RestMemory, start: Floats) -> CommonErrors | None:
         """Errors that all poses share, at angles (K, n) [rad]; None if there can be none."""
-        camera, joints = self._options.camera, self._options.joints
+        camera, joints = self._camera, self._options.joints
         if not (camera.enabled or joints.offset or joints.turn):
             return None
         known = np.zeros(UNKNOWNS) if memory.camera is None else memory.camera
@@ -342,7 +348,7 @@ class RestFitter:
         if found.camera is None:
             return True
         moved = found.camera if memory.camera is None else found.camera - memory.camera
-        most = SAME_CAMERA * self._options.camera.widths
+        most = SAME_CAMERA * self._camera.widths
         return bool(np.all(np.abs(moved) <= most))
 
     @staticmethod

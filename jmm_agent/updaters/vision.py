@@ -277,6 +277,10 @@ class VisionUpdater:
         map_before, before = self._learner.map, self.memory
         self._remember(observations, found, command, sound)
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
+        return self._tested(seen, map_before, before)
+
+    def _tested(self, seen: Seen, map_before: JointMuscleMap, before: VisionMemory) -> Seen:
+        """The result of an update, which is undone if it made the map worse."""
         if self.hold_out is not None and self.hold_out.harmed(map_before, self._learner.map):
             self._learner.map, self.memory = map_before, before
             seen = seen._replace(reason="undone: it made the map worse at held-out observations")

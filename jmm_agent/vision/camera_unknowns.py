@@ -77,6 +77,19 @@ class CameraPrior:
         return bool(self.widths.any())
 
 
+NOT_UNKNOWN = CameraPrior(0.0, 0.0, 0.0, 0.0)
+"""The camera is right, or there is none."""
+
+
+def is_of_camera(residual: object) -> bool:
+    """Whether a residual is that of poses which a camera shows, as `MarkerResidual` says.
+
+    Args:
+        residual: of the marker's pose.
+    """
+    return bool(getattr(residual, "camera", None))
+
+
 def corrected(pose: Floats, unknowns: Floats) -> Floats:
     """Pose (4, 4) in the camera as it is believed to be, from the pose that a camera showed.
 

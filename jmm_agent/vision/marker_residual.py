@@ -18,12 +18,15 @@ class MarkerResidual:
         camera: the camera's frame; None: world, where no camera is used.
         marker_site: the site that carries the marker.
 
+    Attributes:
+        camera: as given.
+
     Raises:
         KinematicsError: there is no such frame.
     """
 
     def __init__(self, kinematics: ArmKinematics, camera: str | None, marker_site: str) -> None:
-        self._kinematics, self._frames = kinematics, (marker_site, camera)
+        self._kinematics, self._frames, self.camera = kinematics, (marker_site, camera), camera
         kinematics.pose(marker_site, np.zeros(len(kinematics.joints)), relative_to=camera)
 
     def __call__(

@@ -22,7 +22,6 @@ from jmm_agent.updaters import (
     VisionOptions,
     VisionUpdater,
 )
-from jmm_agent.vision.camera_unknowns import CameraPrior
 from jmm_agent.vision.observation_fit import ObservationFitOptions
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
 
@@ -40,10 +39,6 @@ def picture(q: np.ndarray) -> np.ndarray:
 def marker_residual(q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     error = np.array([*(q[:3] - pose[:3, 3]), q[3] - pose[3, 0], 0.0, 0.0])
     return error, np.eye(6)[:, :4]
-
-
-NO_CAMERA = CameraPrior(0.0, 0.0, 0.0, 0.0)
-"""Poses of these tests are shown by no camera."""
 
 
 class Recorder:
@@ -73,7 +68,7 @@ class UpdaterTrial:
             self.start, LIMITS, rule or self.rule, BatchOptions(), np.random.default_rng(0)
         )
         self.vision = VisionUpdater(
-            self.learner, prior, marker_residual, LIMITS, VisionOptions(camera=NO_CAMERA, **options)
+            self.learner, prior, marker_residual, LIMITS, VisionOptions(**options)
         )
 
     def lengths(self, q: np.ndarray) -> np.ndarray:

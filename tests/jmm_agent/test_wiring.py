@@ -33,16 +33,11 @@ from jmm_agent.types import Floats, Ints
 from jmm_agent.updaters import VisionOptions, VisionUpdater
 from jmm_agent.updaters.assignment import Assignment, step_between
 from jmm_agent.updaters.wiring_evidence import Miswiring
-from jmm_agent.vision.camera_unknowns import CameraPrior
 from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.wiring import Wiring
 
 MOTORS = MotorControl()
 ZEROING = PriorOptions()
-
-
-NO_CAMERA = CameraPrior(0.0, 0.0, 0.0, 0.0)
-"""Poses of these tests are shown by no camera."""
 
 
 def map_of(
@@ -108,7 +103,7 @@ class World:
         prior = MapPrior(self.map, self.postures(50), replace(ZEROING, **scaled, **zeroed))
         rng = np.random.default_rng(seed)
         learner = Learner(self.map, self.limits, RidgeRule(prior), BatchOptions(), rng)
-        options = VisionOptions(camera=NO_CAMERA, lengths="l", noise=0.001 * size)
+        options = VisionOptions(lengths="l", noise=0.001 * size)
         self.vision = VisionUpdater(learner, prior, marker_residual, self.limits, options)
         self.learner = learner
         self.order = np.arange(muscles) if order is None else order

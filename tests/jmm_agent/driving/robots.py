@@ -12,6 +12,7 @@ from jmm_agent.command_limits import CommandLimits
 from jmm_agent.driving.drive import DriveReport, drive
 from jmm_agent.errors import AgentError
 from jmm_agent.guard.null_guard import NullGuard
+from jmm_agent.muscles_in_use import MusclesInUse
 from jmm_agent.observation import SensorReadings
 
 PERIOD = 0.02
@@ -49,6 +50,7 @@ class EchoAgent:
     def __init__(self, raises_at: float = np.inf, command: Sequence[float] | None = None) -> None:
         self.raises_at, self._command = raises_at, command
         self.guard, self.limits = NullGuard(), CommandLimits()
+        self.in_use = MusclesInUse(("m0", "m1"))
         self.stiffness: np.ndarray | None = None
 
     def step(self, readings: SensorReadings) -> np.ndarray:

@@ -19,7 +19,6 @@ from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions, VisionUpdater
 from jmm_agent.vision.balance import Balance, BalanceOptions
-from jmm_agent.vision.camera_unknowns import CameraPrior
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.observation_fit import ObservationFitOptions
 from jmm_agent.vision.prior_widths import PriorWidths
@@ -204,17 +203,13 @@ def test_the_width_of_offsets_follows_the_robot(offset: float) -> None:
         assert widths[:2] == USUAL[:2]
 
 
-NO_CAMERA = CameraPrior(0.0, 0.0, 0.0, 0.0)
-"""Poses of these tests are shown by no camera."""
-
-
 def updater(
     rule: Rule | None = None, widths: PriorOptions | None = None, **options: object
 ) -> VisionUpdater:
     prior = MapPrior(make_map(0), postures(100, 8), widths or PriorOptions())
     rng = np.random.default_rng(0)
     learner = Learner(make_map(0), LIMITS, rule or RidgeRule(prior), BatchOptions(), rng)
-    chosen = VisionOptions(camera=NO_CAMERA, **options)  # type: ignore[arg-type]
+    chosen = VisionOptions(**options)  # type: ignore[arg-type]
     return VisionUpdater(learner, prior, marker_residual, WIDE, chosen, MadeUpLoads())
 
 
