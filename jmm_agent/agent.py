@@ -31,7 +31,7 @@ from jmm_agent.commander import Commander
 from jmm_agent.errors import AgentError
 from jmm_agent.feed_forward import FeedForward
 from jmm_agent.guard.arm_state import ArmState
-from jmm_agent.guard.faults import MUSCLE_LEFT_OUT, Fault, MotorControl
+from jmm_agent.guard.faults import MUSCLE_LEFT_OUT, MUSCLE_SNAPPED, Fault, MotorControl
 from jmm_agent.guard.guard import Guard
 from jmm_agent.guard.null_guard import NullGuard
 from jmm_agent.hand_load import HandLoad
@@ -176,6 +176,7 @@ class Agent:
         judged = HandPostures.among(typical, kinematics, site, _widest(options))
         self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads, judged)
         self.in_use = MusclesInUse(nominal_map.muscles)
+        self._mask = self.in_use.mask
         self._choice = PostureChoice(kinematics, self._tensions, self.in_use)
         if loads is not None:
             grip = options.grip if options.grip in kinematics.frames else site
@@ -331,12 +332,12 @@ class Agent:
         learning, which are named without a guard, too, and do not keep the agent from learning.
         """
         found = [*self.guard.faults, *self.time_line.found()]
-        found += [*self._lengths.faults, *self._rests.faults, *self.wiring.faults]
-        found += self._tension_watch.faults
+        found += [*self._lengths.faults, *self._rests.faults, *self._tension_watch.faults]
         found += [] if self.heat is None else self.heat.faults
-        named = {fault.where for fault in self.wiring.faults}
-        found += [fault for fault in self.in_use.faults if fault.where not in named]
         found += [self._choice.fault] if self._choice.fault else []
+        out, snapped = self.in_use.faults, {fault.where for fault in self.in_use.faults}
+        found = [one for one in found if (one.kind, one.where in snapped) != (MUSCLE_SNAPPED, True)]
+        found += [*out, *(one for one in self.wiring.faults if one.where not in snapped)]
         return sorted(found, key=lambda fault: fault.since)
 
     def begin_episode(self) -> None:
@@ -455,7 +456,7 @@ class Agent:
         Raises:
             AgentError: there is no such muscle, or it is the last one.
         """
-        time = self._commander.time
+        time = max(self._commander.time, 0.0)
         if self.in_use.leave_out(muscle, time, why, MUSCLE_LEFT_OUT):
             self._in_use_changed()
 
@@ -473,7 +474,11 @@ class Agent:
         """
         self._schedule.reset()
         seen, assignment = bool(self.vision.memory.observations), self.vision.assignment
-        self.vision.rewire(assignment.mended(self.in_use.index(muscle)))
+        index = self.in_use.index(muscle)
+        if index in assignment.left_out:
+            self.wiring.mended(index)
+            self.vision.doubt(index)
+            self.vision.rewire(assignment.mended(index))
         if self.in_use.repaired(muscle, offset_is_open=seen):
             self.vision.repaired(self.in_use.index(muscle))
             self.antagonism.repaired(self.in_use.index(muscle))
@@ -579,8 +584,7 @@ class Agent:
         self._observer.advance(self._step)
         self._watch_robot(readings)
         self._watch_hand(readings)
-        if self.motors is not None and self._tension_watch.update(readings, passed, self.motors):
-            self._commander.go(self._commander.checked(self.joint_angles, STOP), STOP)
+        self._watch_limit(readings, passed)
         self._rests.advance(self._step, readings.time, self.hand_is_free)
         since = self._rests.settling.since
         checked = readings
@@ -705,6 +709,7 @@ class Agent:
         memory = load_memory(path, self._learned, self._nominal_map, self.kinematics.frames)
         self.recall(memory.map, memory.antagonism, memory.vision)
         self._commander.recall(memory.map, memory.posture)
+        self.wiring.forget()
         ones = np.ones(len(self.map.muscles))
         self.in_use.recall(ones if memory.in_use is None else memory.in_use)
         self._in_use_changed()
@@ -767,6 +772,13 @@ class Agent:
         if self.in_use.snapped(self.guard.faults, readings.time):
             self._in_use_changed()
 
+    def _watch_limit(self, readings: SensorReadings, passed: float) -> None:
+        """Stay where the arm is if a tension has been at its limit for long."""
+        if self.motors is not None and self._tension_watch.update(readings, passed, self.motors):
+            self._commander.go(self._commander.checked(self.joint_angles, STOP), STOP)
+            self.unreachable = f"The motion was stopped: {self._tension_watch.newest}."
+            _log.warning("%s", self.unreachable)
+
     def _watch_hand(self, readings: SensorReadings) -> None:
         """Estimate what the hand holds, and let the tensions hold it, too."""
         load = self.hand_load
@@ -800,7 +812,7 @@ class Agent:
         """Use the muscles that the wiring leaves, and those again that it has got back."""
         changed, time = False, max(self._commander.time, 0.0)
         for number, muscle in enumerate(self.map.muscles):
-            if self.wiring.left_out[number]:
+            if self.wiring.left_out[number] and self.in_use.learned.sum() > 1:
                 kind, why = self.wiring.reason(number)
                 changed |= self.in_use.leave_out(muscle, time, why, kind)
             elif back[number]:
@@ -823,6 +835,8 @@ class Agent:
             _log.warning("Muscle %s: %s.", fault.where, fault.detail)
         self._choice.in_use_changed()
         self.guard.leave_out(~self.in_use.mask)
+        self._commander.come_back(self.in_use.mask & ~self._mask)
+        self._mask = self.in_use.mask
         rest = Chosen(*self._commander.remaining())
         self._choice.begin(rest, self._commander.time, self.map, self.motors)
 

@@ -18,7 +18,7 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.map_transition import MapTransition
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.trajectory import Trajectory
-from jmm_agent.types import Floats, Ints
+from jmm_agent.types import Bools, Floats, Ints
 
 BEYOND = 0.1
 """How far beyond its limits a joint may be sent without a warning [rad], [m], or as a share of its
@@ -60,6 +60,7 @@ class Commander:
         self.stretch = np.zeros(len(jmm.muscles))
         self.tensions: Floats | None = None
         self._mapped: tuple[JointMuscleMap, Floats, Floats] | None = None
+        self._back: Bools | None = None
         self._transition = MapTransition(len(jmm.muscles), rate)
 
     def reset(self) -> None:
@@ -71,10 +72,15 @@ class Commander:
     def _forget(self) -> None:
         """Forget commands before, with which the next ones are not compared."""
         self._transition.reset()
-        self._mapped = None
+        self._mapped = self._back = None
         self.stretch, self.tensions = np.zeros_like(self.stretch), None
         if self._feed_forward is not None:
             self._feed_forward.reset()
+
+    def come_back(self, muscles: Bools) -> None:
+        """Continue from the last command of muscles (m,) that were commanded by others till now."""
+        if muscles.any():
+            self._back = muscles
 
     def reorder(self, order: Ints) -> None:
         """Continue with muscles in another order, while no channel's command jumps.
@@ -211,8 +217,10 @@ class Commander:
         forward, used = self._feed_forward, self._used
         self._used = _used(forward)
         before, same = None, all(a is b for a, b in zip(self._used, used, strict=True))
-        if known is not None and (known[0] is not jmm or not same):
+        if known is not None and (known[0] is not jmm or not same or self._back is not None):
             before = known[0].lengths(q) - self.stretch
+        if before is not None and self._back is not None:
+            before, self._back = np.where(self._back, self.target_lengths, before), None
         if forward is not None and motors is not None:
             pull = forward.tensions(jmm, motors, self._trajectory, self.time)
             self.stretch, self.tensions = stretch(jmm, motors, pull), pull

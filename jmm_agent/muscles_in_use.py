@@ -21,7 +21,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from jmm_agent.errors import AgentError
-from jmm_agent.guard.faults import MUSCLE_SNAPPED, Fault
+from jmm_agent.guard.faults import MUSCLE_LEFT_OUT, MUSCLE_SNAPPED, Fault
 from jmm_agent.types import Bools, Floats
 
 SURE = 0.5
@@ -75,8 +75,10 @@ class MusclesInUse:
 
     @property
     def faults(self) -> list[Fault]:
-        """A fault for each muscle that is left out."""
-        return list(self._out.values())
+        """A fault for each muscle that is left out, or returning."""
+        back = "it was repaired, and is used after the next marker observation has shown its length"
+        returning = [Fault(MUSCLE_LEFT_OUT, name, 0.0, back) for name in self.returning]
+        return [*self._out.values(), *returning]
 
     def index(self, muscle: str) -> int:
         """Number of a muscle.
@@ -193,7 +195,8 @@ class MusclesInUse:
         self._update()
         for index in np.flatnonzero(state == 0.0).tolist():
             muscle = self._muscles[index]
-            self.leave_out(muscle, -np.inf, "it was left out when this was saved")
+            why = "it was left out when this was saved"
+            self.leave_out(muscle, 0.0, why, MUSCLE_LEFT_OUT)
             self._out[index] = kept.get(index, self._out[index])
 
     def usable(self, lengths: Floats, expected: Floats) -> Floats:

@@ -27,6 +27,7 @@ class TensionWatch:
 
     Attributes:
         faults: what was found in this episode, once for each muscle.
+        newest: why the motion was stopped last, without a full stop; empty if it was not.
     """
 
     def __init__(self, muscles: Sequence[str]) -> None:
@@ -37,6 +38,7 @@ class TensionWatch:
         """Forget all, as before a new episode."""
         self._at_limit = np.zeros(len(self._muscles))
         self.faults: list[Fault] = []
+        self.newest = ""
 
     def update(self, readings: SensorReadings, passed: float, motors: MotorControl) -> bool:
         """Add the tensions of a control step.
@@ -56,13 +58,13 @@ class TensionWatch:
         known = {fault.where for fault in self.faults}
         for muscle in lasting:
             name = self._muscles[muscle]
+            self.newest = (
+                f"{name} has pulled with {readings.tensions[muscle]:.3g} N of "
+                f"{motors.limit:.3g} N for {LASTING:g} s: the arm is held where it is; check what "
+                "it leans on, the wiring and the zero of the lengths, then move again"
+            )
             if name not in known:
-                detail = (
-                    f"{name} has pulled with {readings.tensions[muscle]:.3g} N of "
-                    f"{motors.limit:.3g} N for {LASTING:g} s: the arm is held where it is; check "
-                    "what it leans on, the wiring and the zero of the lengths, then move again"
-                )
-                self.faults.append(Fault(TENSION_LIMIT, name, readings.time, detail))
+                self.faults.append(Fault(TENSION_LIMIT, name, readings.time, self.newest))
         if lasting:
             self._at_limit[:] = 0.0
         return bool(lasting)

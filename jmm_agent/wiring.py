@@ -56,6 +56,7 @@ class Wiring:
     Attributes:
         assignment: as applied.
         faults: named, in order.
+        watching: whether lost muscles are looked for.
     """
 
     def __init__(self, jmm: JointMuscleMap, limits: Floats) -> None:
@@ -64,6 +65,7 @@ class Wiring:
         self._muscles, self._ranges = jmm.muscles, np.ptp(jmm.lengths(postures), axis=0)
         self.assignment = Assignment()
         self.faults: list[Fault] = []
+        self.watching = True
         self._lost: tuple[Miswiring, ...] = ()
         self.reset()
 
@@ -73,6 +75,14 @@ class Wiring:
         self._slack, self._residual = np.zeros(count), np.zeros(count)
         self._taut = np.zeros(count, dtype=bool)
         self._time = np.nan
+
+    def forget(self) -> None:
+        """Forget which muscles were lost, as when another memory is loaded."""
+        self._lost = ()
+
+    def mended(self, muscle: int) -> None:
+        """Forget that a muscle, by its number, was lost."""
+        self._lost = tuple(one for one in self._lost if one.muscles != (muscle,))
 
     @property
     def left_out(self) -> Bools:
@@ -154,7 +164,7 @@ class Wiring:
         passed = readings.time - self._time
         self._time = readings.time
         lengths, tensions = np.asarray(readings.lengths), np.asarray(readings.tensions)
-        if not 0.0 < passed < LOST_AFTER or lengths.shape != self._slack.shape:
+        if not self.watching or not 0.0 < passed < LOST_AFTER or lengths.shape != self._slack.shape:
             return
         residual = lengths - expected
         slack = np.abs(tensions) < SLACK * motors.bias
@@ -199,6 +209,7 @@ class Wiring:
         if found.kind == MUSCLES_SWAPPED:
             return (
                 f"{names[0]} and {names[1]} are exchanged: each reads and moves the path of the "
-                "other; the agent has exchanged them back; exchange their connectors"
+                "other; the agent has exchanged them back: leave the connectors as they are while "
+                "it uses this memory"
             )
         return f"{names[0]}: {WHY[found.kind]}; {then}"

@@ -88,7 +88,7 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     }
     for muscle in chosen_muscles(agent, seed, balances, judged, sizes.muscles):
         unnoticed = deepcopy(agent)
-        unnoticed.guard = NullGuard()
+        unnoticed.guard, unnoticed.wiring.watching = NullGuard(), False
         blind = visits(unnoticed, seed, tested, muscle, sizes, balances, arms)
         without = deepcopy(agent)
         entry: dict[str, Any] = {"muscle": muscle, "unnoticed": blind}

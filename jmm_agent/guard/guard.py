@@ -148,9 +148,12 @@ class Guard:
     def leave_out(self, muscles: Bools) -> None:
         """Name no more faults of muscles that are out of use, from now on.
 
+        What was found of others before they were out of use is forgotten.
+
         Args:
             muscles: which (m,).
         """
+        self._muscles.forget(~self._used & ~muscles)
         self._used = ~muscles
 
     def map_changed(self) -> None:

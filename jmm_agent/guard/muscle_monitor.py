@@ -122,6 +122,13 @@ class MuscleMonitor:
         self._begun = False
         self._noise.jump()
 
+    def forget(self, muscles: Bools) -> None:
+        """Forget what was found of muscles (m,) that were mounted anew."""
+        for found in (self._offset, self._as_before, self._unchanged, self._slack_time):
+            found[muscles] = 0.0
+        for found in (self._jumped, self._stuck, self._numb, self._snapped):
+            found[muscles] = False
+
     def update(
         self, dt: float, lengths: Floats, tensions: Floats, command: Floats, expected: Floats
     ) -> FilteredReadings:

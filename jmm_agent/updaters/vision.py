@@ -181,6 +181,20 @@ class VisionUpdater:
         if self.hold_out is not None:
             self.hold_out.repaired(muscle)
 
+    def doubt(self, muscle: int) -> None:
+        """Count a muscle's length as unknown in all that is remembered: it followed nothing.
+
+        Args:
+            muscle: its number.
+        """
+        self._observations = [
+            one._replace(lengths=_unknown(one.lengths, muscle)) for one in self._observations
+        ]
+        self._commands = [_unknown(command, muscle) for command in self._commands]
+        self.pairs = self.pairs._replace(lengths=_unknown(self.pairs.lengths, muscle))
+        rests = [one._replace(lengths=_unknown(one.lengths, muscle)) for one in self._rests.rests]
+        self._rests = self._rests._replace(rests=tuple(rests))
+
     @property
     def shown(self) -> Bools:
         """Whose length the newest remembered observation shows as it is now (m,)."""
@@ -342,10 +356,9 @@ class VisionUpdater:
         self._know(RestMemory(rests=rests))
         observations, guesses = [one.observation for one in observed], [*self._angles]
         guesses += [one.guess for one in observations[len(guesses) :]]
-        start, none = (
-            np.array(guesses).reshape(-1, len(self._limits)),
-            np.zeros((len(observed), muscles)),
-        )
+        start = np.array(guesses).reshape(-1, len(self._limits))
+        zeroed = self.elongated.min(axis=1, keepdims=True) + np.zeros(muscles)  # of all lengths
+        none = np.vstack([zeroed, np.zeros((len(observed), muscles))])[: len(observed)]
         if not observed:
             return
         found = self._fitter.fit_with_elongation(self._rests, observations, start, none)
@@ -359,6 +372,8 @@ class VisionUpdater:
         self._commands = [one.command for one in observed]
         self._sound = [one.sound for one in observed]
         self.elongated, self._start = found.elongated, None
+        if self.hold_out is not None:
+            self.hold_out.forget()
         self._know(found.memory)
         self._learn(self.pairs.last(0))
 
@@ -504,6 +519,13 @@ class VisionUpdater:
         earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in self.pairs))
         self._learner.learn(new, earlier.joined(antagonism))
         self.fired += 1
+
+
+def _unknown(lengths: Floats, muscle: int) -> Floats:
+    """Lengths (..., m) [m], of which that of a muscle is unknown."""
+    lengths = lengths.copy()
+    lengths[..., muscle] = np.nan
+    return lengths
 
 
 def _pair_lengths(kind: PairLengths | None, lengths: Floats, target: Floats) -> Floats:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from kengoro_env.errors import ArgumentError
 from kengoro_env.names import JOINTS
 from kengoro_env.robot.draft import Draft
 from kengoro_env.types import Floats
@@ -26,11 +27,17 @@ class BoneError:
             clipped at two sigma.
         rotation: standard deviation of a joint axis's direction, about each axis [rad].
         seed: seed of the errors.
+
+    Raises:
+        ArgumentError: a standard deviation is negative or not finite.
     """
 
     position: float = 0.0
     rotation: float = 0.0
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        _check(self, self.position, self.rotation)
 
     def edit(self, draft: Draft) -> None:
         """Move the bodies of the arm's joints, and turn the joints' axes."""
@@ -59,12 +66,18 @@ class MarkerError:
         position: standard deviation of the mounting along each axis [m].
         rotation: standard deviation of the mounting about each axis [rad].
         seed: seed of the errors.
+
+    Raises:
+        ArgumentError: a standard deviation is negative or not finite.
     """
 
     size: float = 0.0
     position: float = 0.0
     rotation: float = 0.0
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        _check(self, self.size, self.position, self.rotation)
 
     def edit(self, draft: Draft) -> None:
         """Move the marker's plate and change its size, if the scene has one."""
@@ -86,6 +99,11 @@ class MarkerError:
             mujoco.mju_mulQuat(quaternion, mounted, turn)
             plate.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
             plate.quat = quaternion
+
+
+def _check(departure: object, *deviations: float) -> None:
+    if not all(0.0 <= one < np.inf for one in deviations):
+        raise ArgumentError(f"{departure}: standard deviations must be finite and at least 0")
 
 
 def turned(axis: Floats, vector: Floats) -> Floats:

@@ -83,7 +83,13 @@ class LensDistortion:
     k3: float = 0.0
 
     def edit(self, draft: Draft) -> None:
-        """Write the coefficients into the sensor errors."""
+        """Write the coefficients into the sensor errors.
+
+        Raises:
+            ArgumentError: a coefficient is not finite.
+        """
+        if not np.isfinite(astuple(self)).all():
+            raise ArgumentError(f"{self}: coefficients must be finite")
         if any(astuple(self)):
             draft.sensor_errors.lens = astuple(self)
 
@@ -115,7 +121,7 @@ class FrameTimeError:
         seed: seed of the jitter.
 
     Raises:
-        ArgumentError: the jitter is negative.
+        ArgumentError: the jitter is negative, the drift not above -1, or one not finite.
     """
 
     offset: float = 0.0
@@ -126,6 +132,11 @@ class FrameTimeError:
     def __post_init__(self) -> None:
         if not 0.0 <= self.jitter < np.inf:
             raise ArgumentError(f"FrameTimeError: jitter is {self.jitter} s, valid is 0 or more")
+        if not (np.isfinite(self.offset) and -1.0 < self.drift < np.inf):
+            raise ArgumentError(
+                f"FrameTimeError: offset is {self.offset} s and drift {self.drift}; valid are a "
+                "finite offset and a drift above -1"
+            )
 
     def edit(self, draft: Draft) -> None:
         """Write the errors of the stamps into the sensor errors."""

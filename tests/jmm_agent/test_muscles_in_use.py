@@ -50,7 +50,8 @@ def test_a_repaired_muscle_returns_when_its_length_was_observed() -> None:
     record.leave_out("three", 0.0, "worn")
     assert not record.repaired("one", True)
     assert record.repaired("three", offset_is_open=True)
-    assert (record.all, record.returning, record.faults) == (False, ("three",), [])
+    assert (record.all, record.returning) == (False, ("three",))
+    assert [(fault.kind, fault.where) for fault in record.faults] == [(MUSCLE_LEFT_OUT, "three")]
     assert (record.mask.tolist(), record.learned.all()) == ([True, True, False], True)
     assert not record.observed(np.array([True, True, False]))
     assert record.observed(np.array([False, False, True]))
@@ -73,6 +74,7 @@ def test_lengths_and_tensions_by_the_record() -> None:
     other = MusclesInUse(NAMES)
     other.recall(record.state())
     assert (other.left_out, other.returning) == (("one",), ("two",))
+    assert {(fault.kind, fault.since) for fault in other.faults} == {(MUSCLE_LEFT_OUT, 0.0)}
 
 
 @pytest.mark.parametrize("muscle", [0, 3])

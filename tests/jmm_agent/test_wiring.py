@@ -375,3 +375,22 @@ def test_contradictions_are_those_that_no_movement_of_the_joints_explains() -> N
     ]
     assert abs(np.mean([one.consistent for one in shares if one]) - 0.95) < 0.015
     assert consistency_of(np.ones(3), jacobian[:3], std[:3], 0.95) is None
+
+
+def test_a_muscle_that_was_lost_and_repaired_is_lost_no_more() -> None:
+    jmm = map_of(3, 6, 0.5)
+    wiring = Wiring(jmm, np.column_stack([-np.ones(3), np.ones(3)]))
+    time, expected = 0.0, jmm.lengths(np.zeros(3))
+    lengths, tensions = expected.copy(), np.full(6, 60.0)
+    for _ in range(400):
+        time += 0.01
+        tensions[2], lengths[2] = 0.0, lengths[2] - 0.00125
+        in_use = ~wiring.left_out
+        wiring.watch(SensorReadings(time, lengths, tensions), expected, MOTORS, in_use)
+    assert wiring.apply(Assignment(), time) is not None
+    learned = wiring.assignment
+    wiring.mended(2)
+    assert wiring.apply(learned.mended(2), time) is not None
+    assert not wiring.left_out.any()
+    assert wiring.faults == []
+    assert wiring.apply(learned.mended(2), time) is None

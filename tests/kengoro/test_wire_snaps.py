@@ -14,7 +14,7 @@ from jmm_agent import Agent, AgentOptions, NullGuard, SensorReadings
 from jmm_agent.guard.faults import MUSCLE_SNAPPED, POSTURE_NOT_HELD, PUSHED
 from jmm_agent.types import Floats
 from kengoro import Session, make_agent
-from kengoro.robots import NO_END, shuffled_postures
+from kengoro.robots import NO_END, make_env, shuffled_postures
 from kengoro_env.departures import MotorInertia, TendonStretch
 from kengoro_env.robot.robot import Robot
 
@@ -37,7 +37,7 @@ def snapped(muscle: str, maps: Path, noticed: bool = True) -> tuple[Session, flo
     """Session in which a muscle snaps in a movement, and the time after which it is named [s]."""
     agent = make_agent(0, guard=True, cache=maps, options=AgentOptions(camera=""))
     if not noticed:
-        agent.guard = NullGuard()
+        agent.guard, agent.wiring.watching = NullGuard(), False
     env = gym.make("Kengoro/Posture-v0", departures=TENDONS, camera=False, max_episode_steps=NO_END)
     session = Session(env, agent, 0, None, {"posture": POSTURES[0], "target": POSTURES[0]})
     session.wait(1.0)
@@ -135,3 +135,46 @@ def test_a_finger_of_another_size_names_which_joint_it_cannot_hold(
     assert agent.target[number] == pytest.approx(stop, abs=1e-3)
     assert side * (robot.joint_angles[number] - stop) > -np.radians(2.0)  # stops are soft
     assert np.abs(robot.joint_angles - agent.target)[1 - number] < np.radians(2.0)
+
+
+class Remounted(Session):
+    """A session whose lengths are longer by ``longer`` (m,) [m] since a muscle was mounted anew."""
+
+    longer: Floats | float = 0.0
+
+    def step(self) -> None:
+        """One control step."""
+        self.step_by(
+            lambda readings: (
+                self.agent.step(readings._replace(lengths=readings.lengths + self.longer))
+                - self.longer
+            )
+        )
+
+
+@pytest.mark.parametrize("muscle", ["rhomb", "biceps"])
+def test_a_muscle_that_was_mounted_anew_is_learned_again_without_a_fault_or_a_jerk(
+    muscle: str, maps: Path
+) -> None:
+    agent, postures = make_agent(1, guard=True, cache=maps), shuffled_postures(1)
+    env = make_env("Posture", 1, max_episode_steps=NO_END)
+    session = Remounted(env, agent, 1, None, {"posture": postures[-1]})
+    for posture in postures[:4]:
+        session.move(posture, 1.5, 1.5)
+    agent.leave_out(muscle)
+    session.move(postures[4], 1.5, 1.5)
+    session.longer = 0.03 * (np.array(agent.map.muscles) == muscle)
+    session.wait(0.1)
+    agent.repaired(muscle)
+    before = len(session.log.tensions)
+    for posture in postures[5:9]:
+        session.move(posture, 1.5, 1.5)
+    assert agent.faults == []
+    assert agent.in_use.all
+    assert agent.taken_back == 0
+    assert np.max(session.log.tensions[before:]) < 300.0
+    number = agent.map.muscles.index(muscle)
+    lengths = session.readings.lengths + session.longer
+    away = agent.map.lengths(session.truth["joint_angles"]) - lengths
+    assert abs(away[number]) < 0.012  # of 30 mm
+    session.env.close()

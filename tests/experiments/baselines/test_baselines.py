@@ -28,7 +28,7 @@ from kengoro.robots import shuffled_postures
 
 SEED = 1
 SIZES = Sizes(
-    counts=(1, 3), counts_nominal=(1,), tested=1, move=0.6, patience=1.2, test_move=0.6,
+    counts=(1, 3), counts_nominal=(1,), tested=1, move=0.6, patience=2.0, test_move=0.6,
     test_hold=0.6,
 )  # fmt: skip
 METHODS = {NO_LEARNING, *POLYNOMIALS.values(), TABLE, GAUSSIAN, OURS}

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kengoro_env.departures import FrameTimeError, LensDistortion, MarkerError
+from kengoro_env.departures import BoneError, FrameTimeError, LensDistortion, MarkerError
 from kengoro_env.env import KengoroEnv
 from kengoro_env.errors import ArgumentError
 from kengoro_env.vision.lens import Lens, undistorted
@@ -97,3 +97,19 @@ def test_stamps_are_late_uneven_and_of_another_clock(period: float) -> None:
 def test_jitter_is_not_negative() -> None:
     with pytest.raises(ArgumentError, match=r"jitter is -1\.0 s"):
         FrameTimeError(jitter=-1.0)
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: FrameTimeError(offset=np.nan),
+        lambda: FrameTimeError(drift=-2.0),
+        lambda: MarkerError(position=np.nan),
+        lambda: MarkerError(size=-0.1),
+        lambda: BoneError(rotation=np.inf),
+        lambda: frame(LensDistortion(k1=np.nan)),
+    ],
+)
+def test_numbers_that_are_none_are_refused(build: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"FrameTimeError|MarkerError|BoneError|LensDist"):
+        build()
