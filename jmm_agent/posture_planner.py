@@ -2,9 +2,9 @@
 
 Of candidates the one is chosen after which the error of the hand, over the postures by which
 updates are judged, is expected to be smallest: `jmm_agent.vision.observation_gain`, times the
-probability that the hand is seen, and that no joint rests at its stop, where no pair is learned.
-The arm comes to rest elsewhere than commanded while its map is wrong, so these probabilities are
-taken over where it may be, by the present uncertainty. Candidates that a joint
+probability that the hand is seen, and that no joint rests at its stop, where the balance does not
+tell of it. The arm comes to rest elsewhere than commanded while its map is wrong, so these
+probabilities are taken over where it may be, by the present uncertainty. Candidates that a joint
 limit or the muscles forbid, that need a faster movement than is allowed, or that are as near to the
 last learned posture as nothing is learned from, are left out.
 """

@@ -500,12 +500,15 @@ class VisionUpdater:
     def _learn(self, antagonism: Pairs) -> None:
         """Learn all pairs again, because a new observation changes the fit of the earlier ones.
 
-        Lengths from before a permanent elongation are moved to what they would be now.
+        Lengths from before a permanent elongation are moved to what they would be now. A command is
+        not the length of a posture in which a joint is at its stop; a measured length is.
         """
         options = self._options
         low = self._limits[:, 0] + options.stop_margin
         high = self._limits[:, 1] - options.stop_margin
         free = np.all((self._angles > low) & (self._angles < high), axis=1)
+        if options.lengths == "l":
+            free[:] = True
         use = free & np.array(self._sound)
         if not self._sound[-1]:
             self.drop("a muscle was saturated: no pair")

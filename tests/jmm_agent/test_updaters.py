@@ -177,12 +177,16 @@ def test_a_saturated_muscle_makes_no_pair() -> None:
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_joint_at_its_stop_makes_no_pair(side: int) -> None:
-    trial = UpdaterTrial(stop_margin=0.02)
+@pytest.mark.parametrize("lengths", ["min", "l_target", "l"])
+def test_a_joint_at_its_stop_makes_no_pair_of_commands(lengths: str, side: int) -> None:
+    """A command is not the length of a posture that a stop holds; a measured length is."""
+    trial = UpdaterTrial(stop_margin=0.02, lengths=lengths)
     held = MIDDLE.copy()
     held[2] = LIMITS[2, side]
     trial.observe(held)
-    assert len(trial.vision.pairs.postures) == 0
+    assert len(trial.vision.pairs.postures) == (1 if lengths == "l" else 0)
+    if lengths == "l":
+        return
     trial.observe(MIDDLE)
     np.testing.assert_allclose(trial.vision.pairs.postures, [MIDDLE], atol=5e-3)
 
