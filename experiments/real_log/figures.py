@@ -59,7 +59,7 @@ def picture(
         plays = [one["direction"][joint]["play"] for one in trials]
         _loop(below, asked[:, joint], missed[:, joint], float(np.median(plays)), joint)
     axes[0, 0].set_ylabel("RMS error [deg]")
-    axes[1, 0].set_ylabel("measured - our map of all samples")
+    axes[1, 0].set_ylabel("measured - our map of all samples [deg]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=4)
     note = (
