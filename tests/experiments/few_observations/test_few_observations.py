@@ -212,6 +212,7 @@ def test_an_agent_chooses_postures_and_expects_what_it_sees(request: pytest.Fixt
     assert predicted_observations(PredictionRecord()) == []
 
 
+@pytest.mark.slow
 def test_ours_provides_joint_angles_to_others(tmp_path: Path) -> None:
     part = run(OURS, 0, QUICK, tmp_path)
     assert part[OURS]["3"]["target_true_deg"] < 0.6 * part[OURS]["0"]["target_true_deg"]

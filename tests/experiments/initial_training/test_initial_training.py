@@ -143,6 +143,7 @@ def test_sentences_follow_the_numbers(results: dict[int, dict[str, Any]]) -> Non
     assert mixed[1].endswith("exceeds 1 mm in: neck (3 mm).")
 
 
+@pytest.mark.slow
 def test_equal_seeds_have_equal_errors(results: dict[int, dict[str, Any]], tmp_path: Path) -> None:
     for condition in ("ours", "paper"):
         again = run(condition, 0, TINY, tmp_path)

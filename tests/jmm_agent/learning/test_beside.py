@@ -49,6 +49,7 @@ def test_learning_in_a_process_has_the_same_bits_as_in_the_step(
     assert step.vision.fired == 2
 
 
+@pytest.mark.slow
 def test_the_papers_rule_has_the_same_bits_in_a_process(
     make: Make, nominal_map: JointMuscleMap
 ) -> None:
