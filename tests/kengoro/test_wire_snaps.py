@@ -153,9 +153,7 @@ class Remounted(Session):
 
 
 @pytest.mark.parametrize("muscle", ["rhomb", "biceps"])
-def test_a_muscle_that_was_mounted_anew_is_learned_again_without_a_fault_or_a_jump(
-    muscle: str, maps: Path
-) -> None:
+def test_a_repaired_muscle_is_learned_again_without_fault_or_jump(muscle: str, maps: Path) -> None:
     agent, postures = make_agent(1, guard=True, cache=maps), shuffled_postures(1)
     env = make_env("Posture", 1, max_episode_steps=NO_END)
     session = Remounted(env, agent, 1, None, {"posture": postures[-1]})
