@@ -335,9 +335,10 @@ class Agent:
         found += [*self._lengths.faults, *self._rests.faults, *self._tension_watch.faults]
         found += [] if self.heat is None else self.heat.faults
         found += [self._choice.fault] if self._choice.fault else []
-        out, snapped = self.in_use.faults, {fault.where for fault in self.in_use.faults}
-        found = [one for one in found if (one.kind, one.where in snapped) != (MUSCLE_SNAPPED, True)]
-        found += [*out, *(one for one in self.wiring.faults if one.where not in snapped)]
+        in_use = self.in_use.faults
+        out = {fault.where for fault in in_use}
+        found = [one for one in found if one.kind != MUSCLE_SNAPPED or one.where not in out]
+        found += [*in_use, *(one for one in self.wiring.faults if one.where not in out)]
         return sorted(found, key=lambda fault: fault.since)
 
     def begin_episode(self) -> None:
@@ -472,16 +473,16 @@ class Agent:
         Raises:
             AgentError: there is no such muscle.
         """
+        index, assignment = self.in_use.index(muscle), self.vision.assignment
+        seen = bool(self.vision.memory.observations)
         self._schedule.reset()
-        seen, assignment = bool(self.vision.memory.observations), self.vision.assignment
-        index = self.in_use.index(muscle)
         if index in assignment.left_out:
             self.wiring.mended(index)
             self.vision.doubt(index)
             self.vision.rewire(assignment.mended(index))
         if self.in_use.repaired(muscle, offset_is_open=seen):
-            self.vision.repaired(self.in_use.index(muscle))
-            self.antagonism.repaired(self.in_use.index(muscle))
+            self.vision.repaired(index)
+            self.antagonism.repaired(index)
             self._in_use_changed()
 
     def reachable(self, postures: Floats) -> list[Hold]:
@@ -562,7 +563,8 @@ class Agent:
         """
         self._rewire()
         muscles = readings if self.order is None else self.order.readings(readings)
-        command = self.wiring.command(self._step_muscles(self.wiring.readings(muscles)))
+        command = self._step_muscles(self.wiring.readings(muscles))
+        command = self.wiring.command(command, muscles)
         return command if self.order is None else self.order.command(command, readings)
 
     def _step_muscles(self, readings: SensorReadings) -> Floats:
@@ -832,7 +834,8 @@ class Agent:
     def _in_use_changed(self) -> None:
         """Pass which muscles are in use to all parts, and check what remains of the movement."""
         for fault in self.in_use.faults:
-            _log.warning("Muscle %s: %s.", fault.where, fault.detail)
+            if self._mask[self.in_use.index(fault.where)]:
+                _log.warning("Muscle %s: %s.", fault.where, fault.detail)
         self._choice.in_use_changed()
         self.guard.leave_out(~self.in_use.mask)
         self._commander.come_back(self.in_use.mask & ~self._mask)

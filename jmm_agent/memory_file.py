@@ -19,41 +19,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
-from jmm_agent.guard.faults import (
-    MUSCLE_ABSENT,
-    MUSCLE_REVERSED,
-    MUSCLE_SNAPPED,
-    MUSCLE_UNSTABLE,
-    MUSCLES_SWAPPED,
-)
 from jmm_agent.mapping.array_file import ArrayFileError, Arrays, read_arrays, write_arrays
 from jmm_agent.mapping.group_map import ARRAYS, LARGEST, Layers
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
+from jmm_agent.memory_arrays import (
+    ELEMENTS,
+    OF_MUSCLES,
+    SHAPES,
+    arrays_of_assignment,
+    arrays_of_rests,
+    assignment_of,
+    rests_of,
+    unchanged,
+)
 from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
-from jmm_agent.updaters.assignment import Assignment
-from jmm_agent.updaters.rest_fitter import RestMemory
-from jmm_agent.updaters.wiring_evidence import Miswiring
-from jmm_agent.vision.camera_unknowns import UNKNOWNS
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.observation_arrays import OPTIONAL, arrays_of, observations_of
-from jmm_agent.vision.prior_widths import PriorWidths
-from jmm_agent.vision.rest_fit import Rest
 
 FORMAT = "agent-memory-4"
 OLDER = {
     "agent-memory-2": "which lacks the hidden layers that some rules learn; learn again",
-    "agent-memory-3": "which lacks the errors of the camera; learn again",
 }
 """Earlier formats, and why they are not read."""
+READ = ("agent-memory-3",)
+"""Earlier formats that are read: they know nothing of camera, wiring and muscles out of use."""
 MAX_BYTES = 64 << 20
 """Largest file, unfolded [bytes]; that of the arm with 60 observations has less than one MiB."""
-
-MISWIRINGS = (
-    MUSCLES_SWAPPED, MUSCLE_REVERSED, MUSCLE_ABSENT, MUSCLE_SNAPPED, MUSCLE_UNSTABLE
-)  # fmt: skip
-"""Kinds of findings about the wiring, by their number in the file."""
 
 GENERATORS: dict[str, type[np.random.BitGenerator]] = {
     kind.__name__: kind
@@ -62,54 +55,6 @@ GENERATORS: dict[str, type[np.random.BitGenerator]] = {
     )
 }  # fmt: skip
 """NumPy's bit generators by the name in their state."""
-
-SHAPES: dict[str, tuple[str | int, ...]] = {
-    "pose": ("K", 4, 4),
-    "lengths": ("K", "m"),
-    "guess": ("K", "n"),
-    "frames": ("K", 2),
-    "covariance": ("K", 6, 6),
-    "joint_angles": ("K", "n"),
-    "tensions": ("K", "m"),
-    "commands": ("K", "m"),
-    "sound": ("K",),
-    "angles": ("K", "n"),
-    "elongated": ("K", "m"),
-    "last": ("L", "n"),
-    "zero": ("Z", "n"),
-    "widths": ("Z", 3),
-    "unbalanced": ("U",),
-    "camera": ("Y", UNKNOWNS),
-    "rest_lengths": ("R", "m"),
-    "rest_tensions": ("R", "m"),
-    "rest_guess": ("R", "n"),
-    "channels": ("m",),
-    "left_out": ("m",),
-    "miswired": ("W", 3),
-    "posture": ("n",),
-    "in_use": ("m",),
-    "counts": (2,),
-    **{
-        f"{kind}_{part}": shape
-        for kind, rows in (("vision", "V"), ("antagonism", "A"), ("held_out", "H"))
-        for part, shape in zip(Pairs._fields, ((rows, "n"), (rows, "m"), (rows,)), strict=True)
-    },
-}
-"""Shapes of the arrays: n joints, m muscles, K observations; other letters are other counts."""
-
-ELEMENTS = {"sound": "b", "frames": "U"}
-"""Kinds of the elements of arrays that do not hold numbers."""
-
-
-OF_MUSCLES = (
-    "lengths",
-    "commands",
-    "rest_lengths",
-    "vision_lengths",
-    "antagonism_lengths",
-    "held_out_lengths",
-)
-"""Arrays in which NaN stands for a muscle that was out of use."""
 
 
 class AgentMemory(NamedTuple):
@@ -189,8 +134,8 @@ def write_memory(
         "sound": np.array(vision.sound, dtype=bool),
         "angles": vision.angles,
         "elongated": vision.elongated,
-        **_arrays_of_rests(vision.rests, joints, muscles),
-        **_arrays_of_assignment(vision.assignment, muscles),
+        **arrays_of_rests(vision.rests, joints, muscles),
+        **arrays_of_assignment(vision.assignment, muscles),
         "last": np.empty((0, joints)) if antagonism.last is None else antagonism.last[None],
         "posture": memory.posture,
         "in_use": np.ones(muscles) if memory.in_use is None else memory.in_use,
@@ -222,10 +167,9 @@ def read_memory(
     check_path(path)
     try:
         content = read_arrays(path, MAX_BYTES)
-        if "channels" not in content and "muscles" in content:  # an older file
-            content |= _arrays_of_assignment(Assignment(), len(nominal.muscles))
         _check_robot(content, nominal)
-        content.setdefault("in_use", np.ones(len(nominal.muscles)))  # of files before it
+        if _text(content, "format") in READ:
+            content = unchanged(len(nominal.muscles)) | content
         _check_arrays(content, nominal)
         _check_frames(content["frames"], frames)
         return _memory(content, nominal)
@@ -265,65 +209,6 @@ def check_path(path: object) -> None:
         )
 
 
-def _arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
-    """Arrays of what is known from rests; without rows where that is nothing."""
-    rests = memory.rests
-    return {
-        "zero": np.empty((0, joints)) if memory.zero is None else memory.zero[None],
-        "widths": np.empty((0, 3)) if memory.widths is None else np.array(memory.widths)[None],
-        "unbalanced": np.array([] if memory.unbalanced is None else [memory.unbalanced]),
-        "camera": np.empty((0, UNKNOWNS)) if memory.camera is None else memory.camera[None],
-        "rest_lengths": np.array([rest.lengths for rest in rests]).reshape(-1, muscles),
-        "rest_tensions": np.array([rest.tensions for rest in rests]).reshape(-1, muscles),
-        "rest_guess": np.array([rest.guess for rest in rests]).reshape(-1, joints),
-    }
-
-
-def _rests_of(arrays: Mapping[str, Floats]) -> RestMemory:
-    """What arrays of `_arrays_of_rests` hold."""
-    parts = (arrays[f"rest_{part}"] for part in Rest._fields)
-    rests = tuple(Rest(*row) for row in zip(*parts, strict=True))
-    if not len(arrays["zero"]):
-        return RestMemory(rests=rests)
-    widths = PriorWidths(*arrays["widths"][0].tolist())
-    unbalanced = float(arrays["unbalanced"][0]) if len(arrays["unbalanced"]) else None
-    camera = arrays["camera"][0] if len(arrays["camera"]) else None
-    return RestMemory(arrays["zero"][0], widths, rests, unbalanced, camera)
-
-
-def _arrays_of_assignment(assignment: Assignment, muscles: int) -> Arrays:
-    """Arrays of what is known of the wiring; refused observations are not kept."""
-    rows = [
-        (MISWIRINGS.index(one.kind), one.muscles[0], one.muscles[-1]) for one in assignment.named
-    ]
-    return {
-        "channels": assignment.channels(muscles),
-        "left_out": assignment.mask(muscles).astype(int),
-        "miswired": np.array(rows, dtype=int).reshape(-1, 3),
-    }
-
-
-def _assignment_of(arrays: Mapping[str, Floats]) -> Assignment:
-    """What arrays of `_arrays_of_assignment` hold.
-
-    Raises:
-        ArrayFileError: channels are not each muscle's own, or a kind or muscle is unknown.
-    """
-    channels, rows = arrays["channels"].astype(int), arrays["miswired"].astype(int)
-    muscles = len(channels)
-    known = rows.size == 0 or (rows.min() >= 0 and rows[:, 0].max() < len(MISWIRINGS))
-    known = known and (rows.size == 0 or rows[:, 1:].max() < muscles)
-    if not known or sorted(channels.tolist()) != list(range(muscles)):
-        raise ArrayFileError("its wiring is that of no robot")
-    own = np.array_equal(channels, np.arange(muscles))
-    named = [
-        Miswiring(MISWIRINGS[kind], (first,) if first == last else (first, last))
-        for kind, first, last in rows.tolist()
-    ]
-    out = tuple(np.flatnonzero(arrays["left_out"]).tolist())
-    return Assignment(() if own else tuple(channels.tolist()), out, tuple(named))
-
-
 def _text(content: Arrays, name: str) -> str:
     if name not in content or content[name].shape != () or content[name].dtype.kind != "U":
         raise ArrayFileError(f"it has no text {name!r}")
@@ -333,7 +218,7 @@ def _text(content: Arrays, name: str) -> str:
 def _check_robot(content: Arrays, nominal: JointMuscleMap) -> None:
     """Refuse a file of another format, other joints or muscles, or another nominal map."""
     found_format = str(content.get("format"))
-    if found_format != FORMAT:
+    if found_format not in (FORMAT, *READ):
         why = OLDER.get(found_format, f"and {FORMAT} is read")
         raise ArrayFileError(f"its format is {found_format}, {why}")
     for kind in ("joints", "muscles"):
@@ -418,8 +303,8 @@ def _memory(content: Arrays, nominal: JointMuscleMap) -> AgentMemory:
         arrays["angles"],
         arrays["elongated"],
         pairs["vision"],
-        rests=_rests_of(arrays),
-        assignment=_assignment_of(arrays),
+        rests=rests_of(arrays),
+        assignment=assignment_of(arrays),
     )
     last = arrays["last"][0] if len(arrays["last"]) else None
     believed, in_a_row = (int(count) for count in content["counts"])

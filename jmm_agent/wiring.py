@@ -21,6 +21,7 @@ from jmm_agent.guard.faults import (
     MotorControl,
 )
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.muscle_order import MuscleOrder
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Bools, Floats, Ints
 from jmm_agent.updaters.assignment import Assignment, step_between
@@ -63,7 +64,7 @@ class Wiring:
         low, high = limits.T
         postures = np.random.default_rng(0).uniform(low, high, (SAMPLES, len(limits)))
         self._muscles, self._ranges = jmm.muscles, np.ptp(jmm.lengths(postures), axis=0)
-        self.assignment = Assignment()
+        self.assignment, self._order = Assignment(), self._order_of(Assignment())
         self.faults: list[Fault] = []
         self.watching = True
         self._lost: tuple[Miswiring, ...] = ()
@@ -89,11 +90,6 @@ class Wiring:
         """Muscles that are left out (m,)."""
         return self.assignment.mask(len(self._muscles))
 
-    @property
-    def changes(self) -> bool:
-        """Whether anything differs from the nominal model."""
-        return bool(self.assignment.order or self.assignment.left_out)
-
     def apply(self, learned: Assignment, time: float) -> Ints | None:
         """Apply what is known now.
 
@@ -110,45 +106,45 @@ class Wiring:
         if assignment == self.assignment:
             return None
         before, self.assignment = self.assignment, assignment
+        self._order = self._order_of(assignment)
         self._lost = tuple(one for one in self._lost if one in assignment.named)
         self._name(before, time)
         return step_between(before, assignment, count)
+
+    def _order_of(self, assignment: Assignment) -> MuscleOrder | None:
+        """Order of the channels; None if each muscle has its own."""
+        if not assignment.order:
+            return None
+        order, ones = assignment.channels(len(self._muscles)), np.ones(len(self._muscles))
+        return MuscleOrder(self._muscles, len(order), order, order, order, ones, ones, ones)
 
     def readings(self, channels: SensorReadings) -> SensorReadings:
         """Readings (m,) of the agent's muscles.
 
         Args:
             channels: readings of the robot's channels.
-        """
-        if self.assignment.order:
-            order = self.assignment.channels(len(self._muscles))
-            lengths, tensions = np.asarray(channels.lengths), np.asarray(channels.tensions)
-            heat = channels.temperatures
-            if lengths.shape == tensions.shape == order.shape:
-                channels = channels._replace(
-                    lengths=lengths[order],
-                    tensions=tensions[order],
-                    temperatures=None if heat is None else np.asarray(heat)[order],
-                )
-        return channels
 
-    def command(self, target_lengths: Floats) -> Floats:
+        Raises:
+            AgentError: muscles are exchanged, and there are not m lengths and m tensions.
+        """
+        return channels if self._order is None else self._order.readings(channels)
+
+    def command(self, target_lengths: Floats, channels: SensorReadings) -> Floats:
         """Command (m,) [m] of the robot's channels.
 
         Args:
             target_lengths: of the agent's muscles (m,) [m].
+            channels: readings of the robot's channels.
         """
-        if not self.assignment.order:
+        if self._order is None:
             return target_lengths
-        command = np.empty_like(target_lengths)
-        command[self.assignment.channels(len(self._muscles))] = target_lengths
-        return command
+        return self._order.command(target_lengths, channels)
 
     def stiffness(self, muscles: Floats | None) -> Floats | None:
         """K_stiff (m,) [N/m] of the robot's channels, by that of the agent's muscles."""
-        if muscles is None or not self.assignment.order:
+        if muscles is None or self._order is None:
             return muscles
-        return muscles[np.argsort(self.assignment.channels(len(self._muscles)))]
+        return self._order.stiffness(muscles, idle=0.0)  # every channel has a muscle
 
     def watch(
         self, readings: SensorReadings, expected: Floats, motors: MotorControl, in_use: Bools
@@ -200,12 +196,19 @@ class Wiring:
             names = [self._muscles[muscle] for muscle in found.muscles]
             detail = self._sentence(found, names)
             self.faults.append(Fault(found.kind, " and ".join(names), time, detail))
-            _log.warning("%s.", detail)
+            if not self._is_left_out(found):  # that is logged where a muscle leaves use
+                _log.warning("%s.", detail)
+
+    def _is_left_out(self, found: Miswiring) -> bool:
+        return {*found.muscles} <= {*self.assignment.left_out}
 
     def _sentence(self, found: Miswiring, names: list[str]) -> str:
         """What was found, and what the agent does."""
-        out = set(found.muscles) <= set(self.assignment.left_out)
-        then = "it is left out" if out else "it stays in use, because too few others are left"
+        then = (
+            "it is left out"
+            if self._is_left_out(found)
+            else "it stays in use, because too few others are left"
+        )
         if found.kind == MUSCLES_SWAPPED:
             return (
                 f"{names[0]} and {names[1]} are exchanged: each reads and moves the path of the "

@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.prior import MapPrior, with_unknown
 from jmm_agent.types import Floats
 
 
@@ -48,6 +48,14 @@ class Pairs(NamedTuple):
             count: number of pairs; all if there are fewer.
         """
         return Pairs(*(part[len(part) - min(count, len(part)) :] for part in self))
+
+    def with_unknown(self, muscle: int) -> Pairs:
+        """These pairs, in which the length of a muscle is unknown.
+
+        Args:
+            muscle: its number.
+        """
+        return self._replace(lengths=with_unknown(self.lengths, muscle))
 
     @classmethod
     def none(cls, joints: int, muscles: int) -> Pairs:

@@ -25,7 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from jmm_agent.errors import AgentError, positive
 from jmm_agent.mapping.group_map import METRES, GroupMap
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.types import Bools, Floats, Ints
+from jmm_agent.types import Floats, Ints
 
 UNKNOWN = 1e12
 """Variance of a length that tells nothing [m^2]."""
@@ -47,6 +47,18 @@ def without_unknown(lengths: Floats, elongated: Floats | None) -> tuple[Floats, 
         return lengths, elongated
     since = np.zeros(lengths.shape) if elongated is None else elongated
     return np.where(unknown, 0.0, lengths), np.where(unknown, np.inf, since)
+
+
+def with_unknown(lengths: Floats, muscle: int) -> Floats:
+    """Lengths (..., m) [m], in which that of a muscle is unknown.
+
+    Args:
+        lengths: measured (..., m) [m].
+        muscle: its number.
+    """
+    lengths = lengths.copy()
+    lengths[..., muscle] = np.nan
+    return lengths
 
 
 @dataclass(frozen=True)
@@ -179,12 +191,6 @@ class MapPrior:
         found = copy(self)
         found.factors = None if factors is None or (factors == 1.0).all() else factors
         return found
-
-    def left_out(self) -> Bools:
-        """Muscles that are left out (m,)."""
-        if self.factors is None:
-            return np.zeros(len(self.map.muscles), dtype=bool)
-        return np.isinf(self.factors)
 
     def groups(
         self,

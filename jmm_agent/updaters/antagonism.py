@@ -79,9 +79,7 @@ class AntagonismUpdater:
         Args:
             muscle: its number.
         """
-        lengths = self.pairs.lengths.copy()
-        lengths[:, muscle] = np.nan
-        self.pairs = self.pairs._replace(lengths=lengths)
+        self.pairs = self.pairs.with_unknown(muscle)
 
     def settled(self, estimate: Floats, lengths: Floats, remembered: Pairs) -> bool:
         """Learn a pair if its posture is far enough from that of the last update.

@@ -15,7 +15,7 @@ import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, Pairs
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.prior import MapPrior, with_unknown
 from jmm_agent.types import Bools, Floats
 from jmm_agent.updaters.assignment import Assignment, ObservationRecord, step_between
 from jmm_agent.updaters.forecast import Forecast, why_not_applied
@@ -188,11 +188,13 @@ class VisionUpdater:
             muscle: its number.
         """
         self._observations = [
-            one._replace(lengths=_unknown(one.lengths, muscle)) for one in self._observations
+            one._replace(lengths=with_unknown(one.lengths, muscle)) for one in self._observations
         ]
-        self._commands = [_unknown(command, muscle) for command in self._commands]
-        self.pairs = self.pairs._replace(lengths=_unknown(self.pairs.lengths, muscle))
-        rests = [one._replace(lengths=_unknown(one.lengths, muscle)) for one in self._rests.rests]
+        self._commands = [with_unknown(command, muscle) for command in self._commands]
+        self.pairs = self.pairs.with_unknown(muscle)
+        rests = [
+            one._replace(lengths=with_unknown(one.lengths, muscle)) for one in self._rests.rests
+        ]
         self._rests = self._rests._replace(rests=tuple(rests))
 
     @property
@@ -522,13 +524,6 @@ class VisionUpdater:
         earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in self.pairs))
         self._learner.learn(new, earlier.joined(antagonism))
         self.fired += 1
-
-
-def _unknown(lengths: Floats, muscle: int) -> Floats:
-    """Lengths (..., m) [m], of which that of a muscle is unknown."""
-    lengths = lengths.copy()
-    lengths[..., muscle] = np.nan
-    return lengths
 
 
 def _pair_lengths(kind: PairLengths | None, lengths: Floats, target: Floats) -> Floats:

@@ -97,13 +97,7 @@ def corrected(pose: Floats, unknowns: Floats) -> Floats:
         pose: of the marker by the camera as it is modelled (4, 4).
         unknowns: errors of the camera (8,) [m, rad, 1, 1].
     """
-    mounting, (focal, lens) = unknowns[:6], unknowns[6:]
-    if focal or lens:
-        pose = _seen_straight(pose, float(focal), float(lens))
-    turn = cv2.Rodrigues(mounting[3:])[0]
-    moved = np.eye(4)
-    moved[:3, :3], moved[:3, 3] = turn @ pose[:3, :3], turn @ pose[:3, 3] + mounting[:3]
-    return moved
+    return _mounted(_seen_straight(pose, *unknowns[6:].tolist()), unknowns[:6])
 
 
 def corrected_observations(
@@ -125,8 +119,18 @@ def corrected_observations(
     ]
 
 
+def _mounted(pose: Floats, mounting: Floats) -> Floats:
+    """Pose (4, 4) in a camera that is mounted otherwise, by offset and rotation vector (6,)."""
+    turn = cv2.Rodrigues(mounting[3:])[0]
+    moved = np.eye(4)
+    moved[:3, :3], moved[:3, 3] = turn @ pose[:3, :3], turn @ pose[:3, 3] + mounting[:3]
+    return moved
+
+
 def _seen_straight(pose: Floats, focal: float, lens: float) -> Floats:
     """Pose of a square whose corners are moved to where an ideal camera sees them."""
+    if not (focal or lens):
+        return pose
     square = square_corners(SIDE * float(np.linalg.norm(pose[:3, 3])))
     points = square @ pose[:3, :3].T + pose[:3, 3]
     seen = points[:, :2] / points[:, 2:] / (1.0 + focal)
@@ -157,12 +161,12 @@ def camera_columns(pose: Floats, unknowns: Floats) -> Floats:
         Offset [m] and rotation vector [rad] in the axes of the corrected marker, a column each.
     """
     focal, lens = (float(one) for one in unknowns[6:])
-    here = corrected(pose, unknowns)
+    straight = _seen_straight(pose, focal, lens)
+    here = _mounted(straight, unknowns[:6])
     axes, arm = here[:3, :3].T, here[:3, 3] - unknowns[:3]
     columns = np.zeros((6, UNKNOWNS))
     columns[:3, :3], columns[3:, 3:6] = axes, axes
     columns[:3, 3:6] = axes @ np.cross(np.eye(3), arm).T
-    straight = corrected(pose, np.concatenate([np.zeros(6), unknowns[6:]]))
     square = square_corners(SIDE * float(np.linalg.norm(straight[:3, 3])))
     points = square @ straight[:3, :3].T + straight[:3, 3]
     slopes = points[:, :2] / points[:, 2:]

@@ -99,9 +99,7 @@ class HoldOut:
         Args:
             muscle: its number.
         """
-        lengths = self.pairs.lengths.copy()
-        lengths[:, muscle] = np.nan
-        self.pairs = self.pairs._replace(lengths=lengths)
+        self.pairs = self.pairs.with_unknown(muscle)
 
     def keeps(self, pair: Pairs) -> bool:
         """Whether the pair of a believed observation is held out, and must not be learned.

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from jmm_agent.errors import AgentError
+from jmm_agent.guard.faults import MUSCLE_ABSENT, MUSCLE_UNSTABLE, MUSCLES_SWAPPED
 from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arrays
 from jmm_agent.mapping.group_map import ARRAYS, Layers
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
@@ -29,7 +30,9 @@ from jmm_agent.memory_file import (
     write_memory,
 )
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
+from jmm_agent.updaters.assignment import Assignment
 from jmm_agent.updaters.rest_fitter import RestMemory
+from jmm_agent.updaters.wiring_evidence import Miswiring
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.prior_widths import PriorWidths
@@ -37,6 +40,13 @@ from jmm_agent.vision.rest_fit import Rest
 from tests.jmm_agent.small_map import JOINTS, MUSCLES, make_map
 
 N, M, K = len(JOINTS), len(MUSCLES), 3
+NAMED = (
+    Miswiring(MUSCLES_SWAPPED, (0, 4)),
+    Miswiring(MUSCLE_ABSENT, (3,)),
+    Miswiring(MUSCLE_UNSTABLE, (1,)),
+)
+WIRED = Assignment((4, 1, 2, 3, 0), (3,), NAMED)
+"""Two muscles are exchanged, one is left out, and one is named only."""
 
 
 def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
@@ -72,7 +82,11 @@ def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
         )
         if count
         else RestMemory(),
+        assignment=WIRED if count > 1 else Assignment(),
     )
+    if count > 1:  # a muscle was out of use
+        vision.observations[1].lengths[3] = vision.commands[1][3] = np.nan
+        vision.pairs.lengths[1, 3] = np.nan
     moved = make_map(nominal)
     layers = {
         g.name: Layers(*(layer + rng.normal(size=layer.shape) for layer in g.layers))
@@ -85,6 +99,7 @@ def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
         HoldOutMemory(7, 1, pairs(2)),
         rng.normal(size=N),
         dict(rng.bit_generator.state),
+        np.array([1.0, 1.0, 0.5, 0.0, 1.0]) if count > 1 else None,
     )
 
 
@@ -112,6 +127,18 @@ def test_what_is_written_is_read_to_the_bit(count: int, tmp_path: Path) -> None:
     assert plain(found) == plain(memory)
     assert generator_of(found.generator).normal() == generator_of(memory.generator).normal()
     assert [file.name for file in (tmp_path / "new").iterdir()] == ["learned.npz"]
+
+
+def test_a_file_of_before_camera_and_wiring_is_read(path: Path) -> None:
+    arrays = read_arrays(path, 1 << 20)
+    for name in ("camera", "in_use", "channels", "left_out", "miswired"):
+        del arrays[name]
+    write_arrays(path, arrays | {"format": np.array("agent-memory-3")})
+    found, whole = read_memory(path, make_map()), made_up()
+    assert (found.in_use, found.vision.rests.camera) == (None, None)
+    assert found.vision.assignment == Assignment()
+    assert plain(found.vision.pairs) == plain(whole.vision.pairs)
+    assert plain(found.map) == plain(whole.map)
 
 
 def test_a_map_of_which_the_file_would_lose_something_is_refused(tmp_path: Path) -> None:
@@ -192,6 +219,30 @@ def fewer_muscles(path: Path) -> None:
     rewritten(path, muscles=np.array(MUSCLES[:-1]))
 
 
+def twice_a_channel(path: Path) -> None:
+    rewritten(path, channels=np.array([4, 1, 2, 3, 4]))
+
+
+def unknown_kind(path: Path) -> None:
+    rewritten(path, miswired=np.array([[9, 0, 0]]))
+
+
+def unknown_muscle(path: Path) -> None:
+    rewritten(path, miswired=np.array([[0, 0, 5]]))
+
+
+def half_in_use(path: Path) -> None:
+    rewritten(path, in_use=np.array([1.0, 0.7, 1.0, 1.0, 1.0]))
+
+
+def none_in_use(path: Path) -> None:
+    rewritten(path, in_use=np.zeros(5))
+
+
+def two_cameras(path: Path) -> None:
+    rewritten(path, camera=np.zeros((2, 8)))
+
+
 def other_format(path: Path) -> None:
     rewritten(path, format=np.array("agent-memory-0"))
 
@@ -258,6 +309,12 @@ REFUSED: dict[Callable[[Path], None], str] = {
     missing: "the array 'elongated' is missing",
     other_joints: r"its joints \(4: a, b, c, e\) are not this robot's 4 joints",
     fewer_muscles: "its muscles .* are not this robot's 5 muscles",
+    twice_a_channel: "its wiring is that of no robot",
+    unknown_kind: "its wiring is that of no robot",
+    unknown_muscle: "its wiring is that of no robot",
+    half_in_use: "in_use has a number that is not 0, 0.5 or 1",
+    none_in_use: "in_use has .* no muscle in use",
+    two_cameras: "camera has 2 rows, but one fits",
     other_format: "its format is agent-memory-0, and agent-memory-4 is read",
     earlier_format: "its format is agent-memory-2, which lacks the hidden layers .*; learn again",
     no_hidden_layer: "the array 'b1_1' of numbers is missing",
