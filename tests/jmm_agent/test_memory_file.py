@@ -49,6 +49,15 @@ WIRED = Assignment((4, 1, 2, 3, 0), (3,), NAMED)
 """Two muscles are exchanged, one is left out, and one is named only."""
 
 
+def measure(observations: list[MarkerObservation], rng: np.random.Generator) -> None:
+    """Let three observations have all that may be measured."""
+    measured = {"frames": ("grip", None), "covariance": np.diag(rng.uniform(1.0, 2.0, 6))}
+    angles = np.where(np.arange(N) == 1, np.nan, rng.normal(size=N))
+    observations[0] = observations[0]._replace(**measured)
+    observations[2] = observations[2]._replace(tensions=rng.uniform(0.0, 9.0, M))
+    observations[1] = observations[1]._replace(frames=("grip", "eye"), joint_angles=angles)
+
+
 def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
     """A memory of a small map's robot, with random numbers in all that can be learned."""
     rng = np.random.default_rng(seed)
@@ -61,11 +70,7 @@ def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
         for _ in range(count)
     ]
     if count > 1:
-        measured = {"frames": ("grip", None), "covariance": np.diag(rng.uniform(1.0, 2.0, 6))}
-        angles = np.where(np.arange(N) == 1, np.nan, rng.normal(size=N))
-        observations[0] = observations[0]._replace(**measured)
-        observations[2] = observations[2]._replace(tensions=rng.uniform(0.0, 9.0, M))
-        observations[1] = observations[1]._replace(frames=("grip", "eye"), joint_angles=angles)
+        measure(observations, rng)
     vision = VisionMemory(
         observations,
         list(rng.normal(size=(count, M))),
