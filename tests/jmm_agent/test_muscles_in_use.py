@@ -54,6 +54,9 @@ def test_a_repaired_muscle_returns_when_its_length_was_observed() -> None:
     assert [(fault.kind, fault.where) for fault in record.faults] == [(MUSCLE_LEFT_OUT, "three")]
     assert (record.mask.tolist(), record.learned.all()) == ([True, True, False], True)
     assert not record.observed(np.array([True, True, False]))
+    assert record.leave_out("three", 1.0, "worn again")
+    assert (record.left_out, record.returning) == (("three",), ())
+    assert record.repaired("three", offset_is_open=True)
     assert record.observed(np.array([False, False, True]))
     assert record.all
     record.leave_out("three", 0.0, "worn")

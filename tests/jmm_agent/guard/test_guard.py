@@ -280,6 +280,30 @@ def test_a_force_is_not_compared_with_one_of_long_ago(
     assert (faults.PUSHED in found) is not interrupted
 
 
+def test_a_push_is_found_while_a_muscle_that_is_out_of_use_reads_nonsense(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(
+        nominal_map,
+        arm,
+        options=GuardOptions(learned=0, disturbance=DisturbanceMonitorOptions(factor=0.0)),
+    )
+    guard = trial.agent.guard
+    assert isinstance(guard, Guard)
+    trial.agent.learning = False
+    guard._gravity = lambda q: np.zeros(14)
+    trial.agent.leave_out(nominal_map.muscles[MUSCLE])
+    trial.rest(START)
+    trial.rest(START, 60, lengths_off=one_muscle(0.03))
+    assert trial.kinds == [faults.MUSCLE_LEFT_OUT]
+    guard._gravity = lambda q: arm.frame_jacobian("grip", q)[:3].T @ [0.0, 0.0, 60.0]
+    found = set()
+    for _ in range(40):
+        trial.step(lengths_off=one_muscle(0.03))
+        found |= set(trial.kinds)
+    assert faults.PUSHED in found
+
+
 def test_the_estimate_at_the_time_of_a_frame_lies_between_those_of_two_steps(trial: Trial) -> None:
     guard = trial.agent.guard
     assert isinstance(guard, Guard)
