@@ -1,6 +1,6 @@
 """Methods that get what our agent observed: joint angles, tensions and lengths of all its looks.
 
-Our agent leaves a look out of its own pairs while a joint is at its stop; all others get it, too.
+A look while a muscle is saturated makes no pair of our agent; all others get it, too.
 """
 
 from __future__ import annotations

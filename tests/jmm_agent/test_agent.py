@@ -17,6 +17,7 @@ import pytest
 from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.errors import AgentError
+from jmm_agent.guard.faults import TENSION_LIMIT, MotorControl
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
@@ -486,3 +487,39 @@ def test_the_rate_of_commands_is_limited_and_the_trajectory_pauses_in_a_gap(
     assert share > 0.2 * np.abs(nominal_map.lengths(START) - nominal_map.lengths(FIRST)).max()
     end = trial.rest(START, 60)
     np.testing.assert_allclose(end, trial.agent.map.lengths(FIRST), atol=1e-9)
+
+
+def test_a_tension_that_stays_at_its_limit_stops_the_motion(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm)
+    agent = trial.agent
+    agent.motors = MotorControl()
+    trial.rest(START)
+    agent.go(FIRST, 30.0)
+    strained = CALM.copy()
+    strained[7] = 0.99 * agent.motors.limit
+    for _ in range(200):
+        trial.step(tensions=strained)
+    assert agent.unreachable == ""
+    for _ in range(100):
+        trial.step(tensions=strained)
+    assert [(one.kind, one.where) for one in agent.faults if one.kind == TENSION_LIMIT] == [
+        (TENSION_LIMIT, nominal_map.muscles[7])
+    ]
+    assert agent.unreachable.startswith(f"The motion was stopped: {nominal_map.muscles[7]} has")
+    assert np.abs(agent.target - agent.joint_angles).max() < np.radians(1.0)
+
+
+def test_markers_are_where_a_camera_with_the_errors_that_were_found_sees_them(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm)
+    trial.step()
+    [before] = trial.agent.detect_markers(trial.readings()).values()
+    memory, errors = trial.agent.vision.memory, np.zeros(8)
+    errors[:3] = 0.01, -0.02, 0.03
+    trial.agent.vision.memory = memory._replace(rests=memory.rests._replace(camera=errors))
+    [after] = trial.agent.detect_markers(trial.readings()).values()
+    moved = after.pose_marker_in_camera - before.pose_marker_in_camera
+    np.testing.assert_allclose(moved[:3, 3], errors[:3], atol=1e-12)

@@ -7,6 +7,7 @@ zeroed at another posture, and some of their joints are not seen.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ from jmm_agent.types import Floats, Ints
 from jmm_agent.updaters import VisionOptions, VisionUpdater
 from jmm_agent.updaters.assignment import Assignment, step_between
 from jmm_agent.updaters.wiring_evidence import Miswiring
+from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.wiring import Wiring
 
@@ -91,6 +93,7 @@ class World:
         seed: int = 0,
         order: Ints | None = None,
         twins: bool = False,
+        **more: Any,
     ) -> None:
         self.rng, self.size = np.random.default_rng([seed, 12]), size
         self.map = map_of(joints, muscles, size, twins=twins)
@@ -103,7 +106,7 @@ class World:
         prior = MapPrior(self.map, self.postures(50), replace(ZEROING, **scaled, **zeroed))
         rng = np.random.default_rng(seed)
         learner = Learner(self.map, self.limits, RidgeRule(prior), BatchOptions(), rng)
-        options = VisionOptions(lengths="l", noise=0.001 * size)
+        options = VisionOptions(lengths="l", noise=0.001 * size, **more)
         self.vision = VisionUpdater(learner, prior, marker_residual, self.limits, options)
         self.learner = learner
         self.order = np.arange(muscles) if order is None else order
@@ -163,6 +166,19 @@ def exchanged(muscles: int, first: int, second: int) -> Ints:
     order = np.arange(muscles)
     order[[first, second]] = second, first
     return order
+
+
+def test_observations_that_are_held_out_count_no_more_once_muscles_are_exchanged_back() -> None:
+    world = World(order=exchanged(14, 2, 9), hold_out=HoldOutOptions(every=2))
+    held = world.vision.hold_out
+    assert held is not None
+    for _ in range(12):
+        before = len(held.pairs.noise)
+        if world.observe():
+            break
+    assert world.named == [(MUSCLES_SWAPPED, (2, 9))]
+    assert before > 0
+    assert len(held.pairs.noise) == 0
 
 
 @pytest.mark.parametrize(

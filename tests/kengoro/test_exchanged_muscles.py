@@ -48,7 +48,7 @@ def missed_deg(session: Session, posture: Floats) -> float:
     return float(np.degrees(np.sqrt(np.mean((session.truth["joint_angles"] - posture) ** 2))))
 
 
-def test_exchanged_wires_are_exchanged_back_and_the_memory_knows_it(
+def test_exchanged_muscles_are_exchanged_back_and_the_memory_keeps_it(
     maps: Path, tmp_path: Path
 ) -> None:
     session, postures = session_of(maps), shuffled_postures(SEED)
@@ -115,6 +115,9 @@ def test_a_lost_muscle_is_lost_no_more_once_it_is_repaired_or_another_memory_is_
     if then == "repaired":
         session.reads = lambda one: one._replace(lengths=one.lengths + longer)
         agent.repaired(muscle)
+        seen = [one.lengths[number] for one in agent.vision.memory.observations]
+        assert len(seen) >= 3
+        assert np.isnan(seen).all()  # the wire may have been lost before it was noticed
     else:
         session.reads = lambda one: one
         agent.load(tmp_path / "before.npz")

@@ -47,6 +47,7 @@ def snapped(muscle: str, maps: Path, noticed: bool = True) -> tuple[Session, flo
     named, begin = np.inf, session.time
     for _ in range(140):
         session.step()
+        assert len({fault.where for fault in agent.faults}) == len(agent.faults)
         if kinds(agent).get(MUSCLE_SNAPPED) == muscle:
             named = min(named, session.time - begin)
     return session, named

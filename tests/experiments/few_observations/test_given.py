@@ -10,6 +10,7 @@ from experiments.robots.world import World, known_world
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.types import Floats
+from jmm_agent.updaters import VisionOptions
 from kengoro.agents import make_agent
 from tests.jmm_agent.small_map import make_map, postures
 
@@ -27,17 +28,17 @@ def observe(agent: Agent, world: World, q: Floats, tension: float) -> None:
     agent.vision.seen(world.marker(q), q, lengths, lengths, tensions)
 
 
-def test_a_rest_with_a_joint_at_its_stop_is_given_though_it_makes_no_pair(world: World) -> None:
+def test_a_rest_with_a_saturated_muscle_is_given_though_it_makes_no_pair(world: World) -> None:
     agent = make_agent(1, jmm=world.map)
-    free, stopped = world.postures[3], world.postures[7].copy()
-    stopped[5] = world.limits[5, 1]
-    observe(agent, world, stopped, 70.0)
+    saturation = VisionOptions().saturation
+    observe(agent, world, world.postures[7], saturation)
     assert len(agent.vision.pairs.noise) == 0
-    observe(agent, world, free, 50.0)
+    observe(agent, world, world.postures[3], 50.0)
+    assert len(agent.vision.pairs.noise) == 1
     seen = observed_rests(agent.vision, world)
     np.testing.assert_array_equal(seen.angles, agent.vision.memory.angles)
-    np.testing.assert_array_equal(seen.tensions[:, 0], [70.0, 50.0])
-    np.testing.assert_allclose(seen.lengths[1], world.map.lengths(free) + 0.004)
+    np.testing.assert_array_equal(seen.tensions[:, 0], [saturation, 50.0])
+    np.testing.assert_allclose(seen.lengths[1], world.map.lengths(world.postures[3]) + 0.004)
     np.testing.assert_allclose(seen.torques[1], world.arm.gravity(seen.angles[1]))
 
 
