@@ -8,7 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.guard.faults import JOINT_CONTRADICTED, TENSIONS_WRONG, TRACKER_CLOCK, ZEROED, Fault
+from jmm_agent.guard.faults import (
+    JOINT_CONTRADICTED,
+    LENGTHS_DRIFT,
+    TENSIONS_WRONG,
+    TRACKER_CLOCK,
+    ZEROED,
+    Fault,
+)
 from jmm_agent.learning_monitor import LearningMonitor, LearningMonitorOptions
 from jmm_agent.settling import SettlingDetector
 from jmm_agent.updaters import VisionUpdater
@@ -69,19 +76,21 @@ class LearningWatch:
         self._contradicted: dict[str, Fault] = {}
         self._tracker: Fault | None = None
         self._tensions: Fault | None = None
+        self._drift: Fault | None = None
 
     @property
     def faults(self) -> list[Fault]:
         """Faults that are found now."""
         found = [*self._monitor.faults, *self._zeroed, *self._contradicted.values()]
-        return [*found, *(one for one in (self._tracker, self._tensions) if one is not None)]
+        lasting = self._tracker, self._tensions, self._drift
+        return [*found, *(one for one in lasting if one is not None)]
 
     def reset(self) -> None:
         """Forget all, as before a new episode."""
         self._monitor.reset()
         self._zeroed = []
         self._contradicted = {}
-        self._tracker = self._tensions = None
+        self._tracker = self._tensions = self._drift = None
 
     def update(self, step: StepState) -> None:
         """Name what keeps the agent from learning.
@@ -99,6 +108,7 @@ class LearningWatch:
         monitor.update(step.time, self._settling, self._muscles)
         self._name_joints(step)
         self._name_tensions(step.time)
+        self._name_drift(step.time)
         if not step.clock_problem:
             self._tracker = None
         elif self._tracker is None:
@@ -112,6 +122,19 @@ class LearningWatch:
         elif self._tensions is None:
             self._tensions = Fault(TENSIONS_WRONG, "muscles", time, _imbalance(ratio))
             _log.warning("%s.", self._tensions.detail)
+
+    def _name_drift(self, time: float) -> None:
+        """Name a drift of all lengths; its speed is what it was when it was found."""
+        speed = self._vision.memory.rests.drift.speed
+        if speed == 0.0:
+            self._drift = None
+        elif self._drift is None:
+            detail = (
+                f"they drift by about {6e4 * speed:.2g} mm a minute, which is learned as long as "
+                "the hand is observed; check whether encoders slip or wires creep"
+            )
+            self._drift = Fault(LENGTHS_DRIFT, "muscles", time, detail)
+            _log.warning("The muscle lengths drift: %s.", detail)
 
     def _name_joints(self, step: StepState) -> None:
         """Name joints whose encoders contradict the lengths, which the map may have wrong.

@@ -20,6 +20,7 @@ from jmm_agent.updaters.assignment import Assignment
 from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.updaters.wiring_evidence import Miswiring
 from jmm_agent.vision.camera_unknowns import UNKNOWNS
+from jmm_agent.vision.length_drift import LengthDrift
 from jmm_agent.vision.prior_widths import PriorWidths
 from jmm_agent.vision.rest_fit import Rest
 
@@ -45,6 +46,8 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "widths": ("Z", 3),
     "unbalanced": ("U",),
     "camera": ("Y", UNKNOWNS),
+    "drift": (),
+    "ages": ("T",),
     "rest_lengths": ("R", "m"),
     "rest_tensions": ("R", "m"),
     "rest_guess": ("R", "n"),
@@ -77,13 +80,16 @@ OF_MUSCLES = (
 """Arrays in which NaN stands for a muscle that was out of use."""
 
 
-def unchanged(muscles: int) -> Arrays:
-    """Arrays of a robot of whose camera, wiring and muscles out of use nothing is known.
+def unchanged(muscles: int, observations: int) -> Arrays:
+    """Arrays of a robot of whose camera, drift, wiring and muscles out of use nothing is known.
 
     Args:
         muscles: number of muscles, m.
+        observations: number of observations, K.
     """
     return {
+        "drift": np.array(0.0),
+        "ages": np.zeros(observations),
         "camera": np.empty((0, UNKNOWNS)),
         "in_use": np.ones(muscles),
         **arrays_of_assignment(Assignment(), muscles),
@@ -98,6 +104,8 @@ def arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
         "widths": np.empty((0, 3)) if memory.widths is None else np.array(memory.widths)[None],
         "unbalanced": np.array([] if memory.unbalanced is None else [memory.unbalanced]),
         "camera": np.empty((0, UNKNOWNS)) if memory.camera is None else memory.camera[None],
+        "drift": np.array(memory.drift.speed),
+        "ages": memory.drift.ages,
         "rest_lengths": np.array([rest.lengths for rest in rests]).reshape(-1, muscles),
         "rest_tensions": np.array([rest.tensions for rest in rests]).reshape(-1, muscles),
         "rest_guess": np.array([rest.guess for rest in rests]).reshape(-1, joints),
@@ -108,12 +116,13 @@ def rests_of(arrays: Mapping[str, Floats]) -> RestMemory:
     """What arrays of `arrays_of_rests` hold."""
     parts = (arrays[f"rest_{part}"] for part in Rest._fields)
     rests = tuple(Rest(*row) for row in zip(*parts, strict=True))
+    drift = LengthDrift(float(arrays["drift"]), arrays["ages"])
     if not len(arrays["zero"]):
-        return RestMemory(rests=rests)
+        return RestMemory(rests=rests, drift=drift)
     widths = PriorWidths(*arrays["widths"][0].tolist())
     unbalanced = float(arrays["unbalanced"][0]) if len(arrays["unbalanced"]) else None
     camera = arrays["camera"][0] if len(arrays["camera"]) else None
-    return RestMemory(arrays["zero"][0], widths, rests, unbalanced, camera)
+    return RestMemory(arrays["zero"][0], widths, rests, unbalanced, camera, drift)
 
 
 def arrays_of_assignment(assignment: Assignment, muscles: int) -> Arrays:

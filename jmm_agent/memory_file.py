@@ -38,13 +38,13 @@ from jmm_agent.updaters import AntagonismMemory, VisionMemory
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.observation_arrays import OPTIONAL, arrays_of, observations_of
 
-FORMAT = "agent-memory-4"
+FORMAT = "agent-memory-5"
 OLDER = {
     "agent-memory-2": "which lacks the hidden layers that some rules learn; learn again",
 }
 """Earlier formats, and why they are not read."""
-READ = ("agent-memory-3",)
-"""Earlier formats that are read: they know nothing of camera, wiring and muscles out of use."""
+READ = ("agent-memory-3", "agent-memory-4")
+"""Earlier formats that are read: they know nothing of drift, or of camera and wiring either."""
 MAX_BYTES = 64 << 20
 """Largest file, unfolded [bytes]; that of the arm with 60 observations has less than one MiB."""
 
@@ -169,7 +169,7 @@ def read_memory(
         content = read_arrays(path, MAX_BYTES)
         _check_robot(content, nominal)
         if _text(content, "format") in READ:
-            content = unchanged(len(nominal.muscles)) | content
+            content = unchanged(len(nominal.muscles), len(content.get("angles", ()))) | content
         _check_arrays(content, nominal)
         _check_frames(content["frames"], frames)
         return _memory(content, nominal)
@@ -259,7 +259,7 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
             raise ArrayFileError(f"{name} has a number that is not finite, or beyond {LARGEST:g}")
         if (name.endswith("_noise") or name == "widths") and (array <= 0).any():
             raise ArrayFileError(f"{name} has a number that is not positive")
-        if name in ("elongated", "counts") and (array < 0).any():
+        if name in ("elongated", "counts", "ages", "drift") and (array < 0).any():
             raise ArrayFileError(f"{name} has a negative number")
     if not np.isin(content["in_use"], (0.0, 0.5, 1.0)).all() or not content["in_use"].any():
         raise ArrayFileError("in_use has a number that is not 0, 0.5 or 1, or no muscle in use")

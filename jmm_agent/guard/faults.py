@@ -65,6 +65,7 @@ MUSCLE_REVERSED = "muscle_reversed"
 MUSCLE_ABSENT = "muscle_absent"
 MUSCLE_UNSTABLE = "muscle_unstable"
 TENSION_LIMIT = "tension_limit"
+LENGTHS_DRIFT = "lengths_drift"
 
 AGENT_KINDS = {
     CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
@@ -88,6 +89,7 @@ AGENT_KINDS = {
     MUSCLE_ABSENT: "a muscle does not follow the joints, because it is absent or slack; left out",
     MUSCLE_UNSTABLE: "a muscle was elongated again and again, and is left out",
     TENSION_LIMIT: "the tension of a muscle stays at its limit, and the motion is stopped",
+    LENGTHS_DRIFT: "the muscle lengths drift, so that what was learned holds for a short time",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }
 """Kinds of faults that any agent names, also without a guard, and the meaning of each."""

@@ -207,6 +207,7 @@ class MapLearning:
                 frames=job.frames,
                 covariance=job.covariance,
                 joint_angles=job.joint_angles,
+                time=job.time,
             )
             rewired = job.learn and self.vision.find_miswiring()
             if rewired or seen.zeroed or (seen.learned and seen.moved):

@@ -143,12 +143,15 @@ class MapPrior:
         options: as given.
         factors: errors of each muscle's map, in standard deviations of the others (m,) [1];
             infinite for a muscle that is left out of all kernels; None: all are alike.
+        drifted: covariance of what each length has drifted since the first K postures of a kernel
+            (K, K) [m^2]; None: lengths do not drift.
 
     Raises:
         AgentError: the postures do not differ in the joints of some group.
     """
 
     factors: Floats | None = None
+    drifted: Floats | None = None
 
     def __init__(
         self, nominal_map: JointMuscleMap, postures: Floats, options: PriorOptions
@@ -192,6 +195,14 @@ class MapPrior:
         found.factors = None if factors is None or (factors == 1.0).all() else factors
         return found
 
+    def with_drift(self, drifted: Floats | None) -> MapPrior:
+        """The same prior, with other `drifted`."""
+        if drifted is self.drifted:
+            return self
+        found = copy(self)
+        found.drifted = drifted
+        return found
+
     def groups(
         self,
         postures: Floats,
@@ -231,6 +242,9 @@ class MapPrior:
         covariance = self.options.elongation**2 * np.minimum.outer(finite, finite)
         unknown = np.flatnonzero(np.isinf(times))
         covariance[unknown, unknown] = UNKNOWN
+        if self.drifted is not None:
+            count = len(self.drifted)
+            covariance[:count, :count] += self.drifted
         return np.asarray(covariance)
 
     def _alike(self, muscles: Ints) -> Iterator[tuple[float, Ints]]:

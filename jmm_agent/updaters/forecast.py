@@ -92,7 +92,7 @@ class Forecast:
         """
         rests = memory.rests if self._fitter.enabled else RestMemory()
         problem = self._fitter.problem(rests, memory.observations, memory.angles, memory.elongated)
-        unknown = self._begin(rests, memory.angles)
+        unknown = self._fitter.unknown(rests, memory.angles)
         return Posterior(unknown, MapPosterior(problem.prior, problem.linearised(unknown)))
 
     def predict(
@@ -110,13 +110,14 @@ class Forecast:
         before = len(observations) - 1
         rests = self._fitter.without(memory.rests, observation.lengths)
         rests = rests if self._fitter.enabled else RestMemory()
+        rests = rests._replace(drift=rests.drift.observing(len(observations)))
         none = np.zeros(memory.elongated.shape[1])
         elongated = np.vstack([memory.elongated, none])[-before - 1 :]
         start = np.vstack([memory.angles, observation.guess])[-before - 1 :]
         problem = self._fitter.problem(
             rests, [*observations[:before], hidden(observation)], start, elongated
         )
-        begin = self._begin(rests, start)
+        begin = self._fitter.unknown(rests, start)
         found = fit_rests(problem, begin, self._limits, options, before + 1, None)
         lengths = MapPosterior(problem.prior, problem.linearised(found.unknown))
         covariance = lengths.covariance_of_rest(before)
@@ -144,8 +145,3 @@ class Forecast:
         rows = judged.rows(nominal.map, nominal.options.noise)
         errors = judged.expected(self.posterior(memory).lengths, rows, before, after)
         return HandErrors(*errors.tolist())
-
-    def _begin(self, rests: RestMemory, angles: Floats) -> Floats:
-        """Joint angles of observations and rests, and the zero posture (K + R + 1, n) [rad]."""
-        zero = np.zeros(len(self._limits)) if rests.zero is None else rests.zero
-        return np.vstack([angles, *(rest.guess[None] for rest in rests.rests), zero])

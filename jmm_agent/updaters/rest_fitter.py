@@ -18,6 +18,7 @@ from jmm_agent.vision.camera_unknowns import (
     corrected_observations,
     is_of_camera,
 )
+from jmm_agent.vision.length_drift import LEAST, LengthDrift, likeliest_speed
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
 from jmm_agent.vision.permanent_elongation import log_bayes_factors, with_likeliest_step
 from jmm_agent.vision.prior_widths import PriorWidths
@@ -63,6 +64,7 @@ class RestMemory(NamedTuple):
             no tension is believed; None if they are not.
         camera: errors of the camera (8,) [m, rad, 1, 1], see `camera_unknowns`; None while they are
             unknown.
+        drift: of all lengths, and the ages of the observations.
     """
 
     zero: Floats | None = None
@@ -70,6 +72,7 @@ class RestMemory(NamedTuple):
     rests: tuple[Rest, ...] = ()
     unbalanced: float | None = None
     camera: Floats | None = None
+    drift: LengthDrift = LengthDrift()
 
 
 class FittedRests(NamedTuple):
@@ -137,6 +140,10 @@ class RestFitter:
             return self.nominal
         widths = memory.widths or self._usual
         return self.nominal.zeroed(memory.zero, widths.offset, widths.shape)
+
+    def drifting_prior(self, memory: RestMemory) -> MapPrior:
+        """As `prior`, at the postures of the observations, since which lengths have drifted."""
+        return self.prior(memory).with_drift(memory.drift.covariance)
 
     def remembered(self, memory: RestMemory, rest: Rest) -> RestMemory:
         """What is remembered with one rest more, unless it is the last one again."""
@@ -236,6 +243,42 @@ class RestFitter:
             balance = None
         return self._problem(memory, observations, elongated, balance, widths, start)
 
+    def unknown(self, memory: RestMemory, angles: Floats) -> Floats:
+        """Angles of all rests and the zero posture (K + R + 1, n) [rad], as `RestProblem` has them.
+
+        Args:
+            memory: what is known from rests.
+            angles: joint angles of the observations (K, n) [rad].
+        """
+        zero = np.zeros(len(self._limits)) if memory.zero is None else memory.zero
+        return np.vstack([angles, *(rest.guess[None] for rest in memory.rests), zero])
+
+    def with_drift(
+        self, found: FittedRests, observations: Sequence[MarkerObservation]
+    ) -> FittedRests:
+        """A fit with the speed at which all lengths drift, if it is not that of the fit so far.
+
+        Args:
+            found: result of a fit.
+            observations: its K observations.
+        """
+        if not self.enabled or len(observations) < LEAST:
+            return found
+        memory, angles = found.memory, found.observed.angles
+        unknown, present = self.unknown(memory, angles), memory.drift.speed
+
+        def drifting(speed: float) -> RestMemory:
+            return memory._replace(drift=memory.drift._replace(speed=speed))
+
+        def evidence(speed: float) -> float:
+            problem = self.problem(drifting(speed), observations, angles, found.elongated)
+            return problem.log_evidence_near(unknown)
+
+        speed = likeliest_speed(evidence, present, self.nominal.options.noise)
+        if speed == present:
+            return found
+        return self.fit(drifting(speed), observations, angles, found.elongated)
+
     def without(self, memory: RestMemory, lengths: Floats) -> RestMemory:
         """What is known without the rest that has some lengths (m,) [m]."""
         rests = tuple(rest for rest in memory.rests if not self._is_same(rest.lengths, lengths))
@@ -253,7 +296,7 @@ class RestFitter:
         return RestProblem(
             observations,
             memory.rests,
-            self.nominal,
+            self.nominal.with_drift(memory.drift.covariance),
             widths,
             self._marker_residual,
             balance,
@@ -292,7 +335,7 @@ class RestFitter:
             widths = widths if same_kind else usual
         for _ in range(max(1, steps)):
             problem = self._problem(memory, observations, elongated, balance, widths, angles)
-            begin = np.vstack([angles, *(rest.guess[None] for rest in memory.rests), zero])
+            begin = self.unknown(memory._replace(zero=zero), angles)
             known = steps == 0 or self._widths_are_known(len(begin) - 1)
             wanted = None if known else usual
             found = fit_rests(problem, begin, self._limits, options, len(angles), wanted)
@@ -301,7 +344,16 @@ class RestFitter:
             rests = tuple(rest._replace(guess=guess) for rest, guess in pairs)
             change = np.log(np.array(found.widths) / widths)
             same = np.abs(change).max() < SAME_WIDTH and self._same_camera(memory, found)
-            widths, memory = found.widths, RestMemory(zero, found.widths, rests, None, found.camera)
+            widths, memory = (
+                found.widths,
+                memory._replace(
+                    zero=zero,
+                    widths=found.widths,
+                    rests=rests,
+                    unbalanced=None,
+                    camera=found.camera,
+                ),
+            )
             if same:
                 break
         return FittedRests(found.observed, elongated, memory), found.scale
@@ -327,7 +379,7 @@ class RestFitter:
         for _ in range(elongated.shape[1]):
             evidence = log_bayes_factors(
                 corrected_observations(observations, found.memory.camera),
-                self.prior(found.memory),
+                self.drifting_prior(found.memory),
                 self._marker_residual,
                 options,
                 found.observed.angles,

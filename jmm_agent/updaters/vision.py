@@ -31,6 +31,7 @@ from jmm_agent.vision.camera_unknowns import corrected, corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
+from jmm_agent.vision.length_drift import LengthDrift
 from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
@@ -151,7 +152,8 @@ class VisionUpdater:
 
     def begin(self) -> None:
         """Begin an episode, before which lengths may have been zeroed anew."""
-        self._forget_rests()
+        drift = self._rests.drift._replace(time=np.nan)
+        self._rests = self._rests._replace(rests=(), drift=drift)
         enough = len(self._observations) >= self._options.zeroing_least
         self._start = EpisodeStart(0, self.elongated) if enough else None
 
@@ -250,6 +252,7 @@ class VisionUpdater:
         frames: Frames | None = None,
         covariance: Floats | None = None,
         joint_angles: Floats | None = None,
+        time: float = np.nan,
     ) -> Seen:
         """Evaluate one observation of the settled hand, and learn from it.
 
@@ -262,7 +265,10 @@ class VisionUpdater:
             antagonism: pairs that the Antagonism Updater remembers.
             learn: if False, nothing is remembered and the map stays.
             frames: see `MarkerObservation`; as well as ``covariance`` and ``joint_angles``.
+            time: of the observation [s]; NaN: unknown.
         """
+        if learn and not np.isnan(time):
+            self._rests = self._rests._replace(drift=self._rests.drift.at(time))
         observation = MarkerObservation(
             pose, lengths, estimate, frames, covariance, joint_angles, tensions
         )
@@ -291,6 +297,7 @@ class VisionUpdater:
         if sound and self.hold_out is not None and self.hold_out.keeps(pair):
             return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
+        found = self._fitter.with_drift(found, observations)
         self._remember(observations, found, command, sound)
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         return self._tested(seen, map_before, before)
@@ -355,7 +362,8 @@ class VisionUpdater:
         ][-self._options.observations.memory :]
         rests = tuple(reordered(rest, order, ones) for rest in self._rests.rests)
         self._assign(assignment)
-        self._know(RestMemory(rests=rests))
+        drift = LengthDrift(ages=np.zeros(len(observed)), time=self._rests.drift.time)
+        self._know(RestMemory(rests=rests, drift=drift))
         observations, guesses = [one.observation for one in observed], [*self._angles]
         guesses += [one.guess for one in observations[len(guesses) :]]
         start = np.array(guesses).reshape(-1, len(self._limits))
@@ -369,7 +377,8 @@ class VisionUpdater:
             observed = [one for one, reached in zip(observed, near, strict=True) if reached]
             observations, none = [one.observation for one in observed], none[near]
             start = found.observed.angles[near]
-            found = self._fitter.fit_with_elongation(found.memory, observations, start, none)
+            memory = found.memory._replace(drift=drift._replace(ages=drift.ages[near]))
+            found = self._fitter.fit_with_elongation(memory, observations, start, none)
         self._observations, self._angles = observations, found.observed.angles
         self._commands = [one.command for one in observed]
         self._sound = [one.sound for one in observed]
@@ -423,7 +432,9 @@ class VisionUpdater:
         elongated = np.vstack([self.elongated, none])[-options.memory :]
         start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
         if self._fitter.enabled:
-            return self._fitter.fit_with_elongation(self._rests, observations, start, elongated)
+            drift = self._rests.drift.observing(len(observations))
+            rests = self._rests._replace(drift=drift)
+            return self._fitter.fit_with_elongation(rests, observations, start, elongated)
         if self._options.fit == "alone":
             alone = fit_alone(observations[-1], residual, limits, options)
             angles = np.vstack([self._angles, alone.angles])[-options.memory :]
@@ -496,7 +507,9 @@ class VisionUpdater:
         none = np.zeros(self.elongated.shape[1])
         elongated = np.vstack([self.elongated, none])[-options.memory :]
         shown = corrected_observations(observations, self._rests.camera)
-        fit = fit_newest(shown, self._prior, residual, limits, options, start, elongated)
+        drift = self._rests.drift.observing(len(observations))
+        prior = self._prior.with_drift(drift.covariance)
+        fit = fit_newest(shown, prior, residual, limits, options, start, elongated)
         return FittedRests(fit, elongated, self._rests)
 
     def _learn(self, antagonism: Pairs) -> None:
@@ -517,7 +530,8 @@ class VisionUpdater:
         elif not free[-1]:
             self.drop("a joint was at its stop: no pair")
         noise = np.full(len(use), options.noise)
-        longer = elongations(self._observations, self._prior, self._angles, self.elongated)
+        prior = self._prior.with_drift(self._rests.drift.covariance)
+        longer = elongations(self._observations, prior, self._angles, self.elongated)
         lengths = np.array(self._commands) - longer
         self.pairs = Pairs(self._angles[use], lengths[use], noise[use])
         new = self.pairs.last(int(use[-1]))

@@ -92,7 +92,7 @@ def fit_with_elongation(
 def elongations(
     observations: Sequence[MarkerObservation], prior: MapPrior, angles: Floats, elongated: Floats
 ) -> Floats:
-    """Difference of each measured length from what it would be now.
+    """Difference of each measured length from what it would be now, by elongations and drift.
 
     Args:
         observations: K observations.
@@ -106,7 +106,7 @@ def elongations(
     measured, since = without_unknown(np.array([one.lengths for one in observations]), elongated)
     missed = measured - prior.map.lengths(angles)
     found = np.zeros_like(missed)
-    if elongated.any() and since is not None:
+    if since is not None and (elongated.any() or prior.drifted is not None):
         for kernel in prior.groups(angles, elongated=since):
             found[:, kernel.muscles] = kernel.elongation @ kernel.whiten(missed[:, kernel.muscles])
     return found

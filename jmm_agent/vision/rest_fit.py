@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve
 
 from jmm_agent.mapping.prior import MapPrior, without_unknown
 from jmm_agent.types import Floats
@@ -193,6 +194,12 @@ class RestProblem:
         spread += 0.0 if self._common is None else self._common.log_det
         spread += float(np.linalg.slogdet(self.normal_equations(unknown)[0])[1])
         return -0.5 * (self.cost(unknown)[0] + spread)
+
+    def log_evidence_near(self, unknown: Floats) -> float:
+        """As `log_evidence`, at angles (K + R + 1, n) [rad] near the most probable ones."""
+        matrix, gradient = self.normal_equations(unknown)
+        gain = gradient @ solve(matrix, gradient, assume_a="pos")
+        return self.log_evidence(unknown) + 0.5 * float(gain)
 
     def scale(self, unknown: Floats) -> float:
         """Loads over the torques of the tensions; see `Balance.scale`."""

@@ -119,6 +119,17 @@ def test_it_learns_once_at_each_rest(nominal_map: JointMuscleMap, arm: ArmKinema
     assert missed_mm(trial, nominal_map, posture_set()[10]) < 0.75 * before
 
 
+def test_it_remembers_how_long_ago_each_observation_was(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm)
+    for posture, steps in ((FIRST, 60), (SECOND, 200), (THIRD, 60)):
+        trial.rest(posture, steps)
+    ages = trial.agent.vision.memory.rests.drift.ages
+    np.testing.assert_allclose(-np.diff(ages), [1.2, 4.0], atol=0.021)  # a control step
+    assert ages[-1] == 0.0
+
+
 def test_it_does_not_learn_while_it_moves(nominal_map: JointMuscleMap, arm: ArmKinematics) -> None:
     trial = Trial(nominal_map, arm)
     for share in np.linspace(0.0, 1.0, 100):

@@ -12,6 +12,7 @@ from jmm_agent.learning_monitor import LearningMonitorOptions
 from jmm_agent.learning_watch import LearningWatch, StepState
 from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.updaters.rest_fitter import RestMemory
+from jmm_agent.vision.length_drift import LengthDrift
 
 
 @pytest.mark.parametrize(("observations", "away", "named"), [
@@ -48,4 +49,21 @@ def test_tensions_that_do_not_balance_the_loads_are_named(
     assert all(detail in fault.detail for fault in watch.faults if detail)
     memory.rests = RestMemory()
     watch.update(state)
+    assert watch.faults == []
+
+
+def test_lengths_that_drift_are_named_once_with_their_speed() -> None:
+    drift = LengthDrift(speed=3e-3 / 60.0)
+    memory = SimpleNamespace(observations=[], rests=RestMemory(drift=drift))
+    vision: Any = SimpleNamespace(memory=memory, fired=0, dropped={}, zeroings=0)
+    watch = LearningWatch(
+        vision, SettlingDetector(SettlingOptions()), ("one",), LearningMonitorOptions()
+    )
+    for time in (1.0, 2.0):
+        watch.update(StepState(time, 0.02, True, True, "", "", {}, ""))
+    [fault] = watch.faults
+    assert (fault.kind, fault.where, fault.since) == ("lengths_drift", "muscles", 1.0)
+    assert "about 3 mm a minute" in fault.detail
+    memory.rests = RestMemory()
+    watch.update(StepState(3.0, 0.02, True, True, "", "", {}, ""))
     assert watch.faults == []

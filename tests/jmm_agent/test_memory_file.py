@@ -34,6 +34,7 @@ from jmm_agent.updaters.assignment import Assignment
 from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.updaters.wiring_evidence import Miswiring
 from jmm_agent.vision.hold_out import HoldOutMemory
+from jmm_agent.vision.length_drift import LengthDrift
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.prior_widths import PriorWidths
 from jmm_agent.vision.rest_fit import Rest
@@ -56,6 +57,9 @@ def measure(observations: list[MarkerObservation], rng: np.random.Generator) -> 
     observations[0] = observations[0]._replace(**measured)
     observations[2] = observations[2]._replace(tensions=rng.uniform(0.0, 9.0, M))
     observations[1] = observations[1]._replace(frames=("grip", "eye"), joint_angles=angles)
+
+
+OF_WIRING = "camera", "in_use", "channels", "left_out", "miswired"
 
 
 def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
@@ -84,6 +88,7 @@ def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
             tuple(Rest(*(rng.normal(size=size) for size in (M, M, N))) for _ in range(count)),
             7.5,
             rng.normal(size=8),
+            LengthDrift(2e-5, rng.uniform(0.0, 90.0, count)),
         )
         if count
         else RestMemory(),
@@ -134,14 +139,26 @@ def test_what_is_written_is_read_to_the_bit(count: int, tmp_path: Path) -> None:
     assert [file.name for file in (tmp_path / "new").iterdir()] == ["learned.npz"]
 
 
-def test_a_file_of_before_camera_and_wiring_is_read(path: Path) -> None:
+@pytest.mark.parametrize(
+    ("version", "without"),
+    [(3, ("drift", "ages", *OF_WIRING)), (4, ("drift", "ages"))],
+)
+def test_a_file_of_an_earlier_format_is_read(
+    version: int, without: tuple[str, ...], path: Path
+) -> None:
     arrays = read_arrays(path, 1 << 20)
-    for name in ("camera", "in_use", "channels", "left_out", "miswired"):
+    for name in without:
         del arrays[name]
-    write_arrays(path, arrays | {"format": np.array("agent-memory-3")})
+    write_arrays(path, arrays | {"format": np.array(f"agent-memory-{version}")})
     found, whole = read_memory(path, make_map()), made_up()
-    assert (found.in_use, found.vision.rests.camera) == (None, None)
-    assert found.vision.assignment == Assignment()
+    assert found.vision.rests.drift.speed == 0.0
+    assert found.vision.rests.drift.ages.tolist() == [0.0] * K
+    if version == 3:
+        assert (found.in_use, found.vision.rests.camera) == (None, None)
+        assert found.vision.assignment == Assignment()
+    else:
+        assert plain(found.in_use) == plain(whole.in_use)
+        assert plain(found.vision.assignment) == plain(whole.vision.assignment)
     assert plain(found.vision.pairs) == plain(whole.vision.pairs)
     assert plain(found.map) == plain(whole.map)
 
@@ -320,7 +337,7 @@ REFUSED: dict[Callable[[Path], None], str] = {
     half_in_use: "in_use has a number that is not 0, 0.5 or 1",
     none_in_use: "in_use has .* no muscle in use",
     two_cameras: "camera has 2 rows, but one fits",
-    other_format: "its format is agent-memory-0, and agent-memory-4 is read",
+    other_format: "its format is agent-memory-0, and agent-memory-5 is read",
     earlier_format: "its format is agent-memory-2, which lacks the hidden layers .*; learn again",
     no_hidden_layer: "the array 'b1_1' of numbers is missing",
     other_nominal_map: "another nominal map",

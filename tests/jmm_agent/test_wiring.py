@@ -6,9 +6,6 @@ zeroed at another posture, and some of their joints are not seen.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -24,142 +21,16 @@ from jmm_agent.guard.faults import (
 )
 from jmm_agent.learning.job import LearningJob
 from jmm_agent.map_consistency import CONTRADICTED, consistency_of
-from jmm_agent.mapping.group_map import GroupMap
-from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
-from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.observation import SensorReadings
 from jmm_agent.tension_watch import LASTING, TensionWatch
 from jmm_agent.types import Floats, Ints
-from jmm_agent.updaters import VisionOptions, VisionUpdater
 from jmm_agent.updaters.assignment import Assignment, step_between
 from jmm_agent.updaters.wiring_evidence import Miswiring
 from jmm_agent.vision.hold_out import HoldOutOptions
-from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.wiring import Wiring
+from tests.jmm_agent.small_robot import SmallRobot, map_of
 
 MOTORS = MotorControl()
-ZEROING = PriorOptions()
-
-
-def map_of(
-    joints: int, muscles: int, size: float, seed: int = 0, twins: bool = False
-) -> JointMuscleMap:
-    """A map of one group; lengths of some ``size`` times 20 mm; the first two may be twins."""
-    rng = np.random.default_rng([seed, 11])
-    weights = 12.0 * size * rng.normal(size=(muscles, 16))
-    if twins:
-        weights[1] = weights[0]
-    names = tuple(f"j{i}" for i in range(joints)), tuple(f"m{i}" for i in range(muscles))
-    group = GroupMap(
-        "all",
-        np.arange(joints),
-        np.arange(muscles),
-        np.zeros(joints),
-        np.ones(joints),
-        0.6 * rng.normal(size=(16, joints)),
-        rng.normal(size=16),
-        weights,
-        np.zeros(muscles),
-    )
-    start = JointMuscleMap(*names, (group,))
-    shift = 1e3 * start.lengths(np.zeros(joints))
-    return start.with_output_layers({"all": (group.W2, -shift)})
-
-
-def marker_residual(
-    q: Floats, pose: Floats, frames: Frames | None = None, /
-) -> tuple[Floats, Floats]:
-    """Residual of the first four joints, all that the camera shows, and its Jacobian."""
-    error = np.array([*(q[:3] - pose[:3, 3]), q[3] - pose[3, 0], 0.0, 0.0])
-    return error, np.eye(6, len(q)) * (np.arange(len(q)) < 4)
-
-
-class World:
-    """A Vision Updater, and a robot that it learns from.
-
-    Args:
-        joints: number of joints; the camera shows the first four.
-        muscles: number of muscles.
-        size: of the robot, over that of Kengoro's arm.
-        order: muscle at each channel.
-    """
-
-    def __init__(
-        self,
-        joints: int = 5,
-        muscles: int = 14,
-        size: float = 1.0,
-        seed: int = 0,
-        order: Ints | None = None,
-        twins: bool = False,
-        **more: Any,
-    ) -> None:
-        self.rng, self.size = np.random.default_rng([seed, 12]), size
-        self.map = map_of(joints, muscles, size, twins=twins)
-        self.limits = np.column_stack([-np.ones(joints), np.ones(joints)])
-        scaled = {
-            name: size * getattr(ZEROING, name)
-            for name in ("offset", "shape", "noise", "elongation", "zeroing")
-        }
-        zeroed = {name: size * getattr(ZEROING, name) for name in ("zeroed_offset", "zeroed_shape")}
-        prior = MapPrior(self.map, self.postures(50), replace(ZEROING, **scaled, **zeroed))
-        rng = np.random.default_rng(seed)
-        learner = Learner(self.map, self.limits, RidgeRule(prior), BatchOptions(), rng)
-        options = VisionOptions(lengths="l", noise=0.001 * size, **more)
-        self.vision = VisionUpdater(learner, prior, marker_residual, self.limits, options)
-        self.learner = learner
-        self.order = np.arange(muscles) if order is None else order
-        self.zero = self.rng.normal(0.0, 0.15, joints)
-        self.offset = self.rng.normal(0.0, 0.001 * size, muscles)
-        self.shape = map_of(joints, muscles, 0.04 * size, 1 + seed)
-        self.signs = np.ones(muscles)
-        self.absent: int | None = None
-
-    def postures(self, count: int) -> Floats:
-        return self.rng.uniform(-0.8, 0.8, (count, len(self.limits)))
-
-    def lengths(self, q: Floats) -> Floats:
-        """Lengths (m,) [m] of the muscles, as zeroed."""
-        path = self.map.lengths(q) - self.map.lengths(self.zero) + self.shape.lengths(q)
-        return np.asarray(path + self.offset)
-
-    def read(self, q: Floats) -> Floats:
-        """Lengths (m,) [m] as the channels read them."""
-        lengths = self.signs * self.lengths(q)
-        if self.absent is not None:
-            lengths[self.absent] = 0.01 * self.size
-        noise = self.rng.normal(0.0, 1e-4 * self.size, len(lengths))
-        return np.asarray(lengths[self.order] + noise)
-
-    def observe(self, seen: Floats | None = None) -> bool:
-        """Whether an observation at a random posture, perhaps with a pose of another one, rewires.
-
-        Channels are read in the order that is known, as the agent does.
-        """
-        q = self.postures(1)[0]
-        lengths = self.read(q)[self.vision.assignment.channels(len(self.order))]
-        pose, shown = np.eye(4), q if seen is None else seen
-        pose[:3, 3], pose[3, 0] = shown[:3], shown[3]
-        pose[:3, 3] += self.rng.normal(0.0, 0.002, 3)
-        guess = q + self.rng.normal(0.0, 0.1, len(q))
-        nothing = np.full(len(lengths), np.nan)
-        self.vision.seen(pose, guess, lengths, lengths, nothing)
-        return self.vision.find_miswiring()
-
-    def observe_several(self, count: int) -> None:
-        for _ in range(count):
-            self.observe()
-
-    @property
-    def named(self) -> list[tuple[str, tuple[int, ...]]]:
-        return [(one.kind, one.muscles) for one in self.vision.assignment.named]
-
-    def error(self) -> Floats:
-        """Error of the learned map at other postures, RMS of each muscle (m,) [m]."""
-        q = self.postures(40)
-        true = np.array([self.lengths(one) for one in q])
-        return np.asarray(np.sqrt(np.mean((self.learner.map.lengths(q) - true) ** 2, axis=0)))
 
 
 def exchanged(muscles: int, first: int, second: int) -> Ints:
@@ -169,7 +40,7 @@ def exchanged(muscles: int, first: int, second: int) -> Ints:
 
 
 def test_observations_that_are_held_out_count_no_more_once_muscles_are_exchanged_back() -> None:
-    world = World(order=exchanged(14, 2, 9), hold_out=HoldOutOptions(every=2))
+    world = SmallRobot(order=exchanged(14, 2, 9), hold_out=HoldOutOptions(every=2))
     held = world.vision.hold_out
     assert held is not None
     for _ in range(12):
@@ -188,12 +59,12 @@ def test_observations_that_are_held_out_count_no_more_once_muscles_are_exchanged
 def test_two_exchanged_muscles_are_named_within_five_observations_and_exchanged_back(
     joints: int, muscles: int, size: float, pair: tuple[int, int], seed: int
 ) -> None:
-    world = World(joints, muscles, size, seed, exchanged(muscles, *pair))
+    world = SmallRobot(joints, muscles, size, seed, exchanged(muscles, *pair))
     world.observe_several(5)
     assert world.named == [(MUSCLES_SWAPPED, pair)]
     assert tuple(world.vision.assignment.channels(muscles)) == tuple(exchanged(muscles, *pair))
     world.observe_several(15)
-    healthy = World(joints, muscles, size, seed)
+    healthy = SmallRobot(joints, muscles, size, seed)
     healthy.observe_several(20)
     assert np.median(world.error()) < 1.5 * np.median(healthy.error()) + 1e-5
     assert world.error()[list(pair)].max() < 3.0 * healthy.error().max()
@@ -203,20 +74,20 @@ def test_two_exchanged_muscles_are_named_within_five_observations_and_exchanged_
 def test_a_muscle_that_does_not_follow_the_joints_is_named_and_left_out(
     size: float, seed: int
 ) -> None:
-    world = World(size=size, seed=seed)
+    world = SmallRobot(size=size, seed=seed)
     world.absent = 6
     world.observe_several(8)
     assert world.named == [(MUSCLE_ABSENT, (6,))]
     assert world.vision.assignment.left_out == (6,)
     world.observe_several(12)
-    healthy = World(size=size, seed=seed)
+    healthy = SmallRobot(size=size, seed=seed)
     healthy.observe_several(20)
     others = np.arange(14) != 6
     assert np.median(world.error()[others]) < 1.5 * np.median(healthy.error()[others])
 
 
 def test_a_muscle_with_the_other_sign_is_named_and_left_out() -> None:
-    world = World(seed=3)
+    world = SmallRobot(seed=3)
     world.signs[4] = -1.0
     world.observe_several(6)
     assert world.named == [(MUSCLE_REVERSED, (4,))]
@@ -225,27 +96,27 @@ def test_a_muscle_with_the_other_sign_is_named_and_left_out() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_named_on_a_robot_like_its_model(seed: int) -> None:
-    world = World(seed=seed, size=(1.0, 0.3)[seed % 2])
+    world = SmallRobot(seed=seed, size=(1.0, 0.3)[seed % 2])
     world.observe_several(16)
     assert world.named == []
 
 
 def test_muscles_with_the_same_path_are_not_distinguished() -> None:
-    world = World(order=exchanged(14, 0, 1), twins=True)
+    world = SmallRobot(order=exchanged(14, 0, 1), twins=True)
     world.observe_several(8)
     assert world.named == []
 
 
 def test_one_pose_of_another_posture_names_no_muscle() -> None:
     for wrong_at in (0, 2, 4):
-        world = World(seed=5)
+        world = SmallRobot(seed=5)
         for number in range(6):
             world.observe(world.postures(1)[0] if number == wrong_at else None)
         assert world.named == []
 
 
 def test_a_muscle_that_is_elongated_again_and_again_is_left_out() -> None:
-    world = World(seed=1)
+    world = SmallRobot(seed=1)
     world.observe_several(8)
     for _ in range(4):
         world.offset[3] += 0.03
@@ -256,7 +127,7 @@ def test_a_muscle_that_is_elongated_again_and_again_is_left_out() -> None:
 
 def test_a_muscle_that_was_elongated_once_is_not_named() -> None:
     for seed in range(3):
-        world = World(seed=seed)
+        world = SmallRobot(seed=seed)
         world.observe_several(6)
         world.offset[3] += 0.02
         world.observe_several(6)
@@ -264,7 +135,7 @@ def test_a_muscle_that_was_elongated_once_is_not_named() -> None:
 
 
 def test_muscles_are_named_but_kept_where_a_joint_would_have_none_left() -> None:
-    world = World(joints=4, muscles=6, seed=2)
+    world = SmallRobot(joints=4, muscles=6, seed=2)
     watch = world.vision._wiring
     assert watch.may_leave_out(Assignment(), (0,))
     assert not watch.may_leave_out(Assignment(left_out=(1,)), (0,))
@@ -353,7 +224,7 @@ def test_a_tension_that_stays_at_its_limit_stops_the_motion_once_and_a_short_one
 def test_lengths_are_consistent_with_a_learned_map_and_not_with_one_that_is_wrong(
     joints: int, muscles: int, size: float
 ) -> None:
-    world = World(joints, muscles, size, seed=4)
+    world = SmallRobot(joints, muscles, size, seed=4)
     for _ in range(8):
         world.observe()
     pairs, prior = world.vision.pairs, world.learner.prior
