@@ -15,6 +15,7 @@ from jmm_agent.guard.faults import (
 )
 from jmm_agent.mapping.array_file import ArrayFileError, Arrays
 from jmm_agent.mapping.learner import Pairs
+from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters.assignment import Assignment
 from jmm_agent.updaters.rest_fitter import RestMemory
@@ -43,7 +44,7 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "elongated": ("K", "m"),
     "last": ("L", "n"),
     "zero": ("Z", "n"),
-    "widths": ("Z", 3),
+    "widths": ("Z", 4),
     "unbalanced": ("U",),
     "camera": ("Y", UNKNOWNS),
     "drift": (),
@@ -80,20 +81,26 @@ OF_MUSCLES = (
 """Arrays in which NaN stands for a muscle that was out of use."""
 
 
-def unchanged(muscles: int, observations: int) -> Arrays:
-    """Arrays of a robot of whose camera, drift, wiring and muscles out of use nothing is known.
+def updated(content: Arrays, muscles: int) -> Arrays:
+    """Arrays of a file of an earlier format, with what is usual where it holds nothing.
 
     Args:
+        content: arrays of the file.
         muscles: number of muscles, m.
-        observations: number of observations, K.
     """
-    return {
+    usual = {
         "drift": np.array(0.0),
-        "ages": np.zeros(observations),
+        "ages": np.zeros(len(content.get("angles", ()))),
         "camera": np.empty((0, UNKNOWNS)),
         "in_use": np.ones(muscles),
         **arrays_of_assignment(Assignment(), muscles),
     }
+    found = usual | content
+    widths = found.get("widths", np.empty(0))
+    if widths.ndim == 2 and widths.shape[1] == 3:
+        points = np.full(len(widths), PriorOptions().points)
+        found["widths"] = np.column_stack([widths, points])
+    return found
 
 
 def arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
@@ -101,7 +108,7 @@ def arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
     rests = memory.rests
     return {
         "zero": np.empty((0, joints)) if memory.zero is None else memory.zero[None],
-        "widths": np.empty((0, 3)) if memory.widths is None else np.array(memory.widths)[None],
+        "widths": np.empty((0, 4)) if memory.widths is None else np.array(memory.widths)[None],
         "unbalanced": np.array([] if memory.unbalanced is None else [memory.unbalanced]),
         "camera": np.empty((0, UNKNOWNS)) if memory.camera is None else memory.camera[None],
         "drift": np.array(memory.drift.speed),

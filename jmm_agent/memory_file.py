@@ -9,7 +9,6 @@ not fit before anything of an agent changes.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Collection, Mapping
@@ -20,8 +19,8 @@ from numpy.typing import NDArray
 
 from jmm_agent.errors import AgentError
 from jmm_agent.mapping.array_file import ArrayFileError, Arrays, read_arrays, write_arrays
-from jmm_agent.mapping.group_map import ARRAYS, LARGEST, Layers
-from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
+from jmm_agent.mapping.group_map import LARGEST, Layers
+from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap, fingerprint
 from jmm_agent.mapping.learner import Pairs
 from jmm_agent.memory_arrays import (
     ELEMENTS,
@@ -31,7 +30,7 @@ from jmm_agent.memory_arrays import (
     arrays_of_rests,
     assignment_of,
     rests_of,
-    unchanged,
+    updated,
 )
 from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismMemory, VisionMemory
@@ -77,21 +76,6 @@ class AgentMemory(NamedTuple):
     posture: Floats
     generator: dict[str, Any]
     in_use: Floats | None = None
-
-
-def fingerprint(jmm: JointMuscleMap) -> str:
-    """Hexadecimal digest of a map: two maps have the same one if they are the same to the bit.
-
-    Args:
-        jmm: the map.
-    """
-    digest = hashlib.sha256(repr((jmm.joints, jmm.muscles)).encode())
-    for group in jmm.groups:
-        digest.update(group.name.encode())
-        for name in ARRAYS:
-            array = getattr(group, name)
-            digest.update(f"{name} {array.shape} {array.dtype}".encode() + array.tobytes())
-    return digest.hexdigest()
 
 
 def generator_of(state: Mapping[str, Any]) -> np.random.Generator:
@@ -169,7 +153,7 @@ def read_memory(
         content = read_arrays(path, MAX_BYTES)
         _check_robot(content, nominal)
         if _text(content, "format") in READ:
-            content = unchanged(len(nominal.muscles), len(content.get("angles", ()))) | content
+            content = updated(content, len(nominal.muscles))
         _check_arrays(content, nominal)
         _check_frames(content["frames"], frames)
         return _memory(content, nominal)

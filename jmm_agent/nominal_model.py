@@ -49,6 +49,8 @@ class NominalModel:
         lengths: maps postures (B, n) [rad] to muscle lengths (B, m) [m] relative to q = 0.
         groups: the joints that each group owns, groups in proximal-to-distal order; every joint
             is owned by one group.
+        points: maps postures (B, n) [rad] to how the lengths change if points of attachment are
+            displaced (B, m, P) [1], P numbers for each muscle, 0 where it has fewer; None: unknown.
 
     Raises:
         NominalModelError: names or shapes do not match, or `lengths` contradicts `crosses`.
@@ -61,6 +63,7 @@ class NominalModel:
     crosses: NDArray[np.bool_]
     lengths: Callable[[Floats], Floats]
     groups: dict[str, tuple[str, ...]]
+    points: Callable[[Floats], Floats] | None = None
 
     def __post_init__(self) -> None:
         for field in ("joints", "muscles"):
@@ -85,6 +88,7 @@ class NominalModel:
         self._check_limits()
         self._check_groups()
         self._check_lengths()
+        self._check_points()
 
     def topology(self) -> tuple[GroupTopology, ...]:
         """Groups with all joints that their muscles cross (sec. II-A), proximal to distal.
@@ -167,6 +171,18 @@ class NominalModel:
                 f"Nominal model: muscle {self.muscles[i]!r} changes with joint {self.joints[j]!r}, "
                 "but `crosses` is False for them."
             )
+
+    def _check_points(self) -> None:
+        if self.points is None:
+            return
+        found = np.asarray(self.points(self.lower[None]))
+        if found.ndim != 3 or found.shape[:2] != (1, len(self.muscles)):
+            raise NominalModelError(
+                f"Nominal model: points of one posture have shape {found.shape}, but "
+                f"(1, {len(self.muscles)}, P) is needed."
+            )
+        if not np.isfinite(found).all():
+            raise NominalModelError("Nominal model: points are not finite at the lower limits.")
 
 
 def _check_names(field: str, names: tuple[str, ...]) -> None:

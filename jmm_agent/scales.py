@@ -47,6 +47,8 @@ SCALED: Mapping[str, Mapping[str, str]] = {
         "zero_posture": "angle",
         "zeroed_offset": "length",
         "zeroed_shape": "length",
+        "points": "length",
+        "remaining_shape": "length",
     },
     "TensionOptions": {"length_error": "length"},
     "BatchOptions": {"rehearsal_noise": "length", "zero_noise": "length"},

@@ -8,6 +8,8 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.mapping.point_weights import load_or_compute
+from jmm_agent.mapping.prior import PointWeights
 from jmm_agent.nominal_model import NominalModel
 from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS, JOINTS
@@ -50,7 +52,14 @@ def model_of(arm: NominalArm, groups: Groups | None = None) -> NominalModel:
             groups = {name: joints for name, joints in shared.items() if joints}
     owned = {name: tuple(joints) for name, joints in groups.items()}
     return NominalModel(
-        arm.joints, arm.lower, arm.upper, arm.muscles, arm.crosses, arm.lengths, owned
+        arm.joints,
+        arm.lower,
+        arm.upper,
+        arm.muscles,
+        arm.crosses,
+        arm.lengths,
+        owned,
+        arm.point_sensitivities,
     )
 
 
@@ -98,3 +107,19 @@ def map_of(
 
     folder = default_cache() if cache_dir is None else cache_dir
     return load_or_train(nominal, MAP_SEED, folder, progress=progress)[0]
+
+
+def points_of(
+    jmm: JointMuscleMap, nominal: NominalModel, cache_dir: Path | None = None
+) -> PointWeights | None:
+    """What displaced points of attachment do to the lengths of a map, read or computed and kept.
+
+    Args:
+        jmm: the map that was trained on the nominal model.
+        nominal: the nominal model.
+        cache_dir: folder of trained maps; the user's cache folder if left out.
+
+    Returns:
+        See `jmm_agent.mapping.point_weights`; None for another map than the model's.
+    """
+    return load_or_compute(jmm, nominal, default_cache() if cache_dir is None else cache_dir)

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from experiments.robots.world import Body, Sizes, World
-from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.types import Floats
 from jmm_agent.vision.balance import Balance, BalanceOptions
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.observation_fit import ObservationFitOptions
-from jmm_agent.vision.prior_widths import PriorWidths
+from jmm_agent.vision.prior_widths import usual_widths
 from jmm_agent.vision.rest_fit import Rest, RestProblem, fit_rests
 from kengoro_env.departures import actual
 
@@ -82,8 +81,8 @@ def _fitted(
     world: World, observations: list[MarkerObservation], rested: list[Rest], balanced: bool
 ) -> tuple[Floats, Floats]:
     """Joint angles of all rests (K, n) [rad], and their predicted standard deviations."""
-    options, prior = ObservationFitOptions(), PriorOptions()
-    usual = widths = PriorWidths(prior.zeroed_offset, prior.zeroed_shape, prior.zero_posture)
+    options = ObservationFitOptions()
+    usual = widths = usual_widths(world.prior)
     balance = Balance(world.map, world.arm, world.limits, BalanceOptions())
     guesses = [one.guess for one in observations] + [one.guess for one in rested]
     unknown = np.vstack([*guesses, np.zeros(len(world.limits))])

@@ -17,7 +17,7 @@ from jmm_agent.mapping.length_map import LengthMap
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.types import Floats
 from jmm_agent.vision.marker_residual import MarkerResidual
-from kengoro.trained_maps import ARM, trained_map
+from kengoro.trained_maps import ARM, model_of, points_of, trained_map
 from kengoro_env.assets import asset_path
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.postures import posture_set
@@ -85,7 +85,8 @@ class World:
         self.kinematics = ArmKinematics(self.scene, self.arm.joints)
         self.marker_residual = MarkerResidual(self.kinematics, EYE, MARKER)
         self.postures = posture_set()
-        self.prior = MapPrior(self.map, self.postures, PriorOptions())
+        points = points_of(self.map, model_of(self.arm), cache)
+        self.prior = MapPrior(self.map, self.postures, PriorOptions(), points)
 
     def marker(self, q: Floats) -> Floats:
         """Exact pose_marker_in_camera, shape (4, 4), at true joint angles, shape (n,) [rad]."""

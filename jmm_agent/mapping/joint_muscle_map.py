@@ -6,6 +6,7 @@ sec. II-A, II-B). The layers are in rad and mm as in the paper; all methods use 
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -359,3 +360,18 @@ class JointMuscleMap:
         if not np.isfinite(checked).all():
             raise MappingError("Map: tensions are not finite.")
         return checked
+
+
+def fingerprint(jmm: JointMuscleMap) -> str:
+    """Hexadecimal digest of a map: two maps have the same one if they are the same to the bit.
+
+    Args:
+        jmm: the map.
+    """
+    digest = hashlib.sha256(repr((jmm.joints, jmm.muscles)).encode())
+    for group in jmm.groups:
+        digest.update(group.name.encode())
+        for name in ARRAYS:
+            array = getattr(group, name)
+            digest.update(f"{name} {array.shape} {array.dtype}".encode() + array.tobytes())
+    return digest.hexdigest()

@@ -9,13 +9,18 @@ it, at any posture. A zeroing of all lengths at another posture does the same fo
 once, with the standard deviation `zeroing`; it counts as `MapPrior.zeroing_share` elongations.
 Muscles may be left out, because they do not follow the joints, or have larger errors than others.
 
+Where it is known how a length changes if a point of attachment of its muscle is displaced
+(`PointWeights`), delta has a part for that, too: D = D_1 + s_p u W with independent standard normal
+numbers u, a displacement of standard deviation s_p (`points`) of each point along each axis. That
+says much more of what is usual than D_1 alone, which allows any smooth function.
+
 A length that is NaN is unknown: its muscle was out of use, see `jmm_agent.muscles_in_use`. It
 counts as one with infinitely many elongations since, which tells nothing (`without_unknown`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -76,9 +81,12 @@ class PriorOptions:
         zeroed_offset: of a muscle's length over all postures, once the posture is known at which
             the lengths were zeroed [m].
         zeroed_shape: `shape`, where the zero posture and the widths are learned [m].
+        points: of the displacement of a point of attachment along each axis, where it is known
+            what that does to the lengths [m].
+        remaining_shape: `zeroed_shape`, where that is known, of what displacements leave [m].
 
     Raises:
-        AgentError: one of the last three is out of range.
+        AgentError: one of the last five is out of range.
     """
 
     offset: float = 0.025
@@ -89,13 +97,26 @@ class PriorOptions:
     zero_posture: float = 0.25
     zeroed_offset: float = 0.003
     zeroed_shape: float = 0.0025
+    points: float = 0.004
+    remaining_shape: float = 0.0005
 
     def __post_init__(self) -> None:
-        positive("PriorOptions", zeroed_offset=self.zeroed_offset, zeroed_shape=self.zeroed_shape)
+        positive(
+            "PriorOptions",
+            zeroed_offset=self.zeroed_offset,
+            zeroed_shape=self.zeroed_shape,
+            points=self.points,
+            remaining_shape=self.remaining_shape,
+        )
         if not 0.0 <= self.zero_posture < np.inf:
             raise AgentError(
                 f"PriorOptions: zero_posture is {self.zero_posture} rad, but must be at least 0."
             )
+
+
+PointWeights = tuple[Floats, ...]
+"""For each group of muscles, how the change of a length with the centred activities of the H hidden
+units depends on the displacements of the muscle's points, P numbers in all (muscles, H, P) [1]."""
 
 
 class GroupKernel:
@@ -104,21 +125,33 @@ class GroupKernel:
     Args:
         muscles: indices of the muscles, which are of one group and were elongated at the same
             times.
-        features: phi (K, 1 + H) [m].
+        features: phi (K, F) [m], see `MapPrior.completed`.
         noise: standard deviation of each length (K,) [m].
         elongation: covariance (K, K) of the elongation of such a muscle since each posture [m^2].
+        units: number of features of the shape, H, after that of the offset.
+        product: of the features with themselves, Phi Phi' (K, K) [m^2].
 
     Attributes:
         muscles: as given.
         features: as given.
         elongation: as given.
+        units: number of features of the shape, H, after that of the offset.
     """
 
-    def __init__(self, muscles: Ints, features: Floats, noise: Floats, elongation: Floats) -> None:
+    def __init__(
+        self,
+        muscles: Ints,
+        features: Floats,
+        noise: Floats,
+        elongation: Floats,
+        units: int,
+        product: Floats,
+    ) -> None:
         self.muscles = muscles
+        self.units = units
         self.features = features
         self.elongation = elongation
-        self._factor = cho_factor(features @ features.T + elongation + np.diag(noise**2))
+        self._factor = cho_factor(product + elongation + np.diag(noise**2))
 
     @property
     def log_det(self) -> float:
@@ -137,10 +170,12 @@ class MapPrior:
         nominal_map: the map before learning, from which every correction is counted.
         postures: typical postures (N, n) [rad], N > 1, which set the scale of `shape`.
         options: standard deviations.
+        points: what displaced points do to the lengths; None: it is unknown.
 
     Attributes:
         map: the nominal map.
         options: as given.
+        points: as given.
         factors: errors of each muscle's map, in standard deviations of the others (m,) [1];
             infinite for a muscle that is left out of all kernels; None: all are alike.
         drifted: covariance of what each length has drifted since the first K postures of a kernel
@@ -154,9 +189,13 @@ class MapPrior:
     drifted: Floats | None = None
 
     def __init__(
-        self, nominal_map: JointMuscleMap, postures: Floats, options: PriorOptions
+        self,
+        nominal_map: JointMuscleMap,
+        postures: Floats,
+        options: PriorOptions,
+        points: PointWeights | None = None,
     ) -> None:
-        self.map, self.options = nominal_map, options
+        self.map, self.options, self.points = nominal_map, options, points
         self._centres = []
         self._spreads = []
         for group in nominal_map.groups:
@@ -173,7 +212,7 @@ class MapPrior:
         """Number of elongations as which a zeroing of all lengths counts; variances add up."""
         return (self.options.zeroing / self.options.elongation) ** 2
 
-    def zeroed(self, zero: Floats, offset: float, shape: float) -> MapPrior:
+    def zeroed(self, zero: Floats, offset: float, shape: float, points: float) -> MapPrior:
         """Prior of the same robot, once it is known where its lengths were zeroed.
 
         Its map is relative to that posture.
@@ -182,11 +221,12 @@ class MapPrior:
             zero: joint angles (n,) [rad] at which the lengths were zeroed.
             offset: standard deviation of a muscle's length over all postures [m].
             shape: standard deviation of the change of a length with posture [m].
+            points: standard deviation of the displacement of a point [m].
         """
         found, shift = copy(self), self.map.lengths(zero) / METRES
         layers = {g.name: (g.W2, g.b2 - shift[g.muscle_index]) for g in self.map.groups}
         found.map = self.map.with_output_layers(layers)
-        found.options = replace(self.options, offset=offset, shape=shape)
+        found.options = replace(self.options, offset=offset, shape=shape, points=points)
         return found
 
     def with_factors(self, factors: Floats | None) -> MapPrior:
@@ -225,16 +265,53 @@ class MapPrior:
         for rank, group in enumerate(self.map.groups):
             muscles = group.muscle_index
             features = self.features(rank, group.hidden(postures)) if rows is None else rows[rank]
+            units = features.shape[1] - 1
             history = (
                 np.zeros((len(postures), len(muscles)))
                 if elongated is None
                 else elongated[:, muscles]
             )
+            product = features @ features.T
             for times, alike in _histories(history):
                 elongation = self._elongation(times)
                 for factor, same in self._alike(muscles[alike]):
-                    kernels.append(GroupKernel(same, factor * features, spread, elongation))
+                    for own in self._sharing(same):
+                        phi, full = self._completed(rank, features, product, own)
+                        phi, full = factor * phi, factor**2 * full
+                        kernels.append(GroupKernel(own, phi, spread, elongation, units, full))
         return kernels
+
+    def _sharing(self, muscles: Ints) -> Iterable[Ints]:
+        """Muscles of a group, divided into those with the same features."""
+        return (muscles,) if self.points is None else muscles[:, None]
+
+    def completed(self, rank: int, features: Floats, muscles: Ints) -> Floats:
+        """Features of muscles that share them, with those of their displaced points.
+
+        Args:
+            rank: of their group in the map.
+            features: of the group (K, 1 + H) [m], see `features`.
+            muscles: indices of the muscles; one if points are displaced.
+
+        Returns:
+            Features (K, 1 + H + P) [m]; as they are if points are not known.
+        """
+        return self._completed(rank, features, np.zeros(1), muscles)[0]
+
+    def _completed(
+        self, rank: int, features: Floats, product: Floats, muscles: Ints
+    ) -> tuple[Floats, Floats]:
+        """`completed`, and the product of these features with themselves (K, K) [m^2]."""
+        if self.points is None:
+            return features, product
+        points = features[:, 1:] @ self._point_weights(rank, muscles)
+        return np.hstack([features, points]), product + points @ points.T
+
+    def _point_weights(self, rank: int, muscles: Ints) -> Floats:
+        """Features of a muscle's displaced points by those of its shape (H, P) [1]."""
+        assert self.points is not None
+        (own,) = np.flatnonzero(self.map.groups[rank].muscle_index == muscles[0])
+        return self.options.points / self._scale(rank) * self.points[rank][own]
 
     def _elongation(self, times: Floats) -> Floats:
         """Covariance (K, K) [m^2] of the elongation of a muscle since each posture."""
@@ -269,12 +346,15 @@ class MapPrior:
         for rank, group in enumerate(self.map.groups):
             features = self.features(rank, group.hidden(postures))
             for factor, same in self._alike(group.muscle_index):
-                crossed = factor**2 * features @ features[count]
-                variance = crossed[count]
-                if count:
-                    learned = GroupKernel(same, factor * features[:count], noise, np.zeros(1))
-                    variance -= crossed[:count] @ learned.whiten(crossed[:count])
-                found[same] = np.sqrt(max(float(variance), 0.0))
+                for own in self._sharing(same):
+                    phi = factor * self.completed(rank, features, own)
+                    crossed = phi @ phi[count]
+                    variance = crossed[count]
+                    if count:
+                        rows = phi[:count]
+                        learned = GroupKernel(own, rows, noise, np.zeros(1), 0, rows @ rows.T)
+                        variance -= crossed[:count] @ learned.whiten(crossed[:count])
+                    found[own] = np.sqrt(max(float(variance), 0.0))
         return found
 
     def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:
@@ -290,20 +370,24 @@ class MapPrior:
         kernels = self.groups(postures, noise, elongated)
         layers: dict[str, tuple[Floats, Floats]] = {}
         for rank, group in enumerate(self.map.groups):
-            change = self._change(kernels, group, residual)
+            change = self._change(kernels, rank, residual)
             layers[group.name] = self._layer(rank, group, change)
         return self.map.with_output_layers(layers)
 
-    def _change(self, kernels: Sequence[GroupKernel], group: GroupMap, residual: Floats) -> Floats:
+    def _change(self, kernels: Sequence[GroupKernel], rank: int, residual: Floats) -> Floats:
         """Change (1 + H, k) [mm] of the features' weights; 0 for muscles that are left out."""
-        muscles = group.muscle_index
-        change = np.zeros((1 + group.W2.shape[1], len(muscles)))
+        group = self.map.groups[rank]
+        muscles, units = group.muscle_index, group.W2.shape[1]
+        change = np.zeros((1 + units, len(muscles)))
         for kernel in kernels:
             own = np.isin(muscles, kernel.muscles)
             if own.any():
                 white = kernel.features.T @ kernel.whiten(residual[:, kernel.muscles])
                 factor = 1.0 if self.factors is None else self.factors[kernel.muscles[0]]
-                change[:, own] = factor * white / METRES
+                change[:, own] = factor * white[: 1 + units] / METRES
+                if self.points is not None:
+                    points = self._point_weights(rank, kernel.muscles) @ white[1 + units :]
+                    change[1:, own] += factor * points / METRES
         return change
 
     def features(self, rank: int, hidden: Floats) -> Floats:

@@ -21,7 +21,7 @@ from jmm_agent.vision.camera_unknowns import (
 from jmm_agent.vision.length_drift import LEAST, LengthDrift, likeliest_speed
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
 from jmm_agent.vision.permanent_elongation import log_bayes_factors, with_likeliest_step
-from jmm_agent.vision.prior_widths import PriorWidths
+from jmm_agent.vision.prior_widths import PriorWidths, usual_widths
 from jmm_agent.vision.rest_fit import CommonErrors, Rest, RestFit, RestProblem, fit_rests
 
 SAME_WIDTH = 0.2
@@ -114,8 +114,7 @@ class RestFitter:
         self.nominal, self._marker_residual = prior, marker_residual
         self._limits, self._options = limits, options
         self._camera = options.camera if is_of_camera(marker_residual) else NOT_UNKNOWN
-        known = prior.options
-        self._usual = PriorWidths(known.zeroed_offset, known.zeroed_shape, known.zero_posture)
+        self._usual = usual_widths(prior)
         self._balance = (
             None if loads is None else Balance(prior.map, loads, limits, options.balance)
         )
@@ -139,7 +138,7 @@ class RestFitter:
         if memory.zero is None:
             return self.nominal
         widths = memory.widths or self._usual
-        return self.nominal.zeroed(memory.zero, widths.offset, widths.shape)
+        return self.nominal.zeroed(memory.zero, widths.offset, widths.shape, widths.points)
 
     def drifting_prior(self, memory: RestMemory) -> MapPrior:
         """As `prior`, at the postures of the observations, since which lengths have drifted."""
@@ -238,7 +237,7 @@ class RestFitter:
         balance, widths = self._balance, memory.widths or self._usual
         if not self.enabled:
             known = self.nominal.options
-            widths = PriorWidths(known.offset, known.shape, KNOWN_ZERO)
+            widths = PriorWidths(known.offset, known.shape, KNOWN_ZERO, known.points)
         if not self.enabled or memory.unbalanced is not None:
             balance = None
         return self._problem(memory, observations, elongated, balance, widths, start)

@@ -187,7 +187,7 @@ class NewestProblem:
     ) -> None:
         self._newest, self._rows, self._noise = newest, rows, prior.options.noise
         self._kernels, missed = others.kernels(angles), others.missed(angles)
-        self._group = group_of_muscle(prior)
+        self._group, self._prior = group_of_muscle(prior), prior
         self._weighed = [kernel.whiten(missed[:, kernel.muscles]) for kernel in self._kernels]
         self.weights = ObservationWeights(
             [newest], options.position_noise, options.rotation_noise, options.joint_noise
@@ -213,7 +213,8 @@ class NewestProblem:
         missed = self._newest.lengths - row.lengths
         variance = np.full(len(missed), np.inf)  # of muscles that are left out
         for kernel, weighed in zip(self._kernels, self._weighed, strict=True):
-            own = row.features[self._group[kernel.muscles[0]]]
+            rank = int(self._group[kernel.muscles[0]])
+            own = self._prior.completed(rank, row.features[rank][None], kernel.muscles)[0]
             shared = kernel.features @ own
             missed[kernel.muscles] -= shared @ weighed
             variance[kernel.muscles] = own @ own + self._noise**2 - shared @ kernel.whiten(shared)

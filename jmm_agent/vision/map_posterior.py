@@ -28,7 +28,7 @@ class Projected(NamedTuple):
 
     Attributes:
         rows: the functions of the lengths of each posture (P, a, m).
-        features: of each kernel (P, 1 + H) [m].
+        features: of each kernel (P, F) [m].
         gains: C^-1 k of each kernel (R, P), for the R rests.
         solved: lower triangle of H, solved for how unknown angles move the functions (X, P, a).
     """
@@ -125,12 +125,13 @@ class MapPosterior:
         return np.asarray(found)
 
     def _features(self, postures: Floats) -> list[Floats]:
-        """Features of each kernel (P, 1 + H) [m]."""
+        """Features of each kernel (P, F) [m]."""
         groups, known = self._prior.map.groups, dict[int, Floats]()
         for rank in self._ranks:
             if rank not in known:
                 known[rank] = self._prior.features(rank, groups[rank].hidden(postures))
-        return [known[rank] for rank in self._ranks]
+        pairs = zip(self._ranks, self._fit.kernels, strict=True)
+        return [self._prior.completed(rank, known[rank], one.muscles) for rank, one in pairs]
 
     def _gains(self, features: list[Floats]) -> list[Floats]:
         """C^-1 k of each kernel (R, P)."""

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, solve_triangular
 
-from jmm_agent.mapping.prior import GroupKernel
+from jmm_agent.mapping.prior import GroupKernel, MapPrior
 from jmm_agent.types import Floats
 
 KNOWN = 8.0
@@ -45,11 +45,24 @@ class PriorWidths(NamedTuple):
         offset: of a muscle's length over all postures, beside the effect of the zero posture [m].
         shape: of the change of a length with posture [m].
         zero: of each joint angle at which the lengths were zeroed [rad].
+        points: of the displacement of a point of attachment along each axis [m].
     """
 
     offset: float
     shape: float
     zero: float
+    points: float
+
+
+def usual_widths(prior: MapPrior) -> PriorWidths:
+    """Widths of a prior before anything was measured.
+
+    Args:
+        prior: prior of the map's error.
+    """
+    known = prior.options
+    shape = known.zeroed_shape if prior.points is None else known.remaining_shape
+    return PriorWidths(known.zeroed_offset, shape, known.zero_posture, known.points)
 
 
 class Linearised(NamedTuple):
@@ -83,13 +96,15 @@ def likeliest_widths(fit: Linearised, present: PriorWidths, usual: PriorWidths) 
     matrix = fit.matrix.copy()
     matrix[np.diag_indices_from(matrix)] *= 1.0 + REGULARISATION
     lower = np.tril(cho_factor(matrix, lower=True)[0])
-    squares, determined = np.zeros(3), np.zeros(3)
+    squares, determined = np.zeros(4), np.zeros(4)
     for kernel in fit.kernels:
         weights = kernel.features.T @ kernel.whiten(fit.missed[:, kernel.muscles])
         known = np.sum(kernel.features * kernel.whiten(kernel.features), axis=0)
         known = len(kernel.muscles) * known - _by_postures(fit, kernel, lower)
-        squares[:2] += np.sum(weights[0] ** 2), np.sum(weights[1:] ** 2)
-        determined[:2] += known[0], known[1:].sum()
+        kinds = slice(0, 1), slice(1, 1 + kernel.units), slice(1 + kernel.units, None)
+        for kind, own in zip((0, 1, 3), kinds, strict=True):
+            squares[kind] += np.sum(weights[own] ** 2)
+            determined[kind] += known[own].sum()
     joints = len(fit.zero)
     last = np.zeros((len(matrix), joints))
     last[-joints:] = np.eye(joints)
@@ -98,11 +113,12 @@ def likeliest_widths(fit: Linearised, present: PriorWidths, usual: PriorWidths) 
     determined[2] = joints - spread
     least = np.maximum(determined, 0.0)
     widths = (KNOWN * np.array(usual) ** 2 + np.array(present) ** 2 * squares) / (KNOWN + least)
-    offset, shape, zero = np.sqrt(widths).tolist()
+    offset, shape, zero, points = np.sqrt(widths).tolist()
     return PriorWidths(
         min(max(offset, usual.offset), LARGEST * usual.offset),
         min(max(shape, usual.shape), LARGEST * usual.shape),
         min(zero, LARGEST * usual.zero),
+        min(max(points, usual.points), LARGEST * usual.points),
     )
 
 

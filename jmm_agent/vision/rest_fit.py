@@ -132,7 +132,8 @@ class RestProblem:
     ) -> None:
         self._marker_residual = marker_residual
         self._balance, self.widths = balance, widths
-        self.prior = prior.zeroed(np.zeros(len(prior.map.joints)), widths.offset, widths.shape)
+        zero = np.zeros(len(prior.map.joints))
+        self.prior = prior.zeroed(zero, widths.offset, widths.shape, widths.points)
         lengths = [found.lengths for found in observations] + [rest.lengths for rest in rests]
         tensions = [found.tensions for found in observations] + [rest.tensions for rest in rests]
         whole = [one is not None and bool(np.isfinite(one).all()) for one in tensions]
@@ -242,12 +243,13 @@ class RestProblem:
         gradient[-1] += unknown[-1] / self.widths.zero**2
         missed, jacobian = self._missed_and_arms(unknown)
         rows = self._rows(count)
+        shared = np.zeros((count + 1, count + 1, jacobian.shape[1]))
         for group in self.prior.groups(unknown[:-1], elongated=self._elongated):
             arms, white = jacobian[:, group.muscles], group.whiten(missed[:, group.muscles])
-            information = rows.T @ group.whiten(rows)
-            products = np.einsum("kmi,lmj->kilj", arms, arms, optimize=True)
-            matrix += information[:, None, :, None] * products
+            shared[:, :, group.muscles] = (rows.T @ group.whiten(rows))[:, :, None]
             gradient -= np.einsum("kmi,km->ki", arms, rows.T @ white)
+        turned = jacobian.transpose(0, 2, 1)[:, None] * shared[:, :, None, :]
+        matrix += (turned @ jacobian).transpose(0, 2, 1, 3)
         size = (count + 1) * joints
         return matrix.reshape(size, size), gradient.ravel()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -19,7 +20,16 @@ SAMPLES = 200
 """Number of postures, uniform between the joint limits, over which lengths are taken."""
 ARM = 1e-12
 """Least moment arm of a muscle that crosses a joint [m/rad]."""
+DISPLACEMENT = 1e-6
+"""Displacement of a point of attachment by which its effect is computed [m]."""
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+class _Point(NamedTuple):
+    """A site, and the muscles of which it is a point, with its rank in the path of each."""
+
+    site: int
+    uses: list[tuple[int, int]]
 
 
 class NominalArm:
@@ -122,6 +132,69 @@ class NominalArm:
     def lengths(self, postures: Floats) -> Floats:
         """Muscle lengths (B, m) [m] relative to the zero posture, for postures (B, n) [rad]."""
         return np.array([self._paths(posture) for posture in np.atleast_2d(postures)]) - self._zero
+
+    def point_sensitivities(self, postures: Floats) -> Floats:
+        """How the lengths change if points of attachment are displaced (B, m, P) [1].
+
+        The points of a muscle are the sites of its path, in their order; each is displaced along
+        the three axes of its body. Muscles with fewer points than others have zeros at the end.
+
+        Args:
+            postures: (B, n) [rad].
+        """
+        points = self._points
+        most = max(len(own) for own in points)
+        found = np.zeros((len(postures), len(points), most, 3))
+        for posture, change in zip(postures, found, strict=True):
+            base = self._paths(posture).copy()
+            for batch in self._batches:
+                self._displace(batch, base, change)
+        return found.reshape(len(postures), len(points), 3 * most)
+
+    def _displace(self, batch: list[_Point], base: Floats, change: Floats) -> None:
+        """Add what some sites do to lengths (m,) [m], to the change (m, points, 3) [1]."""
+        data, sites = self._data, [point.site for point in batch]
+        before = data.site_xpos[sites].copy()
+        turned = data.xmat[self.model.site_bodyid[sites]].reshape(-1, 3, 3)
+        for axis in range(3):
+            data.site_xpos[sites] = before + DISPLACEMENT * turned[:, :, axis]
+            mujoco.mj_tendon(self.model, data)
+            slope = (data.ten_length[self._tendon] - base) / DISPLACEMENT
+            for point in batch:
+                for muscle, rank in point.uses:
+                    change[muscle, rank, axis] = slope[muscle]
+        data.site_xpos[sites] = before
+
+    @cached_property
+    def _points(self) -> list[list[int]]:
+        """Sites of each muscle's path, in their order."""
+        model, site = self.model, mujoco.mjtWrap.mjWRAP_SITE
+        found = []
+        for number in self._tendon:
+            begin = model.tendon_adr[number]
+            path = range(begin, begin + model.tendon_num[number])
+            found.append([int(model.wrap_objid[k]) for k in path if model.wrap_type[k] == site])
+        return found
+
+    @cached_property
+    def _batches(self) -> list[list[_Point]]:
+        """Points that can be displaced at once, because no muscle has two of them."""
+        uses: dict[int, list[tuple[int, int]]] = {}
+        for muscle, sites in enumerate(self._points):
+            for rank, site in enumerate(sites):
+                uses.setdefault(site, []).append((muscle, rank))
+        batches: list[list[_Point]] = []
+        taken: list[set[int]] = []
+        for site, own in uses.items():
+            muscles = {muscle for muscle, _ in own}
+            free = (k for k, others in enumerate(taken) if not others & muscles)
+            number = next(free, len(taken))
+            if number == len(taken):
+                taken.append(set())
+                batches.append([])
+            taken[number] |= muscles
+            batches[number].append(_Point(site, own))
+        return batches
 
     @cached_property
     def travel(self) -> float:

@@ -29,8 +29,8 @@ def crosses() -> np.ndarray:
     return np.array([[e[0] <= k < e[-1] for k in range(len(JOINTS))] for e in ends])
 
 
-def raw_lengths(q: np.ndarray) -> np.ndarray:
-    """Lengths (B, 8) [m] of the muscles at postures (B, 6) [rad]."""
+def raw_lengths(q: np.ndarray, displaced: np.ndarray | None = None) -> np.ndarray:
+    """Lengths (B, 8) [m] of the muscles at postures (B, 6) [rad], with displaced points (8, 9)."""
     rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
     origin = np.zeros((len(q), 3))
     links = [(rotation, origin)]
@@ -41,8 +41,12 @@ def raw_lengths(q: np.ndarray) -> np.ndarray:
         rotation = rotation @ (np.eye(3) - sine * cross + (1 - cosine) * cross @ cross)
         links.append((rotation, origin))
     lengths = []
-    for muscle in MUSCLES.values():
-        points = [links[k][0] @ np.array(point) + links[k][1] for k, point in muscle]
+    shifts = np.zeros((8, 3, 3)) if displaced is None else displaced.reshape(8, 3, 3)
+    for muscle, moved in zip(MUSCLES.values(), shifts, strict=True):
+        own = [
+            (k, np.array(point) + shift) for (k, point), shift in zip(muscle, moved, strict=False)
+        ]
+        points = [links[k][0] @ point + links[k][1] for k, point in own]
         lengths.append(sum(np.linalg.norm(b - a, axis=1) for a, b in pairwise(points)))
     return np.stack(lengths, axis=1)
 
@@ -50,6 +54,16 @@ def raw_lengths(q: np.ndarray) -> np.ndarray:
 def relative_lengths(q: np.ndarray) -> np.ndarray:
     """Lengths (B, 8) [m] relative to q = 0."""
     return raw_lengths(q) - raw_lengths(np.zeros((1, len(JOINTS))))
+
+
+def point_sensitivities(q: np.ndarray) -> np.ndarray:
+    """How lengths change with displaced points (B, 8, 9) [1], by differences."""
+    found = np.zeros((len(q), 8, 9))
+    for number in range(9):
+        displaced = np.zeros((8, 9))
+        displaced[:, number] = 1e-6
+        found[:, :, number] = (raw_lengths(q, displaced) - raw_lengths(q, -displaced)) / 2e-6
+    return found
 
 
 def nominal_model(**changes: object) -> NominalModel:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,14 @@ def nominal_map() -> JointMuscleMap:
 @pytest.fixture
 def prior(nominal_map: JointMuscleMap) -> MapPrior:
     return MapPrior(nominal_map, TYPICAL, OPTIONS)
+
+
+@pytest.fixture
+def displaced(nominal_map: JointMuscleMap) -> MapPrior:
+    """A prior that knows what displaced points do."""
+    rng = np.random.default_rng(5)
+    points = tuple(rng.normal(size=(*g.W2.shape, 6)) for g in nominal_map.groups)
+    return MapPrior(nominal_map, TYPICAL, OPTIONS, points)
 
 
 def features(nominal_map: JointMuscleMap, rank: int, q: np.ndarray) -> np.ndarray:
@@ -49,6 +59,69 @@ def test_the_correction_is_the_ridge_solution(nominal_map: JointMuscleMap, prior
         weights = np.linalg.solve(phi.T @ phi + np.eye(phi.shape[1]), phi.T @ residual)
         change = (moved.lengths(asked) - nominal_map.lengths(asked))[:, group.muscle_index]
         np.testing.assert_allclose(change, features(nominal_map, rank, asked) @ weights, atol=1e-12)
+
+
+def test_errors_of_displaced_points_are_learned_from_few_pairs(
+    nominal_map: JointMuscleMap, prior: MapPrior, displaced: MapPrior
+) -> None:
+    assert displaced.points is not None
+    q, asked, rng = postures(8, 1), postures(100, 2), np.random.default_rng(6)
+
+    def change(at: np.ndarray) -> np.ndarray:
+        found = np.zeros((len(at), 5))
+        for weights, group in zip(displaced.points or (), nominal_map.groups, strict=True):
+            shifts = 0.004 * np.random.default_rng(8).normal(size=weights.shape[::2])
+            effect = np.einsum("kh,mhp,mp->km", group.hidden(at), weights, shifts)
+            found[:, group.muscle_index] = effect
+        return found
+
+    lengths = nominal_map.lengths(q) + change(q) + rng.normal(0.0, 1e-7, (8, 5))
+    true, noise = nominal_map.lengths(asked) + change(asked), np.full(8, 1e-7)
+    known = replace(OPTIONS, offset=0.1, shape=1e-6, points=0.004)
+    knowing = MapPrior(nominal_map, TYPICAL, known, displaced.points)
+    error = knowing.corrected(q, lengths, noise).lengths(asked) - true
+    without = prior.corrected(q, lengths, noise).lengths(asked) - true
+    assert np.sqrt(np.mean(error**2)) < 0.05 * np.sqrt(np.mean(without**2))
+
+
+def test_displaced_points_are_features_beside_the_others(
+    nominal_map: JointMuscleMap, displaced: MapPrior
+) -> None:
+    q = postures(5, 4)
+    found = {int(kernel.muscles[0]): kernel for kernel in displaced.groups(q)}
+    assert sorted(found) == [0, 1, 2, 3, 4]
+    for rank, group in enumerate(nominal_map.groups):
+        hidden = group.hidden(q) - group.hidden(TYPICAL).mean(axis=0)
+        for row, muscle in enumerate(group.muscle_index):
+            assert displaced.points is not None
+            points = OPTIONS.points * hidden @ displaced.points[rank][row]
+            phi = np.hstack([features(nominal_map, rank, q), points])
+            np.testing.assert_allclose(found[int(muscle)].features, phi, atol=1e-12)
+            expected = np.linalg.solve(phi @ phi.T + OPTIONS.noise**2 * np.eye(5), np.arange(5.0))
+            np.testing.assert_allclose(found[int(muscle)].whiten(np.arange(5.0)), expected)
+
+
+def test_the_correction_for_displaced_points_is_that_of_their_kernel(displaced: MapPrior) -> None:
+    q, asked = postures(6, 1), postures(40, 2)
+    lengths = displaced.map.lengths(q) + 0.02 * np.random.default_rng(3).normal(size=(6, 5))
+    noise = np.full(6, 0.002)
+    change = displaced.corrected(q, lengths, noise).lengths(asked) - displaced.map.lengths(asked)
+    both = displaced.groups(np.vstack([asked, q]))
+    for kernel, whole in zip(displaced.groups(q, noise), both, strict=True):
+        crossed = whole.features[:40] @ whole.features[40:].T
+        residual = (lengths - displaced.map.lengths(q))[:, kernel.muscles]
+        expected = crossed @ kernel.whiten(residual)
+        np.testing.assert_allclose(change[:, kernel.muscles], expected, atol=1e-12)
+
+
+def test_the_spread_knows_of_displaced_points(displaced: MapPrior) -> None:
+    q, asked, noise = postures(3, 1), postures(1, 2)[0], np.full(3, 0.002)
+    found = displaced.spread(q, noise, asked)
+    for kernel in displaced.groups(np.vstack([q, asked])):
+        full = kernel.features @ kernel.features.T
+        inner = np.linalg.inv(full[:3, :3] + 0.002**2 * np.eye(3))
+        expected = np.sqrt(full[3, 3] - full[3, :3] @ inner @ full[:3, 3])
+        assert found[kernel.muscles[0]] == pytest.approx(expected, rel=1e-6)
 
 
 def test_exact_pairs_are_explained(nominal_map: JointMuscleMap, prior: MapPrior) -> None:

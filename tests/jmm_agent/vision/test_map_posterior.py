@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from jmm_agent.errors import AgentError
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.prior import MapPrior, PointWeights
 from jmm_agent.types import Floats
 from jmm_agent.vision.hand_error import HandPostures, followed
 from jmm_agent.vision.map_posterior import MapPosterior
@@ -26,13 +26,15 @@ from tests.jmm_agent.vision.seen_robots import (
     postures,
 )
 
-WIDTHS = PriorWidths(PRIOR.zeroed_offset, PRIOR.zeroed_shape, PRIOR.zero_posture)
+WIDTHS = PriorWidths(PRIOR.zeroed_offset, PRIOR.zeroed_shape, PRIOR.zero_posture, PRIOR.points)
 NOISE = PRIOR.noise
 
 
-def problem(robot: SeenRobot, seen: Floats, rested: Floats) -> tuple[RestProblem, Floats]:
+def problem(
+    robot: SeenRobot, seen: Floats, rested: Floats, points: PointWeights | None = None
+) -> tuple[RestProblem, Floats]:
     """Problem of postures that are seen or only rested (., 4) [rad], and its unknown angles."""
-    prior = MapPrior(make_map(), postures(100, 8), PRIOR)
+    prior = MapPrior(make_map(), postures(100, 8), PRIOR, points)
     observations = [robot.observation(q) for q in seen]
     rests = [Rest(robot.lengths(q), np.full(8, np.nan), q) for q in rested]
     options, none = ObservationFitOptions(), np.zeros((len(seen), 8))
@@ -51,10 +53,15 @@ def dense(one: RestProblem, unknown: Floats, seen: int, at: Floats) -> tuple[Flo
     The unknown numbers are all joint angles, the zero posture, and the weights of the features.
     """
     nominal, count = one.prior.map, len(unknown) - 1
-    features = [one.prior.features(r, g.hidden(unknown[:-1])) for r, g in enumerate(nominal.groups)]
-    others = [one.prior.features(r, g.hidden(at)) for r, g in enumerate(nominal.groups)]
     rank = {int(m): r for r, g in enumerate(nominal.groups) for m in g.muscle_index}
-    sizes = [features[rank[m]].shape[1] for m in range(8)]
+
+    def phi(m: int, at: Floats) -> Floats:
+        own = one.prior.features(rank[m], nominal.groups[rank[m]].hidden(at))
+        return one.prior.completed(rank[m], own, np.array([m]))
+
+    features = [phi(m, unknown[:-1]) for m in range(8)]
+    others = [phi(m, at) for m in range(8)]
+    sizes = [own.shape[1] for own in features]
     starts = 4 * (count + 1) + np.concatenate([[0], np.cumsum(sizes)])
     arms, zero_arms = nominal.jacobian(unknown[:-1]), nominal.jacobian(unknown[-1])
     lengths = nominal.lengths(unknown[:-1]) - nominal.lengths(unknown[-1])
@@ -65,9 +72,9 @@ def dense(one: RestProblem, unknown: Floats, seen: int, at: Floats) -> tuple[Flo
         for k in range(count):
             rows[k, m, 4 * k : 4 * k + 4] = arms[k, m]
             rows[k, m, 4 * count : 4 * count + 4] = -zero_arms[m]
-            rows[k, m, own] = features[rank[m]][k]
+            rows[k, m, own] = features[m][k]
         predict[:, m, 4 * count : 4 * count + 4] = -zero_arms[m]
-        predict[:, m, own] = others[rank[m]]
+        predict[:, m, own] = others[m]
     flat = rows.reshape(-1, starts[-1])
     poses = [LEVER.T @ LEVER / POSITION_NOISE**2] * seen + [np.zeros((4, 4))] * (count - seen)
     prior = block_diag(*poses, np.eye(4) / WIDTHS.zero**2, np.eye(int(sum(sizes))))
@@ -83,10 +90,16 @@ def dense(one: RestProblem, unknown: Floats, seen: int, at: Floats) -> tuple[Flo
     return expected + (outer[:, weights] @ mean).reshape(-1, 8), outer @ covariance @ outer.T
 
 
+@pytest.mark.parametrize("displaced", [False, True])
 @pytest.mark.parametrize(("seen", "rested"), [(3, 0), (2, 3), (0, 4), (0, 0)])
-def test_it_is_the_marginal_of_the_posterior_of_all_unknowns(seen: int, rested: int) -> None:
-    robot, at = SeenRobot(3), postures(4, 41)
-    one, unknown = problem(robot, postures(seen, 2), postures(rested, 3))
+def test_it_is_the_marginal_of_the_posterior_of_all_unknowns(
+    seen: int, rested: int, displaced: bool
+) -> None:
+    robot, at, points = SeenRobot(3), postures(4, 41), None
+    if displaced:
+        rng = np.random.default_rng(1)
+        points = tuple(rng.normal(size=(*g.W2.shape, 3)) for g in make_map().groups)
+    one, unknown = problem(robot, postures(seen, 2), postures(rested, 3), points)
     found = MapPosterior(one.prior, one.linearised(unknown))
     mean, covariance = dense(one, unknown, seen, at)
     np.testing.assert_allclose(found.lengths(at), mean, atol=2e-6)

@@ -28,7 +28,7 @@ from tests.jmm_agent.test_updaters import marker_residual, picture
 
 ZERO = np.array([0.25, -0.2, 0.15, 0.3])
 """Posture at which the robot was zeroed [rad]."""
-USUAL = PriorWidths(0.003, 0.0025, 0.25)
+USUAL = PriorWidths(0.003, 0.0025, 0.25, 0.004)
 OPTIONS = ObservationFitOptions()
 WIDE = np.column_stack([LIMITS[:, 0] - 1.0, LIMITS[:, 1] + 1.0])
 """Limits beyond which no posture of the tests is [rad]."""
