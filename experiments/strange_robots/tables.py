@@ -158,12 +158,13 @@ def _named_table(results: Results) -> Table:
     for condition in CONDITIONS:
         for seed, result in results.items():
             found = result[condition]
-            after = "" if not found["odd"] else found["named_after"] or "never"
+            after = "never" if found["named_after"] is None else found["named_after"]
             run = found.get("commissioning", {})
             texts = [" ".join(one) for one in run.get("found", [])] or ["-"] * bool(run)
             kinds = [f"{kind} {where}" for kind, where, _, _ in found["faults"]]
             rows.append(
-                (condition, seed, " ".join(found["odd"]), after, ", ".join(texts),
+                (condition, seed, " ".join(found["odd"]), after if found["odd"] else "",
+                 ", ".join(texts),
                  len(found["false_names"]), found["events"], f"{found['tension_N']:.0f}",
                  ", ".join(kinds[:4]) + (" ..." if len(kinds) > 4 else ""))
             )  # fmt: skip

@@ -96,9 +96,9 @@ class Named:
         return max(found) if found and len(found) == len(after) else None
 
     def wrong(self, odd: tuple[str, ...], muscles: tuple[str, ...]) -> list[str]:
-        """Faults at other muscles: kind and place."""
+        """Faults at other muscles: kind and place, which may be two muscles that are exchanged."""
         others = set(muscles) - set(odd)
-        return [f"{kind} {where}" for kind, where in self.faults if where in others]
+        return [f"{kind} {where}" for kind, where in self.faults if others & _words(where)]
 
     def plain(self) -> list[list[Any]]:
         """All faults for JSON: kind, place, number of looks, detail."""

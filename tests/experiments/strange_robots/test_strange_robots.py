@@ -159,12 +159,19 @@ def test_lengths_drift_by_a_millimetre_a_minute_and_stay_in_a_test() -> None:
 
 def test_muscles_count_as_named_when_all_of_them_were() -> None:
     named = Named()
-    named.faults["swapped", "biceps"] = ("biceps and triceps are swapped", 3)
+    named.faults["muscles_swapped", "biceps and triceps"] = ("they are exchanged", 3)
     named.warnings["The wire of delt_ant gave."] = 4
     assert named.first(("biceps", "triceps")) == 3
     assert named.first(("delt_ant",)) == 4
     assert named.first(("biceps", "delt_post")) is None
-    assert named.wrong(("triceps",), ("biceps", "triceps")) == ["swapped biceps"]
+
+
+def test_a_fault_of_two_muscles_is_false_if_one_of_them_is_intact() -> None:
+    named, muscles = Named(), ("biceps", "triceps", "delt_ant")
+    named.faults["muscles_swapped", "biceps and triceps"] = ("they are exchanged", 3)
+    named.faults["lengths_drift", "muscles"] = ("they drift", 5)
+    assert named.wrong(("triceps",), muscles) == ["muscles_swapped biceps and triceps"]
+    assert named.wrong(("biceps", "triceps"), muscles) == []
 
 
 def results() -> Results:
@@ -218,6 +225,10 @@ def test_tables_and_figure_show_all_conditions() -> None:
     assert loads.rows[1][:2] == ("0.5", "0.50")
     row = next(row for row in named.rows if row[0] == SWAPPED and row[1] == 1)
     assert row[3] == 4
+    made = results()
+    made[1][SWAPPED]["named_after"] = 0
+    row = next(row for row in tables(made, SIZES)[3].rows if row[:2] == (SWAPPED, 1))
+    assert row[3] == 0
     row = next(row for row in named.rows if row[0] == "swapped-commissioned" and row[1] == 1)
     assert row[4] == "swapped a b"
     assert per_seed(results())[0][LENS]["errors"]["5"] == [1.4, 14.0]
