@@ -166,8 +166,7 @@ def ratios(results: Results, condition: str, key: str) -> dict[int, float]:
 
 def ratio_metric(values: Mapping[int, float]) -> dict[str, Any]:
     """Metric of ratios, of which the upper end of the interval must not exceed `MUST`."""
-    found = metric(values, "")
-    return {**found, "must": MUST, "reached": bool(found["high"] <= MUST)}
+    return metric(values, "", MUST, by="high")
 
 
 def conclude(results: Results, sizes: Sizes) -> Findings:

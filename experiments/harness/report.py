@@ -107,16 +107,22 @@ def metric_table(metrics: Mapping[str, Mapping[str, Any]]) -> Table:
             found["median"],
             f"{found['low']} to {found['high']}",
             found["worst"],
-            "" if found["must"] is None else found["must"],
+            "" if found["must"] is None else f"{found['must']}{_judged(found)}",
             {True: "yes", False: "NO", None: ""}[found["reached"]],
         )
         for name, found in metrics.items()
     ]
     note = (
         "Median over robots with its bootstrap 95 % interval. Must: the threshold that the median "
-        "is required to reach."
+        "is required to reach, or the worst robot, or the upper end of the interval, where it says "
+        "so."
     )
     return Table("Metrics", head, rows, note)
+
+
+def _judged(found: Mapping[str, Any]) -> str:
+    """Which number a threshold is for, in words; empty for the median."""
+    return {"worst": " (worst)", "high": " (interval)"}.get(found.get("by", "median"), "")
 
 
 def print_table(console: Console, table: Table) -> None:

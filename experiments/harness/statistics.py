@@ -15,6 +15,9 @@ LEVEL = 0.95
 """Number of bootstrap samples, and confidence level of the interval."""
 
 Good = Literal["low", "high"]
+By = Literal["median", "worst", "high"]
+"""Which number of a metric a threshold is for: the median, that of the worst robot, or the upper
+end of the interval."""
 
 
 class Interval(NamedTuple):
@@ -82,35 +85,39 @@ def metric(
     must: float | None = None,
     paper: float | str | None = None,
     good: Good = "low",
+    by: By = "median",
 ) -> dict[str, Any]:
     """One entry of ``metrics`` in a ``summary.json``.
 
     Args:
         values: one finite number a robot.
         unit: of the numbers, "" without a unit.
-        must: threshold of the median: an upper bound, or a lower bound if high numbers are good.
+        must: threshold: an upper bound, or a lower bound if high numbers are good.
         paper: number or statement of the paper.
         good: whether low or high numbers are good; the worst robot has the opposite extreme.
+        by: which number has to satisfy the threshold.
 
     Returns:
         ``unit``, ``paper``, ``median``, ``worst``, ``low`` and ``high`` (bootstrap 95 % interval of
-        the median), ``must``, and ``reached``: whether the median satisfies ``must``, None without
-        a threshold.
+        the median), ``must``, ``by``, and ``reached``: whether the number named by ``by`` satisfies
+        ``must``, None without a threshold.
     """
     numbers = np.array(list(values.values()) if isinstance(values, Mapping) else values, float)
     found = interval(numbers)
-    worst = numbers.max() if good == "low" else numbers.min()
+    worst = float(numbers.max() if good == "low" else numbers.min())
     reached = None
     if must is not None:
-        reached = bool(found.median <= must if good == "low" else found.median >= must)
+        judged = {"median": found.median, "worst": worst, "high": found.high}[by]
+        reached = bool(judged <= must if good == "low" else judged >= must)
     return {
         "unit": unit,
         "paper": paper,
         "median": _rounded(found.median),
-        "worst": _rounded(float(worst)),
+        "worst": _rounded(worst),
         "low": _rounded(found.low),
         "high": _rounded(found.high),
         "must": must,
+        "by": by,
         "reached": reached,
     }
 

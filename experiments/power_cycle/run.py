@@ -150,10 +150,8 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         for name in (ANNOUNCED, UNANNOUNCED):
             each = ratios(results, cycle, name, FRESH)
             worst = max(range(each.shape[1]), key=lambda n: interval(each[:, n]).high)
-            found = metric(each[:, worst], "", 1.0)
-            metrics[f"{cycle}_{name}_to_fresh"] = {
-                **found, "reached": found["high"] <= 1.0, "postures": worst
-            }  # fmt: skip
+            found = metric(each[:, worst], "", 1.0, by="high")
+            metrics[f"{cycle}_{name}_to_fresh"] = {**found, "postures": worst}
             back = [
                 min(result[cycle][name]["error_deg"]) / result[cycle]["before_deg"]
                 for result in results.values()
@@ -167,8 +165,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         alarms = [
             result[cycle][UNANNOUNCED]["named_after"] is not None for result in results.values()
         ]
-        found = metric([float(alarm) for alarm in alarms], "", 0.0)
-        metrics[f"{cycle}_false_alarms"] = {**found, "reached": not any(alarms)}
+        metrics[f"{cycle}_false_alarms"] = metric(np.array(alarms, float), "", 0.0, by="worst")
     tables = [error_table(results, cycle, sizes) for cycle in ZEROED] + [alarm_table(results)]
     per_seed = {seed: dict(result) for seed, result in results.items()}
     return Findings(metrics, per_seed, tables, (), {})

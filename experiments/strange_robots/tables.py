@@ -90,9 +90,9 @@ def metrics(results: Results, sizes: Sizes) -> dict[str, Mapping[str, Any]]:
             must = MUST_LOADED if unit == "deg" else None
             found[f"{SOFT}_with_{load}_kg_over_empty_{unit}"] = metric(ratio, "", must=must)
     for condition, most in MUST_NAMED.items():
-        texts = [result[condition]["named_after"] for result in results.values()]
-        named = metric([NEVER if at is None else at for at in texts], "observations", must=most)
-        found[f"{condition}_named_after"] = {**named, "reached": bool(named["worst"] <= most)}
+        named = [result[condition]["named_after"] for result in results.values()]
+        counts = [NEVER if at is None else at for at in named]
+        found[f"{condition}_named_after"] = metric(counts, "observations", must=most, by="worst")
         wrong = [len(result[condition]["false_names"]) for result in results.values()]
         found[f"{condition}_false_names"] = metric(wrong, "")
     return found
@@ -102,8 +102,7 @@ def _never_worse(results: Results, sizes: Sizes) -> dict[str, Any]:
     """Largest error of the hand after any number of looks, as a share of that before."""
     before = numbers(results, POINTS, 0, UNITS["mm"])
     each = [numbers(results, POINTS, count, UNITS["mm"]) / before for count in sizes.counts]
-    found = metric(np.max(each, axis=0), "", must=1.0)
-    return {**found, "reached": bool(found["worst"] <= 1.0)}
+    return metric(np.max(each, axis=0), "", must=1.0, by="worst")
 
 
 def _cell(values: Floats) -> str:
@@ -172,7 +171,8 @@ def _named_table(results: Results) -> Table:
             "elongations", "tension [N]", "faults named")  # fmt: skip
     note = (
         "Elongations: events by which the map explains lengths. False names: faults at muscles "
-        "that are as drawn. Tension: the largest while learning."
+        "that are as drawn. Tension: the largest while learning. In the metrics "
+        f"{NEVER:g} looks stand for never."
     )
     return Table("What the agent named while it learned", head, rows, note)
 

@@ -88,7 +88,7 @@ def metrics(results: Results) -> dict[str, Mapping[str, Any]]:
     seconds = [max(muscle["named_s"] or np.inf for muscle in own) for own in muscles]
     found["named_share"] = metric(
         [float(np.mean([muscle["named_s"] is not None for muscle in own])) for own in muscles],
-        "", must=1.0, good="high",
+        "", must=1.0, good="high", by="worst",
     )  # fmt: skip
     if np.isfinite(seconds).all():
         found["named_after_s"] = metric(seconds, "s")
@@ -96,17 +96,11 @@ def metrics(results: Results) -> dict[str, Mapping[str, Any]]:
         float(len(robot["false"]) + sum(len(muscle["others"]) for muscle in own))
         for robot, own in zip(robots, muscles, strict=True)
     ]
-    found["intact_muscles_named"] = metric(false, "", must=0.0)
+    found["intact_muscles_named"] = metric(false, "", must=0.0, by="worst")
     for key, must in (("demanded_N", LIMIT + ROUNDING), ("largest_N", None)):
-        largest = [
-            max(
-                max(muscle[key], *(one[key] for one in muscle["after"] + muscle["learned"]))
-                for muscle in own
-            )
-            for own in muscles
-        ]
+        largest = [max(_largest(muscle, key) for muscle in own) for own in muscles]
         name = {"demanded_N": "largest_demand_N", "largest_N": "largest_tension_N"}[key]
-        found[name] = metric(largest, "N", must=must)
+        found[name] = metric(largest, "N", must=must, by="worst")
     kept = [1.0 - float(np.mean([muscle["lost"] for muscle in own])) for own in muscles]
     found["postures_that_can_be_held"] = metric(kept, "", good="high")
     for name, what in (("named_joint_right", named_joints), ("held_as_on_the_robot", agreement)):
@@ -117,6 +111,11 @@ def metrics(results: Results) -> dict[str, Mapping[str, Any]]:
     if replaced:
         found["error_at_nearest_posture_deg"] = metric(replaced, "deg")
     return found
+
+
+def _largest(muscle: Mapping[str, Any], key: str) -> float:
+    """Largest tension or demand [N] from the moment at which a muscle snapped."""
+    return max(one[key] for one in [muscle, *muscle["after"], *muscle["learned"]])
 
 
 def tables(results: Results) -> list[Table]:
@@ -143,7 +142,7 @@ def tables(results: Results) -> list[Table]:
                     muscle["observations"],
                     f"{np.median(far):.1f}" if far else "-",
                     f"{sum(right)} of {len(right)}",
-                    f"{max(one['largest_N'] for one in [muscle, *muscle['learned']]):.0f}",
+                    f"{_largest(muscle, 'largest_N'):.0f}",
                 )
             )
     header = ("robot", "muscle", "named after [s]", "can be held, by agent and robot [%]",

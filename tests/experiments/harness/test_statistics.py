@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.harness.report import metric_table
 from experiments.harness.statistics import interval, metric, paired
 
 NUMBERS = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=20)
@@ -60,5 +61,17 @@ def test_a_metric_compares_the_median_with_its_threshold() -> None:
     assert share["reached"] is False
     assert share["worst"] == 2.0
     assert set(share) == {
-        "unit", "paper", "median", "worst", "low", "high", "must", "reached",
+        "unit", "paper", "median", "worst", "low", "high", "must", "by", "reached",
     }  # fmt: skip
+
+
+def test_a_threshold_may_be_for_the_worst_robot_or_the_end_of_the_interval() -> None:
+    errors = [1.0, 2.0, 3.0, 4.0, 9.0]
+    assert metric(errors, "deg", must=3.0)["reached"]
+    assert not metric(errors, "deg", must=8.9, by="worst")["reached"]
+    assert metric(errors, "deg", must=9.0, by="worst")["reached"]
+    assert not metric(errors, "", must=2.0, good="high", by="worst")["reached"]
+    high = metric(errors, "deg")["high"]
+    assert not metric(errors, "deg", must=high - 0.1, by="high")["reached"]
+    rows = metric_table({"a": metric(errors, "", 3.0), "b": metric(errors, "", 9.0, by="worst")})
+    assert [row[5] for row in rows.rows] == ["3.0", "9.0 (worst)"]

@@ -72,10 +72,29 @@ def test_each_requirement_can_fail() -> None:
     assert not metrics(results(demanded_N=500.1))["largest_demand_N"]["reached"]
 
 
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"named_s": None}, "named_share"),
+        ({"others": ["biceps"]}, "intact_muscles_named"),
+        ({"demanded_N": 500.1}, "largest_demand_N"),
+    ],
+)
+def test_one_bad_robot_of_three_does_not_reach_what_each_must(
+    change: dict[str, Any], name: str
+) -> None:
+    three = {5: results()[4], 6: results()[4]}
+    assert metrics({**three, 7: results()[4]})[name]["reached"]
+    assert not metrics({**three, 7: results(**change)[4]})[name]["reached"]
+
+
 def test_tables_and_figure_have_a_row_for_each_muscle() -> None:
     [table] = tables(results())
     assert table.rows[0][:4] == (4, "triceps", "0.14", "60, 50")
     assert table.rows[0][7] == "1.0, 1.5"
+    strained = visited(2.0) | {"largest_N": 400.0}
+    [table] = tables(results(after=[strained, strained]))
+    assert table.rows[0][-1] == "400"
     [picture] = pictures(results(named_s=None))
     assert len(picture.png) > 5_000
 

@@ -49,7 +49,7 @@ def test_harm_and_its_undoing_are_counted() -> None:
     assert found.metrics["worst_ratio_plain"]["median"] == 2.0
     assert found.metrics["worst_ratio_tested"] | {"paper": None} == {
         "unit": "", "paper": None, "median": 1.0, "worst": 1.0, "low": 1.0, "high": 1.0,
-        "must": 1.2, "reached": True,
+        "must": 1.2, "by": "median", "reached": True,
     }  # fmt: skip
     assert found.metrics["right_observations_undone"]["worst"] == 0.0
     rows = {(row[0], row[1]): row[2:] for row in found.tables[0].rows}
