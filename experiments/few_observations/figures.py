@@ -17,7 +17,7 @@ from experiments.few_observations import methods
 from experiments.few_observations.methods import Sizes
 from experiments.few_observations.sources import SOURCES
 from experiments.harness.experiment import Results
-from experiments.harness.report import GROUP_COLOURS, Picture, png
+from experiments.harness.report import GROUP_COLOURS, Picture, plain_ticks, png
 from experiments.harness.statistics import interval
 from jmm_agent.types import Floats
 from kengoro_env.names import GROUP_JOINTS, JOINTS
@@ -73,10 +73,7 @@ def _curves(results: Results, sizes: Sizes) -> Figure:
         axes_row[0].set_title(title, loc="left", fontsize=11)
         axes_row[1].legend(fontsize=8, loc="lower left")
     for axes in panels[0]:
-        low, high = axes.get_ylim()
-        ticks = [t for t in (1, 2, 5, 10, 20, 50, 100, 200, 500) if low <= t <= high]
-        axes.set_yticks(ticks, [str(tick) for tick in ticks])
-        axes.minorticks_off()
+        plain_ticks(axes.yaxis)
     return figure
 
 

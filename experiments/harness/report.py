@@ -18,6 +18,7 @@ from experiments.harness.common import Summary
 from mjcf_sandbox.files import write_text
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 GROUP_COLOURS = {
@@ -74,6 +75,15 @@ def png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     return buffer.getvalue()
+
+
+def plain_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers: 1, 2 and 5 of each decade in view."""
+    low, high = sorted(axis.get_view_interval())
+    steps = [digit * 10.0**exponent for exponent in range(-4, 5) for digit in (1, 2, 5)]
+    ticks = [tick for tick in steps if low <= tick <= high]
+    axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.minorticks_off()
 
 
 def write_report(

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.harness.experiment import Results
-from experiments.harness.report import Picture, png
+from experiments.harness.report import Picture, plain_ticks, png
 from experiments.stiffness_and_load.tables import (
     AGENTS,
     MUST_STIFFNESS,
@@ -60,10 +60,7 @@ def _panels(results: Results, stiffness: Sequence[float]) -> Figure:
         axes.minorticks_off()
         axes.grid(alpha=0.3)
     errors.set_yscale("log")
-    low, high = errors.get_ylim()
-    ticks = [tick for tick in (0.5, 1, 2, 5, 10, 20, 50) if low <= tick <= high]
-    errors.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-    errors.minorticks_off()
+    plain_ticks(errors.yaxis)
     tensions.set_ylim(0.0, None)
     most = 1.1 * max(float(np.max(part)) for part in pushed(results, OURS, "asked"))
     line = np.array([0.0, most])

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.harness.experiment import Results
-from experiments.harness.report import Picture, png
+from experiments.harness.report import Picture, plain_ticks, png
 from experiments.strange_robots.families import PRESET
 from experiments.strange_robots.tables import (
     CONDITIONS,
@@ -33,7 +33,9 @@ def pictures(results: Results, sizes: Sizes) -> list[Picture]:
         Picture(
             "Errors by family and number of looks",
             png(_bars(results, sizes)),
-            "Bars: medians over robots; dots: robots. Black lines: what the last bar must be.",
+            "Bars: medians over robots; dots: robots. Black lines: the most that the last bar may "
+            "be; of a family that is compared with the preset about that, because the metric is "
+            "the median of the robots' ratios.",
         )
     ]
 
@@ -59,16 +61,17 @@ def _bars(results: Results, sizes: Sizes) -> Figure:
             if most is not None:
                 axes.plot([number - 0.45, number + 0.45], [most, most], "k-", lw=1.5)
         axes.set(yscale="log", ylabel=LABELS[unit])
+        plain_ticks(axes.yaxis)
         axes.grid(axis="y", alpha=0.3)
     names = [name.replace("-", "\n") for name in CONDITIONS]
-    axes.set_xticks(range(len(CONDITIONS)), names)
+    axes.set_xticks(range(len(CONDITIONS)), names, fontsize=9)
     handles = figure.axes[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper center", ncols=len(counts), title="number of looks")
     return figure
 
 
 def _most(results: Results, condition: str, unit: str, sizes: Sizes) -> float | None:
-    """The error that the median must not exceed."""
+    """The limit, or the limit of the ratio times the preset's median; None without a limit."""
     if condition in MUST:
         return MUST[condition][unit == "mm"]
     if condition not in MUST_RATIO:
