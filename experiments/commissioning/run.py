@@ -77,7 +77,8 @@ def main(args: Args) -> Summary:
         for robot in robots
         for fault in faults
     }
-    key = f"{common.source_digest('experiments/commissioning', 'jmm_agent/commissioning')}"
+    digest = common.source_digest("experiments/commissioning", "experiments/other_robots")
+    key = f"{digest} held={args.held}"
     saved = run_tasks(trial, tasks, args.jobs, args.out / "robots", key, args.cluster)
     summary, table = conclude(
         {(robot, fault): {seed: saved[f"{seed:03d}-{robot}-{fault}"] for seed in seeds}

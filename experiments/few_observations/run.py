@@ -192,6 +192,7 @@ EXPERIMENT = Experiment(
     quick=QUICK,
     run=run,
     conclude=conclude,
+    others=("experiments/baselines",),
 )
 
 

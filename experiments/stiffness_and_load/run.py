@@ -236,6 +236,7 @@ EXPERIMENT = Experiment(
     quick=QUICK,
     run=run,
     conclude=conclude,
+    others=("experiments/posture_accuracy",),
 )
 
 

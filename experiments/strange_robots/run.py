@@ -66,7 +66,7 @@ EXPERIMENT = Experiment(
     quick=QUICK,
     run=run,
     conclude=conclude,
-    others=("experiments/stiffness_and_load",),
+    others=("experiments/stiffness_and_load", "experiments/posture_accuracy"),
 )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.commissioning import run
 from experiments.commissioning.robots import FAULTS, KINDS, Fault, sample_fault
 from experiments.commissioning.run import Args, conclude, main, score, trial
 from experiments.harness.errors import ExperimentError
@@ -64,3 +65,19 @@ def test_an_elbow_without_faults_gets_no_name(maps: Path) -> None:
 def test_names_that_are_unknown_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ExperimentError, match="no 'leg'"):
         main(Args(robots="leg", out=tmp_path))
+
+
+def test_results_with_held_commands_are_not_those_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran = []
+
+    def trial_of(robot: str, fault: str, seed: int, held: bool, cache: Path | None) -> object:
+        ran.append(held)
+        scores = dict.fromkeys(run.COUNTED, False)
+        return {**scores, "seconds": 1.0, "tension": 0.1, "moved_deg": 0.0}
+
+    monkeypatch.setattr(run, "trial", trial_of)
+    for held in (False, True, True):
+        main(Args(seeds="3", out=tmp_path, jobs=1, robots="elbow", faults="none", held=held))
+    assert ran == [False, True]
