@@ -77,10 +77,10 @@ def main(args: Args) -> Summary:
         raise ExperimentError(f"Starts are {args.starts}, but at least 1 is needed.")
     least = floor(args.data, args.quick)
     counts = QUICK_COUNTS if args.quick else COUNTS
-    starts = [0.0] if args.quick else [number / args.starts for number in range(args.starts)]
+    starts = 1 if args.quick else args.starts
     tasks = {
-        f"start-{100 * start:03.0f}": (args.data, start, counts, args.cache, args.quick)
-        for start in starts
+        f"start-{number}-of-{starts}": (args.data, number / starts, counts, args.cache, args.quick)
+        for number in range(starts)
     }
     folder = args.out / "starts"
     trials = list(run_tasks(trial, tasks, args.jobs, folder, _digest(args)).values())

@@ -259,6 +259,28 @@ def test_a_quick_run_writes_summary_and_report(cache: Path, tmp_path: Path) -> N
         run.main(replace(args, starts=0))
 
 
+def test_each_start_has_a_result_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    time, asked = motion(160, 12)
+    data = write(tmp_path / "log", time, asked, eccentric(asked, 12))
+    begun: list[float] = []
+
+    def trial_of(folder: Path, start: float, *_: object) -> dict[str, float]:
+        begun.append(start)
+        return {"start": start}
+
+    def concluded(_: object, trials: list[dict[str, float]], *__: object) -> list[float]:
+        return [one["start"] for one in trials]
+
+    monkeypatch.setattr(run, "trial", trial_of)
+    monkeypatch.setattr(run, "conclude", concluded)
+    for starts in (250, 3, 3):
+        args = run.Args(data, tmp_path / "out", starts=starts)
+        assert run.main(args) == [number / starts for number in range(starts)]
+    assert len(begun) == 253
+
+
 def test_a_log_that_hardly_moves_is_refused(cache: Path, tmp_path: Path) -> None:
     time, asked = motion(200, 11)
     asked = CENTRE + 0.01 * (asked - CENTRE)
