@@ -74,6 +74,16 @@ def interval(values: Sequence[float] | Floats) -> Interval:
     return Interval(float(np.median(numbers)), *bootstrap_interval(np.median, numbers))
 
 
+def median_cell(errors: Sequence[float] | Floats, digits: int = 1) -> str:
+    """Cell of a table: median over robots, and the largest error in brackets.
+
+    Args:
+        errors: one number a robot.
+        digits: after the decimal point.
+    """
+    return f"{np.median(errors):.{digits}f} ({np.max(errors):.{digits}f})"
+
+
 def paired(one: Sequence[float] | Floats, other: Sequence[float] | Floats) -> Interval:
     """Median over robots of the difference one - other on the same robot, with its interval."""
     return interval(np.asarray(one, dtype=float) - np.asarray(other, dtype=float))

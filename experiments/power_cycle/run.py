@@ -21,7 +21,7 @@ from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import Table
-from experiments.harness.statistics import interval, metric
+from experiments.harness.statistics import interval, median_cell, metric
 from experiments.power_cycle.robot import EstimateError, departures
 from experiments.robots.conditions import ACTUAL, make_session
 from experiments.robots.world import known_world
@@ -143,6 +143,12 @@ def ratios(results: Results, cycle: str, name: str, other: str) -> Floats:
     return np.array([np.divide(one, two) for one, two in both])
 
 
+def ratios_to_before(results: Results, cycle: str, name: str) -> Floats:
+    """Error of an agent over that before the power cycle, shape (robots, 1 + postures)."""
+    found = [result[cycle] for result in results.values()]
+    return np.array([np.divide(one[name]["error_deg"], one["before_deg"]) for one in found])
+
+
 def conclude(results: Results, sizes: Sizes) -> Findings:
     """Errors relative to a fresh agent's and to those before, and false alarms."""
     metrics: dict[str, Any] = {}
@@ -152,10 +158,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
             worst = max(range(each.shape[1]), key=lambda n: interval(each[:, n]).high)
             found = metric(each[:, worst], "", 1.0, by="high")
             metrics[f"{cycle}_{name}_to_fresh"] = {**found, "postures": worst}
-            back = [
-                min(result[cycle][name]["error_deg"]) / result[cycle]["before_deg"]
-                for result in results.values()
-            ]
+            back = ratios_to_before(results, cycle, name)[:, -1]
             metrics[f"{cycle}_{name}_to_before"] = metric(back, "", BACK)
         noticed = [
             result[cycle][UNANNOUNCED]["named_after"] is not None for result in results.values()
@@ -166,7 +169,8 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
             result[cycle][UNANNOUNCED]["named_after"] is not None for result in results.values()
         ]
         metrics[f"{cycle}_false_alarms"] = metric(np.array(alarms, float), "", 0.0, by="worst")
-    tables = [error_table(results, cycle, sizes) for cycle in ZEROED] + [alarm_table(results)]
+    tables = [error_table(results, cycle, sizes) for cycle in ZEROED]
+    tables += [before_table(results, sizes), alarm_table(results)]
     per_seed = {seed: dict(result) for seed, result in results.items()}
     return Findings(metrics, per_seed, tables, (), {})
 
@@ -202,13 +206,25 @@ def error_table(results: Results, cycle: str, sizes: Sizes) -> Table:
     )
 
 
+def before_table(results: Results, sizes: Sizes) -> Table:
+    """Table of the errors over those before the power cycle, by the number of postures."""
+    rows = [
+        (title, name, *(median_cell(one, 2) for one in ratios_to_before(results, cycle, name).T))
+        for cycle, title in ZEROED.items()
+        for name in (ANNOUNCED, UNANNOUNCED)
+    ]
+    head = ("lengths", "agent", *map(str, range(sizes.after + 1)))
+    note = "Median over robots (worst robot), by the number of postures since the power cycle."
+    return Table("Error over that before the power cycle", head, rows, note)
+
+
 def alarm_table(results: Results) -> Table:
     """Table of power cycles without a zeroing."""
     rows = []
     for cycle, title in OTHERS.items():
         found = [result[cycle] for result in results.values()]
         alarms = sum(entry[UNANNOUNCED]["named_after"] is not None for entry in found)
-        last = [entry[UNANNOUNCED]["error_deg"][-1] / entry["before_deg"] for entry in found]
+        last = ratios_to_before(results, cycle, UNANNOUNCED)[:, -1]
         rows.append((title, f"{alarms} of {len(found)}", str(interval(last))))
     head = ("power cycle", "zeroing named", "error / error before")
     return Table("Power cycles without a zeroing", head, rows)

@@ -88,6 +88,22 @@ def test_the_worst_number_of_postures_counts_and_every_alarm() -> None:
     assert set(OTHERS) == {ONE_MUSCLE, NONE}
 
 
+def test_the_error_after_all_postures_is_compared_with_that_before() -> None:
+    lost = agent([3.0, 1.0, 2.6])
+    entry = {
+        "before_deg": 2.0,
+        "learned": 6,
+        **dict.fromkeys((ANNOUNCED, UNANNOUNCED, FRESH), lost),
+    }
+    results = {seed: dict.fromkeys((*ZEROED, *OTHERS), entry) for seed in range(3)}
+    found = conclude(results, QUICK)
+    assert found.metrics["muscles_announced_to_before"]["median"] == pytest.approx(1.3)
+    assert not found.metrics["muscles_announced_to_before"]["reached"]
+    [table] = [one for one in found.tables if one.title.startswith("Error over that before")]
+    assert table.rows[0][1:] == (ANNOUNCED, "1.50 (1.50)", "0.50 (0.50)", "1.30 (1.30)")
+    assert len(table.rows) == len(ZEROED) * 2
+
+
 @pytest.mark.slow
 def test_lengths_are_zeroed_and_each_agent_learns_on(request: pytest.FixtureRequest) -> None:
     found = run(MUSCLES, 0, QUICK, cache_of(request))
