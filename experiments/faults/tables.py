@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from experiments.harness.report import Table
-from experiments.harness.statistics import metric
+from experiments.harness.statistics import median_cell, metric
 from jmm_agent.guard import faults
 from jmm_agent.guard.faults import KINDS
 
@@ -141,9 +141,9 @@ def _row(kind: str, trials: list[Mapping[str, Any]]) -> list[object]:
     return [
         kind,
         f"{sum(map(_in_time, shown))} of {len(shown)}" if shown else "-",
-        f"{np.median(after):.2f} ({max(after):.2f})" if after else "-",
+        median_cell(after, 2) if after else "-",
         sum(bool(trial["also_named"]) for trial in trials),
-        f"{np.median(ratios):.2f} ({max(ratios):.2f})" if healed else "does not heal",
+        median_cell(ratios, 2) if healed else "does not heal",
         sum(ratio > KEPT for ratio in ratios) if healed else "-",
         f"{max(trial['largest_demand_N'] for trial in trials):.1f}",
         f"{max(trial['largest_tension_N'] for trial in trials):.1f}",

@@ -10,7 +10,7 @@ import numpy as np
 from experiments.few_observations.methods import CHOSEN, OURS, Sizes, numbers
 from experiments.harness.experiment import Results
 from experiments.harness.report import Table
-from experiments.harness.statistics import interval, metric, paired
+from experiments.harness.statistics import interval, median_cell, metric, paired
 from jmm_agent.prediction_record import PredictionRecord
 
 UNITS = {"target_true_deg": "deg", "target_true_mm": "mm"}
@@ -85,10 +85,7 @@ def posture_tables(results: Results, sizes: Sizes) -> list[Table]:
 def _compared(results: Results, sizes: Sizes, key: str, unit: str) -> Table:
     counts, rows = (0, *sizes.counts), []
     for kind, title in TITLES.items():
-        cells = []
-        for count in counts:
-            values = numbers(results, kind, count, key)
-            cells.append(f"{np.median(values):.2f} ({max(values):.2f})")
+        cells = [median_cell(numbers(results, kind, count, key), 2) for count in counts]
         rows.append((title, *cells))
     gaps = [
         paired(numbers(results, CHOSEN, count, key), numbers(results, OURS, count, key))

@@ -21,7 +21,7 @@ from experiments.few_observations.methods import (
 from experiments.few_observations.sources import SOURCES
 from experiments.harness.experiment import Results
 from experiments.harness.report import Table
-from experiments.harness.statistics import interval, metric, paired
+from experiments.harness.statistics import interval, median_cell, metric, paired
 
 MUST = {"share_deg": {1: 0.55, 3: 0.25}, "share_mm": {1: 0.35, 3: 0.20}}
 """Largest shares of the errors before, after some looks."""
@@ -62,16 +62,12 @@ def _error_table(results: Results, sizes: Sizes, key: str, unit: str) -> Table:
     counts = (0, *sizes.counts)
     rows = []
     for name, title in METHODS.items():
-        cells = []
-        for count in counts:
-            values = numbers(results, name, count, key)
-            cells.append(f"{np.median(values):.1f} ({max(values):.1f})")
+        cells = [median_cell(numbers(results, name, count, key)) for count in counts]
         rows.append((title, *cells))
-    blind = [
-        [result[BLIND][count][key] for result in results.values()]
+    first, last = (
+        median_cell([result[BLIND][count][key] for result in results.values()])
         for count in ("0", str(sizes.blind))
-    ]
-    first, last = (f"{np.median(values):.1f} ({max(values):.1f})" for values in blind)
+    )
     rows.append(
         (f"ours, {sizes.blind} postures that are not seen", first, last) + ("",) * (len(counts) - 2)
     )

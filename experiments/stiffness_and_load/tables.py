@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.harness.experiment import Results
 from experiments.harness.report import Table
-from experiments.harness.statistics import metric
+from experiments.harness.statistics import median_cell, metric
 from jmm_agent.types import Floats
 
 SAG, OURS, TENDONS = "map's lengths", "tensions", "tensions and tendons"
@@ -105,10 +105,8 @@ def load_table(results: Results, loads: Sequence[float]) -> Table:
     rows = []
     for mass in loads:
         estimates, spreads = (loaded(results, mass, key) for key in ("mass_kg", "std_kg"))
-        cells = []
-        for key in ("target_true_deg", "target_true_mm", "max_tension_N"):
-            values = loaded(results, mass, key)
-            cells.append(f"{np.median(values):.1f} ({values.max():.1f})")
+        keys = ("target_true_deg", "target_true_mm", "max_tension_N")
+        cells = [median_cell(loaded(results, mass, key)) for key in keys]
         between = f"{estimates.min():.2f} to {estimates.max():.2f}"
         estimate, spread = f"{np.median(estimates):.2f}", f"{np.median(spreads):.2f}"
         rows.append((f"{mass:g}", estimate, between, spread, *cells))
@@ -123,13 +121,8 @@ def tables(results: Results, stiffness: Sequence[float]) -> list[Table]:
     rows = []
     for agent, title in AGENTS.items():
         for value in stiffness:
-            cells = [
-                f"{np.median(found):.1f} ({found.max():.1f})"
-                for found in (
-                    numbers(results, agent, value, key)
-                    for key in ("target_true_deg", "worst_deg", "target_true_mm", "max_tension_N")
-                )
-            ]
+            keys = ("target_true_deg", "worst_deg", "target_true_mm", "max_tension_N")
+            cells = [median_cell(numbers(results, agent, value, key)) for key in keys]
             rows.append((title, f"{value:g}", *cells, f"{FRICTION / value:.1f}"))
     pushes = []
     for agent in (OURS, TENDONS):

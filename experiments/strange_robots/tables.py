@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.harness.experiment import Results
 from experiments.harness.report import Table
-from experiments.harness.statistics import metric
+from experiments.harness.statistics import median_cell, metric
 from experiments.strange_robots.families import (
     ABSENT,
     BONES,
@@ -105,10 +105,6 @@ def _never_worse(results: Results, sizes: Sizes) -> dict[str, Any]:
     return metric(np.max(each, axis=0), "", must=1.0, by="worst")
 
 
-def _cell(values: Floats) -> str:
-    return f"{np.median(values):.1f} ({values.max():.1f})"
-
-
 def tables(results: Results, sizes: Sizes) -> list[Table]:
     """All tables of the report."""
     shown = []
@@ -118,7 +114,7 @@ def tables(results: Results, sizes: Sizes) -> list[Table]:
         for condition in CONDITIONS:
             known = (0, *sizes.counts_of(condition))
             cells = [
-                _cell(numbers(results, condition, count, key)) if count in known else ""
+                median_cell(numbers(results, condition, count, key)) if count in known else ""
                 for count in counts
             ]
             rows.append((TITLES[condition], *cells, _must(condition, unit)))
@@ -145,7 +141,7 @@ def _load_table(results: Results, sizes: Sizes) -> Table:
     rows = []
     for mass in sizes.loads:
         each = [result[SOFT]["loads"][f"{mass:g}"] for result in results.values()]
-        cells = [_cell(np.array([one[key] for one in each])) for key in UNITS.values()]
+        cells = [median_cell([one[key] for one in each]) for key in UNITS.values()]
         rows.append((f"{mass:g}", f"{np.median([one['mass_kg'] for one in each]):.2f}", *cells))
     head = ("load [kg]", "estimate [kg]", "joints [deg]", "hand [mm]")
     note = f"After {sizes.known} postures with it. The agent is told that its hand is not free."

@@ -16,7 +16,7 @@ from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import Table
-from experiments.harness.statistics import metric
+from experiments.harness.statistics import median_cell, metric
 from experiments.robots.conditions import ACTUAL, NOMINAL, make_session
 from jmm_agent.agent import AgentOptions
 from kengoro.agents import make_agent
@@ -146,7 +146,7 @@ def group_table(results: Results) -> Table:
                         np.median(rmse_deg(part(r[condition], late), pair, joints))
                         for r in results.values()
                     ]
-                    cells.append(f"{np.median(found):.1f} ({np.max(found):.1f})")
+                    cells.append(median_cell(found))
             rows.append((f"{group}, {ERRORS[pair]} [deg]", *cells))
     return Table(
         "RMSE_joint by group: median over robots (worst robot)",
