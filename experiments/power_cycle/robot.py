@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from experiments.robots import evaluation
 from experiments.robots.world import World
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.types import Floats
@@ -88,11 +89,8 @@ def departures(cycle: str, seed: int, world: World) -> tuple[Departure, ...]:
 
 def own_lengths(robot: tuple[Departure, ...], seed: int, postures: Floats, world: World) -> Floats:
     """Encoder readings (K, m) [m] of a robot with muscles at T_bias, at postures (K, n) [rad]."""
-    simulated, rng, lengths = Robot(world.scene, robot), np.random.default_rng([seed, 8]), []
-    for posture in postures:
-        simulated.reset(posture, rng)
-        lengths.append(simulated.target.copy())
-    return np.array(lengths)
+    rng = np.random.default_rng([seed, 8])
+    return evaluation.own_lengths(Robot(world.scene, robot), postures, rng)
 
 
 class EstimateError:

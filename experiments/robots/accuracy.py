@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.robots.evaluation import map_error_mm
+from experiments.robots.evaluation import map_error_mm, own_lengths
 from jmm_agent.agent import Agent
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
@@ -24,11 +24,7 @@ class MapAccuracy:
     def __init__(self, seed: int, count: int) -> None:
         rng = np.random.default_rng([seed, 8])
         self._postures = rng.permutation(posture_set())[:count]
-        robot, lengths = Robot(asset_path(ARM), actual(seed)), []
-        for posture in self._postures:
-            robot.reset(posture, rng)
-            lengths.append(robot.target)
-        self._lengths = np.array(lengths)
+        self._lengths = own_lengths(Robot(asset_path(ARM), actual(seed)), self._postures, rng)
 
     def error_mm(self, agent: Agent) -> float:
         """Median over postures of the RMS over muscles of the error of the agent's map [mm]."""

@@ -167,12 +167,25 @@ class Evaluator:
         Returns:
             Lengths, shape (K, m) [m].
         """
-        rng = np.random.default_rng([self._seed, 5])
-        lengths = []
-        for posture in postures:
-            self._robot.reset(posture, rng)
-            lengths.append(self._robot.target)
-        return np.array(lengths)
+        return own_lengths(self._robot, postures, np.random.default_rng([self._seed, 5]))
+
+
+def own_lengths(robot: Robot, postures: Floats, rng: np.random.Generator) -> Floats:
+    """Encoder readings of a robot with all muscles at T_bias.
+
+    Args:
+        robot: is reset to each posture.
+        postures: joint angles, shape (K, n) [rad].
+        rng: of the sensors' noise.
+
+    Returns:
+        Lengths, shape (K, m) [m].
+    """
+    lengths = []
+    for posture in postures:
+        robot.reset(posture, rng)
+        lengths.append(robot.target)
+    return np.array(lengths)
 
 
 def map_error_mm(jmm: PostureMap, postures: Floats, lengths: Floats) -> float:
