@@ -11,14 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
 from jmm_agent.mapping.group_map import METRES
 from jmm_agent.mapping.joint_muscle_map import QUADRATIC_STEP, JointMuscleMap
 from jmm_agent.nominal_model import NominalModel
 from jmm_agent.types import Floats
-from kengoro_env.robot.robot import Robot
 
 Arms = Callable[[Floats], Floats]
 """Posture, shape (n,) [rad] -> dl/dq, shape (m, n) [m/rad]."""
@@ -36,30 +34,6 @@ DIFFERENCE = np.deg2rad([-0.05, 0.05])
 FIVE_POINTS = QUADRATIC_STEP * np.array([-2.0, -1.0, 1.0, 2.0])
 """Offsets of the lengths for the two numerical derivatives of the paper [rad]. The middle one of
 the five points has no weight in the slope."""
-
-
-class RobotArms:
-    """True moment arms of an actual robot: derivatives of its tendon lengths."""
-
-    def __init__(self, robot: Robot) -> None:
-        self._model, self._data = robot.model, mujoco.MjData(robot.model)
-        joints = [robot.model.joint(joint) for joint in robot.joints]
-        self._position = np.array([joint.qposadr[0] for joint in joints])
-        self._velocity = np.array([joint.dofadr[0] for joint in joints])
-        self._muscles = np.array([robot.model.tendon(muscle).id for muscle in robot.muscles])
-
-    def __call__(self, posture: Floats) -> Floats:
-        """dl/dq, shape (m, n) [m/rad], at a posture, shape (n,) [rad]."""
-        model, data = self._model, self._data
-        data.qpos[self._position] = posture
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_tendon(model, data)
-        dense = np.zeros((model.ntendon, model.nv))
-        mujoco.mju_sparse2dense(
-            dense, data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-        )
-        return dense[np.ix_(self._muscles, self._velocity)]
 
 
 class Sweep(NamedTuple):

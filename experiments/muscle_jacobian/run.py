@@ -24,7 +24,6 @@ from experiments.muscle_jacobian.moment_arms import (
     KINDS,
     TRUE,
     Arms,
-    RobotArms,
     Sweep,
     by_map,
     curves,
@@ -47,6 +46,7 @@ from experiments.muscle_jacobian.tables import (
     stage_table,
     statements,
 )
+from experiments.robots.robot_arms import RobotArms
 from jmm_agent.mapping.group_map import METRES
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.nominal_model import NominalModel
@@ -93,7 +93,7 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     postures = shuffled_postures(seed)
     learned_from = postures[: 1 + sizes.postures]
     session = learn(ours, seed, learned_from, condition == RULE, sizes.move, sizes.patience)
-    actual, learned = RobotArms(session.world.robot), session.agent.map
+    actual, learned = RobotArms(session.world.robot).jacobian, session.agent.map
     readings = record(session, postures[-sizes.tests :], sizes.move)
     session.env.close()
     result = {

@@ -11,14 +11,7 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.tension_distribution import TensionDistribution, TensionOptions
 from jmm_agent.types import Floats
 from kengoro.robots import arm_scene
-from kengoro.trained_maps import ARM
-from kengoro_env.assets import asset_path
-from kengoro_env.departures import actual
 from kengoro_env.robot.nominal_model import NominalArm
-from kengoro_env.robot.robot import Robot
-
-STEP = 1e-3
-"""Step of a joint by which the moment arms of the actual robot are taken [rad]."""
 
 
 class Arms(Protocol):
@@ -28,31 +21,6 @@ class Arms(Protocol):
     def muscles(self) -> tuple[str, ...]: ...
 
     def jacobian(self, q: Floats) -> Floats: ...
-
-
-class ActualArms:
-    """Moment arms of an actual robot, which no agent knows.
-
-    Args:
-        seed: of the robot.
-    """
-
-    def __init__(self, seed: int) -> None:
-        self._robot, self._rng = Robot(asset_path(ARM), actual(seed)), np.random.default_rng(0)
-        self.muscles = self._robot.muscles
-
-    def jacobian(self, q: Floats) -> Floats:
-        """Muscle Jacobian (m, n) [m/rad] at joint angles (n,) [rad], by differences."""
-        robot, rows = self._robot, []
-        for step in STEP * np.eye(len(q)):
-            ends = [np.clip(q + side * step, robot.lower, robot.upper) for side in (1.0, -1.0)]
-            lengths = []
-            for end in ends:
-                robot.reset(end, self._rng)
-                lengths.append(robot.motors.paths())
-            apart = max(float((ends[0] - ends[1]).sum()), 1e-9)
-            rows.append((lengths[0] - lengths[1]) / apart)
-        return np.array(rows).T
 
 
 class Balances:

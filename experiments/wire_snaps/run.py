@@ -23,7 +23,8 @@ from experiments.harness.experiment import Experiment, Findings, Results, run_ex
 from experiments.posture_accuracy.run import Sizes as PlanSizes
 from experiments.posture_accuracy.run import make_plan
 from experiments.robots.conditions import ACTUAL, make_session
-from experiments.wire_snaps.balance import ActualArms, Balances
+from experiments.robots.robot_arms import RobotArms
+from experiments.wire_snaps.balance import Arms, Balances
 from experiments.wire_snaps.tables import metrics, per_seed, tables
 from jmm_agent.agent import Agent
 from jmm_agent.guard.faults import MUSCLE_SNAPPED, POSTURE_NOT_HELD
@@ -78,7 +79,8 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
         visit(session, posture, None, sizes.move, sizes.patience)
         false |= {fault.where for fault in agent.faults if fault.kind == MUSCLE_SNAPPED}
     session.env.close()
-    balances, arms = Balances(agent.motors, agent.kinematics.limits), ActualArms(seed)
+    balances = Balances(agent.motors, agent.kinematics.limits)
+    arms = RobotArms(session.world.robot)
     judged = shuffled_postures(seed)[-sizes.judged :]
     tested, more = plan.starts[: 1 + sizes.tested], plan.starts[1 + sizes.tested :]
     found: dict[str, Any] = {
@@ -175,7 +177,7 @@ def visits(
     muscle: str,
     sizes: Sizes,
     balances: Balances,
-    arms: ActualArms,
+    arms: Arms,
 ) -> list[dict[str, Any]]:
     """Move to postures without learning, with or without a muscle.
 

@@ -13,7 +13,6 @@ from experiments.muscle_jacobian.moment_arms import (
     STEP,
     TRUE,
     Curves,
-    RobotArms,
     by_map,
     curves,
     inner,
@@ -40,10 +39,8 @@ from jmm_agent.types import Floats
 from kengoro.robots import shuffled_postures
 from kengoro.trained_maps import ARM, nominal_model
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import actual
 from kengoro_env.names import GROUP_JOINTS
 from kengoro_env.robot.nominal_model import NominalArm
-from kengoro_env.robot.robot import Robot
 
 
 @pytest.fixture(scope="module")
@@ -55,34 +52,6 @@ def nominal() -> NominalModel:
 def rough(nominal: NominalModel) -> JointMuscleMap:
     """A map that was hardly trained, so that its Jacobians differ from each other."""
     return train(nominal, 0, Recipe(hidden=100, samples=2_000, steps=10))[0]
-
-
-@pytest.mark.parametrize("seed", [None, 3])
-def test_moment_arms_of_a_robot_are_slopes_of_its_paths(seed: int | None) -> None:
-    robot = Robot(asset_path(ARM), () if seed is None else actual(seed))
-    arms = RobotArms(robot)
-    rng = np.random.default_rng(0)
-
-    def paths(posture: Floats) -> Floats:
-        robot.reset(posture, np.random.default_rng(0))
-        return robot.motors.paths()
-
-    for _ in range(3):
-        posture = robot.lower + (robot.upper - robot.lower) * rng.uniform(
-            0.1, 0.9, len(robot.lower)
-        )
-        found = arms(posture)
-        for joint, moved in enumerate(1e-5 * np.eye(len(posture))):
-            slopes = (paths(posture + moved) - paths(posture - moved)) / 2e-5
-            np.testing.assert_allclose(found[:, joint], slopes, atol=1e-6)
-
-
-def test_a_robot_without_departures_has_the_moment_arms_of_the_nominal_model() -> None:
-    scene = asset_path(ARM)
-    posture = np.random.default_rng(1).uniform(-0.2, 0.2, 14)
-    np.testing.assert_allclose(
-        RobotArms(Robot(scene))(posture), NominalArm(scene).moment_arms(posture), atol=1e-12
-    )
 
 
 def test_sweeps_go_through_the_whole_range_of_one_joint(nominal: NominalModel) -> None:

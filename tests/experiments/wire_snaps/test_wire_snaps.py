@@ -1,4 +1,4 @@
-"""Snapped muscles: metrics that can fail, tables, arms of the actual robot, and a short run."""
+"""Snapped muscles: metrics that can fail, tables, what the actual robot lacks, a short run."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ import pytest
 
 from experiments.harness.experiment import Results
 from experiments.robots.conditions import ACTUAL
-from experiments.wire_snaps.balance import ActualArms, Balances
+from experiments.robots.robot_arms import RobotArms
+from experiments.wire_snaps.balance import Balances
 from experiments.wire_snaps.figures import pictures
 from experiments.wire_snaps.run import QUICK, run
 from experiments.wire_snaps.tables import metrics, per_seed, tables
 from jmm_agent.guard.faults import MotorControl
-from kengoro.robots import shuffled_postures
+from kengoro.robots import arm_scene, shuffled_postures
+from kengoro_env.departures import actual
 from kengoro_env.names import JOINTS
+from kengoro_env.robot.robot import Robot
 
 
 def visited(degrees: float, held: bool = True, named: str | None = None) -> dict[str, Any]:
@@ -100,7 +103,7 @@ def test_tables_and_figure_have_a_row_for_each_muscle() -> None:
 
 
 def test_the_actual_robot_lacks_torque_at_the_elbow_without_its_extensor() -> None:
-    arms, motors = ActualArms(3), MotorControl()
+    arms, motors = RobotArms(Robot(arm_scene(), actual(3))), MotorControl()
     limits = np.tile([-10.0, 10.0], (len(JOINTS), 1))
     balances = Balances(motors, limits)
     lacking = [balances.lacking(arms, "triceps", q) for q in shuffled_postures(3)[:6]]
