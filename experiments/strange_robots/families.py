@@ -1,4 +1,4 @@
-"""The eight families of strange robots: each edits model, sensors, or frames of a robot.
+"""The eight families of strange robots: each edits model, lens or sensors of a robot.
 
 ``base`` is the preset without zero posture, displaced points and bones.
 """
@@ -15,7 +15,6 @@ import numpy as np
 
 from experiments.strange_robots.wrappers import (
     AbsentMuscle,
-    DistortingLens,
     DriftingLengths,
     Env,
     SwappedMotors,
@@ -26,6 +25,7 @@ from kengoro_env.departures import (
     AttachmentDisplacement,
     BoneWrapping,
     EncoderError,
+    LensDistortion,
     TendonStretch,
     ZeroPosture,
     actual,
@@ -35,9 +35,6 @@ from kengoro_env.robot.tendons import actuated_joints
 
 PRESET, POINTS, BONES, SOFT, LENS = "preset", "points", "bones", "soft", "lens"
 SWAPPED, ABSENT, DRIFT, NOISE = "swapped", "absent", "drift", "noise"
-
-FOVY = radians(45.0)
-"""Vertical view of the nominal camera [rad]."""
 
 
 def base(seed: int) -> tuple[Departure, ...]:
@@ -112,11 +109,12 @@ class OtherBones(Family):
     """Bones are longer or shorter, and the axes of joints are turned.
 
     Attributes:
-        distance: by which the body of each joint is moved in its parent, in a random direction [m].
+        distance: by which the body of each joint is moved in its parent, in a random direction [m];
+            a body with several joints is moved for each.
         angle: by which each axis is turned, in a random direction [rad].
     """
 
-    title: str = "bones 5 mm and axes 3 deg off, perfect zero"
+    title: str = "bones 5 mm a joint and axes 3 deg off, perfect zero"
     distance: float = 0.005
     angle: float = radians(3.0)
 
@@ -179,9 +177,9 @@ class BarrelLens(Family):
     title: str = "lens distortion k1 = -0.2"
     k1: float = -0.2
 
-    def wrapped(self, env: Env, seed: int, elapsed: float, stays: bool) -> Env:
-        """Distort the frames."""
-        return DistortingLens(env, self.k1, FOVY)
+    def departures(self, seed: int) -> tuple[Departure, ...]:
+        """The preset and the lens."""
+        return (*actual(seed), LensDistortion(k1=self.k1))
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ EXPERIMENT = Experiment(
     name="strange-robots",
     title="Strange robots",
     introduction=(
-        "Robots that the preset's departures do not describe, made by editing model, sensors or "
-        "frames. An agent with default options learns on each; after some looks at its hand it "
+        "Robots that the preset's departures do not describe, made by editing model, lens or "
+        "sensors. An agent with default options learns on each; after some looks at its hand it "
         "moves to other postures, without learning. The hand's error counts from where the hand "
         "is by the drawing at the target. Ratios are to the robot of the preset with the same "
         "seed, which learns from the same postures."

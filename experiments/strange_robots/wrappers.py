@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 import gymnasium as gym
 import numpy as np
 
@@ -25,55 +24,6 @@ def simulated(env: Env) -> KengoroEnv:
     inner = env.unwrapped
     assert isinstance(inner, KengoroEnv)
     return inner
-
-
-class DistortingLens(gym.Wrapper[Any, Any, Any, Any]):
-    """A lens that distorts radially about the middle of the frame.
-
-    Args:
-        env: environment with a camera.
-        k1: coefficient of the square of the slope, as OpenCV's [1].
-        fovy: vertical view of the camera [rad].
-    """
-
-    def __init__(self, env: Env, k1: float, fovy: float) -> None:
-        super().__init__(env)
-        self._k1, self._fovy = k1, fovy
-        self._maps: tuple[Any, Any] | None = None
-        self._last: tuple[float, Any] = (-np.inf, None)
-
-    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
-        """Start an episode."""
-        observation, info = self.env.reset(**options)
-        self._last = (-np.inf, None)
-        return self._distorted(observation), info
-
-    def step(self, action: Any) -> Step:
-        """Run one control period."""
-        observation, reward, ended, cut, info = self.env.step(action)
-        return self._distorted(observation), reward, ended, cut, info
-
-    def _distorted(self, observation: dict[str, Any]) -> dict[str, Any]:
-        if "frame" not in observation:
-            return observation
-        time, frame = float(observation["frame_time"][0]), observation["frame"]
-        if self._maps is None:
-            self._maps = self._sources(*frame.shape[:2])
-        if time != self._last[0]:  # a frame stays the newest for some periods
-            self._last = time, cv2.remap(frame, *self._maps, cv2.INTER_LINEAR)
-        return {**observation, "frame": self._last[1].copy()}
-
-    def _sources(self, height: int, width: int) -> tuple[Any, Any]:
-        """Pixel of the ideal frame that each pixel (height, width) of the distorted one shows."""
-        focal = height / 2 / np.tan(self._fovy / 2)
-        middle = np.array([(width - 1) / 2, (height - 1) / 2])
-        matrix = np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])
-        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-        flat, lens = pixels.reshape(-1, 1, 2).astype(float), np.array([self._k1, 0.0, 0.0, 0.0])
-        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
-        straight = cv2.undistortPoints(flat, matrix, lens, criteria=criteria)
-        source = (straight.reshape(height, width, 2) * focal + middle).astype(np.float32)
-        return source[..., 0], source[..., 1]
 
 
 class SwappedMotors(gym.Wrapper[Any, Any, Any, Any]):

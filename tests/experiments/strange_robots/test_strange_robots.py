@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -36,11 +35,11 @@ from experiments.strange_robots.tables import (
     tables,
 )
 from experiments.strange_robots.trial import Named, Sizes
-from experiments.strange_robots.wrappers import DistortingLens, simulated
+from experiments.strange_robots.wrappers import simulated
 from kengoro.robots import shuffled_postures
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import ZeroPosture
+from kengoro_env.departures import LensDistortion, ZeroPosture, actual
 from kengoro_env.robot.robot import Robot
 
 SEED = 3
@@ -88,21 +87,12 @@ def test_tendons_are_five_times_softer_and_encoders_have_three_times_the_noise()
     assert spread[NOISE] / spread[PRESET] == pytest.approx(3.0, rel=0.1)
 
 
-def test_a_lens_moves_a_point_as_opencv_projects_it() -> None:
-    env = make_robot(PRESET, SEED)
-    lens = DistortingLens(env, -0.2, np.radians(45.0))
-    frame = np.zeros((480, 640, 3), np.uint8)
-    frame[59:62, 99:102] = 255
-    seen = lens._distorted({"frame": frame, "frame_time": np.array([1.0])})["frame"]
-    focal = 240 / np.tan(np.radians(22.5))
-    matrix = np.array([[focal, 0, 319.5], [0, focal, 239.5], [0, 0, 1]])
-    ray = np.array([[(100 - 319.5) / focal, (60 - 239.5) / focal, 1.0]])
-    k1 = np.array([-0.2, 0.0, 0.0, 0.0])
-    expected = cv2.projectPoints(ray, np.zeros(3), np.zeros(3), matrix, k1)[0].ravel()
-    rows, columns = np.nonzero(seen[..., 0] > 100)
-    assert (columns.mean(), rows.mean()) == pytest.approx(expected, abs=0.6)
-    assert np.hypot(*(expected - (100, 60))) > 10.0
-    env.close()
+def test_the_lens_is_a_barrel_and_all_else_is_the_presets() -> None:
+    assert FAMILIES[LENS].departures(SEED) == (*actual(SEED), LensDistortion(k1=-0.2))
+    for name, lens in ((LENS, (-0.2, 0.0, 0.0, 0.0, 0.0)), (PRESET, None)):
+        env = make_robot(name, SEED)
+        assert simulated(env).robot.lens == lens
+        env.close()
 
 
 def test_swapped_motors_exchange_readings_and_commands() -> None:
