@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
+from kengoro_env.departures.rotations import turn, turned
 from kengoro_env.errors import ArgumentError
 from kengoro_env.names import JOINTS
 from kengoro_env.robot.draft import Draft
-from kengoro_env.types import Floats
 
 PLATE = "marker_plate"
 """Name of the marker's body, and of its geom."""
@@ -20,7 +19,7 @@ PLATE = "marker_plate"
 class BoneError:
     """Bones have other lengths and joints other axes than in the nominal model.
 
-    The paper takes both as right (sec. II-A); a person has measured them on a real robot.
+    The paper takes both as right (sec. II-A); those of a real robot somebody has measured.
 
     Attributes:
         position: standard deviation of a joint's place in the bone before it, along each axis [m],
@@ -47,14 +46,14 @@ class BoneError:
         joints = {joint.name: joint for joint in draft.spec.joints}
         for name in JOINTS:
             shift = self.position * np.clip(rng.standard_normal(3), -2.0, 2.0)
-            turn = self.rotation * rng.standard_normal(3)
+            vector = self.rotation * rng.standard_normal(3)
             if name not in joints:  # the scene has only a part of the arm
                 continue
             joint = joints[name]
             if joint.parent.joints[0].name == name:
                 joint.parent.pos = joint.parent.pos + shift
             if self.rotation > 0.0:
-                joint.axis = turned(joint.axis, turn)
+                joint.axis = turned(joint.axis, vector)
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class MarkerError:
     """The marker on the hand was printed and mounted otherwise than in the nominal model.
 
     Attributes:
-        size: standard deviation of the printed side's relative error [1].
+        size: standard deviation of the printed side's relative error [1], clipped at three sigma.
         position: standard deviation of the mounting along each axis [m].
         rotation: standard deviation of the mounting about each axis [rad].
         seed: seed of the errors.
@@ -92,23 +91,9 @@ class MarkerError:
         plate.pos = plate.pos + self.position * rng.standard_normal(3)
         if self.rotation > 0.0:
             mounted = draft.spec.copy().compile().body(PLATE).quat
-            vector = self.rotation * rng.standard_normal(3)
-            turn, quaternion = np.zeros(4), np.zeros(4)
-            angle = float(np.linalg.norm(vector))
-            mujoco.mju_axisAngle2Quat(turn, vector / angle, angle)
-            mujoco.mju_mulQuat(quaternion, mounted, turn)
-            plate.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-            plate.quat = quaternion
+            turn(plate, mounted, self.rotation * rng.standard_normal(3))
 
 
 def _check(departure: object, *deviations: float) -> None:
     if not all(0.0 <= one < np.inf for one in deviations):
         raise ArgumentError(f"{departure}: standard deviations must be finite and at least 0")
-
-
-def turned(axis: Floats, vector: Floats) -> Floats:
-    """An axis, turned by a rotation vector [rad]."""
-    angle, quaternion, result = float(np.linalg.norm(vector)), np.zeros(4), np.zeros(3)
-    mujoco.mju_axisAngle2Quat(quaternion, vector / angle, angle)
-    mujoco.mju_rotVecQuat(result, axis, quaternion)
-    return result

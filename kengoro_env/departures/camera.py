@@ -7,6 +7,7 @@ from dataclasses import astuple, dataclass
 import mujoco
 import numpy as np
 
+from kengoro_env.departures.rotations import turn
 from kengoro_env.errors import ArgumentError
 from kengoro_env.robot.draft import Draft, FrameTimes
 
@@ -42,13 +43,7 @@ class CameraError:
         focal *= 1.0 + self.focal * rng.standard_normal()
         camera.fovy = float(np.degrees(2 * np.arctan(1.0 / focal)))
         camera.pos = camera.pos + self.position * rng.standard_normal(3)
-        turn, turned = np.zeros(4), np.zeros(4)
-        vector = self.rotation * rng.standard_normal(3)
-        angle = float(np.linalg.norm(vector))
-        mujoco.mju_axisAngle2Quat(turn, vector / max(angle, 1e-12), angle)
-        mujoco.mju_mulQuat(turned, orientation_of(camera), turn)
-        camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-        camera.quat = turned
+        turn(camera, orientation_of(camera), self.rotation * rng.standard_normal(3))
 
 
 def orientation_of(camera: mujoco.MjsCamera) -> np.ndarray:
@@ -74,6 +69,9 @@ class LensDistortion:
         p1: tangential coefficient [1].
         p2: tangential coefficient [1].
         k3: radial coefficient of the sixth power [1].
+
+    Raises:
+        ArgumentError: a coefficient is not finite.
     """
 
     k1: float = 0.0
@@ -82,14 +80,12 @@ class LensDistortion:
     p2: float = 0.0
     k3: float = 0.0
 
-    def edit(self, draft: Draft) -> None:
-        """Write the coefficients into the sensor errors.
-
-        Raises:
-            ArgumentError: a coefficient is not finite.
-        """
+    def __post_init__(self) -> None:
         if not np.isfinite(astuple(self)).all():
             raise ArgumentError(f"{self}: coefficients must be finite")
+
+    def edit(self, draft: Draft) -> None:
+        """Write the coefficients into the sensor errors."""
         if any(astuple(self)):
             draft.sensor_errors.lens = astuple(self)
 

@@ -107,7 +107,7 @@ def test_jitter_is_not_negative() -> None:
         lambda: MarkerError(position=np.nan),
         lambda: MarkerError(size=-0.1),
         lambda: BoneError(rotation=np.inf),
-        lambda: frame(LensDistortion(k1=np.nan)),
+        lambda: LensDistortion(k1=np.nan),
     ],
 )
 def test_numbers_that_are_none_are_refused(build: Any) -> None:
