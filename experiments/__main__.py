@@ -109,7 +109,7 @@ def main(arguments: list[str]) -> int:
     from experiments.harness.errors import ExperimentError
     from jmm_agent.errors import AgentError
     from mjcf_sandbox.errors import OutputError
-    from mjcf_sandbox.files import check_links
+    from mjcf_sandbox.files import check_folder
     from reality_gap.errors import RealityGapError
 
     expected: tuple[type[Exception], ...]
@@ -132,7 +132,7 @@ def main(arguments: list[str]) -> int:
                 f"{name} cannot be watched: leave out --view. These can: {', '.join(WATCHABLE)}."
             )
         if isinstance(out := getattr(args, "out", None), Path):
-            check_links(out)
+            check_folder(out)
         runner.main(args)
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)

@@ -66,6 +66,21 @@ def check_links(path: Path) -> None:
             )
 
 
+def check_folder(path: Path) -> None:
+    """Check that a path is a folder or can become one, before anything is computed for it.
+
+    Args:
+        path: a folder that need not exist.
+
+    Raises:
+        OutputError: the path, or one above it, is a file, or a link that leads nowhere.
+    """
+    check_links(path)
+    for part in (path, *path.parents):
+        if part.exists() and not part.is_dir():
+            raise OutputError(f"{part} is no folder; choose another path")
+
+
 def is_full(error: OSError) -> bool:
     """Whether an error says that the disk is full, or that a limit of what it may hold is."""
     return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

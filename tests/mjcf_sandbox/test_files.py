@@ -13,7 +13,7 @@ import kengoro.__main__
 import reality_gap.__main__
 from mjcf_sandbox import files
 from mjcf_sandbox.errors import OutputError
-from mjcf_sandbox.files import check_links, write_text
+from mjcf_sandbox.files import check_folder, check_links, write_text
 
 
 @pytest.mark.parametrize("below", ["", "run", "run/log.csv"])
@@ -29,6 +29,20 @@ def test_a_link_that_leads_nowhere_is_a_sentence(tmp_path: Path, below: str) -> 
     assert not (tmp_path / "gone").exists()
     (tmp_path / "gone").mkdir()
     check_links(link / below)
+
+
+@pytest.mark.parametrize("below", ["", "run", "run/robots"])
+def test_a_file_where_a_folder_must_be_is_a_sentence(
+    tmp_path: Path, below: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("text")
+    with pytest.raises(OutputError, match=rf"^{file} is no folder; choose another path$"):
+        check_folder(file / below)
+    assert experiments.__main__.main(["learnability", "--out", str(file / below)]) == 2
+    assert capsys.readouterr().err == f"{file} is no folder; choose another path\n"
+    check_folder(tmp_path / "new" / below)
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
