@@ -10,6 +10,7 @@ looks. The settings with the lowest score are those in `successors.SETTINGS`.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -120,7 +121,7 @@ class Args:
 
     Attributes:
         seeds: seeds of the tuning robots, below 100.
-        counts: numbers of looks.
+        counts: numbers of looks, rising.
         cache: folder of trained maps; the user's cache folder if left out.
     """
 
@@ -130,8 +131,14 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Print the scores of all settings, the best of each learner last."""
-    seeds = parse_seeds(args.seeds)
+    """Print the scores of all settings, the best of each learner last.
+
+    Raises:
+        ExperimentError: an option is invalid.
+    """
+    seeds, counts = parse_seeds(args.seeds), list(args.counts)
+    if not counts or counts[0] < 1 or counts != sorted(set(counts)):
+        raise ExperimentError(f"Counts are {counts}; give numbers of looks from 1 on, rising.")
     if max(seeds) >= LAST:
         raise ExperimentError(f"Seeds are {args.seeds}; tuning robots have seeds below {LAST}.")
     world, out = known_world(args.cache), Console()
@@ -158,4 +165,7 @@ def main(args: Args) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args))
+    try:
+        main(tyro.cli(Args))
+    except ExperimentError as error:
+        sys.exit(str(error))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.few_observations import tune
 from experiments.few_observations.methods import AUTOENCODER, PHYSICS, ROUTE_CHANGE
 from experiments.few_observations.successor_data import Initial, Learning, Observed
 from experiments.few_observations.successors import (
@@ -18,6 +19,7 @@ from experiments.few_observations.successors import (
     drawing_of,
     motors,
 )
+from experiments.harness.errors import ExperimentError
 from experiments.robots.evaluation import TensionMap
 from jmm_agent.types import Floats
 from tests.experiments.few_observations.small_drawing import rests, small_world
@@ -151,6 +153,23 @@ def test_the_same_rests_give_the_same_bits(successors: Successors) -> None:
     for name in SETTINGS:
         one, other = (successors.map(name, seen).lengths(ASKED, PULLS) for _ in range(2))
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (tune.Args(seeds="100"), "tuning robots have seeds below 100"),
+        (tune.Args(seeds="x"), "Seeds are 'x'"),
+        (tune.Args(counts=()), r"Counts are \[\]"),
+        (tune.Args(counts=(10, 3)), r"Counts are \[10, 3\]; give numbers of looks from 1 on"),
+        (tune.Args(counts=(0, 3)), r"Counts are \[0, 3\]"),
+    ],
+)
+def test_settings_are_not_tuned_by_options_that_are_wrong(
+    options: tune.Args, sentence: str
+) -> None:
+    with pytest.raises(ExperimentError, match=sentence):
+        tune.main(options)
 
 
 def test_torch_stays_out_of_the_process_of_the_experiment(tmp_path: Path) -> None:
