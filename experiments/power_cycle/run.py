@@ -163,7 +163,7 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
         noticed = [
             result[cycle][UNANNOUNCED]["named_after"] is not None for result in results.values()
         ]
-        metrics[f"{cycle}_noticed"] = metric([float(n) for n in noticed], "")
+        metrics[f"{cycle}_noticed"] = metric(np.array(noticed, float), "", good="high")
     for cycle in OTHERS:
         alarms = [
             result[cycle][UNANNOUNCED]["named_after"] is not None for result in results.values()

@@ -64,8 +64,9 @@ def picture(
     figure.legend(handles, labels, loc="outside upper center", ncols=4)
     note = (
         "Above: errors on the second half of the log, medians over starts. Below: samples of the "
-        "second half over the state of a play; left of the middle the joint last moved downwards, "
-        "right of it upwards. A map of motor angles alone cannot follow the line of means."
+        "second half over the state of a play, with the map of the first start; left of the middle "
+        "the joint last moved downwards, right of it upwards. A map of motor angles alone cannot "
+        "follow the line of means."
     )
     return Picture("Joint angles from lengths alone", png(figure), note)
 

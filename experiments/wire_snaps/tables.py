@@ -11,13 +11,12 @@ from experiments.harness.experiment import Results
 from experiments.harness.report import Table
 from experiments.harness.statistics import metric
 from experiments.robots.conditions import ACTUAL
+from jmm_agent.guard.faults import MotorControl
 
 MUST_RATIO = 2.0
 """Largest error of postures that can be held, over that of the same postures before [1]."""
-LIMIT = 500.0
-"""Largest tension that commands may demand [N]."""
-ROUNDING = 1e-3
-"""By which a demand may be above it [N]."""
+LIMIT = MotorControl().limit + 1e-3
+"""Largest tension that commands may demand, with a margin for rounding [N]."""
 
 Visits = Sequence[Mapping[str, Any]]
 
@@ -97,7 +96,7 @@ def metrics(results: Results) -> dict[str, Mapping[str, Any]]:
         for robot, own in zip(robots, muscles, strict=True)
     ]
     found["intact_muscles_named"] = metric(false, "", must=0.0, by="worst")
-    for key, must in (("demanded_N", LIMIT + ROUNDING), ("largest_N", None)):
+    for key, must in (("demanded_N", LIMIT), ("largest_N", None)):
         largest = [max(_largest(muscle, key) for muscle in own) for own in muscles]
         name = {"demanded_N": "largest_demand_N", "largest_N": "largest_tension_N"}[key]
         found[name] = metric(largest, "N", must=must, by="worst")

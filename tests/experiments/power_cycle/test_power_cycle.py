@@ -86,6 +86,9 @@ def test_the_worst_number_of_postures_counts_and_every_alarm() -> None:
     assert metrics[f"{ONE_MUSCLE}_false_alarms"]["reached"]
     assert not metrics[f"{NONE}_false_alarms"]["reached"]
     assert set(OTHERS) == {ONE_MUSCLE, NONE}
+    results[1] = {**results[1], MUSCLES: {**results[1][MUSCLES], UNANNOUNCED: worse}}
+    noticed = conclude(results, QUICK).metrics["muscles_noticed"]
+    assert (noticed["median"], noticed["worst"]) == (1.0, 0.0)
 
 
 def test_the_error_after_all_postures_is_compared_with_that_before() -> None:

@@ -251,7 +251,10 @@ def test_a_quick_run_writes_summary_and_report(cache: Path, tmp_path: Path) -> N
     assert summary == json.loads((tmp_path / "out" / "summary.json").read_text())
     assert "data:image/png;base64" in (tmp_path / "out" / "report.html").read_text()
     assert summary["log"]["lost"] == 1
-    assert all(found["reached"] in (True, False, None) for found in summary["metrics"].values())
+    ours = summary["metrics"]["ours: error over the best baseline's, 3"]
+    best = min(shares(summary["trials"], method, 3)[0] for method in METHODS)
+    assert ours["median"] == pytest.approx(shares(summary["trials"], "ours", 3)[0] / best, rel=1e-3)
+    assert ours["reached"] == (ours["median"] <= 1.0)
     once = summary["trials"][0]["learned"][trial.OURS]["samples"]
     assert len(once) == max(run.QUICK_COUNTS)
     assert shares(summary["trials"], "data sheet", 3) == pytest.approx([1.0])

@@ -11,7 +11,7 @@ import pytest
 
 from experiments.harness.experiment import Results
 from experiments.stiffness_and_load.figures import pictures
-from experiments.stiffness_and_load.run import QUICK, push, run
+from experiments.stiffness_and_load.run import COMPLIANCE, HARDENING, QUICK, push, run
 from experiments.stiffness_and_load.tables import (
     AGENTS,
     OURS,
@@ -24,6 +24,7 @@ from experiments.stiffness_and_load.tables import (
     tables,
 )
 from kengoro.session import Session
+from kengoro_env.departures import TendonStretch, actual
 
 STIFFNESS = (30.0, 3.0)
 
@@ -110,6 +111,10 @@ def test_a_short_run_has_errors_and_pushes(tmp_path: Path, request: pytest.Fixtu
     empty, full = (ours["loads"][mass] for mass in ("0", "1"))
     assert abs(full["mass_kg"] - empty["mass_kg"] - 1.0) < 0.2
     assert "loads" not in sag
+
+
+def test_a_bench_shows_how_the_tendons_of_actual_robots_stretch() -> None:
+    assert TendonStretch(COMPLIANCE, HARDENING) in actual(3)
 
 
 def test_loads_are_compared_with_an_empty_hand() -> None:
