@@ -44,7 +44,8 @@ def carried(
         departures: of the robot; those of the preset if left out.
 
     Returns:
-        Estimated mass and standard deviation [kg] after these postures; errors at the others.
+        Estimated mass and standard deviation [kg] after these postures, the latter None if nothing
+        was estimated yet; errors at the others.
     """
     departures = (*(actual(seed) if departures is None else departures), Payload(mass))
     options: dict[str, Any] = {"camera": False, "max_episode_steps": NO_END}
@@ -61,5 +62,9 @@ def carried(
         if number == known - 1:
             estimate = load.mass, load.std
     env.close()
-    mass_kg, std_kg = (round(value, 4) for value in estimate)
-    return {"mass_kg": mass_kg, "std_kg": std_kg} | errors(visits)
+    return estimated(*estimate) | errors(visits)
+
+
+def estimated(mass: float, std: float) -> dict[str, float | None]:
+    """An estimated mass and its standard deviation [kg], for JSON, which has no infinity."""
+    return {"mass_kg": round(mass, 4), "std_kg": round(std, 4) if np.isfinite(std) else None}

@@ -77,14 +77,36 @@ def metrics(results: Results, stiffness: Sequence[float]) -> dict[str, Mapping[s
     return found
 
 
-def loaded(results: Results, mass: float, key: str) -> Floats:
-    """A result with a load [kg], of each robot."""
-    found = [result[OURS]["loads"][f"{mass:g}"][key] for result in results.values()]
+def loaded(results: Results, mass: float, key: str, condition: str = OURS) -> Floats:
+    """A result of a condition with a load [kg], of each robot."""
+    found = [result[condition]["loads"][f"{mass:g}"][key] for result in results.values()]
     return np.array(found, dtype=float)
 
 
+def load_ratios(
+    results: Results, loads: Sequence[float], name: str, condition: str = OURS
+) -> dict[str, Mapping[str, Any]]:
+    """Errors of postures over those with an empty hand.
+
+    Args:
+        results: of all robots, each with ``loads`` by mass, from `load.carried`.
+        loads: masses [kg], the empty hand first.
+        name: beginning of the metrics' names.
+        condition: whose results are meant.
+    """
+    empty, *others = loads
+    found: dict[str, Mapping[str, Any]] = {}
+    for mass in others:
+        for unit in ("deg", "mm"):
+            key = f"target_true_{unit}"
+            ratio = loaded(results, mass, key, condition) / loaded(results, empty, key, condition)
+            must = MUST_LOADED if unit == "deg" else None
+            found[f"{name}_with_{mass:g}_kg_over_empty_{unit}"] = metric(ratio, "", must=must)
+    return found
+
+
 def load_metrics(results: Results, loads: Sequence[float]) -> dict[str, Mapping[str, Any]]:
-    """Errors of masses, and of postures over those with an empty hand, the first of ``loads``."""
+    """Errors of masses, and `load_ratios`."""
     empty, *others = loads
     found: dict[str, Mapping[str, Any]] = {
         "mass_of_nothing_kg": metric(np.abs(loaded(results, empty, "mass_kg")), "kg")
@@ -92,27 +114,28 @@ def load_metrics(results: Results, loads: Sequence[float]) -> dict[str, Mapping[
     for mass in others:
         error = np.abs(loaded(results, mass, "mass_kg") / mass - 1.0)
         found[f"mass_error_{mass:g}_kg"] = metric(error, "", must=MUST_MASS)
-        for unit in ("deg", "mm"):
-            key = f"target_true_{unit}"
-            ratio = loaded(results, mass, key) / loaded(results, empty, key)
-            must = MUST_LOADED if unit == "deg" else None
-            found[f"error_with_{mass:g}_kg_over_empty_{unit}"] = metric(ratio, "", must=must)
-    return found
+    return found | load_ratios(results, loads, "error")
 
 
-def load_table(results: Results, loads: Sequence[float]) -> Table:
+def load_table(results: Results, loads: Sequence[float], condition: str = OURS) -> Table:
     """Estimated masses, and errors of the postures, median over robots (worst robot)."""
     rows = []
     for mass in loads:
-        estimates, spreads = (loaded(results, mass, key) for key in ("mass_kg", "std_kg"))
+        estimates, spreads = (
+            loaded(results, mass, key, condition) for key in ("mass_kg", "std_kg")
+        )
         keys = ("target_true_deg", "target_true_mm", "max_tension_N")
-        cells = [median_cell(loaded(results, mass, key)) for key in keys]
+        cells = [median_cell(loaded(results, mass, key, condition)) for key in keys]
         between = f"{estimates.min():.2f} to {estimates.max():.2f}"
-        estimate, spread = f"{np.median(estimates):.2f}", f"{np.median(spreads):.2f}"
-        rows.append((f"{mass:g}", estimate, between, spread, *cells))
-    header = ("load [kg]", "estimate", "of all robots", "standard deviation", "joints [deg]",
-              "hand [mm]", "largest tension [N]")  # fmt: skip
-    note = "The first row is an empty hand that the agent believes to be full."
+        spread = np.median(np.where(np.isnan(spreads), np.inf, spreads))
+        known = f"{spread:.2f}" if np.isfinite(spread) else "unknown"
+        rows.append((f"{mass:g}", f"{np.median(estimates):.2f}", between, known, *cells))
+    header = ("load [kg]", "estimate [kg]", "of all robots [kg]", "standard deviation [kg]",
+              "joints [deg]", "hand [mm]", "largest tension [N]")  # fmt: skip
+    note = (
+        "Errors count after the first postures with a load. The first row is an empty hand that "
+        "the agent believes to be full."
+    )
     return Table("Loads in the hand", header, rows, note)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from experiments.harness.experiment import Results
 from experiments.harness.report import Table
 from experiments.harness.statistics import median_cell, metric
+from experiments.stiffness_and_load.tables import load_ratios, load_table
 from experiments.strange_robots.families import (
     ABSENT,
     BONES,
@@ -50,8 +51,6 @@ MUST_RATIO = {
     NOISE: 1.2,
 }
 """Largest error over that of the preset's robot after as many looks [1]."""
-MUST_LOADED = 1.3
-"""Largest error with a load over that with an empty hand [1]."""
 MUST_NAMED = {SWAPPED: 5.0, ABSENT: 5.0}
 """Number of looks within which the muscles must be named."""
 NEVER = 1e3
@@ -82,13 +81,7 @@ def metrics(results: Results, sizes: Sizes) -> dict[str, Mapping[str, Any]]:
         for unit, key in UNITS.items():
             ratio = numbers(results, condition, count, key) / numbers(results, PRESET, count, key)
             found[f"{condition}_over_preset_{unit}"] = metric(ratio, "", must=most)
-    empty, *loads = (f"{mass:g}" for mass in sizes.loads)
-    for load in loads:
-        for unit, key in UNITS.items():
-            each = [result[SOFT]["loads"] for result in results.values()]
-            ratio = np.array([one[load][key] / one[empty][key] for one in each])
-            must = MUST_LOADED if unit == "deg" else None
-            found[f"{SOFT}_with_{load}_kg_over_empty_{unit}"] = metric(ratio, "", must=must)
+    found |= load_ratios(results, sizes.loads, SOFT, SOFT)
     for condition, most in MUST_NAMED.items():
         named = [result[condition]["named_after"] for result in results.values()]
         counts = [NEVER if at is None else at for at in named]
@@ -126,7 +119,9 @@ def tables(results: Results, sizes: Sizes) -> list[Table]:
                 "Medians over test postures. A ratio is to the preset's robot of the same seed.",
             )
         )
-    return [*shown, _load_table(results, sizes), _named_table(results)]
+    loads = load_table(results, sizes.loads, SOFT)
+    loads = loads._replace(title="Loads in the hand of robots with soft wires")
+    return [*shown, loads, _named_table(results)]
 
 
 def _must(condition: str, unit: str) -> str:
@@ -137,29 +132,16 @@ def _must(condition: str, unit: str) -> str:
     return f"{MUST_RATIO[condition]:g} x" if condition in MUST_RATIO else ""
 
 
-def _load_table(results: Results, sizes: Sizes) -> Table:
-    rows = []
-    for mass in sizes.loads:
-        each = [result[SOFT]["loads"][f"{mass:g}"] for result in results.values()]
-        cells = [median_cell([one[key] for one in each]) for key in UNITS.values()]
-        rows.append((f"{mass:g}", f"{np.median([one['mass_kg'] for one in each]):.2f}", *cells))
-    head = ("load [kg]", "estimate [kg]", "joints [deg]", "hand [mm]")
-    note = f"After {sizes.known} postures with it. The agent is told that its hand is not free."
-    return Table("Loads in the hand of robots with soft wires", head, rows, note)
-
-
 def _named_table(results: Results) -> Table:
     rows = []
     for condition in CONDITIONS:
         for seed, result in results.items():
             found = result[condition]
-            after = "never" if found["named_after"] is None else found["named_after"]
             run = found.get("commissioning", {})
             texts = [" ".join(one) for one in run.get("found", [])] or ["-"] * bool(run)
             kinds = [f"{kind} {where}" for kind, where, _, _ in found["faults"]]
             rows.append(
-                (condition, seed, " ".join(found["odd"]), after if found["odd"] else "",
-                 ", ".join(texts),
+                (condition, seed, " ".join(found["odd"]), _named_after(found), ", ".join(texts),
                  len(found["false_names"]), found["events"], f"{found['tension_N']:.0f}",
                  ", ".join(kinds[:4]) + (" ..." if len(kinds) > 4 else ""))
             )  # fmt: skip
@@ -167,10 +149,20 @@ def _named_table(results: Results) -> Table:
             "elongations", "tension [N]", "faults named")  # fmt: skip
     note = (
         "Elongations: events by which the map explains lengths. False names: faults at muscles "
-        "that are as drawn. Tension: the largest while learning. In the metrics "
-        f"{NEVER:g} looks stand for never."
+        "that are as drawn. Before: the commissioning run has named them. Tension: the largest "
+        f"while learning. In the metrics {NEVER:g} looks stand for never."
     )
     return Table("What the agent named while it learned", head, rows, note)
+
+
+def _named_after(found: Mapping[str, Any]) -> object:
+    """Number of looks after which all odd muscles were named; in words if there is none."""
+    named = {name for _, *own in found.get("commissioning", {}).get("found", []) for name in own}
+    if not found["odd"]:
+        return ""
+    if found["named_after"] is not None:
+        return found["named_after"]
+    return "before" if set(found["odd"]) <= named else "never"
 
 
 def per_seed(results: Results) -> dict[int, Any]:

@@ -248,12 +248,13 @@ def commissioned(
 
 
 def _loads(agent: Agent, seed: int, sizes: Sizes) -> dict[str, Any]:
-    """Errors with loads in the hand, by mass [kg]; the agent is told that it holds something."""
+    """`carried` by mass [kg]."""
     postures, departures = shuffled_postures(seed), FAMILIES[SOFT].departures(seed)
     postures = postures[-1 - sizes.known - sizes.tested :]
     agent = deepcopy(agent)
     agent.learning = False
     times = sizes.test_move, sizes.test_hold, sizes.known
-    each = {mass: carried(agent, seed, postures, mass, *times, departures) for mass in sizes.loads}
-    kept = ("mass_kg", "target_true_deg", "target_true_mm", "max_tension_N")
-    return {f"{mass:g}": {key: one[key] for key in kept} for mass, one in each.items()}
+    return {
+        f"{mass:g}": carried(agent, seed, postures, mass, *times, departures)
+        for mass in sizes.loads
+    }

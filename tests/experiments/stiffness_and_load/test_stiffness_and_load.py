@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -11,6 +12,7 @@ import pytest
 
 from experiments.harness.experiment import Results
 from experiments.stiffness_and_load.figures import pictures
+from experiments.stiffness_and_load.load import estimated
 from experiments.stiffness_and_load.run import COMPLIANCE, HARDENING, QUICK, push, run
 from experiments.stiffness_and_load.tables import (
     AGENTS,
@@ -135,4 +137,8 @@ def test_loads_are_compared_with_an_empty_hand() -> None:
     assert named["mass_error_0.5_kg"]["worst"] == pytest.approx(0.2)
     assert named["error_with_0.5_kg_over_empty_deg"]["median"] == pytest.approx(1.2)
     table = load_table(found, (0.0, 0.5))
-    assert table.rows[1][:3] == ("0.5", "0.46", "0.40 to 0.52")
+    assert table.rows[1][:4] == ("0.5", "0.46", "0.40 to 0.52", "0.10")
+    for seed in found:
+        found[seed][OURS]["loads"]["0.5"] |= estimated(0.0, np.inf)
+    assert load_table(found, (0.0, 0.5)).rows[1][:4] == ("0.5", "0.00", "0.00 to 0.00", "unknown")
+    assert json.dumps(estimated(0.5, np.inf), allow_nan=False)

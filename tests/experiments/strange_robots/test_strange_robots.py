@@ -182,7 +182,10 @@ def results() -> Results:
                 "false_names": [], "faults": [["kind", "biceps", 4, ""]], "events": 0,
                 "tension_N": 99.0,
             }  # fmt: skip
-        loaded = {"mass_kg": 0.5, "target_true_deg": 1.3, "target_true_mm": 20.0}
+        loaded = {
+            "mass_kg": 0.5, "std_kg": 0.1, "target_true_deg": 1.3, "target_true_mm": 20.0,
+            "max_tension_N": 99.0,
+        }  # fmt: skip
         robot[SOFT]["loads"] = {"0": loaded | {"target_true_deg": 1.0}, "0.5": loaded}
         robot["swapped-commissioned"]["commissioning"] = {"found": [["swapped", "a", "b"]]}
         made[seed] = robot
@@ -213,6 +216,7 @@ def test_tables_and_figure_show_all_conditions() -> None:
     assert joints.rows[0][1:5] == ("10.0 (10.0)", "1.0 (1.0)", "1.0 (1.0)", "1.0 (1.0)")
     assert joints.rows[1][4] == ""
     assert loads.rows[1][:2] == ("0.5", "0.50")
+    assert loads.rows[1][4:6] == ("1.3 (1.3)", "20.0 (20.0)")
     row = next(row for row in named.rows if row[0] == SWAPPED and row[1] == 1)
     assert row[3] == 4
     made = results()
@@ -220,7 +224,11 @@ def test_tables_and_figure_show_all_conditions() -> None:
     row = next(row for row in tables(made, SIZES)[3].rows if row[:2] == (SWAPPED, 1))
     assert row[3] == 0
     row = next(row for row in named.rows if row[0] == "swapped-commissioned" and row[1] == 1)
-    assert row[4] == "swapped a b"
+    assert (row[3], row[4]) == ("", "swapped a b")
+    for odd, after in ((["a", "b"], "before"), (["a", "c"], "never")):
+        made[1]["swapped-commissioned"]["odd"] = odd
+        rows = tables(made, SIZES)[3].rows
+        assert next(row[3] for row in rows if row[:2] == ("swapped-commissioned", 1)) == after
     assert per_seed(results())[0][LENS]["errors"]["5"] == [1.4, 14.0]
     [picture] = pictures(results(), SIZES)
     assert len(picture.png) > 10_000
