@@ -64,7 +64,7 @@ from jmm_agent.statics import Hold, Statics, not_reachable
 from jmm_agent.tension_distribution import TensionDistribution, not_balanced
 from jmm_agent.tension_watch import TensionWatch
 from jmm_agent.time_line import Tick, TimeLine
-from jmm_agent.types import Bools, Floats
+from jmm_agent.types import Floats
 from jmm_agent.updaters import (
     AntagonismMemory,
     AntagonismUpdater,
@@ -589,11 +589,7 @@ class Agent:
         self._watch_limit(readings, passed)
         self._rests.advance(self._step, readings.time, self.hand_is_free)
         since = self._rests.settling.since
-        checked = readings
-        if not self.in_use.all:
-            checked = readings._replace(
-                tensions=np.where(self.in_use.mask, readings.tensions, np.nan)
-            )
+        checked = readings._replace(tensions=self.in_use.demanded(readings.tensions))
         command = self._commander.target_lengths
         self._lengths.update(checked, command, self.motors, since)
         trusted = not self.guard.faults and self.hand_is_free
@@ -612,8 +608,7 @@ class Agent:
         command = self.guard.limit(command)
         if self.heat is not None:
             command = self.heat.limit(command, readings.lengths)
-        if not self.in_use.all:
-            command = np.where(self.in_use.mask, command, self._measured)
+        command = self.in_use.commanded(command, self._measured)
         self._commander.target_lengths = command
         return self._commander.target_lengths.copy()
 
@@ -798,29 +793,18 @@ class Agent:
     def _rewire(self) -> None:
         """Apply what is known of the wiring now."""
         commander, wiring = self._commander, self.wiring
-        before = wiring.left_out
-        order = wiring.apply(self.vision.assignment, max(commander.time, 0.0))
+        before, time = wiring.left_out, max(commander.time, 0.0)
+        order = wiring.apply(self.vision.assignment, time)
         if order is None:
             return
         self._schedule.assignment = wiring.assignment
-        self._use_wired(before & ~wiring.left_out)
+        if wiring.use(self.in_use, before, time):
+            self._in_use_changed()
         if np.any(order != np.arange(len(order))):
             commander.reorder(order)
             self.estimator.reset(self.vision.newest(self.estimator.q))
         self.guard.jump()
         self._rests.restart()
-
-    def _use_wired(self, back: Bools) -> None:
-        """Use the muscles that the wiring leaves, and those again that it has got back."""
-        changed, time = False, max(self._commander.time, 0.0)
-        for number, muscle in enumerate(self.map.muscles):
-            if self.wiring.left_out[number] and self.in_use.learned.sum() > 1:
-                kind, why = self.wiring.reason(number)
-                changed |= self.in_use.leave_out(muscle, time, why, kind)
-            elif back[number]:
-                changed |= self.in_use.repaired(muscle, offset_is_open=False)
-        if changed:
-            self._in_use_changed()
 
     def _map_changed(self) -> None:
         """Pass a new map to all parts that use it."""

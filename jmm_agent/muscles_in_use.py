@@ -216,6 +216,23 @@ class MusclesInUse:
         """
         return tensions if self.all else np.where(self._learned, tensions, 0.0)
 
+    def demanded(self, tensions: Floats) -> Floats:
+        """Tensions (m,) [N] that commands demand: NaN of muscles that are not in use.
+
+        Args:
+            tensions: measured (m,) [N].
+        """
+        return tensions if self.all else np.where(self._mask, tensions, np.nan)
+
+    def commanded(self, target_lengths: Floats, measured: Floats) -> Floats:
+        """Command (m,) [m]: the length that it has, of a muscle that is not in use.
+
+        Args:
+            target_lengths: wanted (m,) [m].
+            measured: lengths (m,) [m].
+        """
+        return target_lengths if self.all else np.where(self._mask, target_lengths, measured)
+
     def known(self, usable: Floats, measured: Floats) -> Floats:
         """Lengths (m,) [m] to learn from: NaN of muscles that are left out.
 

@@ -22,6 +22,7 @@ from jmm_agent.guard.faults import (
 )
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.muscle_order import MuscleOrder
+from jmm_agent.muscles_in_use import MusclesInUse
 from jmm_agent.observation import SensorReadings
 from jmm_agent.types import Bools, Floats, Ints
 from jmm_agent.updaters.assignment import Assignment, step_between
@@ -175,6 +176,26 @@ class Wiring:
             found = Miswiring(kind, (muscle,))
             if found not in self._lost:
                 self._lost = (*self._lost, found)
+
+    def use(self, in_use: MusclesInUse, before: Bools, time: float) -> bool:
+        """Use the muscles that the wiring leaves, and those again that it has got back.
+
+        Args:
+            in_use: which muscles are in use; changed.
+            before: muscles that were left out before `apply` (m,).
+            time: of the last control step [s].
+
+        Returns:
+            Whether other muscles are in use than before.
+        """
+        changed, left_out = False, self.left_out
+        for number, muscle in enumerate(self._muscles):
+            if left_out[number] and in_use.learned.sum() > 1:
+                kind, why = self.reason(number)
+                changed |= in_use.leave_out(muscle, time, why, kind)
+            elif before[number] and not left_out[number]:
+                changed |= in_use.repaired(muscle, offset_is_open=False)
+        return changed
 
     def reason(self, muscle: int) -> tuple[str, str]:
         """Kind of the fault of a muscle that is left out, and why it is, in some words.
