@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jmm_agent.arm_estimate import ArmEstimate
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.commander import Commander
 from jmm_agent.errors import AgentError
@@ -54,7 +55,7 @@ from jmm_agent.muscle_order import MuscleOrder
 from jmm_agent.muscle_stiffness import MuscleStiffness
 from jmm_agent.muscles_in_use import MusclesInUse
 from jmm_agent.next_posture import NextPosture, PlannerModel, PlannerState
-from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
+from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
 from jmm_agent.posture_choice import Chosen, PostureChoice
 from jmm_agent.posture_planner import PosturePlanner, planner_apart
@@ -75,7 +76,6 @@ from jmm_agent.updaters import (
 from jmm_agent.vision.balance import Balance, Loads
 from jmm_agent.vision.camera_delay import DelayEstimate
 from jmm_agent.vision.hand_error import HandPostures
-from jmm_agent.vision.hand_pose import ArmSample
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.pose_covariance import numbers
@@ -85,12 +85,8 @@ __all__ = ["Agent", "AgentOptions"]
 
 _log = logging.getLogger(__name__)
 
-START_UPDATES = 50
-"""Updates of the estimator with the first lengths, before the first command."""
 STOP = 1.0
 """Time in which commands go to where the arm is, because a tension stays at its limit [s]."""
-START_CHANGE = 1e-3
-"""Change by an update that ends these updates on a live robot [rad]."""
 
 
 class Agent:
@@ -142,7 +138,6 @@ class Agent:
     hand_load: HandLoad | None = None
     statics: Statics | None = None
     unreachable = ""
-    _measured: Floats
 
     def __init__(
         self,
@@ -184,6 +179,7 @@ class Agent:
             self.hand_load = HandLoad(loads, balance, kinematics, grip, options.settling)
         self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
+        self._arm = ArmEstimate(self.learner, self.estimator, self.in_use)
         self._stiffness = MuscleStiffness(len(nominal_map.muscles), options.map_rate)
         self._commander = Commander(nominal_map, start, limits, options.map_rate, forward)
         self._learned = MapLearning(
@@ -576,9 +572,7 @@ class Agent:
         if self.heat is not None:
             self.heat.update(readings, tick.jump)
         if np.isfinite(self._commander.time):
-            passed = tick.passed(self._commander.time)
-            lengths = self._at_reference(readings)
-            self.estimator.update(lengths, passed, readings.joint_angles)
+            self._arm.update(readings, tick.passed(self._commander.time))
         else:
             self._start(readings)
         passed = self._commander.advance(readings.time)
@@ -593,7 +587,9 @@ class Agent:
         command = self._commander.target_lengths
         self._lengths.update(checked, command, self.motors, since)
         trusted = not self.guard.faults and self.hand_is_free
-        self._rests.learn(readings, self._sample(readings), trusted, bool(tick.jump))
+        target = self._commander.target_lengths + self._commander.stretch
+        sample = self._arm.sample(readings, target)
+        self._rests.learn(readings, sample, trusted, bool(tick.jump))
         if not self.guard.faults:
             self._rests.watch(
                 readings, passed, self.hand_is_free, self._commander.ended, self.contradicted_joints
@@ -608,7 +604,7 @@ class Agent:
         command = self.guard.limit(command)
         if self.heat is not None:
             command = self.heat.limit(command, readings.lengths)
-        command = self.in_use.commanded(command, self._measured)
+        command = self.in_use.commanded(command, self._arm.measured)
         self._commander.target_lengths = command
         return self._commander.target_lengths.copy()
 
@@ -729,12 +725,7 @@ class Agent:
     def _start(self, readings: SensorReadings) -> None:
         """Estimate where the arm is, and begin the trajectory there."""
         live = self.options.learning.enters_after == AS_SOON  # no step may take long
-        lengths = self._at_reference(readings)
-        for _ in range(START_UPDATES):
-            before = self.estimator.q
-            self.estimator.update(lengths, CONTROL_PERIOD, readings.joint_angles)
-            if live and np.abs(self.estimator.q - before).max() < START_CHANGE:
-                break
+        self._arm.start(readings, live)
         self._commander.start(self.estimator.q, readings.time, readings.lengths)
 
     def _filtered(self, readings: SensorReadings, tick: Tick) -> SensorReadings:
@@ -749,10 +740,7 @@ class Agent:
             wiring.watch(readings, expected, self.motors, self.in_use.mask)
         filtered = self.guard.filter(readings, commander.time, commander.target_lengths, expected)
         self.time_line.accept(tick)
-        in_use, self._measured = self.in_use, filtered.lengths
-        self.estimator.doubt(filtered.doubted | ~in_use.mask)
-        lengths = in_use.usable(filtered.lengths, self.estimator.lengths)
-        return readings._replace(lengths=lengths, tensions=in_use.pulling(filtered.tensions))
+        return self._arm.usable(readings, filtered)
 
     def _watch_robot(self, readings: SensorReadings) -> None:
         """Look for faults; unlearn what was learned just before a new one."""
@@ -841,20 +829,6 @@ class Agent:
             self.guard.set_stiffness(self._stiffness.commanded)
         if self.heat is not None and self.motors is not None:
             self.heat.set_motors(self.motors)
-
-    def _at_reference(self, readings: SensorReadings) -> Floats:
-        """Measured lengths (m,) [m] as they were without what tendons stretch by load."""
-        if self.map.tendons is None:
-            return readings.lengths
-        return readings.lengths + self.map.stretch(readings.tensions)
-
-    def _sample(self, readings: SensorReadings) -> ArmSample:
-        """What is learned from at rest; targets without what muscles stretch by load."""
-        target = self._commander.target_lengths + self._commander.stretch
-        angles = self.estimator.joint_encoders.usable(readings.joint_angles)
-        state = readings.time, np.inf, self.estimator.q
-        lengths = self.in_use.known(self._at_reference(readings), self._measured)
-        return ArmSample(*state, lengths, target, readings.tensions, angles)
 
 
 def _widest(options: AgentOptions) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.robots.conditions import ACTUAL, make_session
 from experiments.robots.variants import PAPER_OPTIONS
-from jmm_agent.agent import START_UPDATES
+from jmm_agent.arm_estimate import START_UPDATES
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.length_map import LengthMap, QuadraticJacobian
