@@ -28,7 +28,6 @@ from numpy.typing import ArrayLike
 
 from jmm_agent.arm_estimate import ArmEstimate
 from jmm_agent.command_limits import CommandLimits
-from jmm_agent.commander import Commander
 from jmm_agent.errors import AgentError
 from jmm_agent.feed_forward import FeedForward
 from jmm_agent.guard.arm_state import ArmState
@@ -51,18 +50,17 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.memory_file import AgentMemory, write_memory
+from jmm_agent.movement import Movement
 from jmm_agent.muscle_order import MuscleOrder
-from jmm_agent.muscle_stiffness import MuscleStiffness
 from jmm_agent.muscles_in_use import MusclesInUse
 from jmm_agent.next_posture import NextPosture, PlannerModel, PlannerState
 from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
-from jmm_agent.posture_choice import Chosen, PostureChoice
 from jmm_agent.posture_planner import PosturePlanner, planner_apart
 from jmm_agent.prediction_record import PredictionRecord
 from jmm_agent.rest_learning import RestLearning
-from jmm_agent.statics import Hold, Statics, not_reachable
-from jmm_agent.tension_distribution import TensionDistribution, not_balanced
+from jmm_agent.statics import Hold, Statics, holds_of
+from jmm_agent.tension_distribution import TensionDistribution
 from jmm_agent.tension_watch import TensionWatch
 from jmm_agent.time_line import Tick, TimeLine
 from jmm_agent.types import Floats
@@ -84,9 +82,6 @@ from jmm_agent.wiring import Wiring
 __all__ = ["Agent", "AgentOptions"]
 
 _log = logging.getLogger(__name__)
-
-STOP = 1.0
-"""Time in which commands go to where the arm is, because a tension stays at its limit [s]."""
 
 
 class Agent:
@@ -114,7 +109,6 @@ class Agent:
         order: of the robot's muscles and their signs, where they differ from the map's, as found
             by a commissioning run; None if they do not.
         statics: of the nominal model, which say whether a posture can be reached; None if unknown.
-        unreachable: why postures of the last `go` cannot be reached; empty if all can.
         in_use: which muscles are in use; a guard leaves out those that have snapped.
         wiring: which muscles were found to be exchanged, and which are left out.
         learner: holds the map.
@@ -137,7 +131,6 @@ class Agent:
     order: MuscleOrder | None = None
     hand_load: HandLoad | None = None
     statics: Statics | None = None
-    unreachable = ""
 
     def __init__(
         self,
@@ -171,8 +164,6 @@ class Agent:
         judged = HandPostures.among(typical, kinematics, site, _widest(options))
         self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads, judged)
         self.in_use = MusclesInUse(nominal_map.muscles)
-        self._mask = self.in_use.mask
-        self._choice = PostureChoice(kinematics, self._tensions, self.in_use)
         if loads is not None:
             grip = options.grip if options.grip in kinematics.frames else site
             balance = Balance(nominal_map, loads, limits, options.vision.balance)
@@ -180,8 +171,10 @@ class Agent:
         self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
         self._arm = ArmEstimate(self.learner, self.estimator, self.in_use)
-        self._stiffness = MuscleStiffness(len(nominal_map.muscles), options.map_rate)
-        self._commander = Commander(nominal_map, start, limits, options.map_rate, forward)
+        self._movement = Movement(
+            self.learner, kinematics, start, self._tensions, self.in_use, options
+        )
+        self._commander, self._stiffness = self._movement.commander, self._movement.stiffness
         self._learned = MapLearning(
             self.learner, self.antagonism, self.vision, options.learn_antagonism
         )
@@ -311,6 +304,11 @@ class Agent:
         return self._observer.markers
 
     @property
+    def unreachable(self) -> str:
+        """Why postures of the last `go` cannot be reached; empty if all can."""
+        return self._movement.unreachable
+
+    @property
     def target(self) -> Floats:
         """Joint angles (n,) [rad] at the end of the trajectory."""
         return self._commander.target
@@ -330,7 +328,7 @@ class Agent:
         found = [*self.guard.faults, *self.time_line.found()]
         found += [*self._lengths.faults, *self._rests.faults, *self._tension_watch.faults]
         found += [] if self.heat is None else self.heat.faults
-        found += [self._choice.fault] if self._choice.fault else []
+        found += self._movement.faults
         in_use = self.in_use.faults
         out = {fault.where for fault in in_use}
         found = [one for one in found if one.kind != MUSCLE_SNAPPED or one.where not in out]
@@ -373,26 +371,7 @@ class Agent:
             AgentError: a posture is not finite or of the wrong shape, or there is none, or the
                 duration is negative or not finite, or there is no such frame.
         """
-        points = self._commander.checked(postures, duration)
-        self._choice.set_goal(goal)
-        chosen = Chosen(points, duration)
-        chosen = self._choice.choose(chosen, self._commander.time, self.map, self.motors)
-        points, duration = chosen.points, chosen.duration
-        not_held = self._choice.sentence
-        if self.in_use.all:
-            not_held = not_reachable(self.reachable(points))
-        hot = ""
-        if self._tensions is not None and self.motors is not None:
-            pulls = [self._tensions.at(self.map, self.motors, q) for q in points]
-            if not not_held and self.options.feed_forward:
-                not_held = not_balanced(pulls, self.map.joints, self.motors)
-            if self.heat is not None:
-                hot = self.heat.not_held(np.array([pull.tensions for pull in pulls]))
-        beyond = self._commander.beyond(postures, self.map.joints)
-        self.unreachable = " ".join(filter(None, (beyond, not_held, hot)))
-        if self.unreachable:
-            _log.warning("%s", self.unreachable)
-        self._commander.go(points, duration)
+        self._movement.go(postures, duration, goal, self.statics, self.heat)
 
     def set_stiffness(
         self, value: ArrayLike | Mapping[str, float], limits: tuple[float, float] | None = None
@@ -493,9 +472,7 @@ class Agent:
         Raises:
             AgentError: a posture is not finite or of the wrong shape.
         """
-        if self.statics is None:
-            return []
-        return [self.statics.hold(posture) for posture in np.atleast_2d(postures)]
+        return holds_of(self.statics, postures)
 
     def next_posture(
         self, candidates: ArrayLike | None = None, within: float = np.inf
@@ -592,15 +569,15 @@ class Agent:
         self._rests.learn(readings, sample, trusted, bool(tick.jump))
         if not self.guard.faults:
             self._rests.watch(
-                readings, passed, self.hand_is_free, self._commander.ended, self.contradicted_joints
+                readings,
+                passed,
+                self.hand_is_free,
+                self._commander.ended,
+                self.contradicted_joints,
             )
-        if self._stiffness.advance(passed):
+        if self._movement.advance(passed):
             self._stiffness_changed()
-        self._reroute()
-        limits = self.limits
-        if limits is not None:
-            limits = limits.with_stiffness(self._stiffness.commanded)
-        command = self._commander.command(self.map, limits, readings.lengths, passed, self.motors)
+        command = self._movement.command(self.limits, readings.lengths, passed)
         command = self.guard.limit(command)
         if self.heat is not None:
             command = self.heat.limit(command, readings.lengths)
@@ -760,9 +737,7 @@ class Agent:
     def _watch_limit(self, readings: SensorReadings, passed: float) -> None:
         """Stay where the arm is if a tension has been at its limit for long."""
         if self.motors is not None and self._tension_watch.update(readings, passed, self.motors):
-            self._commander.go(self._commander.checked(self.joint_angles, STOP), STOP)
-            self.unreachable = f"The motion was stopped: {self._tension_watch.newest}."
-            _log.warning("%s", self.unreachable)
+            self._movement.stop(self.joint_angles, self._tension_watch.newest)
 
     def _watch_hand(self, readings: SensorReadings) -> None:
         """Estimate what the hand holds, and let the tensions hold it, too."""
@@ -804,24 +779,9 @@ class Agent:
             self._in_use_changed()
 
     def _in_use_changed(self) -> None:
-        """Pass which muscles are in use to all parts, and check what remains of the movement."""
-        for fault in self.in_use.faults:
-            if self._mask[self.in_use.index(fault.where)]:
-                _log.warning("Muscle %s: %s.", fault.where, fault.detail)
-        self._choice.in_use_changed()
+        """Pass which muscles are in use to all parts that use it."""
         self.guard.leave_out(~self.in_use.mask)
-        self._commander.come_back(self.in_use.mask & ~self._mask)
-        self._mask = self.in_use.mask
-        rest = Chosen(*self._commander.remaining())
-        self._choice.begin(rest, self._commander.time, self.map, self.motors)
-
-    def _reroute(self) -> None:
-        """Go to another posture than was wanted, once it is known that it cannot be held."""
-        chosen = self._choice.advance()
-        if chosen is not None:
-            self.unreachable = self._choice.sentence
-            _log.warning("%s", self.unreachable)
-            self._commander.go(chosen.points, chosen.duration)
+        self._movement.in_use_changed()
 
     def _stiffness_changed(self) -> None:
         """Pass the stiffness of the motors to all parts that use it."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from jmm_agent.types import Floats
 
 
@@ -36,6 +38,16 @@ class Statics(Protocol):
         Args:
             posture: joint angles (n,) [rad].
         """
+
+
+def holds_of(statics: Statics | None, postures: Floats) -> list[Hold]:
+    """Whether the muscles can hold postures; nothing if that is unknown.
+
+    Args:
+        statics: of the nominal model; None if there is none.
+        postures: joint angles (K, n), or (n,) of one [rad].
+    """
+    return [] if statics is None else [statics.hold(posture) for posture in np.atleast_2d(postures)]
 
 
 def not_reachable(holds: Sequence[Hold]) -> str:
