@@ -27,28 +27,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jmm_agent.arm_estimate import ArmEstimate
+from jmm_agent.assembly import hand_load, map_learning
 from jmm_agent.command_limits import CommandLimits
 from jmm_agent.errors import AgentError
-from jmm_agent.feed_forward import FeedForward
 from jmm_agent.guard.arm_state import ArmState
 from jmm_agent.guard.faults import MUSCLE_LEFT_OUT, MUSCLE_SNAPPED, Fault, MotorControl
 from jmm_agent.guard.guard import Guard
 from jmm_agent.guard.null_guard import NullGuard
-from jmm_agent.hand_load import HandLoad
 from jmm_agent.hand_observer import HandObserver
 from jmm_agent.heat.heat_monitor import HeatMonitor
 from jmm_agent.joint_stiffness import Stiffness
 from jmm_agent.kalman_filter import JointEstimator
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
-from jmm_agent.learning.job import MapLearning
 from jmm_agent.learning.job_queue import Entered
 from jmm_agent.learning.memory import load_memory, memory_of
 from jmm_agent.learning.options import AS_SOON
 from jmm_agent.learning.schedule import Schedule
 from jmm_agent.length_check import LengthCheck
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.learner import Rule
 from jmm_agent.memory_file import AgentMemory, write_memory
 from jmm_agent.movement import Movement
 from jmm_agent.muscle_order import MuscleOrder
@@ -66,16 +63,12 @@ from jmm_agent.time_line import Tick, TimeLine
 from jmm_agent.types import Floats
 from jmm_agent.updaters import (
     AntagonismMemory,
-    AntagonismUpdater,
     Seen,
     VisionMemory,
-    VisionUpdater,
 )
-from jmm_agent.vision.balance import Balance, Loads
+from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera_delay import DelayEstimate
-from jmm_agent.vision.hand_error import HandPostures
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
-from jmm_agent.vision.marker_residual import MarkerResidual
 from jmm_agent.vision.pose_covariance import numbers
 from jmm_agent.wiring import Wiring
 
@@ -129,7 +122,6 @@ class Agent:
     limits: CommandLimits | None = None
     heat: HeatMonitor | None = None
     order: MuscleOrder | None = None
-    hand_load: HandLoad | None = None
     statics: Statics | None = None
 
     def __init__(
@@ -145,42 +137,27 @@ class Agent:
         guard: Guard | None = None,
         loads: Loads | None = None,
     ) -> None:
-        _check_joints(kinematics, nominal_map)
         self.options = options = options or AgentOptions()
         self.kinematics = kinematics
         self._nominal_map, self._typical = nominal_map, typical
         self.guard: Guard | NullGuard = NullGuard() if guard is None else guard
-        limits, camera, site = kinematics.limits, options.camera, options.marker_site
-        prior = MapPrior(nominal_map, typical, options.prior)
-        residual = MarkerResidual(kinematics, camera or None, site)
+        learned = map_learning(nominal_map, kinematics, typical, rng, options, rule, loads)
+        self._learned, self.learner = learned, learned.learner
+        self.antagonism, self.vision = learned.antagonism, learned.vision
         self._observer = HandObserver(detector, kinematics, options)
-        self.learner = Learner(nominal_map, limits, rule or RidgeRule(prior), options.batch, rng)
-        self.antagonism = AntagonismUpdater(self.learner, options.antagonism)
-        self._tensions = None if loads is None else TensionDistribution(loads, options.tension)
-        forward = FeedForward(self._tensions) if options.feed_forward and self._tensions else None
-        seeing = options.vision
-        if seeing.lengths is None and forward is not None:
-            seeing = replace(seeing, lengths="l")
-        judged = HandPostures.among(typical, kinematics, site, _widest(options))
-        self.vision = VisionUpdater(self.learner, prior, residual, limits, seeing, loads, judged)
-        self.in_use = MusclesInUse(nominal_map.muscles)
-        if loads is not None:
-            grip = options.grip if options.grip in kinematics.frames else site
-            balance = Balance(nominal_map, loads, limits, options.vision.balance)
-            self.hand_load = HandLoad(loads, balance, kinematics, grip, options.settling)
+        self._schedule = Schedule(learned, options.learning, self._map_changed)
+        self._rests = RestLearning(learned, self._schedule, self._observer, options)
+        limits, self.in_use = kinematics.limits, MusclesInUse(nominal_map.muscles)
         self.time_line = TimeLine(options.time_line)
         self.estimator = JointEstimator(nominal_map, limits, options.estimator, start)
+        self.estimator.spread = learned.spread
         self._arm = ArmEstimate(self.learner, self.estimator, self.in_use)
+        self._tensions = None if loads is None else TensionDistribution(loads, options.tension)
+        self.hand_load = hand_load(nominal_map, kinematics, options, loads)
         self._movement = Movement(
             self.learner, kinematics, start, self._tensions, self.in_use, options
         )
         self._commander, self._stiffness = self._movement.commander, self._movement.stiffness
-        self._learned = MapLearning(
-            self.learner, self.antagonism, self.vision, options.learn_antagonism
-        )
-        self.estimator.spread = self._learned.spread
-        self._schedule = Schedule(self._learned, options.learning, self._map_changed)
-        self._rests = RestLearning(self._learned, self._schedule, self._observer, options)
         self._lengths, self.wiring = LengthCheck(nominal_map, limits), Wiring(nominal_map, limits)
         self._tension_watch = TensionWatch(nominal_map.muscles)
         self._step, self.hand_is_free = -1, True
@@ -789,16 +766,3 @@ class Agent:
             self.guard.set_stiffness(self._stiffness.commanded)
         if self.heat is not None and self.motors is not None:
             self.heat.set_motors(self.motors)
-
-
-def _widest(options: AgentOptions) -> float:
-    """By how much a joint may rest off its target, standard deviation [rad]."""
-    return options.prior.zero_posture or options.arrival
-
-
-def _check_joints(kinematics: ArmKinematics, nominal_map: JointMuscleMap) -> None:
-    if kinematics.joints != nominal_map.joints:
-        raise AgentError(
-            f"Agent: the kinematics' joints {kinematics.joints} are not the map's "
-            f"{nominal_map.joints}."
-        )
