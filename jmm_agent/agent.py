@@ -617,10 +617,7 @@ class Agent:
             antagonism: what the Antagonism Updater remembered.
             vision: what the Vision Updater remembered.
         """
-        self._schedule.recall()
-        self.learner.map = jmm
-        self.antagonism.memory, self.vision.memory = antagonism, vision
-        self._map_changed()
+        self._schedule.recall(jmm, antagonism, vision)
 
     @property
     def memory(self) -> AgentMemory:

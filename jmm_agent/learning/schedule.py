@@ -17,8 +17,9 @@ from jmm_agent.learning.job import JobResult, LearnedState, LearningJob, MapLear
 from jmm_agent.learning.job_queue import Entered, JobQueue
 from jmm_agent.learning.options import LearningOptions
 from jmm_agent.learning.worker import ProcessWorker, StepWorker
+from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.prediction_record import PredictionRecord
-from jmm_agent.updaters import Seen
+from jmm_agent.updaters import AntagonismMemory, Seen, VisionMemory
 from jmm_agent.updaters.assignment import Assignment
 
 _log = logging.getLogger(__name__)
@@ -141,18 +142,33 @@ class Schedule:
             return
         cancelled = self._queue.cancel(lambda job: job.time >= time - window)
         if self._before:
-            earlier, learning = self._before[0].state, self._learning
-            learning.learner.map = earlier.map
-            learning.antagonism.memory, learning.vision.memory = earlier.antagonism, earlier.vision
+            earlier = self._before[0].state
             self._before.clear()
-            self._changed()
+            self._return_to(earlier.map, earlier.antagonism, earlier.vision)
             self.taken_back += 1
         elif cancelled:
             self.taken_back += 1
 
-    def recall(self) -> None:
-        """Drop jobs, because they began with another state than the one that is set now."""
+    def recall(
+        self, jmm: JointMuscleMap, antagonism: AntagonismMemory, vision: VisionMemory
+    ) -> None:
+        """Return to what was learned at another time, and drop jobs, which began with another.
+
+        Args:
+            jmm: the map.
+            antagonism: what the Antagonism Updater remembered.
+            vision: what the Vision Updater remembered.
+        """
         self._cancel(RECALLED)
+        self._return_to(jmm, antagonism, vision)
+
+    def _return_to(
+        self, jmm: JointMuscleMap, antagonism: AntagonismMemory, vision: VisionMemory
+    ) -> None:
+        learning = self._learning
+        learning.learner.map = jmm
+        learning.antagonism.memory, learning.vision.memory = antagonism, vision
+        self._changed()
 
     def finish(self) -> None:
         """Wait for all jobs, and let their results enter."""
