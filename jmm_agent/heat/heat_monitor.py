@@ -15,17 +15,17 @@ import numpy as np
 
 from jmm_agent.errors import AgentError
 from jmm_agent.guard.faults import (
-    HEAT_CHANGED,
     HEAT_LIMITED,
     TEMPERATURE_MISSING,
     TEMPERATURE_WRONG,
     Fault,
     MotorControl,
 )
-from jmm_agent.heat.change_detector import Change, ChangeDetector
+from jmm_agent.heat.change_detector import ChangeDetector
+from jmm_agent.heat.changed_motors import ChangedMotors
 from jmm_agent.heat.housing_readings import HousingReadings, check_unit
-from jmm_agent.heat.model import AMBIENT, CORE, FIRST, HOUSING
-from jmm_agent.heat.parameters import NAMES, UNITS, HeatOptions
+from jmm_agent.heat.model import FIRST, HOUSING
+from jmm_agent.heat.parameters import NAMES, HeatOptions
 from jmm_agent.heat.tension_limit import allowed_tensions, core_after
 from jmm_agent.heat.thermal_filter import ThermalFilter
 from jmm_agent.observation import SensorReadings
@@ -37,17 +37,8 @@ STEPS = 8
 """Steps of the filter in a nominal core time constant."""
 MISSING = 4
 """Number of steps without a reading from which on that is named."""
-AGAIN = 0.5
-"""A changed parameter is as before again within this share of the change that is a fault [1]."""
 CUT = 0.01
 """Least share of the motors' largest tension by which a command is cut that counts [1]."""
-CAPPED = 2.0
-"""Time for which a motor that changed may pull no more than it could forever before, while it is
-learned again, in housing time constants [1]."""
-DOUBT = 0.3
-"""Standard deviation of the excess of a core over its housing after a change, as a share [1]."""
-LONG = 5.0
-"""Horizon that counts as forever, in housing time constants [1]."""
 RELEASED = 5.0
 """Time without a cut after which a muscle no longer counts as limited by heat [s]."""
 
@@ -88,7 +79,7 @@ class HeatMonitor:
         self._filter = ThermalFilter((count,), options)
         self._detector = ChangeDetector(count, options)
         self._readings = HousingReadings(count, options.noise)
-        self._changed: dict[int, tuple[Change, Fault]] = {}
+        self._changed = ChangedMotors(muscles, self._filter, options)
         self._named: dict[tuple[str, int], Fault] = {}
         self._start = True
         self.reset()
@@ -100,10 +91,10 @@ class HeatMonitor:
         self._passed, self._heat, self._last_heat = 0.0, np.zeros(count), np.zeros(count)
         self._without = np.zeros(count, dtype=int)
         self._cut_at = np.full(count, -np.inf)
-        self._cap, self._cap_until = np.full(count, np.inf), np.full(count, -np.inf)
         self._start = True
         self._readings.reset()
         self._detector.reset()
+        self._changed.reset()
         self._named.clear()
         self._limits: tuple[float, Floats] | None = None
 
@@ -132,8 +123,8 @@ class HeatMonitor:
     @property
     def faults(self) -> list[Fault]:
         """Faults that are found now, in the order in which they were noticed."""
-        found = [fault for _, fault in self._changed.values()]
-        return sorted([*found, *self._named.values()], key=lambda fault: fault.since)
+        found = [*self._changed.faults, *self._named.values()]
+        return sorted(found, key=lambda fault: fault.since)
 
     @property
     def limited(self) -> Bools:
@@ -190,8 +181,7 @@ class HeatMonitor:
             allowed = allowed_tensions(
                 self._filter, motors.bias, motors.limit, self.options, planned
             )
-            cap = np.where(self._time < self._cap_until, self._cap, np.inf)
-            self._limits = planned, np.minimum(allowed, cap)
+            self._limits = planned, self._changed.capped(allowed, self._time)
         return self._limits[1].copy()
 
     def limit(self, target_lengths: Floats, lengths: Floats) -> Floats:
@@ -297,62 +287,10 @@ class HeatMonitor:
         self._readings.learn(used - mean + innovation, expected)
         self._without = np.where(np.isfinite(mean), 0, self._without + 1)
         for change in self._detector.update(self._filter, heat, time, used, noise):
-            self._take(change)
+            self._changed.take(change, self._motors, self._time)
         self._limits = None
         self._name_sensors()
-        self._forget_undone()
-
-    def _take(self, change: Change) -> None:
-        """Doubt the parameters that may have changed, and name a change that is decided."""
-        motor = change.motor
-        self._keep_cap(motor)
-        if change.new:
-            self._doubt(change)
-        if not change.decided:
-            return
-        since, known = self._time, self._changed.get(motor)
-        if known is not None:
-            change, since = change._replace(before=known[0].before), known[1].since
-        first = change.parameter
-        before = float(change.before[first])
-        others = "".join(f", or {NAMES[other]}" for other in change.others)
-        others += ", or the surroundings" if change.surroundings else ""
-        detail = (
-            f"{NAMES[first]}{others} of {self._muscles[motor]!r} changed by "
-            f"{100 * (change.factor - 1):+.0f} %: {before:.3g} -> {before * change.factor:.3g} "
-            f"{UNITS[first]}"
-        )
-        self._changed[motor] = change, Fault(HEAT_CHANGED, self._muscles[motor], since, detail)
-        _log.warning("%s", detail)
-
-    def _doubt(self, change: Change) -> None:
-        """Forget what a motor's filter learned since a change, and doubt what may have changed."""
-        x, p = self._filter.x[change.motor], self._filter.p[change.motor]
-        excess = x[CORE] - x[HOUSING]
-        p[:FIRST, FIRST:] = p[FIRST:, :FIRST] = 0.0
-        p[CORE, CORE] += (DOUBT * excess) ** 2
-        p[AMBIENT, AMBIENT] = self.options.ambient_std**2
-        x[FIRST:], p[FIRST:, FIRST:] = np.log(change.before), change.covariance
-        for parameter in (change.parameter, *change.others):
-            p[FIRST + parameter, FIRST + parameter] += np.log(change.factor) ** 2
-
-    def _keep_cap(self, motor: int) -> None:
-        """Let a motor pull no more than it could forever, until it is learned again."""
-        lasting = self.options.nominal.housing_time
-        if self._time >= self._cap_until[motor]:
-            limits = self.tension_limits(horizon=LONG * lasting)
-            self._cap[motor], self._limits = limits[motor], None
-        self._cap_until[motor] = self._time + CAPPED * lasting
-
-    def _forget_undone(self) -> None:
-        """Forget changes whose parameters were learned again, and are as before."""
-        for motor, (change, fault) in list(self._changed.items()):
-            if self._time - fault.since < self.options.nominal.housing_time:
-                continue
-            which = [change.parameter, *change.others]
-            moved = np.abs(self._filter.x[motor, FIRST:] - np.log(change.before))[which]
-            if moved.max() < AGAIN * self.options.changed:
-                del self._changed[motor]
+        self._changed.forget_undone(self._time)
 
     def _name_sensors(self) -> None:
         """Name sensors that are missing or broken."""
