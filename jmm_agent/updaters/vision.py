@@ -9,36 +9,32 @@ themselves, and the pair holds l. The paper's l_target is an option.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, Pairs
-from jmm_agent.mapping.prior import MapPrior, with_unknown
+from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Bools, Floats
-from jmm_agent.updaters.assignment import Assignment, ObservationRecord, step_between
+from jmm_agent.updaters.assignment import Assignment, ObservationRecord
 from jmm_agent.updaters.forecast import Forecast, why_not_applied
 from jmm_agent.updaters.observation_check import USUAL, ObservationCheck
+from jmm_agent.updaters.observation_fitter import ObservationFitter
 from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
+from jmm_agent.updaters.rewiring import Rewiring
 from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
-from jmm_agent.updaters.wiring_evidence import reordered
 from jmm_agent.updaters.wiring_watch import WiringWatch
-from jmm_agent.updaters.zeroing import ZeroingTest
+from jmm_agent.updaters.zeroing_watch import ZeroingWatch
 from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera_unknowns import corrected, corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.hold_out import HoldOut
-from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
-from jmm_agent.vision.length_drift import LengthDrift
 from jmm_agent.vision.marker_observation import Frames
 from jmm_agent.vision.observation_fit import (
     MarkerObservation,
     PoseResidual,
-    fit_alone,
 )
-from jmm_agent.vision.permanent_elongation import elongations, fit_with_elongation
+from jmm_agent.vision.permanent_elongation import elongations
 from jmm_agent.vision.rest_fit import Rest
 
 
@@ -84,6 +80,9 @@ class VisionUpdater:
         self._rests, self._prior, self.assignment = RestMemory(), prior, Assignment()
         self._wiring = WiringWatch(self._fitter.wiring_evidence, prior, limits)
         self._check = ObservationCheck(prior.map, marker_residual, options)
+        self._rewiring = Rewiring(self._fitter, self._check, options.observations.memory)
+        self._zeroing = ZeroingWatch(marker_residual, limits, options)
+        self._fits = ObservationFitter(self._fitter, marker_residual, limits, options)
         self._observations: list[MarkerObservation] = []
         self._commands: list[Floats] = []
         self._sound: list[bool] = []
@@ -142,26 +141,15 @@ class VisionUpdater:
 
     def balanced_rests(self) -> tuple[Floats, Floats]:
         """Joint angles (K, n) [rad] and tensions (K, m) [N] of the rests that were learned from."""
-        seen = zip(self._angles, self._observations, strict=True)
-        rests = [(rest.guess, rest.tensions) for rest in self._rests.rests]
-        rests += [(q, found.tensions) for q, found in seen if found.tensions is not None]
-        whole = [(q, tensions) for q, tensions in rests if np.isfinite(tensions).all()]
-        angles = np.array([q for q, _ in whole]).reshape(-1, len(self._limits))
-        muscles = len(self._learner.map.muscles)
-        return angles, np.array([tensions for _, tensions in whole]).reshape(-1, muscles)
+        return self.memory.balanced_rests()
 
     def begin(self) -> None:
         """Begin an episode, before which lengths may have been zeroed anew."""
-        drift = self._rests.drift._replace(time=np.nan)
-        self._rests = self._rests._replace(rests=(), drift=drift)
-        enough = len(self._observations) >= self._options.zeroing_least
-        self._start = EpisodeStart(0, self.elongated) if enough else None
+        self.memory = self.memory.begun(self._options.zeroing_least)
 
     def zeroed(self) -> None:
         """Open the offsets of all lengths, because they were zeroed anew; shapes stay."""
-        self.elongated = self.elongated + self._prior.zeroing_share
-        self._start = None
-        self._forget_rests()
+        self.memory = self.memory.zeroed(self._prior.zeroing_share)
         if not self._observations and self.zero is not None:
             self._know(RestMemory())
             self._learner.map = self._prior.map
@@ -174,12 +162,7 @@ class VisionUpdater:
         Args:
             muscle: its number.
         """
-        since = np.zeros(self.elongated.shape[1])
-        since[muscle] = 1.0
-        self.elongated = self.elongated + since
-        if self._start is not None:
-            self._start = self._start._replace(elongated=self._start.elongated + since)
-        self._forget_rests()
+        self.memory = self.memory.repaired(muscle)
         if self.hold_out is not None:
             self.hold_out.repaired(muscle)
 
@@ -189,23 +172,12 @@ class VisionUpdater:
         Args:
             muscle: its number.
         """
-        self._observations = [
-            one._replace(lengths=with_unknown(one.lengths, muscle)) for one in self._observations
-        ]
-        self._commands = [with_unknown(command, muscle) for command in self._commands]
-        self.pairs = self.pairs.with_unknown(muscle)
-        rests = [
-            one._replace(lengths=with_unknown(one.lengths, muscle)) for one in self._rests.rests
-        ]
-        self._rests = self._rests._replace(rests=tuple(rests))
+        self.memory = self.memory.doubted(muscle)
 
     @property
     def shown(self) -> Bools:
         """Whose length the newest remembered observation shows as it is now (m,)."""
-        if not self._observations:
-            return np.zeros(self.elongated.shape[1], dtype=bool)
-        lengths = self._observations[-1].lengths
-        return np.asarray((self.elongated[-1] == 0.0) & np.isfinite(lengths))
+        return self.memory.shown
 
     def rested(self, rest: Rest) -> Rested | None:
         """Remember a rest in which the hand was not seen, or not yet.
@@ -276,7 +248,8 @@ class VisionUpdater:
         observations = observations[-self._options.observations.memory :]
         predicted = self.forecast.predict(self.memory, observations) if learn else None
         zeroed = learn and self._shows_zeroing(observations)
-        found = self._fit(observations) if learn else self._evaluated(observations)
+        fitted = self._fits.fit if learn else self._fits.evaluate
+        found = fitted(self.memory, self._prior, observations)
         fit, angles = found.observed, found.observed.angles[-1]
         doubt = self._check.doubt(fit, observation, self._angles)
         detail = self._check.detail(doubt, observation, angles)
@@ -352,45 +325,14 @@ class VisionUpdater:
         """
         if assignment is self.assignment:
             return
-        muscles = self.elongated.shape[1]
-        order, ones = step_between(self.assignment, assignment, muscles), np.ones(muscles)
-        observed = [
-            ObservationRecord(
-                reordered(one.observation, order, ones), one.command[order], one.sound
-            )
-            for one in (*self._learned_from(), *self.assignment.refused)
-        ][-self._options.observations.memory :]
-        rests = tuple(reordered(rest, order, ones) for rest in self._rests.rests)
+        before = self.memory
         self._assign(assignment)
-        drift = LengthDrift(ages=np.zeros(len(observed)), time=self._rests.drift.time)
-        self._know(RestMemory(rests=rests, drift=drift))
-        observations, guesses = [one.observation for one in observed], [*self._angles]
-        guesses += [one.guess for one in observations[len(guesses) :]]
-        start = np.array(guesses).reshape(-1, len(self._limits))
-        zeroed = self.elongated.min(axis=1, keepdims=True) + np.zeros(muscles)  # of all lengths
-        none = np.vstack([zeroed, np.zeros((len(observed), muscles))])[: len(observed)]
-        if not observed:
+        self.memory = self._rewiring.fitted(before, assignment)
+        if not self._observations:
             return
-        found = self._fitter.fit_with_elongation(self._rests, observations, start, none)
-        near = self._check.reached(found.observed)
-        if not near.all() and near.any():
-            observed = [one for one, reached in zip(observed, near, strict=True) if reached]
-            observations, none = [one.observation for one in observed], none[near]
-            start = found.observed.angles[near]
-            memory = found.memory._replace(drift=drift._replace(ages=drift.ages[near]))
-            found = self._fitter.fit_with_elongation(memory, observations, start, none)
-        self._observations, self._angles = observations, found.observed.angles
-        self._commands = [one.command for one in observed]
-        self._sound = [one.sound for one in observed]
-        self.elongated, self._start = found.elongated, None
         if self.hold_out is not None:
             self.hold_out.forget()
-        self._know(found.memory)
         self._learn(self.pairs.last(0))
-
-    def _learned_from(self) -> Iterator[ObservationRecord]:
-        """Observations that were learned from, with their commands."""
-        yield from map(ObservationRecord, self._observations, self._commands, self._sound)
 
     def _assign(self, assignment: Assignment) -> None:
         """Use another wiring; muscles that are left out enter no further fit."""
@@ -425,35 +367,12 @@ class VisionUpdater:
         """
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
-    def _fit(self, observations: list[MarkerObservation]) -> FittedRests:
-        """Joint angles of all observations, and the elongations of each muscle since each."""
-        options, residual, limits = self._options.observations, self._marker_residual, self._limits
-        none = np.zeros(self.elongated.shape[1])
-        elongated = np.vstack([self.elongated, none])[-options.memory :]
-        start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
-        if self._fitter.enabled:
-            drift = self._rests.drift.observing(len(observations))
-            rests = self._rests._replace(drift=drift)
-            return self._fitter.fit_with_elongation(rests, observations, start, elongated)
-        if self._options.fit == "alone":
-            alone = fit_alone(observations[-1], residual, limits, options)
-            angles = np.vstack([self._angles, alone.angles])[-options.memory :]
-            return FittedRests(alone._replace(angles=angles), elongated, self._rests)
-        fitted = fit_incrementally if self._options.fit == "incremental" else fit_with_elongation
-        fit, elongated = fitted(
-            observations, self._prior, residual, limits, options, start, elongated
-        )
-        return FittedRests(fit, elongated, self._rests)
-
     def _know(self, rests: RestMemory) -> None:
         """Remember what is known from rests; the prior and the rule follow from it."""
         before, self._rests = self._rests, rests
         if rests.zero is not before.zero or rests.widths != before.widths:
             self._prior = self._fitter.prior(rests)
             self._learner.know(self._prior)
-
-    def _forget_rests(self) -> None:
-        self._rests = self._rests._replace(rests=())
 
     def _moves_zero(self, found: RestMemory) -> bool:
         """Whether a zero posture is far from the one that was known."""
@@ -464,53 +383,13 @@ class VisionUpdater:
 
     def _shows_zeroing(self, observations: list[MarkerObservation]) -> bool:
         """Whether the first observations of an episode show that lengths were zeroed anew."""
-        start, options = self._start, self._options.observations
-        if start is None or self._options.fit == "alone":
+        before = self.zeroings
+        self.memory = self._zeroing.judged(self.memory, self._prior, observations)
+        if self.zeroings == before:
             return False
-        before = len(observations) - 1 - start.newest
-        if start.newest >= self._options.zeroing_recent or before < self._options.zeroing_least:
-            self._start = None
-            return False
-        shown = corrected_observations(observations, self._rests.camera)
-        known = len(self._angles) - start.newest  # one more than before, if the oldest is forgotten
-        test = ZeroingTest(
-            self._prior,
-            self._marker_residual,
-            self._limits,
-            options,
-            shown[:before],
-            self._angles[known - before : known],
-            start.elongated[-before:],
-        )
-        if test.log_bayes_factor(shown[before:]) < self._options.zeroing_evidence:
-            return False
-        self.elongated = np.zeros_like(self.elongated)
-        self.elongated[known - before : known] = (
-            start.elongated[-before:] + self._prior.zeroing_share
-        )
-        self._start = None
-        self.zeroings += 1
         if self.hold_out is not None:
             self.hold_out.forget()
         return True
-
-    def _evaluated(self, observations: list[MarkerObservation]) -> FittedRests:
-        """As `_fit`, but all observations but the newest are held, unless all are fitted together.
-
-        That takes a fraction of the time, and gives angles that are nearer to the estimate.
-        """
-        options, residual, limits = self._options.observations, self._marker_residual, self._limits
-        held = self._fitter.enabled or self._options.fit == "incremental"
-        if not held or len(observations) == 1:
-            return self._fit(observations)
-        start = np.vstack([self._angles, observations[-1].guess])[-options.memory :]
-        none = np.zeros(self.elongated.shape[1])
-        elongated = np.vstack([self.elongated, none])[-options.memory :]
-        shown = corrected_observations(observations, self._rests.camera)
-        drift = self._rests.drift.observing(len(observations))
-        prior = self._prior.with_drift(drift.covariance)
-        fit = fit_newest(shown, prior, residual, limits, options, start, elongated)
-        return FittedRests(fit, elongated, self._rests)
 
     def _learn(self, antagonism: Pairs) -> None:
         """Learn all pairs again, because a new observation changes the fit of the earlier ones.

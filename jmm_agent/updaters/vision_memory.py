@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from jmm_agent.mapping.learner import Pairs
-from jmm_agent.types import Floats
-from jmm_agent.updaters.assignment import Assignment
+from jmm_agent.mapping.prior import with_unknown
+from jmm_agent.types import Bools, Floats
+from jmm_agent.updaters.assignment import Assignment, ObservationRecord
 from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.vision.hand_error import HandErrors
 from jmm_agent.vision.marker_observation import MarkerObservation
@@ -53,6 +57,73 @@ class VisionMemory(NamedTuple):
     zeroings: int = 0
     rests: RestMemory = RestMemory()
     assignment: Assignment = Assignment()
+
+    @property
+    def records(self) -> Iterator[ObservationRecord]:
+        """The observations, with their commands."""
+        return map(ObservationRecord, self.observations, self.commands, self.sound)
+
+    @property
+    def shown(self) -> Bools:
+        """Whose length the newest observation shows as it is now (m,)."""
+        if not self.observations:
+            return np.zeros(self.elongated.shape[1], dtype=bool)
+        lengths = self.observations[-1].lengths
+        return np.asarray((self.elongated[-1] == 0.0) & np.isfinite(lengths))
+
+    def balanced_rests(self) -> tuple[Floats, Floats]:
+        """Joint angles (K, n) [rad] and tensions (K, m) [N] of the rests that were learned from."""
+        seen = zip(self.angles, self.observations, strict=True)
+        rests = [(rest.guess, rest.tensions) for rest in self.rests.rests]
+        rests += [(q, found.tensions) for q, found in seen if found.tensions is not None]
+        whole = [(q, tensions) for q, tensions in rests if np.isfinite(tensions).all()]
+        angles = np.array([q for q, _ in whole]).reshape(-1, self.angles.shape[1])
+        muscles = self.elongated.shape[1]
+        return angles, np.array([tensions for _, tensions in whole]).reshape(-1, muscles)
+
+    def begun(self, least: int) -> VisionMemory:
+        """At the begin of an episode, before which lengths may have been zeroed anew.
+
+        Args:
+            least: number of observations from which on that is looked for.
+        """
+        drift = self.rests.drift._replace(time=np.nan)
+        start = EpisodeStart(0, self.elongated) if len(self.observations) >= least else None
+        return self._replace(rests=self.rests._replace(rests=(), drift=drift), start=start)
+
+    def zeroed(self, share: float) -> VisionMemory:
+        """After a zeroing of all lengths; shapes stay.
+
+        Args:
+            share: `MapPrior.zeroing_share`.
+        """
+        rests = self.rests._replace(rests=())
+        return self._replace(elongated=self.elongated + share, start=None, rests=rests)
+
+    def repaired(self, muscle: int) -> VisionMemory:
+        """After a muscle, by its number, was mounted anew; its shape stays."""
+        since, start = np.zeros(self.elongated.shape[1]), self.start
+        since[muscle] = 1.0
+        if start is not None:
+            start = start._replace(elongated=start.elongated + since)
+        rests = self.rests._replace(rests=())
+        return self._replace(elongated=self.elongated + since, start=start, rests=rests)
+
+    def doubted(self, muscle: int) -> VisionMemory:
+        """With the lengths of a muscle, by its number, as unknown."""
+        observations = [
+            one._replace(lengths=with_unknown(one.lengths, muscle)) for one in self.observations
+        ]
+        commands = [with_unknown(command, muscle) for command in self.commands]
+        rests = [
+            one._replace(lengths=with_unknown(one.lengths, muscle)) for one in self.rests.rests
+        ]
+        return self._replace(
+            observations=observations,
+            commands=commands,
+            pairs=self.pairs.with_unknown(muscle),
+            rests=self.rests._replace(rests=tuple(rests)),
+        )
 
 
 class Rested(NamedTuple):
