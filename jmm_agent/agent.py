@@ -715,16 +715,14 @@ class Agent:
 
     def _watch_hand(self, readings: SensorReadings) -> None:
         """Estimate what the hand holds, and let the tensions hold it, too."""
-        load = self.hand_load
+        load, memory = self.hand_load, self.vision.memory
         if load is None or self._tensions is None:
             return
         if self.hand_is_free and load.rests:
             load.clear()
-        elif not (self.hand_is_free or self.guard.faults) and self.vision.tensions_are_believed:
+        elif not (self.hand_is_free or self.guard.faults) and memory.tensions_are_believed:
             lengths, tensions = readings.lengths, readings.tensions
-            load.update(
-                readings.time, lengths, tensions, self.estimator.q, self.vision.balanced_rests
-            )
+            load.update(readings.time, lengths, tensions, self.estimator.q, memory.balanced_rests)
         self._tensions.loads = load.loads
 
     def _rewire(self) -> None:
@@ -739,7 +737,8 @@ class Agent:
             self._in_use_changed()
         if np.any(order != np.arange(len(order))):
             commander.reorder(order)
-            self.estimator.reset(self.vision.newest(self.estimator.q))
+            angles = self.vision.memory.angles
+            self.estimator.reset(angles[-1] if len(angles) else self.estimator.q)
         self.guard.jump()
         self._rests.restart()
 
@@ -749,7 +748,7 @@ class Agent:
         self.estimator.spread = self._learned.spread
         self.guard.map_changed()
         self._observer.map_changed()
-        if self.in_use.observed(self.vision.shown):
+        if self.in_use.observed(self.vision.memory.shown):
             self._in_use_changed()
 
     def _in_use_changed(self) -> None:

@@ -14,14 +14,14 @@ import numpy as np
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, Pairs
 from jmm_agent.mapping.prior import MapPrior
-from jmm_agent.types import Bools, Floats
+from jmm_agent.types import Floats
 from jmm_agent.updaters.assignment import Assignment, ObservationRecord
 from jmm_agent.updaters.forecast import Forecast, why_not_applied
 from jmm_agent.updaters.observation_check import USUAL, ObservationCheck
 from jmm_agent.updaters.observation_fitter import ObservationFitter
-from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
+from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
 from jmm_agent.updaters.rewiring import Rewiring
-from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionMemory
+from jmm_agent.updaters.vision_memory import Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.wiring_watch import WiringWatch
 from jmm_agent.updaters.zeroing_watch import ZeroingWatch
@@ -53,12 +53,7 @@ class VisionUpdater:
 
     Attributes:
         forecast: predicts looks, and what updates are worth.
-        elongated: number of permanent elongations of each muscle since each remembered observation
-            (K, m).
-        pairs: remembered pairs, the newest last.
         hold_out: observations that are not learned from; None if none is held out.
-        zeroings: number of zeroings of all lengths that were noticed.
-        assignment: which muscle each channel is. All lengths, tensions and pairs are in its order.
         fired: number of updates.
         dropped: number of observations that were not learned from, by reason.
     """
@@ -73,85 +68,79 @@ class VisionUpdater:
         loads: Loads | None = None,
         judged: HandPostures | None = None,
     ) -> None:
-        self._learner, self._marker_residual = learner, marker_residual
+        self._learner, self._prior = learner, prior
         self._limits, self._options = limits, options
         self._fitter = RestFitter(prior, marker_residual, limits, options, loads)
         self.forecast = Forecast(self._fitter, marker_residual, limits, options, judged)
-        self._rests, self._prior, self.assignment = RestMemory(), prior, Assignment()
         self._wiring = WiringWatch(self._fitter.wiring_evidence, prior, limits)
         self._check = ObservationCheck(prior.map, marker_residual, options)
         self._rewiring = Rewiring(self._fitter, self._check, options.observations.memory)
         self._zeroing = ZeroingWatch(marker_residual, limits, options)
         self._fits = ObservationFitter(self._fitter, marker_residual, limits, options)
-        self._observations: list[MarkerObservation] = []
-        self._commands: list[Floats] = []
-        self._sound: list[bool] = []
-        self._angles = np.empty((0, len(limits)))
         joints, muscles = len(learner.map.joints), len(learner.map.muscles)
-        self.elongated = np.empty((0, muscles))
-        self.pairs = Pairs.none(joints, muscles)
+        self._memory = VisionMemory.none(joints, muscles)
         hold_out = options.hold_out
         self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
-        self._start: EpisodeStart | None = None
-        self.zeroings = 0
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
     @property
     def memory(self) -> VisionMemory:
         """All that is remembered; may be set to an earlier value."""
-        return VisionMemory(
-            self._observations,
-            self._commands,
-            self._sound,
-            self._angles,
-            self.elongated,
-            self.pairs,
-            self._start,
-            self.zeroings,
-            self._rests,
-            self.assignment,
-        )
+        return self._memory
 
     @memory.setter
-    def memory(self, earlier: VisionMemory) -> None:
-        self._observations, self._commands, self._sound = earlier[:3]
-        self._angles, self.elongated, self.pairs, self._start, self.zeroings = earlier[3:8]
-        self._assign(earlier.assignment)
-        self._know(earlier.rests)
+    def memory(self, memory: VisionMemory) -> None:
+        before, self._memory = self._memory, memory
+        lost, earlier, rests = memory.assignment.left_out, before.rests, memory.rests
+        changed = rests.zero is not earlier.zero or rests.widths != earlier.widths
+        if lost != before.assignment.left_out:
+            changed = True
+            factors = memory.assignment.factors(memory.elongated.shape[1])
+            self._fitter.leave_out(factors)  # they enter no further fit
+        if changed:
+            self._prior = self._fitter.prior(rests)
+            self._learner.know(self._prior)
+
+    @property
+    def elongated(self) -> Floats:
+        """Number of permanent elongations of each muscle since each observation (K, m)."""
+        return self._memory.elongated
+
+    @property
+    def pairs(self) -> Pairs:
+        """Remembered pairs, the newest last."""
+        return self._memory.pairs
+
+    @property
+    def zeroings(self) -> int:
+        """Number of zeroings of all lengths that were noticed."""
+        return self._memory.zeroings
+
+    @property
+    def assignment(self) -> Assignment:
+        """Which muscle each channel is. All lengths, tensions and pairs are in its order."""
+        return self._memory.assignment
 
     @property
     def zero(self) -> Floats | None:
         """Posture at which the lengths were zeroed (n,) [rad]; None while it is unknown."""
-        return self._rests.zero
+        return self._memory.rests.zero
 
     def corrected(self, pose: Floats) -> Floats:
         """Pose (4, 4) in the camera of the model, of a marker that the camera showed."""
-        camera = self._rests.camera
+        camera = self._memory.rests.camera
         return pose if camera is None else corrected(pose, camera)
-
-    def newest(self, otherwise: Floats) -> Floats:
-        """Joint angles (n,) [rad] of the newest observation, or others if there is none."""
-        return self._angles[-1] if len(self._angles) else otherwise
-
-    @property
-    def tensions_are_believed(self) -> bool:
-        """Whether tensions may be those of the loads, as in the model's units."""
-        return self._rests.unbalanced is None
-
-    def balanced_rests(self) -> tuple[Floats, Floats]:
-        """Joint angles (K, n) [rad] and tensions (K, m) [N] of the rests that were learned from."""
-        return self.memory.balanced_rests()
 
     def begin(self) -> None:
         """Begin an episode, before which lengths may have been zeroed anew."""
-        self.memory = self.memory.begun(self._options.zeroing_least)
+        self.memory = self._memory.begun(self._options.zeroing_least)
 
     def zeroed(self) -> None:
         """Open the offsets of all lengths, because they were zeroed anew; shapes stay."""
-        self.memory = self.memory.zeroed(self._prior.zeroing_share)
-        if not self._observations and self.zero is not None:
-            self._know(RestMemory())
+        self.memory = self._memory.zeroed(self._prior.zeroing_share)
+        if not self._memory.observations and self.zero is not None:
+            self.memory = self._memory._replace(rests=RestMemory())
             self._learner.map = self._prior.map
         if self.hold_out is not None:
             self.hold_out.forget()
@@ -162,7 +151,7 @@ class VisionUpdater:
         Args:
             muscle: its number.
         """
-        self.memory = self.memory.repaired(muscle)
+        self.memory = self._memory.repaired(muscle)
         if self.hold_out is not None:
             self.hold_out.repaired(muscle)
 
@@ -172,12 +161,7 @@ class VisionUpdater:
         Args:
             muscle: its number.
         """
-        self.memory = self.memory.doubted(muscle)
-
-    @property
-    def shown(self) -> Bools:
-        """Whose length the newest remembered observation shows as it is now (m,)."""
-        return self.memory.shown
+        self.memory = self._memory.doubted(muscle)
 
     def rested(self, rest: Rest) -> Rested | None:
         """Remember a rest in which the hand was not seen, or not yet.
@@ -191,16 +175,17 @@ class VisionUpdater:
         Returns:
             What was learned; None if nothing was.
         """
-        rests = self._fitter.remembered(self._rests, rest)
-        if rests is self._rests:
+        memory = self._memory
+        rests = self._fitter.remembered(memory.rests, rest)
+        if rests is memory.rests:
             return None
-        self._rests = rests
+        self.memory = memory._replace(rests=rests)
         enough = self._fitter.shows_zero(rests) and self._learner.uses_prior
-        if self._observations or not enough:
+        if memory.observations or not enough:
             return None
-        found = self._fitter.fit(rests, [], self._angles, self.elongated).memory
+        found = self._fitter.fit(rests, [], memory.angles, memory.elongated).memory
         moved = self._moves_zero(found)
-        self._know(found)
+        self.memory = memory._replace(rests=found)
         pairs = Pairs(
             np.array([one.guess for one in found.rests]),
             np.array([one.lengths for one in found.rests]),
@@ -240,18 +225,20 @@ class VisionUpdater:
             time: of the observation [s]; NaN: unknown.
         """
         if learn and not np.isnan(time):
-            self._rests = self._rests._replace(drift=self._rests.drift.at(time))
+            rests = self._memory.rests
+            rests = rests._replace(drift=rests.drift.at(time))
+            self.memory = self._memory._replace(rests=rests)
         observation = MarkerObservation(
             pose, lengths, estimate, frames, covariance, joint_angles, tensions
         )
-        observations = [*self._observations, observation]
-        observations = observations[-self._options.observations.memory :]
+        most = self._options.observations.memory
+        observations = [*self._memory.observations, observation][-most:]
         predicted = self.forecast.predict(self.memory, observations) if learn else None
         zeroed = learn and self._shows_zeroing(observations)
         fitted = self._fits.fit if learn else self._fits.evaluate
         found = fitted(self.memory, self._prior, observations)
         fit, angles = found.observed, found.observed.angles[-1]
-        doubt = self._check.doubt(fit, observation, self._angles)
+        doubt = self._check.doubt(fit, observation, self._memory.angles)
         detail = self._check.detail(doubt, observation, angles)
         moved = self._moves_zero(found.memory)
         seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail, moved, predicted)
@@ -260,18 +247,14 @@ class VisionUpdater:
         command = _pair_lengths(self._options.lengths, lengths, target)
         sound = not bool(np.any(tensions >= self._options.saturation))  # NaN: not known
         if seen.reason:
-            self.drop(seen.reason)
-            if seen.reason not in USUAL:
-                self.assignment = self.assignment.refusing(
-                    ObservationRecord(observation, command, sound)
-                )
+            self._refuse(ObservationRecord(observation, command, sound), seen.reason)
             return seen
         pair = Pairs(angles[None], command[None], np.array([self._options.noise]))
         if sound and self.hold_out is not None and self.hold_out.keeps(pair):
             return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
         found = self._fitter.with_drift(found, observations)
-        self._remember(observations, found, command, sound)
+        self.memory = before.believed(observations, found, command, sound)
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         return self._tested(seen, map_before, before)
 
@@ -305,15 +288,16 @@ class VisionUpdater:
         """
         if not (self._fitter.enabled and self._learner.uses_prior):
             return False
-        rests, muscles = self._rests.rests, self.elongated.shape[1]
-        lengths = [one.lengths for one in self._observations] + [one.lengths for one in rests]
+        memory, rests = self._memory, self._memory.rests.rests
+        lengths = [one.lengths for one in memory.observations] + [one.lengths for one in rests]
         if np.isnan(lengths).any():
             return False
-        shown = corrected_observations(self._observations, self._rests.camera)
+        shown = corrected_observations(memory.observations, memory.rests.camera)
         found = self._wiring.found(self.assignment, shown, rests, self.elongated)
         if found is None:
             return False
         may = self._wiring.may_leave_out(self.assignment, found.muscles)
+        muscles = self.elongated.shape[1]
         self.rewire(self.assignment.finding(found, muscles, may))
         return True
 
@@ -325,39 +309,21 @@ class VisionUpdater:
         """
         if assignment is self.assignment:
             return
-        before = self.memory
-        self._assign(assignment)
+        before = self._memory
+        self.memory = before._replace(assignment=assignment)
         self.memory = self._rewiring.fitted(before, assignment)
-        if not self._observations:
+        if not self._memory.observations:
             return
         if self.hold_out is not None:
             self.hold_out.forget()
         self._learn(self.pairs.last(0))
 
-    def _assign(self, assignment: Assignment) -> None:
-        """Use another wiring; muscles that are left out enter no further fit."""
-        before, self.assignment = self.assignment, assignment
-        if before.left_out != assignment.left_out:
-            self._fitter.leave_out(assignment.factors(self.elongated.shape[1]))
-            self._prior = self._fitter.prior(self._rests)
-            self._learner.know(self._prior)
-
-    def _remember(
-        self,
-        observations: list[MarkerObservation],
-        found: FittedRests,
-        command: Floats,
-        sound: bool,
-    ) -> None:
-        """Remember an observation that is believed, with its command (m,) [m]."""
-        keep = len(observations)
-        self._observations, self._angles = observations, found.observed.angles
-        self.elongated = found.elongated
-        self._know(found.memory)
-        self._commands = [*self._commands, command][-keep:]
-        self._sound = [*self._sound, sound][-keep:]
-        if self._start is not None:
-            self._start = self._start._replace(newest=self._start.newest + 1)
+    def _refuse(self, record: ObservationRecord, reason: str) -> None:
+        """Keep an observation that is not believed, for the comparison of wirings."""
+        self.drop(reason)
+        if reason not in USUAL:
+            assignment = self.assignment.refusing(record)
+            self.memory = self._memory._replace(assignment=assignment)
 
     def drop(self, reason: str) -> None:
         """Count an observation that was not learned from.
@@ -367,18 +333,11 @@ class VisionUpdater:
         """
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
-    def _know(self, rests: RestMemory) -> None:
-        """Remember what is known from rests; the prior and the rule follow from it."""
-        before, self._rests = self._rests, rests
-        if rests.zero is not before.zero or rests.widths != before.widths:
-            self._prior = self._fitter.prior(rests)
-            self._learner.know(self._prior)
-
     def _moves_zero(self, found: RestMemory) -> bool:
         """Whether a zero posture is far from the one that was known."""
         if found.zero is None:
             return False
-        moved = found.zero if self._rests.zero is None else found.zero - self._rests.zero
+        moved = found.zero if self.zero is None else found.zero - self.zero
         return bool(np.linalg.norm(moved) > self._options.distance)
 
     def _shows_zeroing(self, observations: list[MarkerObservation]) -> bool:
@@ -397,24 +356,25 @@ class VisionUpdater:
         Lengths from before a permanent elongation are moved to what they would be now. A command is
         not the length of a posture in which a joint is at its stop; a measured length is.
         """
-        options = self._options
+        options, memory = self._options, self._memory
         low = self._limits[:, 0] + options.stop_margin
         high = self._limits[:, 1] - options.stop_margin
-        free = np.all((self._angles > low) & (self._angles < high), axis=1)
+        free = np.all((memory.angles > low) & (memory.angles < high), axis=1)
         if options.lengths == "l":
             free[:] = True
-        use = free & np.array(self._sound)
-        if not self._sound[-1]:
+        use = free & np.array(memory.sound)
+        if not memory.sound[-1]:
             self.drop("a muscle was saturated: no pair")
         elif not free[-1]:
             self.drop("a joint was at its stop: no pair")
         noise = np.full(len(use), options.noise)
-        prior = self._prior.with_drift(self._rests.drift.covariance)
-        longer = elongations(self._observations, prior, self._angles, self.elongated)
-        lengths = np.array(self._commands) - longer
-        self.pairs = Pairs(self._angles[use], lengths[use], noise[use])
-        new = self.pairs.last(int(use[-1]))
-        earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in self.pairs))
+        prior = self._prior.with_drift(memory.rests.drift.covariance)
+        longer = elongations(memory.observations, prior, memory.angles, memory.elongated)
+        lengths = np.array(memory.commands) - longer
+        pairs = Pairs(memory.angles[use], lengths[use], noise[use])
+        self.memory = memory._replace(pairs=pairs)
+        new = pairs.last(int(use[-1]))
+        earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in pairs))
         self._learner.learn(new, earlier.joined(antagonism))
         self.fired += 1
 

@@ -11,7 +11,7 @@ from jmm_agent.mapping.learner import Pairs
 from jmm_agent.mapping.prior import with_unknown
 from jmm_agent.types import Bools, Floats
 from jmm_agent.updaters.assignment import Assignment, ObservationRecord
-from jmm_agent.updaters.rest_fitter import RestMemory
+from jmm_agent.updaters.rest_fitter import FittedRests, RestMemory
 from jmm_agent.vision.hand_error import HandErrors
 from jmm_agent.vision.marker_observation import MarkerObservation
 from jmm_agent.vision.observation_prediction import ObservationPrediction
@@ -58,6 +58,17 @@ class VisionMemory(NamedTuple):
     rests: RestMemory = RestMemory()
     assignment: Assignment = Assignment()
 
+    @classmethod
+    def none(cls, joints: int, muscles: int) -> VisionMemory:
+        """Without any observation.
+
+        Args:
+            joints: number of joints, n.
+            muscles: number of muscles, m.
+        """
+        nothing = np.empty((0, joints)), np.empty((0, muscles)), Pairs.none(joints, muscles)
+        return cls([], [], [], *nothing)
+
     @property
     def records(self) -> Iterator[ObservationRecord]:
         """The observations, with their commands."""
@@ -71,6 +82,11 @@ class VisionMemory(NamedTuple):
         lengths = self.observations[-1].lengths
         return np.asarray((self.elongated[-1] == 0.0) & np.isfinite(lengths))
 
+    @property
+    def tensions_are_believed(self) -> bool:
+        """Whether tensions may be those of the loads, as in the model's units."""
+        return self.rests.unbalanced is None
+
     def balanced_rests(self) -> tuple[Floats, Floats]:
         """Joint angles (K, n) [rad] and tensions (K, m) [N] of the rests that were learned from."""
         seen = zip(self.angles, self.observations, strict=True)
@@ -80,6 +96,32 @@ class VisionMemory(NamedTuple):
         angles = np.array([q for q, _ in whole]).reshape(-1, self.angles.shape[1])
         muscles = self.elongated.shape[1]
         return angles, np.array([tensions for _, tensions in whole]).reshape(-1, muscles)
+
+    def believed(
+        self,
+        observations: list[MarkerObservation],
+        found: FittedRests,
+        command: Floats,
+        sound: bool,
+    ) -> VisionMemory:
+        """With a new observation that is believed.
+
+        Args:
+            observations: the new one last.
+            found: their fit.
+            command: of the new one (m,) [m].
+            sound: whether no muscle was saturated then.
+        """
+        start, keep = self.start, len(observations)
+        return self._replace(
+            observations=observations,
+            commands=[*self.commands, command][-keep:],
+            sound=[*self.sound, sound][-keep:],
+            angles=found.observed.angles,
+            elongated=found.elongated,
+            start=None if start is None else start._replace(newest=start.newest + 1),
+            rests=found.memory,
+        )
 
     def begun(self, least: int) -> VisionMemory:
         """At the begin of an episode, before which lengths may have been zeroed anew.
