@@ -9,7 +9,8 @@ One control step
    Updater from the first frame that was taken at rest (sec. III-C),
 5. maps the next point of the trajectory to muscle lengths and limits them (`Guard.limit`).
 
-Step 4 is done by `RestLearning`, from what `HandObserver` selects; step 5 by `Commander`.
+Step 2 is done by `ArmEstimate`, step 4 by `RestLearning`, from what `HandObserver` selects, and
+step 5 by `Movement`, to which `Agent.go` gives the postures.
 
 Sections are those of Kawaharazuka et al. 2018.
 """

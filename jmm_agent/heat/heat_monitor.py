@@ -2,7 +2,8 @@
 
 The monitor collects tensions and readings between the steps of its filter, an eighth of the core
 time constant each. It limits the tension of each motor, named when it does, so that no core
-becomes hotter than the limit by the upper end of its interval.
+becomes hotter than the limit by the upper end of its interval. Motors that change are left to
+`ChangedMotors`.
 """
 
 from __future__ import annotations
