@@ -47,6 +47,7 @@ from jmm_agent.learning.schedule import Schedule
 from jmm_agent.length_check import LengthCheck
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
+from jmm_agent.mapping.prior import PointWeights
 from jmm_agent.memory_file import AgentMemory, write_memory
 from jmm_agent.movement import Movement
 from jmm_agent.muscle_order import MuscleOrder
@@ -94,6 +95,8 @@ class Agent:
             readings are believed, and readings that are not finite are refused.
         loads: torques that the nominal model needs to hold a posture, which tensions are compared
             with, and which commands pull against; None if unknown.
+        points: what displaced points of attachment do to the lengths, see
+            `jmm_agent.mapping.point_weights`; None if unknown.
 
     Attributes:
         guard: as given, or a `NullGuard`; may be replaced before an episode begins.
@@ -137,12 +140,13 @@ class Agent:
         rule: Rule | None = None,
         guard: Guard | None = None,
         loads: Loads | None = None,
+        points: PointWeights | None = None,
     ) -> None:
         self.options = options = options or AgentOptions()
         self.kinematics = kinematics
         self._nominal_map, self._typical = nominal_map, typical
         self.guard: Guard | NullGuard = NullGuard() if guard is None else guard
-        learned = map_learning(nominal_map, kinematics, typical, rng, options, rule, loads)
+        learned = map_learning(nominal_map, kinematics, typical, rng, options, rule, loads, points)
         self._learned, self.learner = learned, learned.learner
         self.antagonism, self.vision = learned.antagonism, learned.vision
         self._observer = HandObserver(detector, kinematics, options)

@@ -12,7 +12,7 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.learning.job import MapLearning
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Learner, RidgeRule, Rule
-from jmm_agent.mapping.prior import MapPrior
+from jmm_agent.mapping.prior import MapPrior, PointWeights
 from jmm_agent.options import AgentOptions
 from jmm_agent.types import Floats
 from jmm_agent.updaters import AntagonismUpdater, VisionUpdater
@@ -29,6 +29,7 @@ def map_learning(
     options: AgentOptions,
     rule: Rule | None,
     loads: Loads | None,
+    points: PointWeights | None,
 ) -> MapLearning:
     """The map and both updaters.
 
@@ -40,13 +41,14 @@ def map_learning(
         options: of the agent.
         rule: how the map is moved by what is learned; None: the ridge rule.
         loads: torques that the nominal model needs to hold a posture; None if unknown.
+        points: what displaced points of attachment do to the lengths; None if unknown.
 
     Raises:
         AgentError: kinematics and map have different joints, or a frame of the options is unknown.
     """
     _check_joints(kinematics, nominal_map)
     limits, site = kinematics.limits, options.marker_site
-    prior = MapPrior(nominal_map, typical, options.prior)
+    prior = MapPrior(nominal_map, typical, options.prior, points)
     residual = MarkerResidual(kinematics, options.camera or None, site)
     learner = Learner(nominal_map, limits, rule or RidgeRule(prior), options.batch, rng)
     seeing = options.vision

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from kengoro.errors import UsageError
 from kengoro.hand_search import READY
 from kengoro.nominal_robot import NominalRobot
 from kengoro.robots import SIDES, arm_scene, check_seed, sample_within
-from kengoro.trained_maps import map_of
+from kengoro.trained_maps import map_of, points_of
 from kengoro_env.postures import posture_set
 
 __all__ = ["make_agent", "scales_of"]
@@ -102,8 +102,10 @@ def make_agent(
     design, jmm = _mapped(design, scene, folders, jmm, cache, commissioning)
     typical, start = _postures(design.robot, jmm.joints, own, postures, start)
     given = detector or _detector(options, design.camera, marker_sides, dictionary)
-    rng, loads = np.random.default_rng([seed, 2]), design.robot.arm
-    agent = Agent(jmm, design.kinematics, given, typical, start, rng, options, rule, loads=loads)
+    points = points_of(jmm, design.robot.model, cache)
+    known: dict[str, Any] = {"loads": design.robot.arm, "points": points}
+    rng = np.random.default_rng([seed, 2])
+    agent = Agent(jmm, design.kinematics, given, typical, start, rng, options, rule, **known)
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
     return _equipped(agent, design, learning, order)
 
