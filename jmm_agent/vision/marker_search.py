@@ -26,6 +26,8 @@ APART = 0.02
 """Least distance of markers, in circumferences; larger, and a chequered ground swallows them."""
 WHOLE_PX = 1000
 """Larger frames are first searched at a reduced size [px]."""
+LEAST_PX = 8
+"""Least side of a frame that can show a marker [px]; OpenCV fails on some smaller ones."""
 DARK = 60.0
 """A frame whose lightest parts are darker than this [grey levels] is stretched."""
 SAME_SHARE = 0.04
@@ -159,6 +161,8 @@ def _markers(
         gray = cv2.resize(
             gray, None, fx=1 / reduction, fy=1 / reduction, interpolation=cv2.INTER_AREA
         )
+    if min(gray.shape) < LEAST_PX:
+        return []
     quads, found, _ = detector.detectMarkers(gray)
     ids = [] if found is None else [int(i) for i in found.ravel()]
     pairs = zip(ids, (quad[0] for quad in quads), strict=True)
