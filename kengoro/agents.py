@@ -102,12 +102,16 @@ def make_agent(
     design, jmm = _mapped(design, scene, folders, jmm, cache, commissioning)
     typical, start = _postures(design.robot, jmm.joints, own, postures, start)
     given = detector or _detector(options, design.camera, marker_sides, dictionary)
-    points = points_of(jmm, design.robot.model, cache)
-    known: dict[str, Any] = {"loads": design.robot.arm, "points": points}
-    rng = np.random.default_rng([seed, 2])
+    rng, known = np.random.default_rng([seed, 2]), _known(design, jmm, cache)
     agent = Agent(jmm, design.kinematics, given, typical, start, rng, options, rule, **known)
     agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
     return _equipped(agent, design, learning, order)
+
+
+def _known(design: _Design, jmm: JointMuscleMap, cache: Path | None) -> dict[str, Any]:
+    """What the nominal model knows of loads, and of points of attachment."""
+    points = points_of(jmm, design.robot.model, cache)
+    return {"loads": design.robot.arm, "points": points}
 
 
 def _order(seed: int, commissioning: Commissioning | None) -> MuscleOrder | None:

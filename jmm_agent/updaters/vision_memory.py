@@ -18,7 +18,7 @@ from jmm_agent.vision.observation_prediction import ObservationPrediction
 
 
 class EpisodeStart(NamedTuple):
-    """What was remembered when an episode began.
+    """What was remembered when an episode began, or when lengths may have been zeroed within it.
 
     Attributes:
         newest: number of observations that were remembered since.
@@ -27,6 +27,23 @@ class EpisodeStart(NamedTuple):
 
     newest: int
     elongated: Floats
+
+    @classmethod
+    def before_elongations(cls, elongated: Floats, recent: int) -> EpisodeStart | None:
+        """Before the first of the muscles that were elongated lately; None if there is none.
+
+        Args:
+            elongated: number of elongations since each observation (K, m), the newest included.
+            recent: number of newest observations, before which they count.
+        """
+        steps = np.diff(elongated, axis=0)[-recent:]
+        alone = steps - steps.max(axis=1, keepdims=True)  # beside a zeroing of all
+        stepped = (alone < -0.5).any(axis=1)
+        if not stepped.any():
+            return None
+        newest = len(stepped) - 1 - int(np.argmax(stepped))
+        before = elongated[: len(elongated) - 1 - newest]
+        return cls(newest, before - before[-1])
 
 
 class VisionMemory(NamedTuple):

@@ -45,8 +45,9 @@ class VisionOptions:
         observations: options of the fit.
         hold_out: which observations are held out, to undo updates that make the map worse; None:
             none.
-        zeroing_recent: number of first observations of an episode among which it is looked whether
-            all lengths were zeroed anew; 0: it is not looked for.
+        zeroing_recent: number of first observations of an episode, or since a muscle seemed to be
+            elongated within it, among which it is looked whether all lengths were zeroed anew; 0:
+            it is not looked for.
         zeroing_least: least number of earlier observations for that.
         zeroing_evidence: logarithm of the Bayes factor from which on it is believed. Over eight
             actual robots (seeds 0-7) that were not zeroed anew it was -8 or less.

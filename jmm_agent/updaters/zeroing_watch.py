@@ -1,4 +1,7 @@
-"""Watch for a zeroing of all lengths that was not announced, at the start of each episode."""
+"""Watch for a zeroing of all lengths that was not announced.
+
+It is looked for at the start of each episode, and within one since a muscle seemed to be elongated.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from jmm_agent.vision.observation_fit import MarkerObservation, PoseResidual
 
 
 class ZeroingWatch:
-    """Decides whether the first observations of an episode show that lengths were zeroed anew.
+    """Decides whether the observations since a start show that lengths were zeroed anew.
 
     Args:
         marker_residual: residual of the marker's pose at a posture.

@@ -96,3 +96,18 @@ def test_rests_without_all_tensions_are_not_balanced(memory: VisionMemory) -> No
     np.testing.assert_array_equal(tensions, [TENSIONS] * 2)
     none = VisionMemory.none(2, 4).balanced_rests()
     assert [part.shape for part in none] == [(0, 2), (0, 4)]
+
+
+def test_a_start_is_before_the_first_of_the_muscles_that_were_elongated_lately() -> None:
+    elongated = np.zeros((8, 5))
+    elongated[:2, 0] = 1.0  # long ago
+    elongated[:4] += 0.36  # a zeroing of all
+    assert EpisodeStart.before_elongations(elongated, 5) is None
+    elongated[:5, 1] += 1.0
+    elongated[:6, 3] += 1.0
+    assert EpisodeStart.before_elongations(elongated, 1) is None
+    found = EpisodeStart.before_elongations(elongated, 5)
+    assert found is not None
+    assert found.newest == 2  # observations 5 and 6; the newest, 7, is not remembered yet
+    np.testing.assert_allclose(found.elongated[:, 0], [1.36, 1.36, 0.36, 0.36, 0.0])
+    np.testing.assert_allclose(found.elongated[:, 1:], [[0.36] * 4] * 4 + [[0.0] * 4], atol=1e-12)

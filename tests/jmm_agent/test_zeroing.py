@@ -13,6 +13,7 @@ from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater, VisionOptions, VisionUpdater
 from jmm_agent.vision.hold_out import HoldOutOptions
 from tests.jmm_agent.small_map import LIMITS, make_map, postures
+from tests.jmm_agent.small_robot import SmallRobot
 from tests.jmm_agent.vision.test_permanent_elongation import marker_residual, observed
 
 BEFORE, AFTER = 15, 4
@@ -102,14 +103,16 @@ def test_looking_for_a_zeroing_changes_no_bit_where_there_is_none() -> None:
         np.testing.assert_array_equal(group.b2, same.b2)
 
 
-def test_a_zeroing_is_looked_for_at_the_start_of_an_episode_only() -> None:
-    robot = Robot(zeroing_recent=2)
+@pytest.mark.parametrize(("recent", "noticed"), [(6, 1), (0, 0)])
+def test_a_zeroing_within_an_episode_is_noticed_once_if_it_is_looked_for(
+    recent: int, noticed: int
+) -> None:
+    robot = Robot(zeroing_recent=recent)
     robot.learn()
     robot.vision.begin()
-    for q in TRUE[BEFORE : BEFORE + 3]:
-        robot.observe(q)
-    robot.shift = SHIFT
-    assert not robot.observe(TRUE[BEFORE + 3])
+    assert not any([robot.observe(q) for q in TRUE[BEFORE : BEFORE + 3]])
+    robot.shift = 3.0 * SHIFT
+    assert sum([robot.observe(q) for q in TRUE[BEFORE + 3 :]]) == noticed
 
 
 def test_the_oldest_observations_may_be_forgotten_meanwhile() -> None:
@@ -158,3 +161,26 @@ def test_pairs_in_the_old_lengths_are_forgotten() -> None:
     antagonism.forget()
     assert antagonism.memory.last is None
     assert len(antagonism.pairs.noise) == 0
+
+
+@pytest.mark.parametrize(("size", "seed"), [(1.0, 0), (0.3, 1), (3.0, 2)])
+def test_a_zeroing_within_an_episode_is_found_from_the_muscles_that_seem_elongated(
+    size: float, seed: int
+) -> None:
+    robot = SmallRobot(5, 14, size, seed)
+    robot.observe_several(12)
+    robot.zero = robot.zero + robot.rng.normal(0.0, 0.5, 5)
+    before = np.median(robot.error())
+    robot.observe_several(8)
+    assert robot.vision.zeroings == 1
+    assert np.median(robot.error()) < 0.3 * before
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_three_muscles_that_are_elongated_at_once_are_no_zeroing(seed: int) -> None:
+    robot = SmallRobot(5, 14, 1.0, seed)
+    robot.observe_several(12)
+    robot.offset[[1, 6, 11]] += 0.012
+    robot.observe_several(8)
+    assert robot.vision.zeroings == 0
+    assert np.flatnonzero(robot.vision.elongated.any(axis=0)).tolist() == [1, 6, 11]
