@@ -171,7 +171,11 @@ class WiringEvidence:
         self._prior, self._usual, self._marker_residual = prior, usual, marker_residual
         self._limits, self._balance = limits, balance
         self._options = replace(options, steps=STEPS)
-        self._wide = usual._replace(offset=WIDE * usual.offset, shape=WIDE * usual.shape)
+        self._wide = usual._replace(
+            offset=WIDE * usual.offset,
+            shape=WIDE * prior.options.zeroed_shape,
+            points=WIDE * usual.points,
+        )
         self._at_zero = prior.map.lengths(np.zeros(len(limits)))
 
     def likeliest(self, rests: RestData, least: float) -> Suspicion | None:
