@@ -20,7 +20,7 @@ counts as one with infinitely many elongations since, which tells nothing (`with
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -135,7 +135,7 @@ class GroupKernel:
         muscles: as given.
         features: as given.
         elongation: as given.
-        units: number of features of the shape, H, after that of the offset.
+        units: as given.
     """
 
     def __init__(
@@ -147,9 +147,7 @@ class GroupKernel:
         units: int,
         product: Floats,
     ) -> None:
-        self.muscles = muscles
-        self.units = units
-        self.features = features
+        self.muscles, self.features, self.units = muscles, features, units
         self.elongation = elongation
         self._factor = cho_factor(product + elongation + np.diag(noise**2))
 
@@ -250,7 +248,10 @@ class MapPrior:
         elongated: Floats | None = None,
         rows: Sequence[Floats] | None = None,
     ) -> Sequence[GroupKernel]:
-        """Kernels of all muscles; without elongations one for each group, in the map's order.
+        """Kernels of all muscles, in the map's order.
+
+        There is one for each group, or for each muscle if displaced points are known; elongations
+        that not all muscles of a group had divide it, too.
 
         Args:
             postures: (K, n) [rad].
@@ -274,16 +275,11 @@ class MapPrior:
             product = features @ features.T
             for times, alike in _histories(history):
                 elongation = self._elongation(times)
-                for factor, same in self._alike(muscles[alike]):
-                    for own in self._sharing(same):
-                        phi, full = self._completed(rank, features, product, own)
-                        phi, full = factor * phi, factor**2 * full
-                        kernels.append(GroupKernel(own, phi, spread, elongation, units, full))
+                for factor, own in self._sharing(muscles[alike]):
+                    phi, full = self._completed(rank, features, product, own)
+                    phi, full = factor * phi, factor**2 * full
+                    kernels.append(GroupKernel(own, phi, spread, elongation, units, full))
         return kernels
-
-    def _sharing(self, muscles: Ints) -> Iterable[Ints]:
-        """Muscles of a group, divided into those with the same features."""
-        return (muscles,) if self.points is None else muscles[:, None]
 
     def completed(self, rank: int, features: Floats, muscles: Ints) -> Floats:
         """Features of muscles that share them, with those of their displaced points.
@@ -324,14 +320,16 @@ class MapPrior:
             covariance[:count, :count] += self.drifted
         return np.asarray(covariance)
 
-    def _alike(self, muscles: Ints) -> Iterator[tuple[float, Ints]]:
-        """Factors of muscles, and those of each; none for those that are left out."""
-        if self.factors is None:
-            yield 1.0, muscles
-            return
-        own = self.factors[muscles]
-        for factor in np.unique(own[np.isfinite(own)]):
-            yield float(factor), muscles[own == factor]
+    def _sharing(self, muscles: Ints) -> Iterator[tuple[float, Ints]]:
+        """Factors, and muscles of a group that share them and their features.
+
+        None for muscles that are left out.
+        """
+        own = np.ones(len(muscles)) if self.factors is None else self.factors[muscles]
+        for factor in np.unique(own[np.isfinite(own)]).tolist():
+            alike = muscles[own == factor]
+            for one in [alike] if self.points is None else alike[:, None]:
+                yield factor, one
 
     def spread(self, pairs: Floats, noise: Floats, q: Floats) -> Floats:
         """Standard deviation of the lengths at a posture (m,) [m], after pairs were learned.
@@ -345,16 +343,15 @@ class MapPrior:
         postures, count = np.vstack([pairs, q]), len(pairs)
         for rank, group in enumerate(self.map.groups):
             features = self.features(rank, group.hidden(postures))
-            for factor, same in self._alike(group.muscle_index):
-                for own in self._sharing(same):
-                    phi = factor * self.completed(rank, features, own)
-                    crossed = phi @ phi[count]
-                    variance = crossed[count]
-                    if count:
-                        rows = phi[:count]
-                        learned = GroupKernel(own, rows, noise, np.zeros(1), 0, rows @ rows.T)
-                        variance -= crossed[:count] @ learned.whiten(crossed[:count])
-                    found[own] = np.sqrt(max(float(variance), 0.0))
+            for factor, own in self._sharing(group.muscle_index):
+                phi = factor * self.completed(rank, features, own)
+                crossed = phi @ phi[count]
+                variance = crossed[count]
+                if count:
+                    rows = phi[:count]
+                    learned = GroupKernel(own, rows, noise, np.zeros(1), 0, rows @ rows.T)
+                    variance -= crossed[:count] @ learned.whiten(crossed[:count])
+                found[own] = np.sqrt(max(float(variance), 0.0))
         return found
 
     def corrected(self, postures: Floats, lengths: Floats, noise: Floats) -> JointMuscleMap:
