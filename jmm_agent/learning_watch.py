@@ -124,17 +124,19 @@ class LearningWatch:
             _log.warning("%s.", self._tensions.detail)
 
     def _name_drift(self, time: float) -> None:
-        """Name a drift of all lengths; its speed is what it was when it was found."""
+        """Name a drift of all lengths, with its speed."""
         speed = self._vision.memory.rests.drift.speed
         if speed == 0.0:
             self._drift = None
-        elif self._drift is None:
-            detail = (
-                f"they drift by about {6e4 * speed:.2g} mm a minute, which is learned as long as "
-                "the hand is observed; check whether encoders slip or wires creep"
-            )
-            self._drift = Fault(LENGTHS_DRIFT, "muscles", time, detail)
+            return
+        detail = (
+            f"they drift by about {6e4 * speed:.2g} mm a minute, or were zeroed by as little; that "
+            "is learned as long as the hand is observed; check whether encoders slip or wires creep"
+        )
+        if self._drift is None:
             _log.warning("The muscle lengths drift: %s.", detail)
+            self._drift = Fault(LENGTHS_DRIFT, "muscles", time, detail)
+        self._drift = self._drift._replace(detail=detail)
 
     def _name_joints(self, step: StepState) -> None:
         """Name joints whose encoders contradict the lengths, which the map may have wrong.

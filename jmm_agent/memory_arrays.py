@@ -98,8 +98,8 @@ def updated(content: Arrays, muscles: int) -> Arrays:
     found = usual | content
     widths = found.get("widths", np.empty(0))
     if widths.ndim == 2 and widths.shape[1] == 3:
-        points = np.full(len(widths), PriorOptions().points)
-        found["widths"] = np.column_stack([widths, points])
+        usual_ratio = PriorOptions().points / PriorOptions().zeroed_offset
+        found["widths"] = np.column_stack([widths, usual_ratio * widths[:, 0]])
     return found
 
 

@@ -253,6 +253,12 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
         raise ArrayFileError(f"unbalanced has {sizes['U']} ratios, but one fits")
     if sizes["Y"] > 1:
         raise ArrayFileError(f"camera has {sizes['Y']} rows, but one fits")
+    ages = content["ages"]
+    if sizes["T"] not in (0, sizes["K"]) or (np.diff(ages) > 0.0).any():
+        raise ArrayFileError(
+            f"ages has {sizes['T']} times, but {sizes['K']} observations have one each, the oldest "
+            "first"
+        )
     if sizes["Z"] > 1:
         raise ArrayFileError(f"zero has {sizes['Z']} postures, but one fits")
 

@@ -271,7 +271,7 @@ class RestFitter:
 
         def evidence(speed: float) -> float:
             problem = self.problem(drifting(speed), observations, angles, found.elongated)
-            return problem.log_evidence_near(unknown)
+            return problem.log_evidence(unknown, near=True)
 
         speed = likeliest_speed(evidence, present, self.nominal.options.noise)
         if speed == present:

@@ -30,16 +30,19 @@ class EpisodeStart(NamedTuple):
 
     @classmethod
     def before_elongations(cls, elongated: Floats, recent: int) -> EpisodeStart | None:
-        """Before the first of the muscles that were elongated lately; None if there is none.
+        """Before the first of the muscles that were elongated lately.
+
+        None if there is none, or if all lengths were zeroed lately: what one zeroing leaves is no
+        other one.
 
         Args:
             elongated: number of elongations since each observation (K, m), the newest included.
-            recent: number of newest observations, before which they count.
+            recent: number of newest observations, before which they count; of zeroings twice as
+                many.
         """
-        steps = np.diff(elongated, axis=0)[-recent:]
-        alone = steps - steps.max(axis=1, keepdims=True)  # beside a zeroing of all
-        stepped = (alone < -0.5).any(axis=1)
-        if not stepped.any():
+        steps = np.diff(elongated, axis=0) < 0.0
+        stepped = np.asarray(steps[-recent:].any(axis=1))
+        if not stepped.any() or steps[-2 * recent :].all(axis=1).any():
             return None
         newest = len(stepped) - 1 - int(np.argmax(stepped))
         before = elongated[: len(elongated) - 1 - newest]

@@ -49,8 +49,10 @@ class ZeroingWatch:
         shown = corrected_observations(observations, memory.rests.camera)
         # One more than before, if the oldest observation is forgotten.
         known = len(memory.angles) - start.newest
+        drift = memory.rests.drift
+        drift = drift._replace(ages=drift.ages[known - before : known])
         test = ZeroingTest(
-            prior,
+            prior.with_drift(drift.covariance),
             self._marker_residual,
             self._limits,
             options,

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve
 
-from jmm_agent.mapping.prior import MapPrior, without_unknown
+from jmm_agent.mapping.prior import GroupKernel, MapPrior, without_unknown
 from jmm_agent.types import Floats
 from jmm_agent.vision.balance import Balance
 from jmm_agent.vision.camera_unknowns import CameraPrior, corrected_observations
@@ -146,6 +146,7 @@ class RestProblem:
         self.weights = ObservationWeights(
             observations, options.position_noise, options.rotation_noise, options.joint_noise
         )
+        self._newest: tuple[Floats, Sequence[GroupKernel]] | None = None
         self._common, self._observations = None, list(observations)
         if common is not None and len(observations):
             joints = joint_columns(observations, common.angles, marker_residual, common.joints)
@@ -176,11 +177,11 @@ class RestProblem:
     def linearised(self, unknown: Floats) -> Linearised:
         """The problem about angles (K + R + 1, n) [rad]."""
         missed, arms = self._missed_and_arms(unknown)
-        kernels = self.prior.groups(unknown[:-1], elongated=self._elongated)
+        kernels = self._kernels(unknown[:-1])
         matrix = self.normal_equations(unknown)[0]
         return Linearised(matrix, self._rows(len(missed)), arms, missed, kernels, unknown[-1])
 
-    def log_evidence(self, unknown: Floats) -> float:
+    def log_evidence(self, unknown: Floats, near: bool = False) -> float:
         """Logarithm of the probability of all that was measured with these widths.
 
         It lacks a constant that is the same for all widths. Joint angles and zero posture are
@@ -188,19 +189,17 @@ class RestProblem:
 
         Args:
             unknown: most probable angles (K + R + 1, n) [rad].
+            near: whether they are only near the most probable ones, of another problem that is
+                nearly the same.
         """
-        kernels = self.prior.groups(unknown[:-1], elongated=self._elongated)
+        kernels = self._kernels(unknown[:-1])
         spread = sum(len(kernel.muscles) * kernel.log_det for kernel in kernels)
         spread += 2.0 * unknown.shape[1] * np.log(self.widths.zero)
         spread += 0.0 if self._common is None else self._common.log_det
-        spread += float(np.linalg.slogdet(self.normal_equations(unknown)[0])[1])
-        return -0.5 * (self.cost(unknown)[0] + spread)
-
-    def log_evidence_near(self, unknown: Floats) -> float:
-        """As `log_evidence`, at angles (K + R + 1, n) [rad] near the most probable ones."""
         matrix, gradient = self.normal_equations(unknown)
-        gain = gradient @ solve(matrix, gradient, assume_a="pos")
-        return self.log_evidence(unknown) + 0.5 * float(gain)
+        spread += float(np.linalg.slogdet(matrix)[1])
+        gain = float(gradient @ solve(matrix, gradient, assume_a="pos")) if near else 0.0
+        return -0.5 * (self.cost(unknown)[0] - gain + spread)
 
     def scale(self, unknown: Floats) -> float:
         """Loads over the torques of the tensions; see `Balance.scale`."""
@@ -218,7 +217,7 @@ class RestProblem:
         missed = self._lengths - lengths[:-1] + lengths[-1]
         cost += self.weights.cost(angles[: len(poses)], poses)
         cost += float(np.sum(zero**2)) / self.widths.zero**2
-        for group in self.prior.groups(angles, elongated=self._elongated):
+        for group in self._kernels(angles):
             own = missed[:, group.muscles]
             cost += float(np.sum(own * group.whiten(own)))
         if self._balance is not None and len(self._balanced):
@@ -244,7 +243,7 @@ class RestProblem:
         missed, jacobian = self._missed_and_arms(unknown)
         rows = self._rows(count)
         shared = np.zeros((count + 1, count + 1, jacobian.shape[1]))
-        for group in self.prior.groups(unknown[:-1], elongated=self._elongated):
+        for group in self._kernels(unknown[:-1]):
             arms, white = jacobian[:, group.muscles], group.whiten(missed[:, group.muscles])
             shared[:, :, group.muscles] = (rows.T @ group.whiten(rows))[:, :, None]
             gradient -= np.einsum("kmi,km->ki", arms, rows.T @ white)
@@ -268,6 +267,12 @@ class RestProblem:
             own, pull = self.weights.normal_equations(k, unknown[k], residual, slope)
             matrix[k, :, k, :] += own
             gradient[k] += pull
+
+    def _kernels(self, angles: Floats) -> Sequence[GroupKernel]:
+        """Kernels at angles (K + R, n) [rad]; those of the newest angles are kept."""
+        if self._newest is None or not np.array_equal(self._newest[0], angles):
+            self._newest = angles, self.prior.groups(angles, elongated=self._elongated)
+        return self._newest[1]
 
     def _missed_and_arms(self, unknown: Floats) -> tuple[Floats, Floats]:
         """Lengths minus those of the nominal map, and how each unknown posture moves the latter."""

@@ -167,13 +167,14 @@ class NominalArm:
 
     @cached_property
     def _points(self) -> list[list[int]]:
-        """Sites of each muscle's path, in their order."""
+        """Sites of each muscle's path, in their order, each once."""
         model, site = self.model, mujoco.mjtWrap.mjWRAP_SITE
         found = []
         for number in self._tendon:
             begin = model.tendon_adr[number]
             path = range(begin, begin + model.tendon_num[number])
-            found.append([int(model.wrap_objid[k]) for k in path if model.wrap_type[k] == site])
+            sites = (int(model.wrap_objid[k]) for k in path if model.wrap_type[k] == site)
+            found.append(list(dict.fromkeys(sites)))
         return found
 
     @cached_property

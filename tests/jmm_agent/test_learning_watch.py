@@ -64,6 +64,11 @@ def test_lengths_that_drift_are_named_once_with_their_speed() -> None:
     [fault] = watch.faults
     assert (fault.kind, fault.where, fault.since) == ("lengths_drift", "muscles", 1.0)
     assert "about 3 mm a minute" in fault.detail
+    memory.rests = RestMemory(drift=LengthDrift(speed=1e-3 / 60.0))
+    watch.update(StepState(2.5, 0.02, True, True, "", "", {}, ""))
+    [fault] = watch.faults
+    assert fault.since == 1.0
+    assert "about 1 mm a minute" in fault.detail
     memory.rests = RestMemory()
     watch.update(StepState(3.0, 0.02, True, True, "", "", {}, ""))
     assert watch.faults == []

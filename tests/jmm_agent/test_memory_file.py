@@ -22,7 +22,6 @@ from jmm_agent.mapping.array_file import ArrayFileError, read_arrays, write_arra
 from jmm_agent.mapping.group_map import ARRAYS, Layers
 from jmm_agent.mapping.joint_muscle_map import CheckpointError, JointMuscleMap
 from jmm_agent.mapping.learner import Pairs
-from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.memory_file import (
     SHAPES,
     AgentMemory,
@@ -89,7 +88,7 @@ def made_up(seed: int = 0, count: int = K, nominal: int = 0) -> AgentMemory:
             tuple(Rest(*(rng.normal(size=size) for size in (M, M, N))) for _ in range(count)),
             7.5,
             rng.normal(size=8),
-            LengthDrift(2e-5, rng.uniform(0.0, 90.0, count)),
+            LengthDrift(2e-5, np.sort(rng.uniform(0.0, 90.0, count))[::-1]),
         )
         if count
         else RestMemory(),
@@ -153,7 +152,9 @@ def test_a_file_of_an_earlier_format_is_read(
     arrays["widths"] = arrays["widths"][:, :3]
     write_arrays(path, arrays | {"format": np.array(f"agent-memory-{version}")})
     found, whole = read_memory(path, make_map()), made_up()
-    assert found.vision.rests.widths == PriorWidths(0.001, 0.002, 0.3, PriorOptions().points)
+    assert found.vision.rests.widths == PriorWidths(
+        0.001, 0.002, 0.3, pytest.approx(0.001 * 4.0 / 3.0)
+    )
     assert found.vision.rests.drift.speed == 0.0
     assert found.vision.rests.drift.ages.tolist() == [0.0] * K
     if version == 3:

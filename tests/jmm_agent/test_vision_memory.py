@@ -99,15 +99,17 @@ def test_rests_without_all_tensions_are_not_balanced(memory: VisionMemory) -> No
 
 
 def test_a_start_is_before_the_first_of_the_muscles_that_were_elongated_lately() -> None:
-    elongated = np.zeros((8, 5))
-    elongated[:2, 0] = 1.0  # long ago
-    elongated[:4] += 0.36  # a zeroing of all
-    assert EpisodeStart.before_elongations(elongated, 5) is None
-    elongated[:5, 1] += 1.0
-    elongated[:6, 3] += 1.0
+    elongated = np.zeros((9, 5))
+    elongated[:3] += 0.36  # a zeroing of all, long ago
+    elongated[:1, 0] += 1.0
+    assert EpisodeStart.before_elongations(elongated, 2) is None
+    elongated[:6, 1] += 1.0
+    elongated[:7, 3] += 1.0
     assert EpisodeStart.before_elongations(elongated, 1) is None
-    found = EpisodeStart.before_elongations(elongated, 5)
+    found = EpisodeStart.before_elongations(elongated, 2)
     assert found is not None
-    assert found.newest == 2  # observations 5 and 6; the newest, 7, is not remembered yet
-    np.testing.assert_allclose(found.elongated[:, 0], [1.36, 1.36, 0.36, 0.36, 0.0])
-    np.testing.assert_allclose(found.elongated[:, 1:], [[0.36] * 4] * 4 + [[0.0] * 4], atol=1e-12)
+    assert found.newest == 1  # observation 7; the newest, 8, is not remembered yet
+    np.testing.assert_allclose(found.elongated[:, 0], [1.36, 0.36, 0.36, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(found.elongated[:6, 1], [1.36] * 3 + [1.0] * 3)
+    np.testing.assert_allclose(found.elongated[:, 2:], [[0.36] * 3] * 3 + [[0.0] * 3] * 4)
+    assert EpisodeStart.before_elongations(elongated, 3) is None  # the zeroing is of lately

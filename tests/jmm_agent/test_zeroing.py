@@ -110,7 +110,8 @@ def test_a_zeroing_within_an_episode_is_noticed_once_if_it_is_looked_for(
     robot = Robot(zeroing_recent=recent)
     robot.learn()
     robot.vision.begin()
-    assert not any([robot.observe(q) for q in TRUE[BEFORE : BEFORE + 3]])
+    noticed_before = [robot.observe(q) for q in TRUE[BEFORE : BEFORE + 3]]
+    assert not any(noticed_before)
     robot.shift = 3.0 * SHIFT
     assert sum([robot.observe(q) for q in TRUE[BEFORE + 3 :]]) == noticed
 
@@ -184,3 +185,25 @@ def test_three_muscles_that_are_elongated_at_once_are_no_zeroing(seed: int) -> N
     robot.observe_several(8)
     assert robot.vision.zeroings == 0
     assert np.flatnonzero(robot.vision.elongated.any(axis=0)).tolist() == [1, 6, 11]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_large_zeroing_is_one(seed: int) -> None:
+    robot = SmallRobot(5, 14, 1.0, seed)
+    robot.observe_several(12)
+    robot.offset += robot.rng.normal(0.0, 0.03, 14)
+    robot.observe_several(8)
+    assert robot.vision.zeroings == 1
+
+
+@pytest.mark.parametrize(("seed", "speed"), [(0, 2.0), (1, 4.0)])
+def test_lengths_that_drift_are_not_taken_for_zeroed_in_the_next_episode(
+    seed: int, speed: float
+) -> None:
+    robot = SmallRobot(5, 14, 1.0, seed)
+    robot.speeds = speed * 1e-3 / 60.0 * robot.rng.choice([-1.0, 1.0], 14)
+    robot.observe_several(25)
+    for _ in range(3):
+        robot.vision.begin()
+        robot.observe_several(6)
+    assert robot.vision.zeroings == 0
