@@ -48,14 +48,18 @@ def point_weights(jmm: JointMuscleMap, nominal: NominalModel) -> PointWeights | 
 
     Returns:
         For each group (muscles, H, P) [1]; None if the model does not know what its points do, or
-        is that of other joints or muscles.
+        has other joints or not all muscles.
     """
     known = nominal.points
-    if known is None or (jmm.joints, jmm.muscles) != (nominal.joints, nominal.muscles):
+    if (
+        known is None
+        or jmm.joints != nominal.joints
+        or not set(jmm.muscles) <= set(nominal.muscles)
+    ):
         return None
     rng = np.random.default_rng(0)
     postures = rng.uniform(nominal.lower, nominal.upper, (POSTURES, len(nominal.joints)))
-    changes = known(postures)
+    changes = known(postures)[:, [nominal.muscles.index(muscle) for muscle in jmm.muscles]]
     found = []
     for group in jmm.groups:
         hidden, own = group.hidden(postures), changes[:, group.muscle_index]

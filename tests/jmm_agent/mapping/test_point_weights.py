@@ -69,9 +69,22 @@ def test_nothing_is_known_of_a_model_without_points_or_of_another_map(
 ) -> None:
     assert point_weights(jmm, nominal_model()) is None
     assert load_or_compute(jmm, nominal_model(), tmp_path) is None
-    other = replace(jmm, muscles=jmm.muscles[::-1])
+    other = replace(jmm, muscles=(*jmm.muscles[:-1], "another"))
     assert load_or_compute(other, nominal, tmp_path) is None
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_map_without_some_muscles_knows_the_points_of_the_others(
+    jmm: JointMuscleMap, nominal: NominalModel
+) -> None:
+    whole, fewer = point_weights(jmm, nominal), jmm.without(["mid_back"])
+    found = point_weights(fewer, nominal)
+    assert whole is not None
+    assert found is not None
+    for one, other, before, after in zip(whole, found, jmm.groups, fewer.groups, strict=True):
+        kept = [jmm.muscles[k] != "mid_back" for k in before.muscle_index]
+        assert len(after.muscle_index) == sum(kept)
+        np.testing.assert_allclose(other, one[kept], rtol=1e-6, atol=1e-9)
 
 
 def test_it_is_computed_once_and_read_to_the_bit(
