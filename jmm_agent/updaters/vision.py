@@ -19,9 +19,9 @@ from jmm_agent.updaters.assignment import Assignment, ObservationRecord
 from jmm_agent.updaters.forecast import Forecast, why_not_applied
 from jmm_agent.updaters.observation_check import USUAL, ObservationCheck
 from jmm_agent.updaters.observation_fitter import ObservationFitter
-from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
+from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
 from jmm_agent.updaters.rewiring import Rewiring
-from jmm_agent.updaters.vision_memory import EpisodeStart, Rested, Seen, VisionMemory
+from jmm_agent.updaters.vision_memory import Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.wiring_watch import WiringWatch
 from jmm_agent.updaters.zeroing_watch import ZeroingWatch
@@ -81,6 +81,7 @@ class VisionUpdater:
         self._memory = VisionMemory.none(joints, muscles)
         hold_out = options.hold_out
         self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
+        self._recent = options.observations.elongation_recent
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
@@ -234,7 +235,9 @@ class VisionUpdater:
         most = self._options.observations.memory
         observations = [*self._memory.observations, observation][-most:]
         predicted = self.forecast.predict(self.memory, observations) if learn else None
-        found, zeroed = self._fitted(observations, learn)
+        zeroed = learn and self._shows_zeroing(observations)
+        fitted = self._fits.fit if learn else self._fits.evaluate
+        found = fitted(self._memory, self._prior, observations)
         fit, angles = found.observed, found.observed.angles[-1]
         doubt = self._check.doubt(fit, observation, self._memory.angles)
         detail = self._check.detail(doubt, observation, angles)
@@ -252,7 +255,7 @@ class VisionUpdater:
             return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
         found = self._fitter.with_drift(found, observations)
-        self.memory = before.believed(observations, found, command, sound)
+        self.memory = before.believed(observations, found, command, sound, self._recent)
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         return self._tested(seen, map_before, before)
 
@@ -337,26 +340,6 @@ class VisionUpdater:
             return False
         moved = found.zero if self.zero is None else found.zero - self.zero
         return bool(np.linalg.norm(moved) > self._options.distance)
-
-    def _fitted(
-        self, observations: list[MarkerObservation], learn: bool
-    ) -> tuple[FittedRests, bool]:
-        """The fit with a new observation, and whether that shows that lengths were zeroed anew.
-
-        Within an episode this is asked once a muscle seems to have been elongated.
-        """
-        if not learn:
-            return self._fits.evaluate(self._memory, self._prior, observations), False
-        zeroed = self._shows_zeroing(observations)
-        found = self._fits.fit(self._memory, self._prior, observations)
-        if zeroed or self._memory.start is not None:
-            return found, zeroed
-        recent = self._options.observations.elongation_recent
-        start = EpisodeStart.before_elongations(found.elongated, recent)
-        self.memory = self._memory._replace(start=start)
-        if start is None or not self._shows_zeroing(observations):
-            return found, False
-        return self._fits.fit(self._memory, self._prior, observations), True
 
     def _shows_zeroing(self, observations: list[MarkerObservation]) -> bool:
         """Whether the first observations since a start show that lengths were zeroed anew."""

@@ -23,10 +23,13 @@ class EpisodeStart(NamedTuple):
     Attributes:
         newest: number of observations that were remembered since.
         elongated: `VisionMemory.elongated` of those before (K, m), as believed then.
+        within: whether it is within an episode. No single observation then shows a zeroing, because
+            the hand may have been seen where it was not.
     """
 
     newest: int
     elongated: Floats
+    within: bool = False
 
     @classmethod
     def before_elongations(cls, elongated: Floats, recent: int) -> EpisodeStart | None:
@@ -36,7 +39,7 @@ class EpisodeStart(NamedTuple):
         other one.
 
         Args:
-            elongated: number of elongations since each observation (K, m), the newest included.
+            elongated: number of elongations since each observation (K, m).
             recent: number of newest observations, before which they count; of zeroings twice as
                 many.
         """
@@ -44,9 +47,9 @@ class EpisodeStart(NamedTuple):
         stepped = np.asarray(steps[-recent:].any(axis=1))
         if not stepped.any() or steps[-2 * recent :].all(axis=1).any():
             return None
-        newest = len(stepped) - 1 - int(np.argmax(stepped))
-        before = elongated[: len(elongated) - 1 - newest]
-        return cls(newest, before - before[-1])
+        newest = len(stepped) - int(np.argmax(stepped))
+        before = elongated[: len(elongated) - newest]
+        return cls(newest, before - before[-1], True)
 
 
 class VisionMemory(NamedTuple):
@@ -123,23 +126,31 @@ class VisionMemory(NamedTuple):
         found: FittedRests,
         command: Floats,
         sound: bool,
+        recent: int,
     ) -> VisionMemory:
         """With a new observation that is believed.
+
+        If it seems that a muscle was elongated, further ones show whether all were zeroed instead.
 
         Args:
             observations: the new one last.
             found: their fit.
             command: of the new one (m,) [m].
             sound: whether no muscle was saturated then.
+            recent: number of newest observations, before which elongations count.
         """
-        start, keep = self.start, len(observations)
+        keep = len(observations)
+        if self.start is None:
+            start = EpisodeStart.before_elongations(found.elongated, recent)
+        else:
+            start = self.start._replace(newest=self.start.newest + 1)
         return self._replace(
             observations=observations,
             commands=[*self.commands, command][-keep:],
             sound=[*self.sound, sound][-keep:],
             angles=found.observed.angles,
             elongated=found.elongated,
-            start=None if start is None else start._replace(newest=start.newest + 1),
+            start=start,
             rests=found.memory,
         )
 

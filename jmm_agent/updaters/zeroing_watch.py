@@ -60,7 +60,12 @@ class ZeroingWatch:
             memory.angles[known - before : known],
             start.elongated[-before:],
         )
-        if test.log_bayes_factor(shown[before:]) < self._options.zeroing_evidence:
+        new = shown[before:]
+        parts = [new]
+        if start.within:
+            parts += [[*new[:number], *new[number + 1 :]] for number in range(len(new))]
+        least = self._options.zeroing_evidence
+        if any(not part or test.log_bayes_factor(part) < least for part in parts):
             return memory
         elongated = np.zeros_like(memory.elongated)
         elongated[known - before : known] = start.elongated[-before:] + prior.zeroing_share

@@ -271,7 +271,7 @@ class RestProblem:
     def _kernels(self, angles: Floats) -> Sequence[GroupKernel]:
         """Kernels at angles (K + R, n) [rad]; those of the newest angles are kept."""
         if self._newest is None or not np.array_equal(self._newest[0], angles):
-            self._newest = angles, self.prior.groups(angles, elongated=self._elongated)
+            self._newest = angles.copy(), self.prior.groups(angles, elongated=self._elongated)
         return self._newest[1]
 
     def _missed_and_arms(self, unknown: Floats) -> tuple[Floats, Floats]:

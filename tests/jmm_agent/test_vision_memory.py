@@ -79,7 +79,7 @@ def test_the_oldest_observation_is_forgotten_with_its_command(memory: VisionMemo
     newest = [observed(1), observed(2)]
     fit = ObservationFit(ANGLES[1:], True, np.zeros((2, 2)))
     found = FittedRests(fit, np.ones((2, 4)), RestMemory())
-    after = memory.believed(newest, found, LENGTHS[2], True)
+    after = memory.believed(newest, found, LENGTHS[2], True, 5)
     np.testing.assert_array_equal(after.commands, LENGTHS[1:])
     assert (after.sound, after.rests) == ([False, True], RestMemory())
     assert after.start is not None
@@ -108,7 +108,7 @@ def test_a_start_is_before_the_first_of_the_muscles_that_were_elongated_lately()
     assert EpisodeStart.before_elongations(elongated, 1) is None
     found = EpisodeStart.before_elongations(elongated, 2)
     assert found is not None
-    assert found.newest == 1  # observation 7; the newest, 8, is not remembered yet
+    assert found.newest == 2  # observations 7 and 8
     np.testing.assert_allclose(found.elongated[:, 0], [1.36, 0.36, 0.36, 0.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(found.elongated[:6, 1], [1.36] * 3 + [1.0] * 3)
     np.testing.assert_allclose(found.elongated[:, 2:], [[0.36] * 3] * 3 + [[0.0] * 3] * 4)

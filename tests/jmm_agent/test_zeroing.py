@@ -207,3 +207,12 @@ def test_lengths_that_drift_are_not_taken_for_zeroed_in_the_next_episode(
         robot.vision.begin()
         robot.observe_several(6)
     assert robot.vision.zeroings == 0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5])
+def test_a_hand_that_was_seen_where_it_was_not_is_no_zeroing(seed: int) -> None:
+    robot = SmallRobot(5, 14, 1.0, seed)
+    robot.observe_several(12)
+    robot.observe(robot.postures(1)[0])
+    robot.observe_several(6)
+    assert robot.vision.zeroings == 0

@@ -26,6 +26,16 @@ def test_an_agent_is_guarded_if_asked_for(maps: Path) -> None:
     assert isinstance(make_agent(cache=maps, guard=True).guard, Guard)
 
 
+@pytest.mark.parametrize("scene", [None, ARM3])
+def test_an_agent_knows_what_displaced_points_do(maps: Path, scene: Path | None) -> None:
+    agent = make_agent(scene=scene, marker_sides={0: 0.05, 1: 0.06}, cache=maps)
+    points = agent.vision.forecast.prior.points
+    assert points is not None
+    for weights, group in zip(points, agent.map.groups, strict=True):
+        assert weights.shape[:2] == group.W2.shape
+        assert np.abs(weights).max() > 0.0
+
+
 def test_agents_of_one_seed_command_the_same(maps: Path) -> None:
     first, second = (make_agent(7, cache=maps) for _ in range(2))
     np.testing.assert_array_equal(
