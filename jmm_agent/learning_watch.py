@@ -10,6 +10,7 @@ import numpy as np
 
 from jmm_agent.guard.faults import (
     JOINT_CONTRADICTED,
+    JOINTS_MISPLACED,
     LENGTHS_DRIFT,
     TENSIONS_WRONG,
     TRACKER_CLOCK,
@@ -77,12 +78,13 @@ class LearningWatch:
         self._tracker: Fault | None = None
         self._tensions: Fault | None = None
         self._drift: Fault | None = None
+        self._bones: Fault | None = None
 
     @property
     def faults(self) -> list[Fault]:
         """Faults that are found now."""
         found = [*self._monitor.faults, *self._zeroed, *self._contradicted.values()]
-        lasting = self._tracker, self._tensions, self._drift
+        lasting = self._tracker, self._tensions, self._drift, self._bones
         return [*found, *(one for one in lasting if one is not None)]
 
     def reset(self) -> None:
@@ -90,7 +92,7 @@ class LearningWatch:
         self._monitor.reset()
         self._zeroed = []
         self._contradicted = {}
-        self._tracker = self._tensions = self._drift = None
+        self._tracker = self._tensions = self._drift = self._bones = None
 
     def update(self, step: StepState) -> None:
         """Name what keeps the agent from learning.
@@ -109,6 +111,7 @@ class LearningWatch:
         self._name_joints(step)
         self._name_tensions(step.time)
         self._name_drift(step.time)
+        self._name_bones(step.time)
         if not step.clock_problem:
             self._tracker = None
         elif self._tracker is None:
@@ -137,6 +140,22 @@ class LearningWatch:
             _log.warning("The muscle lengths drift: %s.", detail)
             self._drift = Fault(LENGTHS_DRIFT, "muscles", time, detail)
         self._drift = self._drift._replace(detail=detail)
+
+    def _name_bones(self, time: float) -> None:
+        """Name joints that are not where they are drawn."""
+        joints = self._vision.memory.rests.joints
+        if joints is None or not joints.enabled:
+            self._bones = None
+            return
+        detail = (
+            f"joints are off by about {1e3 * joints.offset:.2g} mm along each axis, and their axes "
+            f"by {np.degrees(joints.turn):.2g} deg; the map is learned in spite of it, but a hand "
+            "that is sent to a pose by the model misses it; measure the bones again"
+        )
+        if self._bones is None:
+            _log.warning("The bones do not fit the model: %s.", detail)
+            self._bones = Fault(JOINTS_MISPLACED, "bones", time, detail)
+        self._bones = self._bones._replace(detail=detail)
 
     def _name_joints(self, step: StepState) -> None:
         """Name joints whose encoders contradict the lengths, which the map may have wrong.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import astuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.updaters.wiring_evidence import Miswiring
 from jmm_agent.vision.camera_unknowns import UNKNOWNS
 from jmm_agent.vision.length_drift import LengthDrift
+from jmm_agent.vision.pose_errors import JointPrior
 from jmm_agent.vision.prior_widths import PriorWidths
 from jmm_agent.vision.rest_fit import Rest
 
@@ -48,6 +50,7 @@ SHAPES: dict[str, tuple[str | int, ...]] = {
     "unbalanced": ("U",),
     "camera": ("Y", UNKNOWNS),
     "drift": (),
+    "misplaced": ("J", 2),
     "ages": ("T",),
     "rest_lengths": ("R", "m"),
     "rest_tensions": ("R", "m"),
@@ -90,6 +93,7 @@ def updated(content: Arrays, muscles: int) -> Arrays:
     """
     usual = {
         "drift": np.array(0.0),
+        "misplaced": np.empty((0, 2)),
         "ages": np.zeros(len(content.get("angles", ()))),
         "camera": np.empty((0, UNKNOWNS)),
         "in_use": np.ones(muscles),
@@ -113,6 +117,9 @@ def arrays_of_rests(memory: RestMemory, joints: int, muscles: int) -> Arrays:
         "camera": np.empty((0, UNKNOWNS)) if memory.camera is None else memory.camera[None],
         "drift": np.array(memory.drift.speed),
         "ages": memory.drift.ages,
+        "misplaced": np.array([] if memory.joints is None else astuple(memory.joints)).reshape(
+            -1, 2
+        ),
         "rest_lengths": np.array([rest.lengths for rest in rests]).reshape(-1, muscles),
         "rest_tensions": np.array([rest.tensions for rest in rests]).reshape(-1, muscles),
         "rest_guess": np.array([rest.guess for rest in rests]).reshape(-1, joints),
@@ -129,7 +136,8 @@ def rests_of(arrays: Mapping[str, Floats]) -> RestMemory:
     widths = PriorWidths(*arrays["widths"][0].tolist())
     unbalanced = float(arrays["unbalanced"][0]) if len(arrays["unbalanced"]) else None
     camera = arrays["camera"][0] if len(arrays["camera"]) else None
-    return RestMemory(arrays["zero"][0], widths, rests, unbalanced, camera, drift)
+    joints = JointPrior(*arrays["misplaced"][0].tolist()) if len(arrays["misplaced"]) else None
+    return RestMemory(arrays["zero"][0], widths, rests, unbalanced, camera, drift, joints)
 
 
 def arrays_of_assignment(assignment: Assignment, muscles: int) -> Arrays:

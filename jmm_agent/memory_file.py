@@ -37,13 +37,14 @@ from jmm_agent.updaters import AntagonismMemory, VisionMemory
 from jmm_agent.vision.hold_out import HoldOutMemory
 from jmm_agent.vision.observation_arrays import OPTIONAL, arrays_of, observations_of
 
-FORMAT = "agent-memory-5"
+FORMAT = "agent-memory-6"
 OLDER = {
     "agent-memory-2": "which lacks the hidden layers that some rules learn; learn again",
 }
 """Earlier formats, and why they are not read."""
-READ = ("agent-memory-3", "agent-memory-4")
-"""Earlier formats that are read: they know nothing of drift, or of camera and wiring either."""
+READ = ("agent-memory-3", "agent-memory-4", "agent-memory-5")
+"""Earlier formats that are read: they know nothing of misplaced joints, then of drift, or of camera
+and wiring either."""
 MAX_BYTES = 64 << 20
 """Largest file, unfolded [bytes]; that of the arm with 60 observations has less than one MiB."""
 
@@ -243,7 +244,7 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
             raise ArrayFileError(f"{name} has a number that is not finite, or beyond {LARGEST:g}")
         if (name.endswith("_noise") or name == "widths") and (array <= 0).any():
             raise ArrayFileError(f"{name} has a number that is not positive")
-        if name in ("elongated", "counts", "ages", "drift") and (array < 0).any():
+        if name in ("elongated", "counts", "ages", "drift", "misplaced") and (array < 0).any():
             raise ArrayFileError(f"{name} has a negative number")
     if not np.isin(content["in_use"], (0.0, 0.5, 1.0)).all() or not content["in_use"].any():
         raise ArrayFileError("in_use has a number that is not 0, 0.5 or 1, or no muscle in use")
@@ -253,6 +254,8 @@ def _check_arrays(content: Arrays, nominal: JointMuscleMap) -> None:
         raise ArrayFileError(f"unbalanced has {sizes['U']} ratios, but one fits")
     if sizes["Y"] > 1:
         raise ArrayFileError(f"camera has {sizes['Y']} rows, but one fits")
+    if sizes["J"] > 1:
+        raise ArrayFileError(f"misplaced has {sizes['J']} rows, but one fits")
     ages = content["ages"]
     if sizes["T"] not in (0, sizes["K"]) or (np.diff(ages) > 0.0).any():
         raise ArrayFileError(

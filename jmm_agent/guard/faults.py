@@ -66,6 +66,7 @@ MUSCLE_ABSENT = "muscle_absent"
 MUSCLE_UNSTABLE = "muscle_unstable"
 TENSION_LIMIT = "tension_limit"
 LENGTHS_DRIFT = "lengths_drift"
+JOINTS_MISPLACED = "joints_misplaced"
 
 AGENT_KINDS = {
     CLOCK_JUMPED: "time stamps jumped: the clock was set, or readings paused",
@@ -89,6 +90,7 @@ AGENT_KINDS = {
     MUSCLE_ABSENT: "a muscle does not follow the joints, because it is absent or slack; left out",
     MUSCLE_UNSTABLE: "a muscle was elongated again and again, and is left out",
     TENSION_LIMIT: "the tension of a muscle stays at its limit, and the motion is stopped",
+    JOINTS_MISPLACED: "bones or joint axes are not those of the model, so that hands miss",
     LENGTHS_DRIFT: "the muscle lengths drift, so that what was learned holds for a short time",
     ZEROED: "all muscle lengths differ from those remembered: they were zeroed anew",
 }

@@ -18,9 +18,10 @@ from jmm_agent.vision.camera_unknowns import (
     corrected_observations,
     is_of_camera,
 )
-from jmm_agent.vision.length_drift import LEAST, LengthDrift, likeliest_speed
+from jmm_agent.vision.length_drift import LengthDrift
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
 from jmm_agent.vision.permanent_elongation import log_bayes_factors, with_likeliest_step
+from jmm_agent.vision.pose_errors import SIZES, JointPrior, is_of_joints
 from jmm_agent.vision.prior_widths import PriorWidths, usual_widths
 from jmm_agent.vision.rest_fit import CommonErrors, Rest, RestFit, RestProblem, fit_rests
 
@@ -65,6 +66,7 @@ class RestMemory(NamedTuple):
         camera: errors of the camera (8,) [m, rad, 1, 1], see `camera_unknowns`; None while they are
             unknown.
         drift: of all lengths, and the ages of the observations.
+        joints: how far the joints of the drawing are off; None: as the options say.
     """
 
     zero: Floats | None = None
@@ -73,6 +75,7 @@ class RestMemory(NamedTuple):
     unbalanced: float | None = None
     camera: Floats | None = None
     drift: LengthDrift = LengthDrift()
+    joints: JointPrior | None = None
 
 
 class FittedRests(NamedTuple):
@@ -252,31 +255,12 @@ class RestFitter:
         zero = np.zeros(len(self._limits)) if memory.zero is None else memory.zero
         return np.vstack([angles, *(rest.guess[None] for rest in memory.rests), zero])
 
-    def with_drift(
-        self, found: FittedRests, observations: Sequence[MarkerObservation]
-    ) -> FittedRests:
-        """A fit with the speed at which all lengths drift, if it is not that of the fit so far.
-
-        Args:
-            found: result of a fit.
-            observations: its K observations.
-        """
-        if not self.enabled or len(observations) < LEAST:
-            return found
-        memory, angles = found.memory, found.observed.angles
-        unknown, present = self.unknown(memory, angles), memory.drift.speed
-
-        def drifting(speed: float) -> RestMemory:
-            return memory._replace(drift=memory.drift._replace(speed=speed))
-
-        def evidence(speed: float) -> float:
-            problem = self.problem(drifting(speed), observations, angles, found.elongated)
-            return problem.log_evidence(unknown, near=True)
-
-        speed = likeliest_speed(evidence, present, self.nominal.options.noise)
-        if speed == present:
-            return found
-        return self.fit(drifting(speed), observations, angles, found.elongated)
+    def near_joints(self, memory: RestMemory) -> list[JointPrior]:
+        """Errors of the joints that are compared after an observation, the present ones first."""
+        present, unit = self._joints(memory), self._options.misplaced
+        if not is_of_joints(self._marker_residual):
+            return [present]
+        return [present, *(unit.times(factor) for factor in SIZES if unit.times(factor) != present)]
 
     def without(self, memory: RestMemory, lengths: Floats) -> RestMemory:
         """What is known without the rest that has some lengths (m,) [m]."""
@@ -304,10 +288,14 @@ class RestFitter:
             self._common(memory, start),
         )
 
+    def _joints(self, memory: RestMemory) -> JointPrior:
+        """How far the joints of the drawing are believed to be off."""
+        return self._options.joints if memory.joints is None else memory.joints
+
     def _common(self, memory: RestMemory, start: Floats) -> CommonErrors | None:
         """Errors that all poses share, at angles (K, n) [rad]; None if there can be none."""
-        camera, joints = self._camera, self._options.joints
-        if not (camera.enabled or joints.offset or joints.turn):
+        camera, joints = self._camera, self._joints(memory)
+        if not (camera.enabled or joints.enabled):
             return None
         known = np.zeros(UNKNOWNS) if memory.camera is None else memory.camera
         return CommonErrors(camera, joints, known, start)

@@ -17,6 +17,7 @@ from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.assignment import Assignment, ObservationRecord
 from jmm_agent.updaters.forecast import Forecast, why_not_applied
+from jmm_agent.updaters.model_choice import with_likeliest_model
 from jmm_agent.updaters.observation_check import USUAL, ObservationCheck
 from jmm_agent.updaters.observation_fitter import ObservationFitter
 from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
@@ -254,7 +255,7 @@ class VisionUpdater:
         if sound and self.hold_out is not None and self.hold_out.keeps(pair):
             return seen._replace(reason="held back, to test updates on it")
         map_before, before = self._learner.map, self.memory
-        found = self._fitter.with_drift(found, observations)
+        found = with_likeliest_model(self._fitter, found, observations)
         self.memory = before.believed(observations, found, command, sound, self._recent)
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         return self._tested(seen, map_before, before)

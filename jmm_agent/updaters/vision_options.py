@@ -41,7 +41,10 @@ class VisionOptions:
         balance: how far tensions and loads may disagree, and how many rests without an observation
             are remembered, if rests are fitted.
         camera: standard deviations of the camera's errors, which are unknowns of the fit of rests.
-        joints: the same of the places and axes of the drawing's joints.
+        joints: the same of the places and axes of the drawing's joints, as long as observations do
+            not show other ones.
+        misplaced: the usual ones of a drawing whose bones do not fit, here bones that are 5 mm and
+            axes that are 3 deg off; observations decide between multiples of them.
         observations: options of the fit.
         hold_out: which observations are held out, to undo updates that make the map worse; None:
             none.
@@ -65,6 +68,7 @@ class VisionOptions:
     balance: BalanceOptions = field(default_factory=BalanceOptions)
     camera: CameraPrior = field(default_factory=CameraPrior)
     joints: JointPrior = field(default_factory=JointPrior)
+    misplaced: JointPrior = field(default_factory=lambda: JointPrior(0.003, 0.035))
     observations: ObservationFitOptions = field(default_factory=ObservationFitOptions)
     hold_out: HoldOutOptions | None = None
     zeroing_recent: int = 6

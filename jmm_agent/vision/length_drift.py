@@ -10,18 +10,13 @@ drifted since the times a and b before now is then the process integrated twice,
 
 which is v^2 a b for times far below tau, as of a constant speed, and 2 v^2 tau min(a, b), as of a
 random walk, for times far above it. The fit of all rests adds it to the covariance C of the
-lengths' errors. The speed v is that under which what was measured is likeliest, of some `SPEEDS`:
-
-    log p(v) = -(cost - g' H^-1 g + log det C + log det H) / 2,
-
-with the cost of the fit, its gradient g and its Gauss-Newton matrix H, where the fit with the
-present speed ended. The update rule of Kawaharazuka et al. 2018 follows slow changes by forgetting
-(sec. I); a rule that remembers needs this module.
+lengths' errors; `jmm_agent.updaters.model_choice` chooses v, of some `SPEEDS`. The update rule
+of Kawaharazuka et al. 2018 follows slow changes by forgetting (sec. I); a rule that remembers needs
+this module.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -34,10 +29,6 @@ SPEEDS = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Standard deviations of the drift's speed that are compared, in noises of a length a minute."""
 AT_ONCE = 2
 """Number of next lower and next higher speeds that are compared after an observation."""
-LEAST = 8
-"""Number of observations from which on lengths may be found to drift."""
-EVIDENCE = 3.0
-"""Least logarithm of the Bayes factor by which another speed must be likelier."""
 PAUSE = 600.0
 """Longest time between two looks that is counted; in a longer one the robot was off [s]."""
 
@@ -79,17 +70,14 @@ class LengthDrift(NamedTuple):
         return np.asarray((self.speed * CHANGES) ** 2 * shared)
 
 
-def likeliest_speed(evidence: Callable[[float], float], present: float, noise: float) -> float:
-    """Speed of the drift that makes what was measured likeliest, if clearly [m/s].
+def near_speeds(present: float, noise: float) -> list[float]:
+    """Speeds of the drift that are compared after an observation, the present one first [m/s].
 
     Args:
-        evidence: logarithm of the probability of what was measured, by the speed [m/s].
         present: speed that was believed so far [m/s].
         noise: standard deviation of a length [m].
     """
     speeds = np.array(SPEEDS) * noise / 60.0
     rank = int(np.abs(speeds - present).argmin())
-    near = [present, *speeds[max(rank - AT_ONCE, 0) : rank], *speeds[rank + 1 :][:AT_ONCE]]
-    found = [evidence(float(speed)) for speed in near]
-    best = int(np.argmax(found))
-    return float(near[best]) if found[best] > found[0] + EVIDENCE else present
+    others = speeds[max(rank - AT_ONCE, 0) : rank], speeds[rank + 1 :][:AT_ONCE]
+    return [present, *np.concatenate(others).tolist()]

@@ -28,14 +28,16 @@ from jmm_agent.types import Floats
 from jmm_agent.vision.camera_unknowns import UNKNOWNS, CameraPrior, camera_columns
 from jmm_agent.vision.marker_observation import Frames, MarkerObservation, ObservationWeights
 
+SIZES = 0.0, 1.0 / 3.0, 1.0, 3.0
+"""Errors of the joints that are compared, as multiples of the usual ones [1]."""
+
 
 @dataclass(frozen=True)
 class JointPrior:
     """How far the joints of the drawing are off, before anything was seen.
 
     They are right by default, as in the paper: a robot whose bones are right learns less well if
-    they are not believed. Bones that are 5 mm and axes that are 3 deg off are 0.003 m and 0.035
-    rad.
+    they are not believed.
 
     Attributes:
         offset: standard deviation of a joint's place along each axis [m].
@@ -55,6 +57,15 @@ class JointPrior:
                     f"JointPrior: {name} is {value}, but must be finite and at least 0."
                 )
 
+    @property
+    def enabled(self) -> bool:
+        """Whether joints may be off."""
+        return bool(self.offset or self.turn)
+
+    def times(self, factor: float) -> JointPrior:
+        """Errors that are larger by a factor [1]."""
+        return JointPrior(factor * self.offset, factor * self.turn)
+
 
 @runtime_checkable
 class MisplacedJoints(Protocol):
@@ -62,6 +73,15 @@ class MisplacedJoints(Protocol):
 
     def misplaced(self, q: Floats, frames: Frames | None = None) -> Floats:
         """Movements (6, n, 6), see `ArmKinematics.misplaced`."""
+
+
+def is_of_joints(residual: object) -> bool:
+    """Whether a residual knows how errors of the joints move the marker.
+
+    Args:
+        residual: of the marker's pose.
+    """
+    return isinstance(residual, MisplacedJoints)
 
 
 def joint_columns(
@@ -76,7 +96,7 @@ def joint_columns(
         prior: standard deviations of the errors.
     """
     widths = np.repeat([prior.offset, prior.turn], 3)
-    if not (widths.any() and isinstance(residual, MisplacedJoints)):
+    if not (prior.enabled and isinstance(residual, MisplacedJoints)):
         return np.zeros((len(observations), 6, 0))
     pairs = zip(observations, angles, strict=False)
     moved = [-widths * residual.misplaced(q, found.frames) for found, q in pairs]

@@ -16,7 +16,7 @@ from jmm_agent.mapping.learner import BatchOptions, Learner, RidgeRule
 from jmm_agent.mapping.prior import MapPrior, PriorOptions
 from jmm_agent.types import Floats, Ints
 from jmm_agent.updaters import VisionOptions, VisionUpdater
-from jmm_agent.vision.marker_observation import Frames
+from jmm_agent.vision.marker_observation import Frames, PoseResidual
 
 ZEROING = PriorOptions()
 
@@ -64,6 +64,7 @@ class SmallRobot:
         seed: of its zero posture and shape, and of what is measured.
         order: muscle at each channel.
         twins: whether the first two muscles have the same path.
+        residual: of a pose at a posture.
         more: options of the Vision Updater.
 
     Attributes:
@@ -79,6 +80,7 @@ class SmallRobot:
         seed: int = 0,
         order: Ints | None = None,
         twins: bool = False,
+        residual: PoseResidual = marker_residual,
         **more: Any,
     ) -> None:
         self.rng, self.size = np.random.default_rng([seed, 12]), size
@@ -93,7 +95,7 @@ class SmallRobot:
         rng = np.random.default_rng(seed)
         learner = Learner(self.map, self.limits, RidgeRule(prior), BatchOptions(), rng)
         options = VisionOptions(lengths="l", noise=0.001 * size, **more)
-        self.vision = VisionUpdater(learner, prior, marker_residual, self.limits, options)
+        self.vision = VisionUpdater(learner, prior, residual, self.limits, options)
         self.learner = learner
         self.order = np.arange(muscles) if order is None else order
         self.zero = self.rng.normal(0.0, 0.15, joints)
@@ -119,6 +121,13 @@ class SmallRobot:
         noise = self.rng.normal(0.0, 1e-4 * self.size, len(lengths))
         return np.asarray(lengths[self.order] + noise)
 
+    def pose(self, q: Floats) -> Floats:
+        """Pose (4, 4) that the camera shows, with noise; its last row has the fourth joint."""
+        pose = np.eye(4)
+        pose[:3, 3], pose[3, 0] = q[:3], q[3]
+        pose[:3, 3] += self.rng.normal(0.0, 0.002, 3)
+        return pose
+
     def observe(self, seen: Floats | None = None) -> bool:
         """Whether an observation at a random posture, perhaps with a pose of another one, rewires.
 
@@ -127,9 +136,7 @@ class SmallRobot:
         self.time += self.pace
         q = self.postures(1)[0]
         lengths = self.read(q)[self.vision.assignment.channels(len(self.order))]
-        pose, shown = np.eye(4), q if seen is None else seen
-        pose[:3, 3], pose[3, 0] = shown[:3], shown[3]
-        pose[:3, 3] += self.rng.normal(0.0, 0.002, 3)
+        pose = self.pose(q if seen is None else seen)
         guess = q + self.rng.normal(0.0, 0.1, len(q))
         nothing = np.full(len(lengths), np.nan)
         self.vision.seen(pose, guess, lengths, lengths, nothing, time=self.time)

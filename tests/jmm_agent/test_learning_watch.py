@@ -13,6 +13,7 @@ from jmm_agent.learning_watch import LearningWatch, StepState
 from jmm_agent.settling import SettlingDetector, SettlingOptions
 from jmm_agent.updaters.rest_fitter import RestMemory
 from jmm_agent.vision.length_drift import LengthDrift
+from jmm_agent.vision.pose_errors import JointPrior
 
 
 @pytest.mark.parametrize(("observations", "away", "named"), [
@@ -49,6 +50,24 @@ def test_tensions_that_do_not_balance_the_loads_are_named(
     assert all(detail in fault.detail for fault in watch.faults if detail)
     memory.rests = RestMemory()
     watch.update(state)
+    assert watch.faults == []
+
+
+def test_bones_that_do_not_fit_are_named_once_with_their_errors() -> None:
+    memory = SimpleNamespace(
+        observations=[], rests=RestMemory(joints=JointPrior(0.003, np.radians(2.0)))
+    )
+    vision: Any = SimpleNamespace(memory=memory, fired=0, dropped={}, zeroings=0)
+    watch = LearningWatch(
+        vision, SettlingDetector(SettlingOptions()), ("one",), LearningMonitorOptions()
+    )
+    for time in (1.0, 2.0):
+        watch.update(StepState(time, 0.02, True, True, "", "", {}, ""))
+    [fault] = watch.faults
+    assert (fault.kind, fault.where, fault.since) == ("joints_misplaced", "bones", 1.0)
+    assert "about 3 mm along each axis, and their axes by 2 deg" in fault.detail
+    memory.rests = RestMemory(joints=JointPrior())
+    watch.update(StepState(3.0, 0.02, True, True, "", "", {}, ""))
     assert watch.faults == []
 
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jmm_agent.updaters import rest_fitter
+from jmm_agent.updaters import model_choice
 from jmm_agent.vision.length_drift import (
     CHANGES,
-    EVIDENCE,
     PAUSE,
+    SPEEDS,
     LengthDrift,
-    likeliest_speed,
+    near_speeds,
 )
 from tests.jmm_agent.small_robot import SmallRobot
 
@@ -72,19 +72,11 @@ def test_an_observation_is_of_now_and_the_oldest_is_forgotten() -> None:
     np.testing.assert_array_equal(LengthDrift().observing(3).ages, [0.0, 0.0, 0.0])
 
 
-@pytest.mark.parametrize(
-    ("present", "gain", "found"),
-    [(0.0, EVIDENCE + 0.1, 1.0), (0.0, EVIDENCE - 0.1, 0.0), (1.0, EVIDENCE - 0.1, 1.0)],
-)
-def test_another_speed_is_believed_if_the_evidence_is_clear(
-    present: float, gain: float, found: float
-) -> None:
-    noise, asked = 3e-4, 0.5 * 3e-4 / 60.0
-
-    def evidence(speed: float) -> float:
-        return gain * (abs(speed - asked) < 1e-12)
-
-    assert likeliest_speed(evidence, present * asked, noise) == pytest.approx(found * asked)
+@pytest.mark.parametrize(("rank", "ranks"), [(0, [0, 1, 2]), (3, [3, 1, 2, 4, 5])])
+def test_the_next_speeds_are_compared_with_the_present_one(rank: int, ranks: list[int]) -> None:
+    noise = 3e-4
+    speeds = np.array(SPEEDS) * noise / 60.0
+    np.testing.assert_allclose(near_speeds(float(speeds[rank]), noise), speeds[ranks], atol=1e-15)
 
 
 def drifting(size: float, seed: int, speed: float, count: int, **more: Any) -> SmallRobot:
@@ -104,7 +96,7 @@ def test_lengths_that_drift_are_found_to_and_the_map_holds_for_now(
     assert 0.5 <= found.speed / (speed * size * MM_A_MINUTE) <= 2.0
     assert found.ages[0] == pytest.approx(44 * robot.pace)
     assert not robot.vision.elongated.any()
-    monkeypatch.setattr(rest_fitter, "LEAST", 1000)
+    monkeypatch.setattr(model_choice, "LEAST", 1000)
     without = drifting(size, seed, speed, 45)
     assert np.median(robot.error()) < 0.7 * np.median(without.error())
 
