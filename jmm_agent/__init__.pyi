@@ -33,6 +33,7 @@ from .next_posture import NextPosture
 from .nominal_model import NominalModel
 from .observation import SensorReadings
 from .options import AgentOptions
+from .posture_feedback import FeedbackOptions
 from .posture_planner import PosturePlanner
 from .prediction_record import PredictionRecord
 from .scales import RobotScales
@@ -68,6 +69,7 @@ __all__ = [
     "EmergencyStopError",
     "Entered",
     "Fault",
+    "FeedbackOptions",
     "Finding",
     "GraspPlanner",
     "Guard",

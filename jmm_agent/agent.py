@@ -55,6 +55,7 @@ from jmm_agent.muscles_in_use import MusclesInUse
 from jmm_agent.next_posture import NextPosture, PlannerModel, PlannerState
 from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
+from jmm_agent.posture_feedback import FeedbackOptions
 from jmm_agent.posture_planner import PosturePlanner, planner_apart
 from jmm_agent.prediction_record import PredictionRecord
 from jmm_agent.rest_learning import RestLearning
@@ -294,6 +295,15 @@ class Agent:
     def target(self) -> Floats:
         """Joint angles (n,) [rad] at the end of the trajectory."""
         return self._commander.target
+
+    @property
+    def feedback(self) -> FeedbackOptions | None:
+        """Feedback of the posture at rest; None: there is none. It may be set at any time."""
+        return self._movement.feedback
+
+    @feedback.setter
+    def feedback(self, options: FeedbackOptions | None) -> None:
+        self._movement.feedback = options
 
     @property
     def at_rest(self) -> bool:
@@ -559,7 +569,8 @@ class Agent:
             )
         if self._movement.advance(passed):
             self._stiffness_changed()
-        command = self._movement.command(self.limits, readings.lengths, passed)
+        here = None if self.guard.faults else self.joint_angles
+        command = self._movement.command(self.limits, readings.lengths, passed, here)
         command = self.guard.limit(command)
         if self.heat is not None:
             command = self.heat.limit(command, readings.lengths)

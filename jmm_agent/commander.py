@@ -1,7 +1,8 @@
 """Commands: the next point of a trajectory, mapped to target muscle lengths within limits.
 
 The trajectory pauses in gaps of the time stamps (`GapDetector`). Commands are shorter than the
-map's lengths by what makes muscles pull with the tensions of the posture (`FeedForward`).
+map's lengths by what makes muscles pull with the tensions of the posture (`FeedForward`). After a
+movement they may go on to where the estimated posture is the target (`PostureFeedback`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from jmm_agent.gap_detector import GapDetector
 from jmm_agent.guard.faults import MotorControl
 from jmm_agent.map_transition import MapTransition
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.posture_feedback import PostureFeedback
 from jmm_agent.trajectory import Trajectory
 from jmm_agent.types import Bools, Floats, Ints
 
@@ -39,6 +41,7 @@ class Commander:
         time: of the newest control step [s]; -inf before the first of an episode.
         target_lengths: newest command (m,) [m].
         stretch: by how much it is shorter than the map's lengths (m,) [m].
+        feedback: of the posture, at rest; None: there is none.
         tensions: with which muscles then pull at the posture (m,) [N]; None: unknown.
     """
 
@@ -55,6 +58,7 @@ class Commander:
         self._trajectory = Trajectory(np.array([start, start]), 0.0, 0.0)
         self._feed_forward = feed_forward
         self._used = _used(feed_forward)
+        self.feedback: PostureFeedback | None = None
         self.time = -np.inf
         self.target_lengths = jmm.lengths(start)
         self.stretch = np.zeros(len(jmm.muscles))
@@ -76,6 +80,8 @@ class Commander:
         self.stretch, self.tensions = np.zeros_like(self.stretch), None
         if self._feed_forward is not None:
             self._feed_forward.reset()
+        if self.feedback is not None:
+            self.feedback.reset()
 
     def come_back(self, muscles: Bools) -> None:
         """Continue from the last command of muscles (m,) that were commanded by others till now."""
@@ -203,6 +209,7 @@ class Commander:
         lengths: Floats,
         passed: float,
         motors: MotorControl | None = None,
+        here: Floats | None = None,
     ) -> Floats:
         """Target lengths (m,) [m] at the present point of the trajectory, within limits.
 
@@ -212,8 +219,9 @@ class Commander:
             lengths: measured muscle lengths (m,) [m].
             passed: time since the command before [s].
             motors: gains and limit; None if unknown, and then there is no feed-forward.
+            here: estimated joint angles (n,) [rad]; None while they are not believed.
         """
-        q, known = self._trajectory.at(self.time), self._mapped
+        q, known = self._trajectory.at(self.time) + self._corrected(here, passed), self._mapped
         forward, used = self._feed_forward, self._used
         self._used = _used(forward)
         before, same = None, all(a is b for a, b in zip(self._used, used, strict=True))
@@ -231,6 +239,14 @@ class Commander:
         if limits is None:
             return wanted
         return limits.applied(wanted, self.target_lengths, lengths, passed)
+
+    def _corrected(self, here: Floats | None, passed: float) -> Floats:
+        """Correction (n,) [rad] of the present point of the trajectory by the estimate."""
+        if self.feedback is None:
+            return np.zeros_like(self.target)
+        error = self.target - here if self.ended and here is not None else None
+        self.feedback.advance(passed, error)
+        return self.feedback.correction
 
     def remaining(self) -> tuple[Floats, float]:
         """Postures (K, n) [rad] that remain, the target last, and the time left [s]."""

@@ -24,6 +24,7 @@ from jmm_agent.muscle_stiffness import MuscleStiffness
 from jmm_agent.muscles_in_use import MusclesInUse
 from jmm_agent.options import AgentOptions
 from jmm_agent.posture_choice import Chosen, PostureChoice
+from jmm_agent.posture_feedback import FeedbackOptions, PostureFeedback
 from jmm_agent.statics import Statics, holds_of, not_reachable
 from jmm_agent.tension_distribution import TensionDistribution, not_balanced
 from jmm_agent.types import Floats
@@ -65,6 +66,7 @@ class Movement:
         forward = FeedForward(tensions) if options.feed_forward and tensions else None
         limits, rate = kinematics.limits, options.map_rate
         self.commander = Commander(learner.map, start, limits, rate, forward)
+        self.feedback = options.feedback
         self.stiffness = MuscleStiffness(muscles, rate)
         self._choice = PostureChoice(kinematics, tensions, in_use)
         self._mask = in_use.mask
@@ -74,6 +76,17 @@ class Movement:
     def faults(self) -> list[Fault]:
         """What is wrong with the newest movement."""
         return [] if self._choice.fault is None else [self._choice.fault]
+
+    @property
+    def feedback(self) -> FeedbackOptions | None:
+        """Feedback of the posture at rest; None: there is none. It may be set at any time."""
+        feedback = self.commander.feedback
+        return None if feedback is None else feedback.options
+
+    @feedback.setter
+    def feedback(self, options: FeedbackOptions | None) -> None:
+        joints = len(self.commander.target)
+        self.commander.feedback = None if options is None else PostureFeedback(joints, options)
 
     def go(
         self,
@@ -162,15 +175,18 @@ class Movement:
             self.commander.go(chosen.points, chosen.duration)
         return changed
 
-    def command(self, limits: CommandLimits | None, lengths: Floats, passed: float) -> Floats:
+    def command(
+        self, limits: CommandLimits | None, lengths: Floats, passed: float, here: Floats | None
+    ) -> Floats:
         """Target lengths (m,) [m] of this control step.
 
         Args:
             limits: of rate and tension; None for none.
             lengths: measured (m,) [m].
             passed: time since the command before [s].
+            here: estimated joint angles (n,) [rad]; None while they are not believed.
         """
         if limits is not None:
             limits = limits.with_stiffness(self.stiffness.commanded)
         motors = self.stiffness.motors
-        return self.commander.command(self._learner.map, limits, lengths, passed, motors)
+        return self.commander.command(self._learner.map, limits, lengths, passed, motors, here)

@@ -11,6 +11,7 @@ from jmm_agent.learning.options import LearningOptions
 from jmm_agent.learning_monitor import LearningMonitorOptions
 from jmm_agent.mapping.learner import BatchOptions
 from jmm_agent.mapping.prior import PriorOptions
+from jmm_agent.posture_feedback import FeedbackOptions
 from jmm_agent.settling import SettlingOptions
 from jmm_agent.tension_distribution import TensionOptions
 from jmm_agent.time_line import TimeLineOptions
@@ -35,6 +36,8 @@ class AgentOptions:
             of that name.
         feed_forward: whether commands are shorter than the map's lengths by what the tensions that
             hold the posture need, see `FeedForward`. Only where loads and `Agent.motors` are known.
+        feedback: of the posture at rest, see `PostureFeedback`; None: friction and unknown loads
+            leave the arm where they will.
         tension: which tensions those are beside the loads.
         arrival: a joint that rests farther from its target has not arrived [rad].
         map_rate: largest speed at which commands follow the map when it was changed [m/s].
@@ -63,6 +66,7 @@ class AgentOptions:
     marker_site: str = "marker_hand"
     grip: str = "grip"
     feed_forward: bool = True
+    feedback: FeedbackOptions | None = None
     tension: TensionOptions = field(default_factory=TensionOptions)
     arrival: float = 0.1
     map_rate: float = 0.03

@@ -50,6 +50,7 @@ SCALED: Mapping[str, Mapping[str, str]] = {
         "points": "length",
         "remaining_shape": "length",
     },
+    "FeedbackOptions": {"most": "angle"},
     "TensionOptions": {"length_error": "length"},
     "BatchOptions": {"rehearsal_noise": "length", "zero_noise": "length"},
     "SettlingOptions": {"change": "length", "release": "length"},

@@ -4,7 +4,9 @@ A robot learns at the stiffness that its motors were made with. Then the stiffne
 learning off, and the robot moves to postures that it did not learn from. Three agents do so: one
 whose commands are the map's lengths, ours, whose commands pull with distributed tensions, and ours
 when it was told how its tendons stretch, as a bench shows. Both of ours are asked for the stiffness
-of joints, and a torque on the joint shows how stiff it is. Ours also gets loads into its hand.
+of joints, and a torque on the joint shows how stiff it is. Ours also gets loads into its hand, and
+does two things against what friction leaves of a movement: it comes to each posture from the same
+side, or its commands go on until the estimated posture is the target.
 
 A push begins with a smaller torque, so that dry friction, which resists as much at both, does not
 count. Friction of F leaves the tendon of a muscle anywhere within F / K.
@@ -27,9 +29,13 @@ from experiments.robots.conditions import ACTUAL, make_session
 from experiments.stiffness_and_load.load import carried
 from experiments.stiffness_and_load.tables import (
     AGENTS,
+    FEEDBACK,
     OURS,
     SAG,
+    SIDE,
     TENDONS,
+    friction_metrics,
+    friction_table,
     load_metrics,
     load_table,
     metrics,
@@ -38,6 +44,7 @@ from experiments.stiffness_and_load.tables import (
 )
 from jmm_agent.agent import Agent, AgentOptions
 from jmm_agent.mapping.tendon_stretch import TendonStretch
+from jmm_agent.posture_feedback import FeedbackOptions
 from jmm_agent.types import Floats
 from kengoro.agents import make_agent
 from kengoro.robots import NO_END, make_env
@@ -47,6 +54,9 @@ from kengoro.visits import errors, no_visits, rmse_deg, visit
 
 COMPLIANCE, HARDENING = 1e-5, 4e6
 """Of the tendons of actual robots, as a bench shows them [m/N], [N/m^2]."""
+ASIDE, SHORT = 0.15, 0.5
+"""By how much joints are lower before each posture that is approached from one side [rad], and
+duration of that approach, as a share of a movement's [1]."""
 MOST_ASKED = 60_000.0
 """Highest stiffness of a muscle that joints may get [N/m]."""
 
@@ -117,19 +127,46 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
             f"{mass:g}": carried(agent, seed, postures, mass, *times) for mass in sizes.loads
         }
     for stiffness in sizes.stiffness:
-        session = _without_camera(agent, seed, tested[0])
-        agent.set_stiffness(1e3 * stiffness)
-        session.wait(sizes.settle)
-        visits = no_visits()
-        for posture in tested[1:]:
-            visit(session, posture, visits, sizes.move, sizes.settle, search=False)
-        degrees = rmse_deg(visits, "target_true")
-        found["at"][f"{stiffness:g}"] = errors(visits) | {"worst_deg": float(degrees.max())}
-        session.env.close()
+        found["at"][f"{stiffness:g}"] = _visited(agent, seed, tested, stiffness, sizes)
+    if condition == OURS:
+        found |= _against_friction(agent, seed, tested, sizes)
     if condition != SAG:
         session = _without_camera(agent, seed, tested[0])
         found["pushes"] = pushes(session, tested[1], sizes)
         session.env.close()
+    return found
+
+
+def _visited(
+    agent: Agent, seed: int, tested: Floats, stiffness: float, sizes: Sizes, aside: float = 0.0
+) -> dict[str, float]:
+    """Errors of an agent that learns no more, at postures (1 + K, n) [rad] and a stiffness [N/mm].
+
+    With ``aside`` it comes to each from a posture whose joints are lower by so much [rad].
+    """
+    session = _without_camera(agent, seed, tested[0])
+    agent.set_stiffness(1e3 * stiffness)
+    session.wait(sizes.settle)
+    visits = no_visits()
+    for posture in tested[1:]:
+        move = sizes.move
+        if aside:
+            session.move(posture - aside, sizes.move)
+            move = SHORT * sizes.move
+        visit(session, posture, visits, move, sizes.settle, search=False)
+    session.env.close()
+    return errors(visits) | {"worst_deg": float(rmse_deg(visits, "target_true").max())}
+
+
+def _against_friction(agent: Agent, seed: int, tested: Floats, sizes: Sizes) -> dict[str, Any]:
+    """Errors by stiffness, of postures that are approached from one side, and with feedback."""
+    found: dict[str, Any] = {SIDE: {}, FEEDBACK: {}}
+    for stiffness in sizes.stiffness:
+        key = f"{stiffness:g}"
+        found[SIDE][key] = _visited(agent, seed, tested, stiffness, sizes, ASIDE)
+        agent.feedback = FeedbackOptions()
+        found[FEEDBACK][key] = _visited(agent, seed, tested, stiffness, sizes)
+        agent.feedback = None
     return found
 
 
@@ -214,9 +251,15 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
     from experiments.stiffness_and_load.figures import pictures
 
     return Findings(
-        metrics(results, sizes.stiffness) | load_metrics(results, sizes.loads),
+        metrics(results, sizes.stiffness)
+        | load_metrics(results, sizes.loads)
+        | friction_metrics(results, sizes.stiffness),
         per_seed(results),
-        [*tables(results, sizes.stiffness), load_table(results, sizes.loads)],
+        [
+            *tables(results, sizes.stiffness),
+            load_table(results, sizes.loads),
+            friction_table(results, sizes.stiffness),
+        ],
         pictures(results, sizes.stiffness),
         {},
     )

@@ -19,6 +19,13 @@ AGENTS = {
     TENDONS: "the same, and the stretch of tendons is known",
 }
 """Conditions, and their titles."""
+SIDE, FEEDBACK = "from one side", "feedback"
+FRICTION_TITLES = {
+    "at": "a movement from the posture before",
+    SIDE: "from one side, each joint from below",
+    FEEDBACK: "with feedback of the estimated posture",
+}
+"""What is done against friction, by the key in the results of ours, with titles."""
 MUST_RATIO = {10.0: 1.3, 3.0: 2.5}
 """Largest error at a stiffness [N/mm], over that at the stiffness of learning [1]."""
 MUST_TENSION = 0.7
@@ -33,9 +40,9 @@ FRICTION = 5.0
 """Dry friction of a muscle at a high tension of an actual robot [N], 1 N and 2 % of the tension."""
 
 
-def numbers(results: Results, agent: str, stiffness: float, key: str) -> Floats:
-    """A result of an agent at a stiffness [N/mm], of each robot."""
-    found = [result[agent]["at"][f"{stiffness:g}"][key] for result in results.values()]
+def numbers(results: Results, agent: str, stiffness: float, key: str, kind: str = "at") -> Floats:
+    """A result of an agent at a stiffness [N/mm], of each robot; ``kind`` of `FRICTION_TITLES`."""
+    found = [result[agent][kind][f"{stiffness:g}"][key] for result in results.values()]
     return np.array(found, dtype=float)
 
 
@@ -137,6 +144,42 @@ def load_table(results: Results, loads: Sequence[float], condition: str = OURS) 
         "the agent believes to be full."
     )
     return Table("Loads in the hand", header, rows, note)
+
+
+def friction_metrics(results: Results, stiffness: Sequence[float]) -> dict[str, Mapping[str, Any]]:
+    """Errors of what is done against friction, over those of a movement alone."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for kind in (SIDE, FEEDBACK):
+        for value in stiffness:
+            for unit in ("deg", "mm"):
+                key = f"target_true_{unit}"
+                usual = numbers(results, OURS, value, key)
+                ratio = numbers(results, OURS, value, key, kind) / usual
+                name = f"{kind.replace(' ', '_')}_over_movement_at_{value:g}_{unit}"
+                found[name] = metric(ratio, "")
+    return found
+
+
+def friction_table(results: Results, stiffness: Sequence[float]) -> Table:
+    """Errors of what is done against friction, median over robots (worst robot)."""
+    keys = (
+        "estimate_target_deg", "target_true_deg", "worst_deg", "target_true_mm", "max_tension_N"
+    )  # fmt: skip
+    rows = [
+        (title, f"{value:g}", *(median_cell(one) for one in errors))
+        for kind, title in FRICTION_TITLES.items()
+        for value in stiffness
+        for errors in [[numbers(results, OURS, value, key, kind) for key in keys]]
+    ]
+    header = ("how the posture is reached", "K [N/mm]", "joints, estimate - target [deg]",
+              "joints, target - true [deg]", "worst posture [deg]", "hand, target - true [mm]",
+              "largest tension [N]")  # fmt: skip
+    return Table(
+        "What friction leaves of a movement",
+        header,
+        rows,
+        "By the agent whose commands pull with distributed tensions.",
+    )
 
 
 def tables(results: Results, stiffness: Sequence[float]) -> list[Table]:

@@ -13,6 +13,7 @@ from jmm_agent.guard.faults import MotorControl
 from jmm_agent.guard.guard import GuardOptions
 from jmm_agent.mapping.prior import PriorOptions
 from jmm_agent.options import AgentOptions
+from jmm_agent.posture_feedback import FeedbackOptions
 from jmm_agent.scales import SCALED, RobotScales
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.balance import BalanceOptions
@@ -38,6 +39,7 @@ def records() -> dict[str, Any]:
                 collect(getattr(record, option.name))
 
     collect(HELD_OUT)
+    collect(FeedbackOptions())
     collect(GuardOptions())
     return found
 

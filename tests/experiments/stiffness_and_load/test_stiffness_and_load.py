@@ -16,9 +16,14 @@ from experiments.stiffness_and_load.load import estimated
 from experiments.stiffness_and_load.run import COMPLIANCE, HARDENING, QUICK, push, run
 from experiments.stiffness_and_load.tables import (
     AGENTS,
+    FEEDBACK,
+    FRICTION_TITLES,
     OURS,
     SAG,
+    SIDE,
     TENDONS,
+    friction_metrics,
+    friction_table,
     load_metrics,
     load_table,
     metrics,
@@ -65,6 +70,27 @@ def test_metrics_are_ratios_to_the_stiffness_of_learning_and_to_the_maps_lengths
     assert named["error_above_that_of_map_lengths_deg"]["median"] == 0.0
     assert named["stiffness_away_tensions"]["median"] == pytest.approx(0.2)
     assert named["stiffness_away_tensions_and_tendons"]["median"] == pytest.approx(0.1)
+
+
+def test_what_is_done_against_friction_counts_over_a_movement_alone() -> None:
+    made = results()
+    for robot in made.values():
+        robot[OURS]["at"] = {
+            key: one | {"estimate_target_deg": 0.5} for key, one in robot[OURS]["at"].items()
+        }
+        for kind, share in ((SIDE, 1.1), (FEEDBACK, 0.4)):
+            robot[OURS][kind] = {
+                key: {name: share * value for name, value in one.items()}
+                for key, one in robot[OURS]["at"].items()
+            }
+    named = friction_metrics(made, STIFFNESS)
+    assert named["from_one_side_over_movement_at_30_deg"]["median"] == pytest.approx(1.1)
+    assert named["feedback_over_movement_at_3_mm"]["worst"] == pytest.approx(0.4)
+    table = friction_table(made, STIFFNESS)
+    assert [row[:2] for row in table.rows[::2]] == [
+        (title, "30") for title in FRICTION_TITLES.values()
+    ]
+    assert table.rows[-1][2:4] == ("0.2 (0.2)", "1.2 (1.6)")
 
 
 def test_tables_have_a_row_for_each_agent_and_stiffness_and_for_each_push(tmp_path: Path) -> None:

@@ -1,0 +1,90 @@
+"""Feedback of the posture: at rest, commands move until the estimated posture is the target.
+
+Dry friction F leaves a muscle of stiffness K anywhere within F / K of its command, on the side from
+which it came: 0.2 mm for 5 N at 30 N/mm, and 1.7 mm at 3 N/mm. Loads that the model does not know
+move it, too, and a joint that soft muscles hardly hold leaves its posture altogether. The muscle
+lengths show all this. With the error e = theta - theta_est of the target posture theta at rest, the
+command is that of theta + c,
+
+    c -> share e + gain (integral of e)    within `FOLLOWS`;    c -> 0    within `FADES` in a
+                                                                          movement.
+
+Corrections are joint angles, so that no muscle pulls against another where the map is wrong. They
+are no larger than some angle: what holds the arm is pulled no harder than that. Feedback acts
+against a push as friction does, slowly: the arm is soft at once and stiff after seconds.
+
+Kawaharazuka et al. 2018 send the map's lengths and leave what remains; feedback is ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jmm_agent.errors import positive
+from jmm_agent.types import Floats
+
+FOLLOWS = 0.1
+"""Time in which a correction follows the error at rest [s]."""
+FADES = 0.5
+"""Time in which a correction fades in a movement [s]."""
+
+
+@dataclass(frozen=True)
+class FeedbackOptions:
+    """Feedback of the posture.
+
+    Attributes:
+        share: of the error that is added at once [1].
+        gain: speed at which the rest is added, over the error [1/s].
+        most: largest correction of a joint [rad].
+
+    Raises:
+        AgentError: a number is not positive.
+    """
+
+    share: float = 1.0
+    gain: float = 1.0
+    most: float = 0.3
+
+    def __post_init__(self) -> None:
+        positive("FeedbackOptions", share=self.share, gain=self.gain, most=self.most)
+
+
+class PostureFeedback:
+    """Correction of the posture that is commanded.
+
+    Args:
+        joints: number of joints, n.
+        options: gains and limit.
+
+    Attributes:
+        options: as given.
+        correction: what is added to the joint angles that are commanded (n,) [rad].
+    """
+
+    def __init__(self, joints: int, options: FeedbackOptions) -> None:
+        self.options = options
+        self.correction, self._sum = np.zeros(joints), np.zeros(joints)
+
+    def reset(self) -> None:
+        """Begin without a correction."""
+        self.correction, self._sum = np.zeros_like(self._sum), np.zeros_like(self._sum)
+
+    def advance(self, passed: float, error: Floats | None) -> None:
+        """Go on by a control step.
+
+        Args:
+            passed: time since the step before [s].
+            error: target minus estimated joint angles (n,) [rad]; None in a movement, or while
+                the estimate is not believed.
+        """
+        if error is None:
+            fading = np.exp(-passed / FADES)
+            self.correction, self._sum = fading * self.correction, fading * self._sum
+            return
+        most = self.options.most
+        self._sum = np.clip(self._sum + passed * self.options.gain * error, -most, most)
+        wanted = np.clip(self._sum + self.options.share * error, -most, most)
+        self.correction = wanted + np.exp(-passed / FOLLOWS) * (self.correction - wanted)
