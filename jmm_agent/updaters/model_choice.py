@@ -47,26 +47,26 @@ def with_likeliest_model(
     drift = found.memory.drift
     speeds = near_speeds(drift.speed, fitter.nominal.options.noise)
     drifting = [found.memory._replace(drift=drift._replace(speed=speed)) for speed in speeds]
-    found = _likeliest(fitter, found, observations, drifting, DRIFT_EVIDENCE)
+    found = _likeliest(fitter, found, drifting, observations, DRIFT_EVIDENCE)
     misplaced = [found.memory._replace(joints=one) for one in fitter.near_joints(found.memory)]
-    return _likeliest(fitter, found, observations, misplaced, JOINTS_EVIDENCE)
+    return _likeliest(fitter, found, misplaced, observations, JOINTS_EVIDENCE)
 
 
 def _likeliest(
     fitter: RestFitter,
     found: FittedRests,
+    others: Sequence[RestMemory],
     observations: Sequence[MarkerObservation],
-    memories: Sequence[RestMemory],
     least: float,
 ) -> FittedRests:
-    """The fit with the likeliest of some beliefs, of which the first is the present one."""
+    """The fit, or that with the likeliest of other beliefs if it is clearly likelier."""
     angles, elongated = found.observed.angles, found.elongated
     unknown = fitter.unknown(found.memory, angles)
     evidence = [
         fitter.problem(memory, observations, angles, elongated).log_evidence(unknown, near=True)
-        for memory in memories
+        for memory in (found.memory, *others)
     ]
     best = int(np.argmax(evidence))
     if evidence[best] <= evidence[0] + least:
         return found
-    return fitter.fit(memories[best], observations, angles, elongated)
+    return fitter.fit(others[best - 1], observations, angles, elongated)

@@ -256,11 +256,11 @@ class RestFitter:
         return np.vstack([angles, *(rest.guess[None] for rest in memory.rests), zero])
 
     def near_joints(self, memory: RestMemory) -> list[JointPrior]:
-        """Errors of the joints that are compared after an observation, the present ones first."""
-        present, unit = self._joints(memory), self._options.misplaced
+        """Errors of the joints that are compared after an observation beside the present ones."""
         if not is_of_joints(self._marker_residual):
-            return [present]
-        return [present, *(unit.times(factor) for factor in SIZES if unit.times(factor) != present)]
+            return []
+        compared = [self._options.misplaced.times(factor) for factor in SIZES]
+        return [one for one in compared if one != self._joints(memory)]
 
     def without(self, memory: RestMemory, lengths: Floats) -> RestMemory:
         """What is known without the rest that has some lengths (m,) [m]."""

@@ -71,7 +71,7 @@ class LengthDrift(NamedTuple):
 
 
 def near_speeds(present: float, noise: float) -> list[float]:
-    """Speeds of the drift that are compared after an observation, the present one first [m/s].
+    """Speeds of the drift that are compared after an observation beside the present one [m/s].
 
     Args:
         present: speed that was believed so far [m/s].
@@ -80,4 +80,4 @@ def near_speeds(present: float, noise: float) -> list[float]:
     speeds = np.array(SPEEDS) * noise / 60.0
     rank = int(np.abs(speeds - present).argmin())
     others = speeds[max(rank - AT_ONCE, 0) : rank], speeds[rank + 1 :][:AT_ONCE]
-    return [present, *np.concatenate(others).tolist()]
+    return list(np.concatenate(others).tolist())
