@@ -45,8 +45,9 @@ OTHERS = {ONE: "one muscle elongated by 10 mm", NONE: "nothing changed"}
 ANNOUNCED, UNANNOUNCED, FRESH = "announced", "unannounced", "fresh"
 """Agents after the power cycle."""
 
-BACK = 1.2
-"""Largest ratio of the error to that before the power cycle, after all postures."""
+BACK, SOON = 1.2, 3
+"""Largest ratio of the error to that before the power cycle, after how many postures it must be
+reached; it must stay so after all."""
 
 
 @dataclass(frozen=True)
@@ -158,8 +159,10 @@ def conclude(results: Results, sizes: Sizes) -> Findings:
             worst = max(range(each.shape[1]), key=lambda n: interval(each[:, n]).high)
             found = metric(each[:, worst], "", 1.0, by="high")
             metrics[f"{cycle}_{name}_to_fresh"] = {**found, "postures": worst}
-            back = ratios_to_before(results, cycle, name)[:, -1]
-            metrics[f"{cycle}_{name}_to_before"] = metric(back, "", BACK)
+            back = ratios_to_before(results, cycle, name)
+            metrics[f"{cycle}_{name}_to_before"] = metric(back[:, -1], "", BACK)
+            if sizes.after > SOON:
+                metrics[f"{cycle}_{name}_to_before_at_{SOON}"] = metric(back[:, SOON], "", BACK)
         noticed = [
             result[cycle][UNANNOUNCED]["named_after"] is not None for result in results.values()
         ]

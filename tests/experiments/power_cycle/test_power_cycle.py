@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,20 @@ def test_the_error_after_all_postures_is_compared_with_that_before() -> None:
     [table] = [one for one in found.tables if one.title.startswith("Error over that before")]
     assert table.rows[0][1:] == (ANNOUNCED, "1.50 (1.50)", "0.50 (0.50)", "1.30 (1.30)")
     assert len(table.rows) == len(ZEROED) * 2
+
+
+def test_the_error_must_be_that_of_before_within_three_postures() -> None:
+    slow = agent([3.0, 3.0, 3.0, 2.6, 2.0])
+    entry = {
+        "before_deg": 2.0,
+        "learned": 6,
+        **dict.fromkeys((ANNOUNCED, UNANNOUNCED, FRESH), slow),
+    }
+    results = {seed: dict.fromkeys((*ZEROED, *OTHERS), entry) for seed in range(3)}
+    found = conclude(results, replace(QUICK, after=4)).metrics
+    assert found["posture_announced_to_before"]["reached"]
+    assert found["posture_announced_to_before_at_3"]["median"] == pytest.approx(1.3)
+    assert not found["posture_announced_to_before_at_3"]["reached"]
 
 
 @pytest.mark.slow
