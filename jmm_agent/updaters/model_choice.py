@@ -44,10 +44,15 @@ def with_likeliest_model(
     """
     if not fitter.enabled or len(observations) < LEAST:
         return found
-    drift = found.memory.drift
-    speeds = near_speeds(drift.speed, fitter.nominal.options.noise)
-    drifting = [found.memory._replace(drift=drift._replace(speed=speed)) for speed in speeds]
-    found = _likeliest(fitter, found, drifting, observations, DRIFT_EVIDENCE)
+    # The ages of rests without an observation are unknown.
+    alone = found._replace(memory=found.memory._replace(rests=()))
+    drift, noise = found.memory.drift, fitter.nominal.options.noise
+    drifting = [
+        alone.memory._replace(drift=drift._replace(speed=speed))
+        for speed in near_speeds(drift.speed, noise)
+    ]
+    chosen = _likeliest(fitter, alone, drifting, observations, DRIFT_EVIDENCE)
+    found = found if chosen is alone else chosen
     misplaced = [found.memory._replace(joints=one) for one in fitter.near_joints(found.memory)]
     return _likeliest(fitter, found, misplaced, observations, JOINTS_EVIDENCE)
 

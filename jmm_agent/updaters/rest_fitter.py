@@ -148,8 +148,12 @@ class RestFitter:
         return self.prior(memory).with_drift(memory.drift.covariance)
 
     def remembered(self, memory: RestMemory, rest: Rest) -> RestMemory:
-        """What is remembered with one rest more, unless it is the last one again."""
-        most = self._options.balance.rests if self.enabled and self._balance is not None else 0
+        """What is remembered with one rest more, unless it is the last one again.
+
+        None is while lengths drift, because its lengths are soon those of before.
+        """
+        lasts = self.enabled and self._balance is not None and memory.drift.speed == 0.0
+        most = self._options.balance.rests if lasts else 0
         whole = not np.isinf(rest.lengths).any() and np.isfinite(rest.tensions).all()
         if (
             most < 1

@@ -15,6 +15,7 @@ from jmm_agent.vision.length_drift import (
     LengthDrift,
     near_speeds,
 )
+from jmm_agent.vision.rest_fit import Rest
 from tests.jmm_agent.small_robot import SmallRobot
 
 MM_A_MINUTE = 1e-3 / 60.0
@@ -99,6 +100,24 @@ def test_lengths_that_drift_are_found_to_and_the_map_holds_for_now(
     monkeypatch.setattr(model_choice, "LEAST", 1000)
     without = drifting(size, seed, speed, 45)
     assert np.median(robot.error()) < 0.7 * np.median(without.error())
+
+
+def test_rests_without_an_observation_do_not_hold_the_map_to_lengths_of_before() -> None:
+    def after(rests: int) -> SmallRobot:
+        robot = SmallRobot(5, 14, 1.0, 2)
+        robot.speeds = 3.0 * MM_A_MINUTE * np.random.default_rng(2).choice([-1, 1], 14)
+        unseen = tuple(
+            Rest(robot.lengths(q), np.full(14, np.nan), q) for q in robot.postures(8)[:rests]
+        )
+        memory = robot.vision.memory
+        robot.vision.memory = memory._replace(rests=memory.rests._replace(rests=unseen))
+        robot.observe_several(60)
+        return robot
+
+    robot, without = after(8), after(0)
+    assert robot.vision.memory.rests.drift.speed > 0.0
+    assert robot.vision.memory.rests.rests == ()
+    assert np.median(robot.error()) < 1.2 * np.median(without.error())
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
