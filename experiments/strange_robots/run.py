@@ -8,12 +8,13 @@ second time after a commissioning run.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from experiments.harness import common
 from experiments.harness.common import Summary
+from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.strange_robots.families import FAMILIES
 from experiments.strange_robots.tables import (
@@ -70,14 +71,32 @@ EXPERIMENT = Experiment(
 )
 
 
+def with_long(sizes: Sizes, long: int) -> Sizes:
+    """Sizes with another number of looks of the robots that drift.
+
+    Raises:
+        ExperimentError: it is not above that of the others.
+    """
+    if long <= max(sizes.counts):
+        raise ExperimentError(
+            f"Long is {long} looks, but must be more than the {max(sizes.counts)} of other robots."
+        )
+    return replace(sizes, long=long)
+
+
 @dataclass(frozen=True)
 class Args(common.Args):
-    """Robots that the preset's departures do not describe."""
+    """Robots that the preset's departures do not describe.
+
+    Attributes:
+        long: number of looks of the robots that drift, and of the preset's.
+    """
 
     seeds: str = "0-4"
     out: Path = Path("out/strange-robots")
+    long: int = Sizes().long
 
 
 def main(args: Args) -> Summary:
     """Run the experiment; returns its summary."""
-    return run_experiment(EXPERIMENT, args)
+    return run_experiment(replace(EXPERIMENT, sizes=with_long(EXPERIMENT.sizes, args.long)), args)

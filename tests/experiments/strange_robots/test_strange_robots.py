@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Results
 from experiments.strange_robots.families import (
     ABSENT,
@@ -25,7 +26,7 @@ from experiments.strange_robots.families import (
     make_robot,
 )
 from experiments.strange_robots.figures import pictures
-from experiments.strange_robots.run import QUICK, run
+from experiments.strange_robots.run import QUICK, run, with_long
 from experiments.strange_robots.tables import (
     COMMISSIONED,
     CONDITIONS,
@@ -250,3 +251,9 @@ def test_a_short_run_learns(condition: str, request: pytest.FixtureRequest) -> N
         assert kind == "swapped"
         assert sorted(muscles) == sorted(found["odd"])
         assert found["commissioning"]["refused"] == ""
+
+
+def test_robots_that_drift_have_more_observations_than_others() -> None:
+    assert with_long(Sizes(), 60) == Sizes(long=60)
+    with pytest.raises(ExperimentError, match="Long is 27 looks, but must be more than the 27"):
+        with_long(Sizes(), 27)
