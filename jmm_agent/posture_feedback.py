@@ -60,11 +60,11 @@ class PostureFeedback:
         options: gains and limit.
 
     Attributes:
-        options: as given.
+        options: as given; may be replaced at any time. None: corrections fade, and none follows.
         correction: what is added to the joint angles that are commanded (n,) [rad].
     """
 
-    def __init__(self, joints: int, options: FeedbackOptions) -> None:
+    def __init__(self, joints: int, options: FeedbackOptions | None) -> None:
         self.options = options
         self.correction, self._sum = np.zeros(joints), np.zeros(joints)
 
@@ -80,11 +80,12 @@ class PostureFeedback:
             error: target minus estimated joint angles (n,) [rad]; None in a movement, or while
                 the estimate is not believed.
         """
-        if error is None:
+        options = self.options
+        if error is None or options is None:
             fading = np.exp(-passed / FADES)
             self.correction, self._sum = fading * self.correction, fading * self._sum
             return
-        most = self.options.most
-        self._sum = np.clip(self._sum + passed * self.options.gain * error, -most, most)
-        wanted = np.clip(self._sum + self.options.share * error, -most, most)
+        most = options.most
+        self._sum = np.clip(self._sum + passed * options.gain * error, -most, most)
+        wanted = np.clip(self._sum + options.share * error, -most, most)
         self.correction = wanted + np.exp(-passed / FOLLOWS) * (self.correction - wanted)

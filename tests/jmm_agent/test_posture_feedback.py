@@ -88,3 +88,25 @@ def test_commands_move_by_the_correction_once_the_movement_has_ended() -> None:
     np.testing.assert_allclose(command, jmm.lengths(target + commander.feedback.correction))
     commander.command(jmm, None, lengths, 10.0 * FADES, here=None)  # not believed
     assert np.abs(commander.feedback.correction).max() < 1e-4
+
+
+@pytest.mark.parametrize("options", [None, FeedbackOptions(gain=0.5), FeedbackOptions(most=0.02)])
+def test_commands_do_not_jump_when_it_is_set_at_rest(options: FeedbackOptions | None) -> None:
+    jmm = make_map()
+    limits = np.column_stack([-np.ones(len(jmm.joints)), np.ones(len(jmm.joints))])
+    here = np.full(len(jmm.joints), 0.1)
+    feedback = PostureFeedback(len(here), FeedbackOptions())
+    commander = Commander(jmm, here, limits, 0.03)
+    commander.feedback = feedback
+    commander.start(here, 0.0, jmm.lengths(here))
+    commands = []
+    for step in range(1, 301):
+        if step == 200:
+            feedback.options = options
+        passed = commander.advance(PERIOD * step)
+        commands.append(commander.command(jmm, None, jmm.lengths(here), passed, here=here - 0.05))
+    moved = np.abs(np.diff(commands, axis=0)).max(axis=1)
+    whole = np.abs(commands[198] - jmm.lengths(here)).max()
+    assert moved[198:].max() < 0.25 * whole
+    if options is None:
+        np.testing.assert_allclose(commands[-1], jmm.lengths(here), atol=0.05 * whole)
