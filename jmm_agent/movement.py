@@ -66,6 +66,7 @@ class Movement:
         forward = FeedForward(tensions) if options.feed_forward and tensions else None
         limits, rate = kinematics.limits, options.map_rate
         self.commander = Commander(learner.map, start, limits, rate, forward)
+        self._ranges = limits[:, 1] - limits[:, 0]
         self.feedback = options.feedback
         self.stiffness = MuscleStiffness(muscles, rate)
         self._choice = PostureChoice(kinematics, tensions, in_use)
@@ -92,7 +93,7 @@ class Movement:
         if feedback is not None:
             feedback.options = options  # commands do not jump
         elif options is not None:
-            self.commander.feedback = PostureFeedback(len(self.commander.target), options)
+            self.commander.feedback = PostureFeedback(len(self._ranges), options, self._ranges)
 
     def go(
         self,

@@ -10,8 +10,9 @@ command is that of theta + c,
                                                                           movement.
 
 Corrections are joint angles, so that no muscle pulls against another where the map is wrong. They
-are no larger than some angle: what holds the arm is pulled no harder than that. Feedback acts
-against a push as friction does, slowly: the arm is soft at once and stiff after seconds.
+are no larger than some angle, nor than the range of the joint, which may be a short slide's: what
+holds the arm is pulled no harder than that. Feedback acts against a push as friction does, slowly:
+the arm is soft at once and stiff after seconds.
 
 Kawaharazuka et al. 2018 send the map's lengths and leave what remains; feedback is ours.
 """
@@ -38,7 +39,7 @@ class FeedbackOptions:
     Attributes:
         share: of the error that is added at once [1].
         gain: speed at which the rest is added, over the error [1/s].
-        most: largest correction of a joint [rad].
+        most: largest correction of a joint [rad]; [m] of one that slides.
 
     Raises:
         AgentError: a number is not positive.
@@ -58,14 +59,18 @@ class PostureFeedback:
     Args:
         joints: number of joints, n.
         options: gains and limit.
+        ranges: of the joints (n,) [rad]; no correction is larger. None: unknown.
 
     Attributes:
         options: as given; may be replaced at any time. None: corrections fade, and none follows.
         correction: what is added to the joint angles that are commanded (n,) [rad].
     """
 
-    def __init__(self, joints: int, options: FeedbackOptions | None) -> None:
+    def __init__(
+        self, joints: int, options: FeedbackOptions | None, ranges: Floats | None = None
+    ) -> None:
         self.options = options
+        self._ranges = np.full(joints, np.inf) if ranges is None else ranges
         self.correction, self._sum = np.zeros(joints), np.zeros(joints)
 
     def reset(self) -> None:
@@ -85,7 +90,7 @@ class PostureFeedback:
             fading = np.exp(-passed / FADES)
             self.correction, self._sum = fading * self.correction, fading * self._sum
             return
-        most = options.most
+        most = np.minimum(options.most, self._ranges)
         self._sum = np.clip(self._sum + passed * options.gain * error, -most, most)
         wanted = np.clip(self._sum + options.share * error, -most, most)
         self.correction = wanted + np.exp(-passed / FOLLOWS) * (self.correction - wanted)

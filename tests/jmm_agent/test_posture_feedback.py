@@ -48,6 +48,16 @@ def test_what_holds_the_arm_is_pulled_no_harder_than_the_limit_allows() -> None:
     assert feedback.correction[0] <= 0.2
 
 
+def test_a_short_slide_beside_hinges_is_sent_no_farther_than_its_range() -> None:
+    feedback = PostureFeedback(2, FeedbackOptions(), np.array([1.5, 0.04]))
+    for _ in range(2000):
+        feedback.advance(PERIOD, np.array([0.4, 0.02]))
+    np.testing.assert_allclose(feedback.correction, [0.3, 0.04])
+    for _ in range(round(3.0 / PERIOD)):  # nothing is wound up beyond it
+        feedback.advance(PERIOD, np.array([0.0, -0.02]))
+    assert feedback.correction[1] < 0.0
+
+
 def test_a_correction_does_not_jump_and_fades_in_a_movement() -> None:
     feedback = PostureFeedback(1, FeedbackOptions())
     feedback.advance(PERIOD, np.array([0.1]))
