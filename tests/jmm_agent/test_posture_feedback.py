@@ -120,3 +120,27 @@ def test_commands_do_not_jump_when_it_is_set_at_rest(options: FeedbackOptions | 
     assert moved[198:].max() < 0.25 * whole
     if options is None:
         np.testing.assert_allclose(commands[-1], jmm.lengths(here), atol=0.05 * whole)
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.2])
+@pytest.mark.parametrize("frequency", [1.0, 2.0])
+@pytest.mark.parametrize("period", [0.005, 0.05])
+def test_an_arm_with_little_damping_comes_to_rest(
+    damping: float, frequency: float, period: float
+) -> None:
+    feedback, angle, speed, stiff = (
+        PostureFeedback(1, FeedbackOptions()),
+        0.1,
+        0.0,
+        6.28 * frequency,
+    )
+    step, angles = 0.0005, []
+    for _ in range(round(40.0 / period)):
+        feedback.advance(period, np.array([-angle]))
+        for _ in range(round(period / step)):
+            command = 0.1 + float(feedback.correction[0])
+            speed += step * (stiff**2 * (command - angle) - 2.0 * damping * stiff * speed)
+            angle += step * speed
+        angles.append(angle)
+    assert np.abs(angles).max() < 0.5
+    assert np.abs(angles[-round(5.0 / period) :]).max() < 0.01
