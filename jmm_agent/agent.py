@@ -298,7 +298,10 @@ class Agent:
 
     @property
     def feedback(self) -> FeedbackOptions | None:
-        """Feedback of the posture at rest; None: there is none. It may be set at any time."""
+        """Feedback of the posture at rest; None: there is none. It may be set at any time.
+
+        What it has added to commands fades once it is None.
+        """
         return self._movement.feedback
 
     @feedback.setter

@@ -66,6 +66,7 @@ class Movement:
         forward = FeedForward(tensions) if options.feed_forward and tensions else None
         limits, rate = kinematics.limits, options.map_rate
         self.commander = Commander(learner.map, start, limits, rate, forward)
+        self._ranges = limits[:, 1] - limits[:, 0]
         self.feedback = options.feedback
         self.stiffness = MuscleStiffness(muscles, rate)
         self._choice = PostureChoice(kinematics, tensions, in_use)
@@ -79,14 +80,20 @@ class Movement:
 
     @property
     def feedback(self) -> FeedbackOptions | None:
-        """Feedback of the posture at rest; None: there is none. It may be set at any time."""
+        """Feedback of the posture at rest; None: there is none. It may be set at any time.
+
+        What it has added to commands fades once it is None.
+        """
         feedback = self.commander.feedback
         return None if feedback is None else feedback.options
 
     @feedback.setter
     def feedback(self, options: FeedbackOptions | None) -> None:
-        joints = len(self.commander.target)
-        self.commander.feedback = None if options is None else PostureFeedback(joints, options)
+        feedback = self.commander.feedback
+        if feedback is not None:
+            feedback.options = options  # commands do not jump
+        elif options is not None:
+            self.commander.feedback = PostureFeedback(len(self._ranges), options, self._ranges)
 
     def go(
         self,

@@ -247,12 +247,21 @@ def scaled(options: Record, ratios: Mapping[str, float]) -> Record:
         options: a dataclass of options, with further ones in its fields.
         ratios: as `RobotScales.ratios`.
     """
+    return _scaled(options, type(options)(), ratios)
+
+
+def _scaled(options: Record, usual: Record, ratios: Mapping[str, float]) -> Record:
+    """As `scaled`, with the values of options that were not given.
+
+    The record that holds a record may have other defaults for it than its type has.
+    """
     changes: dict[str, Any] = {}
     table = SCALED.get(type(options).__name__, {})
     for option in fields(options):
-        value = getattr(options, option.name)
+        value, default = getattr(options, option.name), getattr(usual, option.name)
         if is_dataclass(value) and not isinstance(value, type):
-            changes[option.name] = scaled(value, ratios)
-        elif option.name in table and value == option.default:
+            same = type(default) is type(value)
+            changes[option.name] = _scaled(value, default if same else type(value)(), ratios)
+        elif option.name in table and value == default:
             changes[option.name] = value * ratios[table[option.name]]
     return replace(options, **changes)

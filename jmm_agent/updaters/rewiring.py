@@ -6,11 +6,13 @@ import numpy as np
 
 from jmm_agent.types import Floats
 from jmm_agent.updaters.assignment import Assignment, ObservationRecord, step_between
+from jmm_agent.updaters.model_choice import with_likeliest_model
 from jmm_agent.updaters.observation_check import ObservationCheck
-from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
+from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter, RestMemory
 from jmm_agent.updaters.vision_memory import VisionMemory
 from jmm_agent.updaters.wiring_evidence import reordered
 from jmm_agent.vision.length_drift import LengthDrift
+from jmm_agent.vision.marker_observation import MarkerObservation
 
 
 class Rewiring:
@@ -58,14 +60,14 @@ class Rewiring:
         guesses = [*memory.angles]
         guesses += [one.guess for one in observations[len(guesses) :]]
         start = np.array(guesses).reshape(-1, memory.angles.shape[1])
-        found = self._fitter.fit_with_elongation(known, observations, start, elongated)
+        found = self._fitted(known, observations, start, elongated)
         near = self._check.reached(found.observed)
         if not near.all() and near.any():
             observed = [one for one, reached in zip(observed, near, strict=True) if reached]
             observations, elongated = [one.observation for one in observed], elongated[near]
             start, drift = found.observed.angles[near], known.drift
             known = found.memory._replace(drift=drift._replace(ages=drift.ages[near]))
-            found = self._fitter.fit_with_elongation(known, observations, start, elongated)
+            found = self._fitted(known, observations, start, elongated)
         return memory._replace(
             observations=observations,
             commands=[one.command for one in observed],
@@ -74,3 +76,14 @@ class Rewiring:
             elongated=found.elongated,
             rests=found.memory,
         )
+
+    def _fitted(
+        self,
+        known: RestMemory,
+        observations: list[MarkerObservation],
+        start: Floats,
+        elongated: Floats,
+    ) -> FittedRests:
+        """Fit observations, with what is then the likeliest to believe beside errors of the map."""
+        found = self._fitter.fit_with_elongation(known, observations, start, elongated)
+        return with_likeliest_model(self._fitter, found, observations)

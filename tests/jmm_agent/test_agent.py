@@ -23,6 +23,7 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.learner import Rule
 from jmm_agent.mapping.minibatch import MinibatchRule
 from jmm_agent.observation import SensorReadings
+from jmm_agent.posture_feedback import FeedbackOptions
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera import Camera
@@ -215,6 +216,24 @@ def test_a_trajectory_set_before_the_first_step_is_followed(
     np.testing.assert_array_equal(trial.agent.target, SECOND)
     np.testing.assert_allclose(first, nominal_map.lengths(trial.agent.joint_angles), atol=1e-3)
     np.testing.assert_allclose(trial.rest(START, 60), nominal_map.lengths(SECOND), atol=1e-12)
+
+
+def test_feedback_is_switched_while_no_command_jumps(
+    nominal_map: JointMuscleMap, arm: ArmKinematics
+) -> None:
+    trial = Trial(nominal_map, arm, detector=None, learn_antagonism=False)
+    trial.rest(START, 5)
+    trial.agent.go(START + 0.05, 0.5)
+    without = trial.rest(START, 60)
+    changes = []
+    for options in (FeedbackOptions(), FeedbackOptions(gain=0.5), None):
+        trial.agent.feedback = options
+        commands = np.array([without, *(trial.step() for _ in range(200))])
+        changes.append(np.abs(commands[-1] - without).max())
+        assert np.abs(np.diff(commands, axis=0)).max() < 0.25 * max(changes)
+        assert trial.agent.feedback == options
+        without = commands[-1]
+    assert changes[0] > 0.001
 
 
 def test_without_a_trajectory_it_stays_where_it_starts(

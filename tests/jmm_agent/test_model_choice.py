@@ -75,3 +75,15 @@ def test_bones_that_fit_are_not_named(tmp_path: Path, size: float, seed: int) ->
     robot = Chain(tmp_path, size, seed, 0.0)
     robot.observe_several(20)
     assert robot.vision.memory.rests.joints is None
+
+
+def test_bones_are_still_known_without_a_muscle_that_snapped(tmp_path: Path) -> None:
+    robot = Chain(tmp_path, 1.0, 0, 3.0)
+    robot.observe_several(18)
+    used = np.arange(len(robot.map.muscles)) != 2
+    before = np.linalg.norm(robot.error()[used])
+    robot.vision.rewire(robot.vision.assignment._replace(left_out=(2,)))
+    joints = robot.vision.memory.rests.joints
+    assert joints is not None
+    assert joints.turn >= 0.035
+    assert np.linalg.norm(robot.error()[used]) < 1.5 * before

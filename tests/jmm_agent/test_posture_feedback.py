@@ -48,6 +48,16 @@ def test_what_holds_the_arm_is_pulled_no_harder_than_the_limit_allows() -> None:
     assert feedback.correction[0] <= 0.2
 
 
+def test_a_short_slide_beside_hinges_is_sent_no_farther_than_its_range() -> None:
+    feedback = PostureFeedback(2, FeedbackOptions(), np.array([1.5, 0.04]))
+    for _ in range(2000):
+        feedback.advance(PERIOD, np.array([0.4, 0.02]))
+    np.testing.assert_allclose(feedback.correction, [0.3, 0.04])
+    for _ in range(round(3.0 / PERIOD)):  # nothing is wound up beyond it
+        feedback.advance(PERIOD, np.array([0.0, -0.02]))
+    assert feedback.correction[1] < 0.0
+
+
 def test_a_correction_does_not_jump_and_fades_in_a_movement() -> None:
     feedback = PostureFeedback(1, FeedbackOptions())
     feedback.advance(PERIOD, np.array([0.1]))
@@ -88,3 +98,49 @@ def test_commands_move_by_the_correction_once_the_movement_has_ended() -> None:
     np.testing.assert_allclose(command, jmm.lengths(target + commander.feedback.correction))
     commander.command(jmm, None, lengths, 10.0 * FADES, here=None)  # not believed
     assert np.abs(commander.feedback.correction).max() < 1e-4
+
+
+@pytest.mark.parametrize("options", [None, FeedbackOptions(gain=0.5), FeedbackOptions(most=0.02)])
+def test_commands_do_not_jump_when_it_is_set_at_rest(options: FeedbackOptions | None) -> None:
+    jmm = make_map()
+    limits = np.column_stack([-np.ones(len(jmm.joints)), np.ones(len(jmm.joints))])
+    here = np.full(len(jmm.joints), 0.1)
+    feedback = PostureFeedback(len(here), FeedbackOptions())
+    commander = Commander(jmm, here, limits, 0.03)
+    commander.feedback = feedback
+    commander.start(here, 0.0, jmm.lengths(here))
+    commands = []
+    for step in range(1, 301):
+        if step == 200:
+            feedback.options = options
+        passed = commander.advance(PERIOD * step)
+        commands.append(commander.command(jmm, None, jmm.lengths(here), passed, here=here - 0.05))
+    moved = np.abs(np.diff(commands, axis=0)).max(axis=1)
+    whole = np.abs(commands[198] - jmm.lengths(here)).max()
+    assert moved[198:].max() < 0.25 * whole
+    if options is None:
+        np.testing.assert_allclose(commands[-1], jmm.lengths(here), atol=0.05 * whole)
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.2])
+@pytest.mark.parametrize("frequency", [1.0, 2.0])
+@pytest.mark.parametrize("period", [0.005, 0.05])
+def test_an_arm_with_little_damping_comes_to_rest(
+    damping: float, frequency: float, period: float
+) -> None:
+    feedback, angle, speed, stiff = (
+        PostureFeedback(1, FeedbackOptions()),
+        0.1,
+        0.0,
+        6.28 * frequency,
+    )
+    step, angles = 0.0005, []
+    for _ in range(round(40.0 / period)):
+        feedback.advance(period, np.array([-angle]))
+        for _ in range(round(period / step)):
+            command = 0.1 + float(feedback.correction[0])
+            speed += step * (stiff**2 * (command - angle) - 2.0 * damping * stiff * speed)
+            angle += step * speed
+        angles.append(angle)
+    assert np.abs(angles).max() < 0.5
+    assert np.abs(angles[-round(5.0 / period) :]).max() < 0.01

@@ -18,6 +18,7 @@ from jmm_agent.scales import SCALED, RobotScales
 from jmm_agent.updaters import VisionOptions
 from jmm_agent.vision.balance import BalanceOptions
 from jmm_agent.vision.hold_out import HoldOutOptions
+from jmm_agent.vision.pose_errors import JointPrior
 
 HELD_OUT = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
 
@@ -122,3 +123,14 @@ def test_torques_follow_moment_arms_and_tensions() -> None:
     assert balance.noise == pytest.approx(12.0 * BalanceOptions().noise)
     assert balance.arm == pytest.approx(4.0 * BalanceOptions().arm)
     assert balance.share == BalanceOptions().share
+
+
+def test_bones_that_do_not_fit_a_small_robot_are_off_by_less() -> None:
+    own = RobotScales()
+    vision = replace(own, reach=0.1 * own.reach).agent_options().vision
+    assert vision.misplaced.offset == pytest.approx(0.1 * VisionOptions().misplaced.offset)
+    assert vision.misplaced.turn == VisionOptions().misplaced.turn
+    assert not vision.joints.enabled
+    given = AgentOptions(vision=VisionOptions(misplaced=JointPrior(0.001, 0.01)))
+    given = replace(own, reach=0.1 * own.reach).agent_options(given)
+    assert given.vision.misplaced == JointPrior(0.001, 0.01)
