@@ -246,7 +246,8 @@ class Commander:
             return np.zeros_like(self.target)
         error = self.target - here if self.ended and here is not None else None
         self.feedback.advance(passed, error)
-        return self.feedback.correction
+        low, high = self._limits.T - self._trajectory.at(self.time)
+        return np.clip(self.feedback.correction, np.minimum(low, 0.0), np.maximum(high, 0.0))
 
     def remaining(self) -> tuple[Floats, float]:
         """Postures (K, n) [rad] that remain, the target last, and the time left [s]."""

@@ -149,8 +149,9 @@ class LearningWatch:
             return
         detail = (
             f"joints are off by about {1e3 * joints.offset:.2g} mm along each axis, and their axes "
-            f"by {np.degrees(joints.turn):.2g} deg; the map is learned in spite of it, but a hand "
-            "that is sent to a pose by the model misses it; measure the bones again"
+            f"by {np.degrees(joints.turn):.2g} deg, or marker and lens are not as modelled; the "
+            "map is learned in spite of it, but a hand that is sent to a pose by the model misses "
+            "it; measure bones and marker again"
         )
         if self._bones is None:
             _log.warning("The bones do not fit the model: %s.", detail)

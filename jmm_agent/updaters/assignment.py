@@ -13,8 +13,8 @@ from jmm_agent.vision.marker_observation import MarkerObservation
 
 LOST = MUSCLE_SNAPPED, MUSCLE_ABSENT
 """Kinds of muscles that hold nothing."""
-MOST_REFUSED = 4
-"""Number of newest observations that were not believed, with which wirings are compared, too."""
+MOST_REFUSED = 8
+"""Number of newest observations that were not believed, with which beliefs are compared, too."""
 
 
 class ObservationRecord(NamedTuple):

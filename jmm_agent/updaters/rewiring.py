@@ -14,6 +14,11 @@ from jmm_agent.updaters.wiring_evidence import reordered
 from jmm_agent.vision.length_drift import LengthDrift
 from jmm_agent.vision.marker_observation import MarkerObservation
 
+LEAST_REFUSED = 4
+"""Least number of observations that were not believed for a search for misplaced joints."""
+EXPLAINED = 0.7
+"""Least share of them that misplaced joints must explain [1]."""
+
 
 class Rewiring:
     """Fits all observations and rests again, with those that were not believed before.
@@ -51,6 +56,22 @@ class Rewiring:
         none = np.vstack([zeroed, np.zeros((len(observed), muscles))])[: len(observed)]
         new = memory._replace(rests=known, assignment=assignment, start=None)
         return self._fit(new, observed, none)
+
+    def with_misplaced(self, memory: VisionMemory) -> VisionMemory | None:
+        """What is remembered with those observations, too, that misplaced joints explain.
+
+        Bones that are far from the model's make looks at the hand impossible, so that these are not
+        believed, and are no evidence. None if misplaced joints do not explain most of the newest,
+        or if these are few or more were believed: single wrong looks are no sign of other bones.
+        """
+        refused, before = memory.assignment.refused, memory.observations
+        if len(refused) < LEAST_REFUSED or len(refused) <= len(before):
+            return None
+        found = self.fitted(memory, memory.assignment)
+        joints, more = found.rests.joints, len(found.observations) - len(before)
+        if joints is None or not joints.enabled or more < EXPLAINED * len(refused):
+            return None
+        return found._replace(assignment=found.assignment._replace(refused=()))
 
     def _fit(
         self, memory: VisionMemory, observed: list[ObservationRecord], elongated: Floats

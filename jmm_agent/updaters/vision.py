@@ -83,6 +83,7 @@ class VisionUpdater:
         hold_out = options.hold_out
         self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
         self._recent = options.observations.elongation_recent
+        self._tried = self._memory.assignment.refused
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
@@ -303,6 +304,22 @@ class VisionUpdater:
         self.rewire(self.assignment.finding(found, muscles, may))
         return True
 
+    def find_misplaced(self) -> bool:
+        """Whether observations that were not believed fit if the joints are not as drawn.
+
+        They are then learned from, too.
+        """
+        refused = self.assignment.refused
+        if refused is self._tried or not (self._fitter.enabled and self._learner.uses_prior):
+            return False
+        self._tried = refused
+        found = self._rewiring.with_misplaced(self._memory)
+        if found is None:
+            return False
+        self.memory = found
+        self._learn_again()
+        return True
+
     def rewire(self, assignment: Assignment) -> None:
         """Learn all again with another wiring.
 
@@ -314,14 +331,17 @@ class VisionUpdater:
         before = self._memory
         self.memory = before._replace(assignment=assignment)
         self.memory = self._rewiring.fitted(before, assignment)
-        if not self._memory.observations:
-            return
+        if self._memory.observations:
+            self._learn_again()
+
+    def _learn_again(self) -> None:
+        """Learn all that is remembered, which has another meaning than before."""
         if self.hold_out is not None:
             self.hold_out.forget()
         self._learn(self.pairs.last(0))
 
     def _refuse(self, record: ObservationRecord, reason: str) -> None:
-        """Keep an observation that is not believed, for the comparison of wirings."""
+        """Keep an observation that is not believed, as evidence of other muscles and joints."""
         self.drop(reason)
         if reason not in USUAL:
             assignment = self.assignment.refusing(record)

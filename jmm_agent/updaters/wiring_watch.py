@@ -22,8 +22,8 @@ LEAST = 7.0
 """Least evidence [nat] for a name; there are some hundreds of hypotheses, and e^7 is 1100."""
 LEAST_WITHOUT = 3.0
 """Least evidence with any one observation left out [nat]."""
-RECENT, OTHERS = 8, 4
-"""Newest observations, and other rests, that are compared."""
+RECENT, OTHERS, REFUSED = 8, 4, 4
+"""Newest observations, other rests, and observations that were not believed, which are compared."""
 OFTEN, EVERY = 10, 5
 """Observations after each of which wirings are compared, and after which of the later ones."""
 EVENTS = 2
@@ -102,7 +102,7 @@ class WiringWatch:
         elongated: Floats,
     ) -> Miswiring | None:
         """A muscle whose lengths are not those of the nominal model."""
-        refused = [one.observation for one in assignment.refused]
+        refused = [one.observation for one in assignment.refused[-REFUSED:]]
         observed = [*observations[-RECENT:], *refused]
         none = np.zeros((len(refused), elongated.shape[1]))
         history = np.vstack([elongated[-RECENT:], none])

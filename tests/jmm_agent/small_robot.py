@@ -140,7 +140,7 @@ class SmallRobot:
         guess = q + self.rng.normal(0.0, 0.1, len(q))
         nothing = np.full(len(lengths), np.nan)
         self.vision.seen(pose, guess, lengths, lengths, nothing, time=self.time)
-        return self.vision.find_miswiring()
+        return self.vision.find_miswiring() or self.vision.find_misplaced()
 
     def observe_several(self, count: int) -> None:
         for _ in range(count):
