@@ -93,7 +93,7 @@ def test_bones_are_still_known_without_a_muscle_that_snapped(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("seed", "off"), [(1, 3.0), (2, 4.0), (2, 6.0)])
-def test_bones_that_make_looks_impossible_are_found_all_the_same(
+def test_bones_that_make_observations_impossible_are_found_all_the_same(
     tmp_path: Path, seed: int, off: float
 ) -> None:
     robot = Chain(tmp_path, 1.0, seed, off)
@@ -106,7 +106,9 @@ def test_bones_that_make_looks_impossible_are_found_all_the_same(
 
 @pytest.mark.parametrize("seed", [3, 4])
 @pytest.mark.parametrize("distance", [0.06, 0.15])
-def test_wrong_looks_are_no_sign_of_other_bones(tmp_path: Path, seed: int, distance: float) -> None:
+def test_wrong_observations_are_no_sign_of_other_bones(
+    tmp_path: Path, seed: int, distance: float
+) -> None:
     robot = Chain(tmp_path, 1.0, seed, 0.0)
     robot.observe_several(6)
     for _ in range(6):

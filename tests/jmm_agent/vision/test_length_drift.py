@@ -106,11 +106,11 @@ def test_rests_without_an_observation_do_not_hold_the_map_to_lengths_of_before()
     def after(rests: int) -> SmallRobot:
         robot = SmallRobot(5, 14, 1.0, 2)
         robot.speeds = 3.0 * MM_A_MINUTE * np.random.default_rng(2).choice([-1, 1], 14)
-        unseen = tuple(
+        given = tuple(
             Rest(robot.lengths(q), np.full(14, np.nan), q) for q in robot.postures(8)[:rests]
         )
         memory = robot.vision.memory
-        robot.vision.memory = memory._replace(rests=memory.rests._replace(rests=unseen))
+        robot.vision.memory = memory._replace(rests=memory.rests._replace(rests=given))
         robot.observe_several(60)
         return robot
 
