@@ -393,12 +393,21 @@ class VisionUpdater:
         prior = self._prior.with_drift(memory.rests.drift.covariance)
         longer = elongations(memory.observations, prior, memory.angles, memory.elongated)
         lengths = np.array(memory.commands) - longer
-        pairs = Pairs(memory.angles[use], lengths[use], noise[use])
+        seen = Pairs(memory.angles[use], lengths[use], noise[use])
+        pairs = self._pairs_of_rests().joined(seen)
         self.memory = memory._replace(pairs=pairs)
         new = pairs.last(int(use[-1]))
         earlier = Pairs(*(part[: len(part) - len(new.noise)] for part in pairs))
         self._learner.learn(new, earlier.joined(antagonism))
         self.fired += 1
+
+    def _pairs_of_rests(self) -> Pairs:
+        """Pairs of rests without an observation, at the angles of the fit of all rests."""
+        rests = self._memory.rests.rests if self._fitter.enabled else ()
+        joints, muscles = len(self._limits), self._memory.elongated.shape[1]
+        angles = np.array([one.guess for one in rests]).reshape(-1, joints)
+        lengths = np.array([one.lengths for one in rests]).reshape(-1, muscles)
+        return Pairs(angles, lengths, np.full(len(rests), self._options.noise))
 
 
 def _pair_lengths(kind: PairLengths | None, lengths: Floats, target: Floats) -> Floats:

@@ -18,6 +18,7 @@ from jmm_agent.updaters import Seen, VisionUpdater
 from jmm_agent.updaters.forecast import NO_BETTER, REFUSED, why_not_applied
 from jmm_agent.vision.hand_error import HandErrors
 from jmm_agent.vision.observation_prediction import ObservationPrediction
+from jmm_agent.vision.rest_fit import Rest
 from tests.jmm_agent.vision.seen_robots import (
     LEVER,
     POSITION_NOISE,
@@ -198,12 +199,29 @@ def test_a_map_that_holds_commands_is_not_judged() -> None:
     assert seen.hand_error is None
 
 
-def test_rests_that_are_not_seen_are_judged_too() -> None:
-    """Without loads nothing is learned from them; the judgement itself is that of looks."""
+def test_an_update_is_applied_only_where_the_expected_error_falls() -> None:
     assert why_not_applied(None) == ""
     assert why_not_applied(HandErrors(0.02, 0.01)) == ""
     assert why_not_applied(HandErrors(0.02, 0.0201)) == NO_BETTER
     assert why_not_applied(HandErrors(0.02, 0.03)) == REFUSED
+
+
+def test_rests_without_an_observation_are_learned_from_with_those_that_have_one() -> None:
+    """The map is the most probable one of all rests, so that each update lowers the error."""
+
+    def learned(seed: int, rests: int) -> float:
+        robot, vision = SeenRobot(seed), updater()
+        rested = [Rest(robot.lengths(q), np.full(8, np.nan), q) for q in postures(rests, 900)]
+        memory = vision.memory
+        vision.memory = memory._replace(rests=memory.rests._replace(rests=tuple(rested)))
+        reasons = [see(vision, robot.observation(q)).reason for q in postures(4, 700 + seed)]
+        assert set(reasons) == {""}
+        at = postures(40, 5)
+        off = map_of(vision).lengths(at) - robot.lengths(at)
+        return float(np.sqrt(np.mean(off**2)))
+
+    better = [learned(seed, 8) / learned(seed, 0) for seed in range(6)]
+    assert np.median(better) < 0.85
 
 
 @pytest.mark.parametrize(("reason", "named"), [(NO_BETTER, False), (REFUSED, True)])
