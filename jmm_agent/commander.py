@@ -221,7 +221,7 @@ class Commander:
             motors: gains and limit; None if unknown, and then there is no feed-forward.
             here: estimated joint angles (n,) [rad]; None while they are not believed.
         """
-        q, known = self._trajectory.at(self.time) + self._corrected(here, passed), self._mapped
+        q, known = self._posture(here, passed), self._mapped
         forward, used = self._feed_forward, self._used
         self._used = _used(forward)
         before, same = None, all(a is b for a, b in zip(self._used, used, strict=True))
@@ -240,14 +240,15 @@ class Commander:
             return wanted
         return limits.applied(wanted, self.target_lengths, lengths, passed)
 
-    def _corrected(self, here: Floats | None, passed: float) -> Floats:
-        """Correction (n,) [rad] of the present point of the trajectory by the estimate."""
+    def _posture(self, here: Floats | None, passed: float) -> Floats:
+        """Present point of the trajectory (n,) [rad], corrected by the estimate up to a stop."""
+        q = self._trajectory.at(self.time)
         if self.feedback is None:
-            return np.zeros_like(self.target)
+            return q
         error = self.target - here if self.ended and here is not None else None
         self.feedback.advance(passed, error)
-        low, high = self._limits.T - self._trajectory.at(self.time)
-        return np.clip(self.feedback.correction, np.minimum(low, 0.0), np.maximum(high, 0.0))
+        low, high = self._limits.T
+        return np.clip(q + self.feedback.correction, np.minimum(low, q), np.maximum(high, q))
 
     def remaining(self) -> tuple[Floats, float]:
         """Postures (K, n) [rad] that remain, the target last, and the time left [s]."""

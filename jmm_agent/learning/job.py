@@ -210,7 +210,8 @@ class MapLearning:
                 time=job.time,
             )
             rewired = job.learn and self.vision.find_miswiring()
-            rewired = rewired or (job.learn and self.vision.find_misplaced())
+            if job.learn and seen.reason and not rewired:
+                rewired = self.vision.find_misplaced()
             if rewired or seen.zeroed or (seen.learned and seen.moved):
                 self.antagonism.forget()
         finally:

@@ -83,7 +83,6 @@ class VisionUpdater:
         hold_out = options.hold_out
         self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
         self._recent = options.observations.elongation_recent
-        self._tried = self._memory.assignment.refused
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
@@ -309,10 +308,8 @@ class VisionUpdater:
 
         They are then learned from, too.
         """
-        refused = self.assignment.refused
-        if refused is self._tried or not (self._fitter.enabled and self._learner.uses_prior):
+        if not (self._fitter.enabled and self._learner.uses_prior):
             return False
-        self._tried = refused
         found = self._rewiring.with_misplaced(self._memory)
         if found is None:
             return False

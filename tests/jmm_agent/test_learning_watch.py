@@ -53,14 +53,18 @@ def test_tensions_that_do_not_balance_the_loads_are_named(
     assert watch.faults == []
 
 
+def watch_of(memory: SimpleNamespace) -> LearningWatch:
+    """A watch of a Vision Updater that remembers something."""
+    vision: Any = SimpleNamespace(memory=memory, fired=0, dropped={}, zeroings=0)
+    settling = SettlingDetector(SettlingOptions())
+    return LearningWatch(vision, settling, ("one",), LearningMonitorOptions())
+
+
 def test_bones_that_do_not_fit_are_named_once_with_their_errors() -> None:
     memory = SimpleNamespace(
         observations=[], rests=RestMemory(joints=JointPrior(0.003, np.radians(2.0)))
     )
-    vision: Any = SimpleNamespace(memory=memory, fired=0, dropped={}, zeroings=0)
-    watch = LearningWatch(
-        vision, SettlingDetector(SettlingOptions()), ("one",), LearningMonitorOptions()
-    )
+    watch = watch_of(memory)
     for time in (1.0, 2.0):
         watch.update(StepState(time, 0.02, True, True, "", "", {}, ""))
     [fault] = watch.faults
@@ -74,10 +78,7 @@ def test_bones_that_do_not_fit_are_named_once_with_their_errors() -> None:
 def test_lengths_that_drift_are_named_once_with_their_speed() -> None:
     drift = LengthDrift(speed=3e-3 / 60.0)
     memory = SimpleNamespace(observations=[], rests=RestMemory(drift=drift))
-    vision: Any = SimpleNamespace(memory=memory, fired=0, dropped={}, zeroings=0)
-    watch = LearningWatch(
-        vision, SettlingDetector(SettlingOptions()), ("one",), LearningMonitorOptions()
-    )
+    watch = watch_of(memory)
     for time in (1.0, 2.0):
         watch.update(StepState(time, 0.02, True, True, "", "", {}, ""))
     [fault] = watch.faults

@@ -144,3 +144,18 @@ def test_an_arm_with_little_damping_comes_to_rest(
         angles.append(angle)
     assert np.abs(angles).max() < 0.5
     assert np.abs(angles[-round(5.0 / period) :]).max() < 0.01
+
+
+def test_a_joint_is_not_commanded_beyond_its_stop() -> None:
+    jmm = make_map()
+    joints = len(jmm.joints)
+    commander = Commander(jmm, np.ones(joints), np.tile([-1.0, 1.0], (joints, 1)), 0.03)
+    commander.feedback = PostureFeedback(joints, FeedbackOptions())
+    here = np.full(joints, 0.9)
+    commander.start(here, 0.0, jmm.lengths(here))
+    commander.go(np.ones((1, joints)), 0.1)
+    for step in range(1, 50):
+        passed = commander.advance(PERIOD * step)
+        command = commander.command(jmm, None, jmm.lengths(here), passed, here=here)
+    assert (commander.feedback.correction > 0.05).all()
+    np.testing.assert_allclose(command, jmm.lengths(np.ones(joints)))
