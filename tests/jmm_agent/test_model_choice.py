@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.learning.job import LearningJob, MapLearning
 from jmm_agent.types import Floats
+from jmm_agent.updaters import AntagonismOptions, AntagonismUpdater
 from jmm_agent.updaters.vision_options import VisionOptions
 from jmm_agent.vision.camera_unknowns import NOT_UNKNOWN
 from jmm_agent.vision.marker_residual import MarkerResidual
@@ -119,3 +121,24 @@ def test_wrong_observations_are_no_sign_of_other_bones(
     joints = robot.vision.memory.rests.joints
     assert joints is None or not joints.enabled
     assert len(robot.vision.memory.observations) <= 14  # the first may be believed
+
+
+def test_jobs_of_learning_find_bones_that_make_observations_impossible(tmp_path: Path) -> None:
+    """The state of learning is sent to and fro, as between processes."""
+    robot = Chain(tmp_path, 1.0, 2, 4.0)
+    antagonism = AntagonismUpdater(robot.learner, AntagonismOptions())
+    learning, nothing = (
+        MapLearning(robot.learner, antagonism, robot.vision, False),
+        np.full(14, np.nan),
+    )
+    state = learning.state
+    for number, q in enumerate(robot.postures(12)):
+        lengths, guess = robot.read(q), q + robot.rng.normal(0.0, 0.1, len(q))
+        job = LearningJob("vision", 3.0 * number, guess, lengths, lengths, nothing, robot.pose(q))
+        result = learning.run(job, state)
+        assert result.state is not None
+        state = result.state
+    joints = state.vision.rests.joints
+    assert joints is not None
+    assert joints.enabled
+    assert len(state.vision.observations) >= 8
