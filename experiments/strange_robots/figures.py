@@ -13,10 +13,10 @@ from experiments.harness.experiment import Results
 from experiments.harness.report import Picture, plain_ticks, png
 from experiments.strange_robots.families import PRESET
 from experiments.strange_robots.tables import (
-    CONDITIONS,
     MUST,
     MUST_RATIO,
     UNITS,
+    conditions,
     last,
     numbers,
 )
@@ -44,27 +44,28 @@ def _bars(results: Results, sizes: Sizes) -> Figure:
     figure = Figure(figsize=(13.0, 8.0), layout="constrained")
     counts = (0, *sizes.counts, sizes.long)
     width = 0.8 / len(counts)
+    shown = conditions(results)
     for axes, (unit, key) in zip(figure.subplots(2, 1, sharex=True), UNITS.items(), strict=True):
         for rank, (count, colour) in enumerate(zip(counts, COLOURS, strict=False)):
             known = [
                 number
-                for number, condition in enumerate(CONDITIONS)
+                for number, condition in enumerate(shown)
                 if count in (0, *sizes.counts_of(condition))
             ]
-            each = [numbers(results, CONDITIONS[number], count, key) for number in known]
+            each = [numbers(results, shown[number], count, key) for number in known]
             at = np.array(known) + (rank - len(counts) / 2 + 0.5) * width
             axes.bar(at, [np.median(one) for one in each], width, color=colour, label=str(count))
             for x, robots in zip(at, each, strict=True):
                 axes.plot(np.full(len(robots), x), robots, "k.", ms=3)
-        for number, condition in enumerate(CONDITIONS):
+        for number, condition in enumerate(shown):
             most = _most(results, condition, unit, sizes)
             if most is not None:
                 axes.plot([number - 0.45, number + 0.45], [most, most], "k-", lw=1.5)
         axes.set(yscale="log", ylabel=LABELS[unit])
         plain_ticks(axes.yaxis)
         axes.grid(axis="y", alpha=0.3)
-    names = [name.replace("-", "\n") for name in CONDITIONS]
-    axes.set_xticks(range(len(CONDITIONS)), names, fontsize=9)
+    names = [name.replace("-", "\n") for name in shown]
+    axes.set_xticks(range(len(shown)), names, fontsize=9)
     handles = figure.axes[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper center", ncols=len(counts), title="number of looks")
     return figure

@@ -16,7 +16,7 @@ from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
-from experiments.strange_robots.families import FAMILIES
+from experiments.strange_robots.families import FAMILIES, PRESET
 from experiments.strange_robots.tables import (
     COMMISSIONED,
     CONDITIONS,
@@ -84,19 +84,34 @@ def with_long(sizes: Sizes, long: int) -> Sizes:
     return replace(sizes, long=long)
 
 
+def chosen(only: tuple[str, ...]) -> tuple[str, ...]:
+    """Conditions of these names, and the preset, which the others are compared with; () means all.
+
+    Raises:
+        ExperimentError: a name is not one of a condition.
+    """
+    unknown = [name for name in only if name not in CONDITIONS]
+    if unknown:
+        raise ExperimentError(f"Unknown robots {unknown}; robots are {', '.join(CONDITIONS)}.")
+    return tuple(one for one in CONDITIONS if not only or one in (PRESET, *only))
+
+
 @dataclass(frozen=True)
 class Args(common.Args):
     """Robots that the preset's departures do not describe.
 
     Attributes:
         long: number of looks of the robots that drift, and of the preset's.
+        only: names of some robots, as `drift`; the preset's robot is always one. All by default.
     """
 
     seeds: str = "0-4"
     out: Path = Path("out/strange-robots")
     long: int = Sizes().long
+    only: tuple[str, ...] = ()
 
 
 def main(args: Args) -> Summary:
     """Run the experiment; returns its summary."""
-    return run_experiment(replace(EXPERIMENT, sizes=with_long(EXPERIMENT.sizes, args.long)), args)
+    sizes, conditions = with_long(EXPERIMENT.sizes, args.long), chosen(args.only)
+    return run_experiment(replace(EXPERIMENT, sizes=sizes, conditions=conditions), args)

@@ -62,6 +62,11 @@ def last(condition: str, sizes: Sizes) -> int:
     return sizes.long if condition == DRIFT else max(sizes.counts)
 
 
+def conditions(results: Results) -> list[str]:
+    """Conditions that were run, in the order of `CONDITIONS`."""
+    return [one for one in CONDITIONS if all(one in result for result in results.values())]
+
+
 def numbers(results: Results, condition: str, count: int, key: str) -> Floats:
     """An error of a condition after some looks, of each robot."""
     found = [result[condition]["errors"][str(count)][key] for result in results.values()]
@@ -71,18 +76,27 @@ def numbers(results: Results, condition: str, count: int, key: str) -> Floats:
 def metrics(results: Results, sizes: Sizes) -> dict[str, Mapping[str, Any]]:
     """Errors and ratios beside what they must be."""
     found: dict[str, Mapping[str, Any]] = {}
+    known = conditions(results)
     for condition, musts in MUST.items():
+        if condition not in known:
+            continue
         for (unit, key), must in zip(UNITS.items(), musts, strict=True):
             after = numbers(results, condition, last(condition, sizes), key)
             found[f"{condition}_error_{unit}"] = metric(after, unit, must=must)
-    found[f"{POINTS}_largest_share_of_error_before_mm"] = _never_worse(results, sizes)
+    if POINTS in known:
+        found[f"{POINTS}_largest_share_of_error_before_mm"] = _never_worse(results, sizes)
     for condition, most in MUST_RATIO.items():
+        if condition not in known:
+            continue
         count = last(condition, sizes)
         for unit, key in UNITS.items():
             ratio = numbers(results, condition, count, key) / numbers(results, PRESET, count, key)
             found[f"{condition}_over_preset_{unit}"] = metric(ratio, "", must=most)
-    found |= load_ratios(results, sizes.loads, SOFT, SOFT)
+    if SOFT in known:
+        found |= load_ratios(results, sizes.loads, SOFT, SOFT)
     for condition, most in MUST_NAMED.items():
+        if condition not in known:
+            continue
         named = [result[condition]["named_after"] for result in results.values()]
         counts = [NEVER if at is None else at for at in named]
         found[f"{condition}_named_after"] = metric(counts, "observations", must=most, by="worst")
@@ -104,7 +118,7 @@ def tables(results: Results, sizes: Sizes) -> list[Table]:
     counts = (0, *sizes.counts, sizes.long)
     for unit, key in UNITS.items():
         rows = []
-        for condition in CONDITIONS:
+        for condition in conditions(results):
             known = (0, *sizes.counts_of(condition))
             cells = [
                 median_cell(numbers(results, condition, count, key)) if count in known else ""
@@ -119,9 +133,10 @@ def tables(results: Results, sizes: Sizes) -> list[Table]:
                 "Medians over test postures. A ratio is to the preset's robot of the same seed.",
             )
         )
-    loads = load_table(results, sizes.loads, SOFT)
-    loads = loads._replace(title="Loads in the hand of robots with soft wires")
-    return [*shown, loads, _named_table(results)]
+    if SOFT in conditions(results):
+        loads = load_table(results, sizes.loads, SOFT)
+        shown.append(loads._replace(title="Loads in the hand of robots with soft wires"))
+    return [*shown, _named_table(results)]
 
 
 def _must(condition: str, unit: str) -> str:
@@ -134,7 +149,7 @@ def _must(condition: str, unit: str) -> str:
 
 def _named_table(results: Results) -> Table:
     rows = []
-    for condition in CONDITIONS:
+    for condition in conditions(results):
         for seed, result in results.items():
             found = result[condition]
             run = found.get("commissioning", {})
@@ -177,7 +192,7 @@ def per_seed(results: Results) -> dict[int, Any]:
                 "named_after": result[condition]["named_after"],
                 "events": result[condition]["events"],
             }
-            for condition in CONDITIONS
+            for condition in conditions(results)
         }
         for seed, result in results.items()
     }

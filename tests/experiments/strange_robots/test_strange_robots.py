@@ -26,7 +26,7 @@ from experiments.strange_robots.families import (
     make_robot,
 )
 from experiments.strange_robots.figures import pictures
-from experiments.strange_robots.run import QUICK, run, with_long
+from experiments.strange_robots.run import QUICK, chosen, run, with_long
 from experiments.strange_robots.tables import (
     COMMISSIONED,
     CONDITIONS,
@@ -257,3 +257,17 @@ def test_robots_that_drift_have_more_observations_than_others() -> None:
     assert with_long(Sizes(), 60) == Sizes(long=60)
     with pytest.raises(ExperimentError, match="Long is 27 looks, but must be more than the 27"):
         with_long(Sizes(), 27)
+
+
+def test_some_of_the_robots_are_run_and_reported_beside_the_preset() -> None:
+    assert chosen(()) == CONDITIONS
+    assert chosen((DRIFT, BONES)) == (PRESET, BONES, DRIFT)
+    with pytest.raises(ExperimentError, match=r"Unknown robots \['drifts'\]; robots are preset,"):
+        chosen(("drifts",))
+    some = {seed: {name: one[name] for name in (PRESET, DRIFT)} for seed, one in results().items()}
+    assert set(metrics(some, SIZES)) == {"drift_over_preset_deg", "drift_over_preset_mm"}
+    joints, hands, named = tables(some, SIZES)
+    assert len(joints.rows) == len(hands.rows) == 2
+    assert len(named.rows) == 4
+    assert list(per_seed(some)[0]) == [PRESET, DRIFT]
+    assert len(pictures(some, SIZES)) == 1
