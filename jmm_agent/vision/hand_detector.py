@@ -1,0 +1,233 @@
+"""Finds a robot's hand in a camera frame without a marker, by two networks (Kawaharazuka et al.
+2018, future work of sec. V).
+
+1. The *finder* gives places in the frame at which a hand may be, and how large it is.
+2. A virtual camera looks at each place (`CropView`), and the *points network* locates points of the
+   hand in that crop, each with a covariance. Their pose follows (`weighted_pnp`). A second crop, in
+   which the hand is upright and centred, makes it finer.
+
+Where the joints expect the hand is one more place to look at, and not trusted: a pose is accepted
+for what the crop shows.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from enum import Enum
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from jmm_agent.errors import AgentError
+from jmm_agent.types import Floats
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.crop_view import CropView, hand_view, looking_at
+from jmm_agent.vision.hand_model_file import HandModel, read_hand_model
+from jmm_agent.vision.marker_input import check_frame
+from jmm_agent.vision.weighted_pnp import PointsPose, solve_points
+
+DARK = 12
+"""A frame without a brighter value is black [0, 255]."""
+STRIDE = 8
+"""Pixels of the finder's input along a cell of its output."""
+MOST_PLACES = 2
+"""Number of places in a frame that are looked at, besides the expected one."""
+TURNS = 2
+"""Number of crops of each place; each is cut around the pose that the one before gave."""
+SPREAD = (-2.0, 6.0)
+"""Range of the logarithms of the diagonal of a point's whitening matrix."""
+SAME = 0.5
+"""Hands nearer to each other than this are one [radii]."""
+RIVAL = 0.3
+"""A second hand with this share of the first one's score makes the frame ambiguous [1]."""
+
+
+class HandSkip(Enum):
+    """Why a frame gives no pose of the hand."""
+
+    DARK = "the frame is black"
+    NOT_SEEN = "the hand is not in the frame"
+    TWICE = "more than one hand is in the frame"
+    NO_POSE = "no pose of the hand explains what the frame shows"
+
+
+class HandDetection(NamedTuple):
+    """The hand in a frame.
+
+    Attributes:
+        pose_hand_in_camera: (4, 4), metres; camera x right, y down, z forward.
+        covariance: of the pose (6, 6) [m, rad], see `pose_covariance`.
+        score: how sure the networks are that the hand is there [0, 1].
+    """
+
+    pose_hand_in_camera: Floats
+    covariance: Floats
+    score: float
+
+
+class HandDetector:
+    """Finds the hand in frames of a camera.
+
+    Args:
+        camera: model of the camera that the frames come from.
+        path: file of the detector, see `hand_model_file`.
+
+    Attributes:
+        frame: name of the hand's frame, whose pose is given.
+
+    Raises:
+        AgentError: the file is missing or not valid.
+    """
+
+    def __init__(self, camera: Camera, path: str | os.PathLike[str]) -> None:
+        self._camera, self._path = camera, path
+        # OpenCV's networks keep what they compute, so that one thread at a time may use them.
+        self._lock = threading.Lock()
+        self._model, finder, points = read_hand_model(path)
+        self._finder, self._points = (_network(path, content) for content in (finder, points))
+        self._hand = self._model.array
+        self.frame = self._model.body
+
+    def __deepcopy__(self, memo: dict[int, object]) -> HandDetector:
+        """Itself: it remembers nothing of a frame."""
+        return self
+
+    def __reduce__(self) -> tuple[type[HandDetector], tuple[object, ...]]:
+        return HandDetector, (self._camera, self._path)
+
+    @property
+    def model(self) -> HandModel:
+        """What the networks are about."""
+        return self._model
+
+    def shows(self, pose: np.ndarray) -> bool:
+        """Whether a frame would show all points of the hand at a pose in the camera (4, 4)."""
+        pixels = self._camera.project(self._hand @ pose[:3, :3].T + pose[:3, 3])
+        size = np.array([self._camera.width - 1.0, self._camera.height - 1.0])
+        return bool(np.all((pixels >= 0.0) & (pixels <= size)))  # NaN: no
+
+    def detect(
+        self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
+    ) -> HandDetection | HandSkip:
+        """The pose of the hand in a frame, or why there is none.
+
+        Args:
+            frame_rgb: (H, W, 3) uint8.
+            expected: predicted pose_hand_in_camera (4, 4): where to look, too.
+
+        Raises:
+            AgentError: the frame has a wrong shape or type.
+        """
+        check_frame(frame_rgb, self._camera)
+        if frame_rgb.max() <= DARK:
+            return HandSkip.DARK
+        with self._lock:
+            return self._detect(frame_rgb, expected)
+
+    def _detect(self, frame: np.ndarray, expected: np.ndarray | None) -> HandDetection | HandSkip:
+        views = self._places(frame)
+        if expected is not None and expected[2, 3] > 0.0:
+            views.append(hand_view(expected, self._model.centre, self._model.radius, self._size))
+        found = [each for view in views if (each := self._examine(frame, view)) is not None]
+        sure = [each for each in found if each.score >= self._model.threshold]
+        if not sure:
+            unclear = bool(found) and max(each.score for each in found) >= self._model.threshold
+            return HandSkip.NO_POSE if unclear else HandSkip.NOT_SEEN
+        best = max(sure, key=lambda each: each.score)
+        if any(self._is_rival(each, best) for each in sure):
+            return HandSkip.TWICE
+        return best
+
+    @property
+    def _size(self) -> int:
+        return self._model.size
+
+    def _is_rival(self, other: HandDetection, best: HandDetection) -> bool:
+        """Whether another detection is a second hand."""
+        middles = [
+            each.pose_hand_in_camera[:3, :3] @ self._model.centre + each.pose_hand_in_camera[:3, 3]
+            for each in (other, best)
+        ]
+        apart = float(np.linalg.norm(middles[0] - middles[1]))
+        return apart > SAME * self._model.radius and other.score >= RIVAL * best.score
+
+    def _places(self, frame: np.ndarray) -> list[CropView]:
+        """Views of the places at which the finder sees a hand, the surest first."""
+        camera, factor = self._camera, self._model.finder_focal / self._camera.fx
+        small = finder_input(frame, factor)
+        output = _run(self._finder, small)[0]
+        scores = 1.0 / (1.0 + np.exp(-output[0]))
+        views: list[CropView] = []
+        for _ in range(MOST_PLACES):
+            row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+            if scores[row, column] < self._model.threshold / 2.0:
+                break
+            dx, dy, log_slope = output[1:, row, column]
+            at = (np.array([column + dx, row + dy]) + 0.5) * STRIDE - 0.5
+            ray = camera.rays((at + 0.5) / factor - 0.5)
+            if np.isfinite(ray).all():
+                views.append(looking_at(ray, float(np.exp(log_slope)), self._size))
+            scores[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0.0
+        return views
+
+    def _examine(self, frame: np.ndarray, view: CropView) -> HandDetection | None:
+        """The hand that a view shows; None if its points have no pose."""
+        for turn in range(TURNS):
+            output = _run(self._points, view.cut(frame, self._camera)).ravel().astype(float)
+            score = 1.0 / (1.0 + np.exp(-output[-1]))
+            found = pose_of_points(output, view, self._hand)
+            if found is None:
+                return None
+            if turn + 1 < TURNS:
+                model = self._model
+                view = hand_view(found.pose, model.centre, model.radius, self._size, level=True)
+        scale = np.repeat([self._model.position_factor, self._model.rotation_factor], 3)
+        return HandDetection(found.pose, found.covariance * np.outer(scale, scale), float(score))
+
+
+def finder_input(frame: np.ndarray, factor: float) -> np.ndarray:
+    """A frame made smaller by a factor, with sides that the finder's strides divide."""
+    size = [max(round(side * factor), STRIDE) for side in frame.shape[1::-1]]
+    small = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+    right, below = (-side % (2 * STRIDE) for side in size)
+    return cv2.copyMakeBorder(small, 0, below, 0, right, cv2.BORDER_CONSTANT)
+
+
+def pose_of_points(output: Floats, view: CropView, points: Floats) -> PointsPose | None:
+    """The pose in the camera of points that a network located in a view; None if there is none.
+
+    Args:
+        output: of the points network (5 n + 1,): places [half widths], spreads, presence.
+        view: of the crop.
+        points: in the hand's axes (n, 3) [m].
+    """
+    count = len(points)
+    spreads = output[2 * count : 5 * count].reshape(count, 3)
+    whitening = np.zeros((count, 2, 2))
+    whitening[:, 0, 0], whitening[:, 1, 1] = np.exp(np.clip(spreads[:, :2], *SPREAD)).T
+    whitening[:, 1, 0] = spreads[:, 2]
+    factor = np.linalg.inv(whitening) * view.slope
+    slopes = output[: 2 * count].reshape(count, 2) * view.slope
+    found = solve_points(points, slopes, factor @ factor.transpose(0, 2, 1))
+    if found is None:
+        return None
+    pose, turn = found.pose.copy(), np.zeros((6, 6))
+    pose[:3] = view.rotation @ found.pose[:3]
+    turn[:3, :3] = turn[3:, 3:] = view.rotation
+    return PointsPose(pose, turn @ found.covariance @ turn.T, found.misfit)
+
+
+def _network(path: str | os.PathLike[str], content: bytes) -> cv2.dnn.Net:
+    try:
+        return cv2.dnn.readNetFromONNX(np.frombuffer(content, dtype=np.uint8))
+    except cv2.error as error:
+        raise AgentError(f"OpenCV cannot read the networks in {path} ({error.err}).") from error
+
+
+def _run(network: cv2.dnn.Net, image: np.ndarray) -> Floats:
+    """Output of a network for an image (h, w, 3) uint8."""
+    blob = np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32) / 255.0
+    network.setInput(blob)
+    return np.asarray(network.forward())

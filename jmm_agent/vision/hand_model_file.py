@@ -1,0 +1,126 @@
+"""File of a hand detector: two networks as ONNX, and what they are about as JSON, in a zip archive.
+
+Nothing in it is executed: OpenCV reads the networks, and no pickle is loaded.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jmm_agent.errors import AgentError
+from jmm_agent.types import Floats
+
+FORMAT = "hand-detector-1"
+FINDER, POINTS, MODEL = "finder.onnx", "points.onnx", "hand.json"
+LARGEST = 64 * 2**20
+"""Larger files are refused [bytes]."""
+
+
+@dataclass(frozen=True)
+class HandModel:
+    """What the networks of a hand detector are about.
+
+    Attributes:
+        body: name of the hand's frame.
+        points: of the hand that are located, in its axes (n, 3) [m].
+        size: of the crops [px].
+        finder_focal: focal length of the frames in which the hand is searched [px].
+        threshold: least score of a hand in a frame [0, 1].
+        position_factor: by which the standard deviations of positions are multiplied [1].
+        rotation_factor: the same of rotations [1].
+        made_by: command that trained the networks.
+    """
+
+    body: str
+    points: tuple[tuple[float, float, float], ...]
+    size: int
+    finder_focal: float
+    threshold: float = 0.5
+    position_factor: float = 1.0
+    rotation_factor: float = 1.0
+    made_by: str = ""
+
+    @property
+    def array(self) -> Floats:
+        """The points (n, 3) [m]."""
+        return np.array(self.points, dtype=float)
+
+    @property
+    def centre(self) -> Floats:
+        """Middle of the hand in its axes (3,) [m]."""
+        points = self.array
+        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)
+
+    @property
+    def radius(self) -> float:
+        """Distance of the farthest point from the middle [m]."""
+        return float(np.linalg.norm(self.array - self.centre, axis=1).max())
+
+
+def write_hand_model(path: Path, model: HandModel, finder: bytes, points: bytes) -> None:
+    """Write the file of a hand detector.
+
+    Args:
+        path: of the file; one that is there is replaced.
+        model: what the networks are about.
+        finder: network that finds the hand in a frame, as ONNX.
+        points: network that locates its points in a crop, as ONNX.
+    """
+    unfinished = path.with_name(path.name + ".part")
+    with zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in (
+            (MODEL, json.dumps({"format": FORMAT, **asdict(model)}, indent=1).encode()),
+            (FINDER, finder),
+            (POINTS, points),
+        ):
+            # A fixed date: the same networks give the same bytes.
+            archive.writestr(zipfile.ZipInfo(name, (2020, 1, 1, 0, 0, 0)), content)
+    os.replace(unfinished, path)
+
+
+def read_hand_model(path: str | os.PathLike[str]) -> tuple[HandModel, bytes, bytes]:
+    """What a file of a hand detector holds: model, finder and points as ONNX.
+
+    Args:
+        path: of a file of `write_hand_model`.
+
+    Raises:
+        AgentError: there is no such file, or it is not one of a hand detector.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise AgentError(
+            f"There is no hand detector {path}: `kengoro hand-detector` trains one and writes it."
+        )
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(info.file_size for info in archive.infolist()) > LARGEST:
+                raise AgentError(f"{path} is larger than a hand detector's {LARGEST >> 20} MiB.")
+            text, finder, points = (archive.read(name) for name in (MODEL, FINDER, POINTS))
+        found = json.loads(text)
+    except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
+        raise AgentError(f"{path} is no file of a hand detector ({error}).") from error
+    return _model(path, found), finder, points
+
+
+def _model(path: Path, found: Any) -> HandModel:
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise AgentError(f"{path}: {MODEL} must have the format {FORMAT}; train the detector anew.")
+    try:
+        model = HandModel(**{name: value for name, value in found.items() if name != "format"})
+        points = model.array
+        right = points.ndim == 2 and points.shape[1] == 3 and len(points) >= 4
+        numbers = [model.size, model.finder_focal, model.threshold]
+        numbers += [model.position_factor, model.rotation_factor]
+        if not (right and np.isfinite(points).all() and min(map(float, numbers)) > 0.0):
+            raise ValueError("points or sizes are not valid")
+    except (TypeError, ValueError) as error:
+        raise AgentError(f"{path}: {MODEL} is not valid ({error}).") from error
+    return model

@@ -1,0 +1,107 @@
+"""Pose of known points from uncertain pixels of them, with its covariance.
+
+Minimises sum_i r_i' S_i^-1 r_i over the pose, where r_i is the distance of a point's measured slopes
+(x/z, y/z) from those of the pose, and S_i their covariance, by Gauss-Newton steps from the solution
+of OpenCV's SQPnP.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from jmm_agent.types import Floats
+
+STEPS = 12
+"""Largest number of Gauss-Newton steps."""
+CONVERGED = 1e-7
+"""Step [m, rad] at which they end."""
+NEAREST = 0.02
+"""Points must be farther from the camera than this [m]."""
+TAIL = 4.0
+"""Degrees of freedom of the t distribution of a point's error: far ones count less."""
+
+
+class PointsPose(NamedTuple):
+    """A pose from points.
+
+    Attributes:
+        pose: of the points' axes in the camera (4, 4).
+        covariance: (6, 6), see `pose_covariance`.
+        misfit: mean squared distance of the points in units of their covariances; 1 is expected.
+    """
+
+    pose: Floats
+    covariance: Floats
+    misfit: float
+
+
+def solve_points(points: Floats, slopes: Floats, covariances: Floats) -> PointsPose | None:
+    """The pose at which points have measured slopes; None if there is none before the camera.
+
+    Args:
+        points: (n, 3) [m], in their own axes; n >= 4.
+        slopes: measured (n, 2) [1].
+        covariances: of the slopes (n, 2, 2).
+    """
+    whitening = np.linalg.inv(np.linalg.cholesky(covariances))
+    start = _start(points, slopes)
+    if start is None:
+        return None
+    rotation, position = start
+    for _ in range(STEPS):
+        residual, jacobian = _residuals(points, slopes, whitening, rotation, position)
+        weights = np.sqrt((TAIL + 2.0) / (TAIL + (residual**2).sum(axis=1)))
+        weighted = (jacobian * weights[:, None, None]).reshape(-1, 6)
+        matrix = weighted.T @ weighted + 1e-9 * np.eye(6)
+        step = np.linalg.solve(matrix, weighted.T @ (residual * weights[:, None]).ravel())
+        position = position + step[:3]
+        rotation = cv2.Rodrigues(step[3:])[0] @ rotation
+        if (points @ rotation[2] + position[2]).min() < NEAREST:
+            return None
+        if np.abs(step).max() < CONVERGED:
+            break
+    residual, jacobian = _residuals(points, slopes, whitening, rotation, position)
+    weights = (TAIL + 2.0) / (TAIL + (residual**2).sum(axis=1))
+    information = np.einsum("n,nij,nik->jk", weights, jacobian, jacobian)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, position
+    misfit = float((residual**2).sum() / residual.size)
+    return PointsPose(pose, np.linalg.inv(information + 1e-6 * np.eye(6)), misfit)
+
+
+def _start(points: Floats, slopes: Floats) -> tuple[Floats, Floats] | None:
+    found, vector, position = cv2.solvePnP(
+        points, slopes, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
+    )
+    if not found or not np.isfinite(position).all():
+        return None
+    rotation = cv2.Rodrigues(vector)[0]
+    if (points @ rotation[2] + position[2]).min() < NEAREST:
+        return None
+    return rotation, position.ravel()
+
+
+def _residuals(
+    points: Floats, slopes: Floats, whitening: Floats, rotation: Floats, position: Floats
+) -> tuple[Floats, Floats]:
+    """Whitened distances (n, 2) and minus their derivatives by the pose (n, 2, 6)."""
+    turned = points @ rotation.T
+    x, y, z = (turned + position).T
+    zero, inverse = np.zeros_like(z), 1.0 / z
+    by_position = np.stack(
+        [
+            np.stack([inverse, zero, -x * inverse**2], axis=-1),
+            np.stack([zero, inverse, -y * inverse**2], axis=-1),
+        ],
+        axis=1,
+    )
+    by_rotation = np.cross(turned[:, None, :], by_position)
+    residual = slopes - np.stack([x, y], axis=-1) * inverse[:, None]
+    jacobian = np.concatenate([by_position, by_rotation], axis=2)
+    return (
+        np.einsum("nij,nj->ni", whitening, residual),
+        np.einsum("nij,njk->nik", whitening, jacobian),
+    )

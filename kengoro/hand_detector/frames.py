@@ -1,0 +1,202 @@
+"""Labelled frames of a robot's hand: a model in random postures and appearances, from its camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import mujoco
+import numpy as np
+
+from kengoro.hand_detector.appearance import Appearance, add_textures
+from kengoro.hand_detector.hand_points import hand_points, subtree
+from kengoro_env.types import Floats
+from kengoro_env.vision.rendering import QUALITY, open_renderer
+
+WIDTH, HEIGHT = 640, 480
+TRIES = 200
+"""Postures that are tried until one shows the hand."""
+NEAR, FAR = 0.12, 1.5
+"""Distances of the hand from the camera that are used [m]."""
+IN_VIEW = 0.9
+"""Share of the frames in which the hand is in view [1]."""
+
+
+class Frame(NamedTuple):
+    """A frame, and what it shows.
+
+    Attributes:
+        image: (480, 640, 3) uint8.
+        pose: pose_hand_in_camera (4, 4), camera x right, y down, z forward [m].
+        visible: share of the hand's pixels that nothing hides [1]; 0 if it is not in the frame.
+    """
+
+    image: np.ndarray
+    pose: Floats
+    visible: float
+
+    def middle(self, centre: Floats) -> Floats:
+        """Middle of the hand in the camera (3,) [m].
+
+        Args:
+            centre: the same in the hand's axes (3,) [m].
+        """
+        return np.asarray(self.pose[:3, :3] @ centre + self.pose[:3, 3])
+
+    def points_in_camera(self, points: Floats) -> Floats:
+        """Points of the hand's axes (n, 3) [m] in the camera's."""
+        return np.asarray(points @ self.pose[:3, :3].T + self.pose[:3, 3])
+
+
+def load_model(
+    path: Path, random: np.random.Generator, hidden: Sequence[str] = ()
+) -> mujoco.MjModel:
+    """A model with random textures, without some of its geoms.
+
+    Args:
+        path: of the MJCF.
+        random: source of the textures.
+        hidden: names of geoms that are not drawn, as a marker on the hand.
+    """
+    spec = mujoco.MjSpec.from_file(str(path))
+    add_textures(spec, random)
+    for name in hidden:
+        spec.geom(name).group = 5
+    spec.visual.quality.offsamples = 0
+    return spec.compile()
+
+
+class FrameMaker:
+    """Makes frames of a hand.
+
+    Args:
+        model: see `load_model`.
+        body: name of the hand's body.
+        camera: name of the camera.
+    """
+
+    def __init__(self, model: mujoco.MjModel, body: str, camera: str, count: int = 16) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        self._body, self._camera = model.body(body).id, model.camera(camera).id
+        self._hand = subtree(model, self._body)
+        self._renderer = open_renderer(model, WIDTH, HEIGHT, QUALITY)
+        self._small = open_renderer(model, WIDTH // 4, HEIGHT // 4, QUALITY)
+        self._visible = mujoco.MjvOption()
+        self._visible.sitegroup[:] = 0
+        self._visible.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = False
+        geoms = self._hand[model.geom_bodyid] & (model.geom_group < 3)
+        self._hand_geoms = set(np.flatnonzero(geoms).tolist())
+        self.width, self.height = WIDTH, HEIGHT
+        self.fovy = float(np.deg2rad(model.cam_fovy[self._camera]))
+        self.focal = HEIGHT / 2.0 / np.tan(self.fovy / 2.0)
+        self.points = hand_points(model, self._body, count, self._hand_geoms)
+        self.centre = (self.points.min(axis=0) + self.points.max(axis=0)) / 2.0
+        self.radius = float(np.linalg.norm(self.points - self.centre, axis=1).max())
+
+    def make(self, random: np.random.Generator) -> Frame:
+        """A frame of a random posture and appearance."""
+        shown = random.random() < IN_VIEW
+        for _ in range(TRIES):
+            self._pose(random)
+            pose = self._pose_in_camera()
+            if self._is_in_view(pose) == shown:
+                break
+        scene = self._renderer.scene
+        self._renderer.update_scene(self._data, self._camera, self._visible)
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+        scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        appearance = Appearance(self._model, random)
+        eye, hand = self._data.cam_xpos[self._camera], self._data.xpos[self._body]
+        appearance.colour(scene)
+        appearance.light(scene)
+        appearance.add_walls(scene, eye, -self._data.cam_xmat[self._camera].reshape(3, 3)[:, 2])
+        appearance.add_objects(
+            scene, eye, hand + self._data.xmat[self._body].reshape(3, 3) @ self.centre
+        )
+        image = self._renderer.render().copy()
+        visible = self._share_visible(scene) * self._share_in_frame(pose) if shown else 0.0
+        return Frame(image, pose, visible)
+
+    def _pose(self, random: np.random.Generator) -> None:
+        model, data = self._model, self._data
+        low, high = model.jnt_range.T
+        for joint in range(model.njnt):
+            address = model.jnt_qposadr[joint]
+            if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+                data.qpos[address : address + 7] = model.qpos0[address : address + 7]
+                data.qpos[address : address + 2] += random.normal(0.0, 0.1, 2)
+            elif model.jnt_limited[joint]:
+                share = random.random()
+                if self._hand[model.jnt_bodyid[joint]] and joint_is_finger(
+                    model, joint, self._body
+                ):
+                    share = 0.0 if random.random() < 0.7 else share * 0.6
+                data.qpos[address] = low[joint] + share * (high[joint] - low[joint])
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+
+    def _pose_in_camera(self) -> Floats:
+        """pose_hand_in_camera (4, 4), camera x right, y down, z forward [m]."""
+        axes = self._data.cam_xmat[self._camera].reshape(3, 3) * [1.0, -1.0, -1.0]
+        pose = np.eye(4)
+        pose[:3, :3] = axes.T @ self._data.xmat[self._body].reshape(3, 3)
+        pose[:3, 3] = axes.T @ (self._data.xpos[self._body] - self._data.cam_xpos[self._camera])
+        return pose
+
+    def _is_in_view(self, pose: Floats) -> bool:
+        x, y, z = pose[:3, :3] @ self.centre + pose[:3, 3]
+        if not NEAR <= z <= FAR:
+            return False
+        return bool(
+            abs(x / z) * self.focal < 0.5 * WIDTH and abs(y / z) * self.focal < 0.5 * HEIGHT
+        )
+
+    def _share_in_frame(self, pose: Floats) -> float:
+        """Share of the hand's points that lie within the frame's borders."""
+        x, y, z = pose[:3, :3] @ self.points.T + pose[:3, 3:]
+        inside = (z > 0) & (abs(x) * self.focal < 0.5 * WIDTH * z)
+        return float(np.mean(inside & (abs(y) * self.focal < 0.5 * HEIGHT * z)))
+
+    def _share_visible(self, scene: mujoco.MjvScene) -> float:
+        """Share of the hand's pixels that nothing hides, from two pictures of its segments."""
+        renderer = self._small
+        renderer._scene = scene
+        flags = scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT], flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1, 1
+        both = []
+        for alone in (False, True):
+            for geom in scene.geoms[: scene.ngeom]:
+                own = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.objid in self._hand_geoms
+                geom.segid = 0 if own else 1
+                if alone and not own:
+                    geom.type = mujoco.mjtGeom.mjGEOM_NONE
+            picture = renderer.render()
+            both.append(int(((picture[..., 0] == 1) & (picture[..., 1] == 0)).sum()))
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT], flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0, 0
+        return both[0] / both[1] if both[1] else 0.0
+
+
+def joint_is_finger(model: mujoco.MjModel, joint: int, body: int) -> bool:
+    """Whether a joint moves a part of the hand against its body."""
+    return int(model.jnt_bodyid[joint]) != body
+
+
+def develop(image: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """What a camera makes of an image: blur, exposure, white balance, noise.
+
+    Args:
+        image: (h, w, 3) uint8.
+        random: source of all.
+    """
+    picture = image.astype(np.float32)
+    if random.random() < 0.5:
+        picture = cv2.GaussianBlur(picture, (0, 0), float(random.uniform(0.3, 1.5)))
+    gain = random.uniform(0.6, 1.35) * (1.0 + random.normal(0.0, 0.05, 3))
+    picture = picture * gain.astype(np.float32) + np.float32(random.normal(0.0, 8.0))
+    picture = 255.0 * (np.clip(picture, 0.0, 255.0) / 255.0) ** float(random.uniform(0.7, 1.4))
+    noise = random.choice([0.0, 2.0, 8.0])
+    if noise:
+        picture += random.normal(0.0, noise, picture.shape[:2])[..., None].astype(np.float32)
+    return np.clip(picture, 0, 255).astype(np.uint8)

@@ -1,0 +1,47 @@
+"""Points of a hand that its detector locates: chosen from the model, far from each other."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from kengoro_env.types import Floats
+
+
+def hand_points(model: mujoco.MjModel, body: int, count: int, geoms: set[int]) -> Floats:
+    """Points of a hand in its own axes, at the model's own posture (count, 3) [m].
+
+    Each is the farthest from those before it; the first is the farthest from the middle.
+
+    Args:
+        model: of the robot.
+        body: number of the hand's body.
+        count: number of points.
+        geoms: numbers of the geoms that are drawn of it.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found = []
+    for number in sorted(geoms):
+        corners = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
+        middle, half = model.geom_aabb[number, :3], model.geom_aabb[number, 3:]
+        if model.geom_type[number] != mujoco.mjtGeom.mjGEOM_BOX:
+            corners = np.concatenate([np.eye(3), -np.eye(3)])
+        frame = data.geom_xmat[number].reshape(3, 3)
+        found.append((middle + corners * half) @ frame.T + data.geom_xpos[number])
+    points = np.concatenate(found)
+    points = (points - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
+    chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
+    while len(chosen) < count:
+        distances = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(distances)))
+    return np.asarray(points[chosen])
+
+
+def subtree(model: mujoco.MjModel, body: int) -> np.ndarray:
+    """Which bodies (nbody,) are a body or its descendants."""
+    found = np.zeros(model.nbody, dtype=bool)
+    found[body] = True
+    for number in range(body + 1, model.nbody):
+        found[number] = found[model.body_parentid[number]]
+    return found
