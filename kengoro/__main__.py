@@ -14,6 +14,7 @@ COMMANDS = {
     "record": "a log of a moving robot and its study for reality-gap",
     "view": "watch a robot while it learns",
     "calibrate": "check clock, zero posture, signs, gains, limit and camera of a robot",
+    "hand-detector": "train a detector that finds a hand without a marker",
     "commission": "pull each muscle a little and name what is connected wrongly",
     "experiments": "list the experiments, which need a checkout of the repository",
 }
@@ -26,7 +27,7 @@ def usage(program: str) -> str:
         [
             f"usage: {program} COMMAND [OPTIONS]",
             "",
-            *(f"  {name:<14}{line}" for name, line in COMMANDS.items()),
+            *(f"  {name:<15}{line}" for name, line in COMMANDS.items()),
             "",
             f"{program} COMMAND --help lists the options of one; {program} --version.",
         ]
@@ -65,7 +66,7 @@ def _run(name: str, arguments: list[str], program: str) -> int:
     try:
         from kengoro_env.errors import KengoroError
 
-        command = importlib.import_module(f"kengoro.commands.{name}")
+        command = importlib.import_module(f"kengoro.commands.{name.replace('-', '_')}")
     except RuntimeError as error:
         if "MUJOCO_GL" not in str(error):  # which is checked when the environments are imported
             raise

@@ -63,9 +63,9 @@ class CropView(NamedTuple):
         pixels = camera.project(rays)
         factor = camera.fx / self.focal
         if factor > COARSER:
-            by = {"fx": 1.0 / factor, "fy": 1.0 / factor, "interpolation": cv2.INTER_AREA}
-            frame = cv2.resize(frame, None, **by)
-            pixels = (pixels + 0.5) / factor - 0.5
+            sides = [max(round(side / factor), 1) for side in frame.shape[1::-1]]
+            pixels = (pixels + 0.5) * (np.array(sides) / frame.shape[1::-1]) - 0.5
+            frame = cv2.resize(frame, sides, interpolation=cv2.INTER_AREA)
         maps = np.nan_to_num(pixels, nan=-10.0).astype(np.float32)
         return cv2.remap(frame, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR)
 
@@ -108,5 +108,5 @@ def looking_at(point: Floats, slope: float, size: int, roll: float = 0.0) -> Cro
     turn = np.array([-axis[1], axis[0], 0.0])  # z x axis
     sine = np.linalg.norm(turn)
     vector = turn / sine * np.arctan2(sine, axis[2]) if sine > 1e-12 else turn
-    rotation = cv2.Rodrigues(vector)[0]
-    return CropView(rotation @ cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0], slope, size)
+    turned = cv2.Rodrigues(vector)[0] @ cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0]
+    return CropView(np.asarray(turned, dtype=float), slope, size)

@@ -34,6 +34,8 @@ STRIDE = 8
 """Pixels of the finder's input along a cell of its output."""
 MOST_PLACES = 2
 """Number of places in a frame that are looked at, besides the expected one."""
+LEAST_SCORE = 0.1
+"""The finder's score from which on a place is looked at [0, 1]."""
 TURNS = 2
 """Number of crops of each place; each is cut around the pose that the one before gave."""
 SPREAD = (-2.0, 6.0)
@@ -50,7 +52,6 @@ class HandSkip(Enum):
     DARK = "the frame is black"
     NOT_SEEN = "the hand is not in the frame"
     TWICE = "more than one hand is in the frame"
-    NO_POSE = "no pose of the hand explains what the frame shows"
 
 
 class HandDetection(NamedTuple):
@@ -123,26 +124,28 @@ class HandDetector:
         check_frame(frame_rgb, self._camera)
         if frame_rgb.max() <= DARK:
             return HandSkip.DARK
-        with self._lock:
-            return self._detect(frame_rgb, expected)
-
-    def _detect(self, frame: np.ndarray, expected: np.ndarray | None) -> HandDetection | HandSkip:
-        views = self._places(frame)
-        if expected is not None and expected[2, 3] > 0.0:
-            views.append(hand_view(expected, self._model.centre, self._model.radius, self._size))
-        found = [each for view in views if (each := self._examine(frame, view)) is not None]
+        found = self.candidates(frame_rgb, expected)
         sure = [each for each in found if each.score >= self._model.threshold]
         if not sure:
-            unclear = bool(found) and max(each.score for each in found) >= self._model.threshold
-            return HandSkip.NO_POSE if unclear else HandSkip.NOT_SEEN
+            return HandSkip.NOT_SEEN
         best = max(sure, key=lambda each: each.score)
-        if any(self._is_rival(each, best) for each in sure):
-            return HandSkip.TWICE
-        return best
+        return HandSkip.TWICE if any(self._is_rival(each, best) for each in sure) else best
 
-    @property
-    def _size(self) -> int:
-        return self._model.size
+    def candidates(
+        self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
+    ) -> list[HandDetection]:
+        """Poses at all places at which a hand may be, whatever their scores; see `detect`."""
+        with self._lock:
+            views = self._places(frame_rgb)
+            if expected is not None and expected[2, 3] > 0.0:
+                views.append(self._view(expected))
+            found = [self._examine(frame_rgb, view) for view in views]
+        return [each for each in found if each is not None]
+
+    def _view(self, pose: Floats, level: bool = False) -> CropView:
+        """The view of the hand at a pose in the camera (4, 4)."""
+        model = self._model
+        return hand_view(pose, model.centre, model.radius, model.size, level)
 
     def _is_rival(self, other: HandDetection, best: HandDetection) -> bool:
         """Whether another detection is a second hand."""
@@ -162,29 +165,29 @@ class HandDetector:
         views: list[CropView] = []
         for _ in range(MOST_PLACES):
             row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
-            if scores[row, column] < self._model.threshold / 2.0:
+            if scores[row, column] < LEAST_SCORE:
                 break
             dx, dy, log_slope = output[1:, row, column]
             at = (np.array([column + dx, row + dy]) + 0.5) * STRIDE - 0.5
             ray = camera.rays((at + 0.5) / factor - 0.5)
             if np.isfinite(ray).all():
-                views.append(looking_at(ray, float(np.exp(log_slope)), self._size))
+                views.append(looking_at(ray, float(np.exp(log_slope)), self._model.size))
             scores[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0.0
         return views
 
     def _examine(self, frame: np.ndarray, view: CropView) -> HandDetection | None:
         """The hand that a view shows; None if its points have no pose."""
-        for turn in range(TURNS):
+        found, score = None, 0.0
+        for _ in range(TURNS):
             output = _run(self._points, view.cut(frame, self._camera)).ravel().astype(float)
-            score = 1.0 / (1.0 + np.exp(-output[-1]))
+            score = 1.0 / (1.0 + float(np.exp(-output[-1])))
             found = pose_of_points(output, view, self._hand)
             if found is None:
                 return None
-            if turn + 1 < TURNS:
-                model = self._model
-                view = hand_view(found.pose, model.centre, model.radius, self._size, level=True)
+            view = self._view(found.pose, level=True)
+        assert found is not None
         scale = np.repeat([self._model.position_factor, self._model.rotation_factor], 3)
-        return HandDetection(found.pose, found.covariance * np.outer(scale, scale), float(score))
+        return HandDetection(found.pose, found.covariance * np.outer(scale, scale), score)
 
 
 def finder_input(frame: np.ndarray, factor: float) -> np.ndarray:

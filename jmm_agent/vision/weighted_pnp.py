@@ -1,8 +1,8 @@
 """Pose of known points from uncertain pixels of them, with its covariance.
 
-Minimises sum_i r_i' S_i^-1 r_i over the pose, where r_i is the distance of a point's measured slopes
-(x/z, y/z) from those of the pose, and S_i their covariance, by Gauss-Newton steps from the solution
-of OpenCV's SQPnP.
+Minimises sum_i r_i' S_i^-1 r_i over the pose, where r_i is the distance of a point's measured
+slopes (x/z, y/z) from those of the pose, and S_i their covariance, by Gauss-Newton steps from the
+solution of OpenCV's SQPnP. Far points count less, as with errors of a t distribution.
 """
 
 from __future__ import annotations
@@ -78,10 +78,10 @@ def _start(points: Floats, slopes: Floats) -> tuple[Floats, Floats] | None:
     )
     if not found or not np.isfinite(position).all():
         return None
-    rotation = cv2.Rodrigues(vector)[0]
+    rotation = np.asarray(cv2.Rodrigues(vector)[0], dtype=float)
     if (points @ rotation[2] + position[2]).min() < NEAREST:
         return None
-    return rotation, position.ravel()
+    return rotation, np.asarray(position, dtype=float).ravel()
 
 
 def _residuals(

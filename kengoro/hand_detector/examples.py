@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -138,7 +138,8 @@ def make_chunk(source: Source, number: int, folder: Path) -> None:
             rows["places"].append(((places - middle) / (source.size / 2.0)).astype(np.float32))
             rows["present"].append(np.float32(there))
     unfinished = path.with_suffix(".part.npz")
-    np.savez(unfinished, **{name: np.array(values) for name, values in rows.items()})
+    arrays: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
+    np.savez(unfinished, **arrays)
     os.replace(unfinished, path)
 
 
@@ -150,7 +151,7 @@ def chunk_path(folder: Path, number: int) -> Path:
 def _finder_example(
     frame: Frame, maker: FrameMaker, camera: Camera, random: np.random.Generator
 ) -> tuple[np.ndarray, Floats]:
-    """The frame made small, and of the hand: column, row [cells], log slope, whether it is there."""
+    """The frame made small; of the hand: column, row [cells], log slope, whether it is there."""
     factor = FINDER_FOCAL / camera.fx
     small = develop(finder_input(frame.image, factor), random)
     if frame.visible < PRESENT:

@@ -1,4 +1,4 @@
-"""Labelled frames of a robot's hand: a model in random postures and appearances, from its camera."""
+"""Labelled frames of a robot's hand: random postures and appearances, from its camera."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def develop(image: np.ndarray, random: np.random.Generator) -> np.ndarray:
         image: (h, w, 3) uint8.
         random: source of all.
     """
-    picture = image.astype(np.float32)
+    picture: np.ndarray = image.astype(np.float32)
     if random.random() < 0.5:
         picture = cv2.GaussianBlur(picture, (0, 0), float(random.uniform(0.3, 1.5)))
     gain = random.uniform(0.6, 1.35) * (1.0 + random.normal(0.0, 0.05, 3))

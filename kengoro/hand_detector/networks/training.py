@@ -1,8 +1,8 @@
 """Training of the networks of a hand detector, and their export as ONNX.
 
 ``python -m kengoro.hand_detector.networks.training`` runs it in a process of its own; what it needs
-to know comes as JSON, see `Job`. Checkpoints lie beside the examples: a run that was stopped goes on
-from the last one, and ends with the same weights.
+to know comes as JSON, see `Job`. Checkpoints lie beside the examples: a run that was stopped goes
+on from the last one, and ends with the same weights.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ RATE = 3e-3
 """Largest step size of AdamW."""
 WARM_UP = 0.1
 """Share of the steps in which the step size rises; then it falls as a cosine [1]."""
+HELD_OUT = 0.04
+"""Share of the examples that are not learned from: the last ones [1]."""
 CHECKPOINT = 60.0
 """Time between checkpoints [s]."""
 LARGEST_GRADIENT = 5.0
@@ -47,7 +49,6 @@ class Job:
         count: number of points.
         seed: of weights and order.
         threads: number of threads.
-        validation: number of last files of examples that are not learned from.
     """
 
     folder: str
@@ -57,7 +58,6 @@ class Job:
     count: int
     seed: int = 0
     threads: int = 2
-    validation: int = 1
 
 
 class Examples:
@@ -74,8 +74,8 @@ class Examples:
         for path in paths:
             with np.load(path) as stored:
                 parts.append([stored[name] for name in names])
-        self._count = sum(len(part[0]) for part in parts[: -job.validation])
         self._arrays = [np.concatenate([part[i] for part in parts]) for i in range(len(names))]
+        self._count = int(len(self._arrays[0]) * (1.0 - HELD_OUT))
 
     def batch(self, random: np.random.Generator) -> list[Tensor]:
         """Pictures (b, 3, h, w) in [0, 1] of training examples, and their labels."""
@@ -115,7 +115,7 @@ def train(job: Job) -> nn.Module:
         pictures, *labels = examples.batch(np.random.default_rng([job.seed, step]))
         error = loss(network(pictures.to(memory_format=torch.channels_last)), *labels)
         optimiser.zero_grad()
-        error.backward()  # type: ignore[no-untyped-call]
+        error.backward()
         nn.utils.clip_grad_norm_(network.parameters(), LARGEST_GRADIENT)
         optimiser.step()
         schedule.step()

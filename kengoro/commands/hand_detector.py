@@ -1,0 +1,125 @@
+"""`kengoro hand-detector`: trains a detector that finds a robot's hand without a marker."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from kengoro.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Args:
+    """Train a detector that finds a robot's hand in camera frames without a marker.
+
+    Attributes:
+        action: what is done.
+        model: MJCF of the robot in its surroundings.
+        out: file that is written, for `HandDetector`.
+        body: name of the hand's body.
+        camera: name of the camera.
+        hide: names of geoms that are not drawn, as a marker on the hand.
+        folder: of examples and checkpoints, from which a stopped run goes on; by default beside
+            the file.
+        frames: number of frames that are drawn.
+        samples: number of crops that are learned from, each several times.
+        size: of the crops [px], a multiple of 32.
+        points: number of points of the hand that are located.
+        seed: of frames, weights and order.
+        jobs: number of processes and threads.
+    """
+
+    action: Annotated[Literal["train"], tyro.conf.Positional]
+    model: Annotated[Path, tyro.conf.Positional]
+    out: Path
+    body: str = "hand"
+    camera: str = "eye"
+    hide: tuple[str, ...] = ()
+    folder: Path | None = None
+    frames: int = 12_000
+    samples: int = 100_000
+    size: int = 128
+    points: int = 16
+    seed: int = 0
+    jobs: int = 2
+
+
+def main(args: Args) -> None:
+    """Train, write the file, and print what the detector does in new frames."""
+    from kengoro.hand_detector.examples import Source
+    from kengoro.hand_detector.train import STAGES, Effort, train_detector
+
+    _check(args)
+    source = Source(
+        args.model.resolve(), args.body, args.camera, args.hide, args.size, args.points, args.seed
+    )
+    folder = args.folder or args.out.with_name(args.out.name + ".training")
+    effort = Effort(args.frames, args.samples, jobs=args.jobs)
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[text]}"),
+    )  # fmt: skip
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    with Progress(*columns) as bar:
+        tasks = {name: bar.add_task(name, total=1.0, text="", start=False) for name in STAGES}
+
+        def progress(stage: str, share: float, text: str) -> None:
+            bar.start_task(tasks[stage])
+            bar.update(tasks[stage], completed=share, text=text)
+
+        found = train_detector(source, args.out, folder, effort, _command(args), progress)
+    Console().print(
+        f"{args.out} ({os.path.getsize(args.out) / 2**20:.1f} MiB): in frames of the same kind "
+        f"{found.found:.1%} of the visible hands are found, and {found.claimed:.1%} of the frames "
+        f"without one claim one; errors, median (95th percentile): "
+        f"{1e3 * found.position[0]:.1f} ({1e3 * found.position[1]:.0f}) mm, "
+        f"{np.rad2deg(found.rotation[0]):.1f} ({np.rad2deg(found.rotation[1]):.0f}) deg.",
+        highlight=False,
+    )
+
+
+def _command(args: Args) -> str:
+    """The command that trains the same detector."""
+    hidden = f" --hide {' '.join(args.hide)}" if args.hide else ""
+    return (
+        f"kengoro hand-detector train {args.model.name} --out {args.out.name} --body {args.body} "
+        f"--camera {args.camera}{hidden} --frames {args.frames} --samples {args.samples} "
+        f"--size {args.size} --points {args.points} --seed {args.seed}"
+    )
+
+
+def _check(args: Args) -> None:
+    """Refuse what cannot be trained on, in one sentence."""
+    import mujoco
+
+    if not args.model.is_file():
+        raise UsageError(f"There is no model {args.model}; an MJCF file is needed.")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(args.model))
+    except ValueError as error:
+        raise UsageError(f"MuJoCo cannot read {args.model}: {error}") from error
+    for kind, name in (
+        ("body", args.body),
+        ("camera", args.camera),
+        *(("geom", n) for n in args.hide),
+    ):
+        count = {"body": model.nbody, "camera": model.ncam, "geom": model.ngeom}[kind]
+        names = [getattr(model, {"camera": "cam"}.get(kind, kind))(i).name for i in range(count)]
+        if name not in names:
+            there = ", ".join(sorted(filter(None, names))) or "none"
+            raise UsageError(f"{args.model} has no {kind} {name!r}; it has: {there}.")
+    for name, value, least in (
+        ("frames", args.frames, 1), ("samples", args.samples, 1), ("points", args.points, 4),
+        ("jobs", args.jobs, 1), ("size", args.size, 32), ("seed", args.seed, 0),
+    ):  # fmt: skip
+        if value < least:
+            raise UsageError(f"{name} is {value}, but it must be at least {least}.")
+    if args.size % 32:
+        raise UsageError(f"size is {args.size} px, but it must be a multiple of 32.")

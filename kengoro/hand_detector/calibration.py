@@ -1,0 +1,114 @@
+"""Calibration of a hand detector: what its covariances and scores are worth in new frames.
+
+The points of a hand err together, so the covariance of a pose from independent points is too small.
+Frames that no network learned from say by how much, and from which score on a hand is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.hand_detector import HandDetection, HandDetector
+from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
+from kengoro.hand_detector.evaluation import PoseError, pose_error
+from kengoro.hand_detector.examples import ABSENT, Source
+from kengoro.hand_detector.frames import Frame, FrameMaker, develop
+
+VISIBLE = 0.5
+"""Hands of which this share is visible are to be found [1]."""
+QUANTILE, CHI2 = 0.95, 7.815
+"""Share of the errors that the region of this squared distance must hold, at 3 degrees [1]."""
+FALSE = 0.005
+"""Share of the frames without a hand in which one may be claimed [1]."""
+LEAST = 0.5
+"""Least score from which on a hand is believed [1]."""
+
+
+class Calibration(NamedTuple):
+    """What a detector does in frames that no network learned from.
+
+    Attributes:
+        found: share of the visible hands that are found [1].
+        claimed: share of the frames without a hand in which one is claimed [1].
+        position: median and 95th percentile of the position's error [m].
+        rotation: the same of the rotation's [rad].
+    """
+
+    found: float
+    claimed: float
+    position: tuple[float, float]
+    rotation: tuple[float, float]
+
+
+def calibrate(
+    source: Source, path: Path, count: int, progress: Callable[[float], None]
+) -> Calibration:
+    """Set factors and threshold in the file of a detector; says what it does then.
+
+    Args:
+        source: what frames are made of.
+        path: of the file.
+        count: number of frames.
+        progress: called with the share that is done.
+    """
+    model, *networks = read_hand_model(path)
+    maker = source.maker()
+    camera = Camera.from_fovy(maker.width, maker.height, maker.fovy)
+    detector = HandDetector(camera, path)
+    scores, errors, without = [], [], []
+    for number, frame in enumerate(_frames(source, maker, count)):
+        found = max(detector.candidates(frame.image), key=_score, default=None)
+        if frame.visible >= VISIBLE:
+            scores.append(_score(found))
+            errors.append(None if found is None else pose_error(found, frame.pose))
+        elif frame.visible < ABSENT:
+            without.append(_score(found))
+        progress((number + 1) / count)
+    threshold = max(LEAST, float(np.quantile(without, 1.0 - FALSE)) + 1e-6) if without else LEAST
+    threshold = min(threshold, 1.0 - 1e-6)
+    believed = [
+        error for error, score in zip(errors, scores, strict=True)
+        if error is not None and score >= threshold
+    ]  # fmt: skip
+    write_hand_model(path, _calibrated(model, threshold, believed), *networks)
+    return Calibration(
+        float(np.mean(np.array(scores) >= threshold)),
+        float(np.mean(np.array(without) >= threshold)) if without else 0.0,
+        _spread([error.position for error in believed]),
+        _spread([error.rotation for error in believed]),
+    )
+
+
+def _score(found: HandDetection | None) -> float:
+    return 0.0 if found is None else found.score
+
+
+def _frames(source: Source, maker: FrameMaker, count: int) -> Iterator[Frame]:
+    """Frames that are not among the examples, as a camera makes them."""
+    for number in range(count):
+        random = np.random.default_rng([source.seed, 3, number])
+        frame = maker.make(random)
+        yield frame._replace(image=develop(frame.image, random))
+
+
+def _calibrated(model: HandModel, threshold: float, errors: list[PoseError]) -> HandModel:
+    """The model with a threshold, and with factors by which the covariances hold the errors."""
+    if not errors:
+        return replace(model, threshold=threshold)
+    position, rotation = (
+        float(np.sqrt(np.quantile([getattr(error, name) for error in errors], QUANTILE) / CHI2))
+        for name in ("position_share", "rotation_share")
+    )
+    return replace(model, threshold=threshold, position_factor=position, rotation_factor=rotation)
+
+
+def _spread(values: list[float]) -> tuple[float, float]:
+    if not values:
+        return float("nan"), float("nan")
+    return float(np.median(values)), float(np.quantile(values, 0.95))

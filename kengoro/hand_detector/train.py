@@ -1,0 +1,139 @@
+"""Training of a hand detector: examples, two networks, calibration, one file.
+
+Examples are drawn in processes of their own, and networks trained in others: PyTorch and drawing do
+not go together in one. All that is done lies in a folder, from which a stopped run goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from jmm_agent.vision.hand_model_file import HandModel, write_hand_model
+from kengoro.errors import UsageError
+from kengoro.hand_detector.calibration import Calibration, calibrate
+from kengoro.hand_detector.examples import CHUNK, FINDER_FOCAL, Source, make_chunk
+
+STAGES = ("examples", "finder", "points", "calibration")
+FINDER_SHARE = 0.5
+"""Examples of the finder for one of the points network [1]."""
+
+Progress = Callable[[str, float, str], None]
+"""Called with stage, share that is done, and a short text."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is done.
+
+    Attributes:
+        frames: number of frames that are drawn, rounded up to whole files.
+        samples: number of crops from which the points network learns, each several times.
+        calibration: number of frames of the calibration.
+        jobs: number of processes and threads.
+    """
+
+    frames: int = 12_000
+    samples: int = 100_000
+    calibration: int = 400
+    jobs: int = 2
+
+
+def train_detector(
+    source: Source, out: Path, folder: Path, effort: Effort, command: str, progress: Progress
+) -> Calibration:
+    """Train a detector and write its file.
+
+    Args:
+        source: what the frames are made of.
+        out: path of the file.
+        folder: of the examples and checkpoints.
+        effort: how much is done.
+        command: that the file names as the one that made it.
+        progress: shows how far it is.
+
+    Raises:
+        UsageError: PyTorch's exporter is missing, the folder is of another run, or the training
+            failed.
+    """
+    missing = [name for name in ("onnx", "onnxscript") if find_spec(name) is None]
+    if missing:
+        raise UsageError(
+            f"Training a hand detector needs {' and '.join(missing)}: pip install 'kengoro[train]'."
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    _claim(folder, source, effort)
+    _make_examples(source, folder, effort, progress)
+    for kind, share in (("finder", FINDER_SHARE), ("points", 1.0)):
+        _train_network(kind, int(share * effort.samples), source, folder, effort, progress)
+    points = tuple(map(tuple, source.maker().points.round(6).tolist()))
+    model = HandModel(source.body, points, source.size, FINDER_FOCAL, made_by=command)
+    networks = [(folder / f"{kind}.onnx").read_bytes() for kind in ("finder", "points")]
+    write_hand_model(out, model, *networks)
+    return calibrate(
+        source, out, effort.calibration, lambda share: progress("calibration", share, "")
+    )
+
+
+def _claim(folder: Path, source: Source, effort: Effort) -> None:
+    """Note in the folder what it is for; refuse one that is for another run."""
+    wanted = {
+        **asdict(source), "model": str(source.model), "hidden": list(source.hidden),
+        "frames": effort.frames, "samples": effort.samples,
+    }  # fmt: skip
+    path = folder / "run.json"
+    if path.exists() and json.loads(path.read_text()) != wanted:
+        raise UsageError(
+            f"{folder} is the folder of a training with other options; name another folder, or "
+            "remove it."
+        )
+    path.write_text(json.dumps(wanted, indent=1))
+
+
+def _make_examples(source: Source, folder: Path, effort: Effort, progress: Progress) -> None:
+    count = -(-effort.frames // CHUNK)
+    progress("examples", 0.0, "")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(effort.jobs, context) as pool:
+        tasks = [pool.submit(make_chunk, source, number, folder) for number in range(count)]
+        for done, task in enumerate(as_completed(tasks), start=1):
+            task.result()
+            progress("examples", done / count, f"{done * CHUNK} frames")
+
+
+def _train_network(
+    kind: str, samples: int, source: Source, folder: Path, effort: Effort, progress: Progress
+) -> None:
+    job: dict[str, Any] = {
+        "folder": str(folder), "kind": kind, "samples": samples, "size": source.size,
+        "count": source.count, "seed": source.seed, "threads": effort.jobs,
+    }  # fmt: skip
+    module = "kengoro.hand_detector.networks.training"
+    command = [sys.executable, "-m", module, json.dumps(job)]
+    errors = folder / f"{kind}.log"
+    progress(kind, 0.0, "")
+    with (
+        errors.open("w") as log,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                if line.startswith("{"):
+                    told = json.loads(line)
+                    loss = f"loss {told['curve'][1]:.2f}, of new examples {told['curve'][2]:.2f}"
+                    progress(kind, told["share"], loss)
+        except BaseException:
+            process.terminate()
+            raise
+    if process.returncode:
+        last = errors.read_text().strip().splitlines()[-1:] or ["no message"]
+        raise UsageError(f"The training of the {kind} network failed: {last[0]} (see {errors}).")
