@@ -95,7 +95,7 @@ class HandDetector:
         """Itself: it remembers nothing of a frame."""
         return self
 
-    def __reduce__(self) -> tuple[type[HandDetector], tuple[object, ...]]:
+    def __reduce__(self) -> tuple[type[HandDetector], tuple[Camera, str | os.PathLike[str]]]:
         return HandDetector, (self._camera, self._path)
 
     @property

@@ -114,13 +114,14 @@ def _model(path: Path, found: Any) -> HandModel:
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise AgentError(f"{path}: {MODEL} must have the format {FORMAT}; train the detector anew.")
     try:
-        model = HandModel(**{name: value for name, value in found.items() if name != "format"})
-        points = model.array
+        points = np.array(found["points"], dtype=float)
+        rest = {name: value for name, value in found.items() if name not in ("format", "points")}
+        model = HandModel(points=tuple(map(tuple, points.tolist())), **rest)
         right = points.ndim == 2 and points.shape[1] == 3 and len(points) >= 4
         numbers = [model.size, model.finder_focal, model.threshold]
         numbers += [model.position_factor, model.rotation_factor]
         if not (right and np.isfinite(points).all() and min(map(float, numbers)) > 0.0):
             raise ValueError("points or sizes are not valid")
-    except (TypeError, ValueError) as error:
+    except (TypeError, KeyError, ValueError) as error:
         raise AgentError(f"{path}: {MODEL} is not valid ({error}).") from error
     return model

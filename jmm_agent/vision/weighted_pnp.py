@@ -1,8 +1,9 @@
 """Pose of known points from uncertain pixels of them, with its covariance.
 
-Minimises sum_i r_i' S_i^-1 r_i over the pose, where r_i is the distance of a point's measured
-slopes (x/z, y/z) from those of the pose, and S_i their covariance, by Gauss-Newton steps from the
-solution of OpenCV's SQPnP. Far points count less, as with errors of a t distribution.
+The distance r_i of a point's measured slopes (x/z, y/z) from those of the pose has a t distribution
+with the scale S_i, so that far points count less. The pose of the largest likelihood minimises
+sum_i log(1 + r_i' S_i^-1 r_i / TAIL); Gauss-Newton steps with weights find it from the solution of
+OpenCV's SQPnP. Its covariance is the inverse of Fisher's information.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ import numpy as np
 
 from jmm_agent.types import Floats
 
-STEPS = 12
+STEPS = 20
 """Largest number of Gauss-Newton steps."""
 CONVERGED = 1e-7
 """Step [m, rad] at which they end."""
 NEAREST = 0.02
 """Points must be farther from the camera than this [m]."""
 TAIL = 4.0
-"""Degrees of freedom of the t distribution of a point's error: far ones count less."""
+"""Degrees of freedom of the t distribution of a point's error."""
 
 
 class PointsPose(NamedTuple):
@@ -44,7 +45,7 @@ def solve_points(points: Floats, slopes: Floats, covariances: Floats) -> PointsP
     Args:
         points: (n, 3) [m], in their own axes; n >= 4.
         slopes: measured (n, 2) [1].
-        covariances: of the slopes (n, 2, 2).
+        covariances: scales of the slopes' errors (n, 2, 2).
     """
     whitening = np.linalg.inv(np.linalg.cholesky(covariances))
     start = _start(points, slopes)
@@ -64,8 +65,9 @@ def solve_points(points: Floats, slopes: Floats, covariances: Floats) -> PointsP
         if np.abs(step).max() < CONVERGED:
             break
     residual, jacobian = _residuals(points, slopes, whitening, rotation, position)
-    weights = (TAIL + 2.0) / (TAIL + (residual**2).sum(axis=1))
-    information = np.einsum("n,nij,nik->jk", weights, jacobian, jacobian)
+    # Fisher's information of a t distribution, over that of a normal one with the same scale.
+    share = (TAIL + 2.0) / (TAIL + 4.0)
+    information = share * np.einsum("nij,nik->jk", jacobian, jacobian)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, position
     misfit = float((residual**2).sum() / residual.size)

@@ -104,17 +104,21 @@ def jittered_view(
     return looking_at(moved, slope, size, roll)
 
 
-def make_chunk(source: Source, number: int, folder: Path) -> None:
+def make_chunk(source: Source, number: int, folder: Path) -> int:
     """Write the examples of `CHUNK` frames into a file, unless it is there.
 
     Args:
         source: what the frames are made of.
         number: of the file.
         folder: of the files.
+
+    Returns:
+        Number of frames that show the hand.
     """
     path = chunk_path(folder, number)
     if path.exists():
-        return
+        with np.load(path) as stored:
+            return int(stored["cells"][:, 3].sum())
     maker = source.maker()
     camera = Camera.from_fovy(maker.width, maker.height, maker.fovy)
     rows: dict[str, list[object]] = {
@@ -141,6 +145,7 @@ def make_chunk(source: Source, number: int, folder: Path) -> None:
     arrays: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
     np.savez(unfinished, **arrays)
     os.replace(unfinished, path)
+    return int(arrays["cells"][:, 3].sum())
 
 
 def chunk_path(folder: Path, number: int) -> Path:

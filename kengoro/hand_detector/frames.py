@@ -20,6 +20,8 @@ TRIES = 200
 """Postures that are tried until one shows the hand."""
 NEAR, FAR = 0.12, 1.5
 """Distances of the hand from the camera that are used [m]."""
+FINGERS_MOVE = 0.3
+"""Share of the frames in which the fingers move [1]."""
 IN_VIEW = 0.9
 """Share of the frames in which the hand is in view [1]."""
 
@@ -75,6 +77,14 @@ class FrameMaker:
         model: see `load_model`.
         body: name of the hand's body.
         camera: name of the camera.
+        count: number of points of the hand.
+
+    Attributes:
+        points: of the hand in its own axes (count, 3) [m].
+        centre: middle of the hand in them (3,) [m].
+        radius: distance of the farthest point from it [m].
+        width, height: of the frames [px].
+        fovy: vertical view of the camera [rad].
     """
 
     def __init__(self, model: mujoco.MjModel, body: str, camera: str, count: int = 16) -> None:
@@ -88,6 +98,9 @@ class FrameMaker:
         self._visible.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = False
         geoms = self._hand[model.geom_bodyid] & (model.geom_group < 3)
         self._hand_geoms = set(np.flatnonzero(geoms).tolist())
+        turns = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        free = np.where(turns[:, None], [-np.pi, np.pi], [-0.1, 0.1])
+        self._ranges = np.where(model.jnt_limited[:, None] != 0, model.jnt_range, free)
         self.width, self.height = WIDTH, HEIGHT
         self.fovy = float(np.deg2rad(model.cam_fovy[self._camera]))
         self.focal = HEIGHT / 2.0 / np.tan(self.fovy / 2.0)
@@ -120,20 +133,19 @@ class FrameMaker:
         return Frame(image, pose, visible)
 
     def _pose(self, random: np.random.Generator) -> None:
+        """A random posture; fingers mostly stay as they are in the model."""
         model, data = self._model, self._data
-        low, high = model.jnt_range.T
+        data.qpos[:] = model.qpos0
+        fingers_move = random.random() < FINGERS_MOVE
         for joint in range(model.njnt):
-            address = model.jnt_qposadr[joint]
-            if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
-                data.qpos[address : address + 7] = model.qpos0[address : address + 7]
+            kind, address = model.jnt_type[joint], model.jnt_qposadr[joint]
+            if kind == mujoco.mjtJoint.mjJNT_FREE:
                 data.qpos[address : address + 2] += random.normal(0.0, 0.1, 2)
-            elif model.jnt_limited[joint]:
-                share = random.random()
-                if self._hand[model.jnt_bodyid[joint]] and joint_is_finger(
-                    model, joint, self._body
-                ):
-                    share = 0.0 if random.random() < 0.7 else share * 0.6
-                data.qpos[address] = low[joint] + share * (high[joint] - low[joint])
+            elif kind != mujoco.mjtJoint.mjJNT_BALL:
+                body = model.jnt_bodyid[joint]
+                finger = self._hand[body] and body != self._body
+                if not finger or fingers_move:
+                    data.qpos[address] = random.uniform(*self._ranges[joint])
         mujoco.mj_kinematics(model, data)
         mujoco.mj_camlight(model, data)
 
@@ -162,7 +174,7 @@ class FrameMaker:
     def _share_visible(self, scene: mujoco.MjvScene) -> float:
         """Share of the hand's pixels that nothing hides, from two pictures of its segments."""
         renderer = self._small
-        renderer._scene = scene
+        renderer._scene = scene  # the one that was decorated
         flags = scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT], flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1, 1
         both = []
@@ -176,11 +188,6 @@ class FrameMaker:
             both.append(int(((picture[..., 0] == 1) & (picture[..., 1] == 0)).sum()))
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT], flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0, 0
         return both[0] / both[1] if both[1] else 0.0
-
-
-def joint_is_finger(model: mujoco.MjModel, joint: int, body: int) -> bool:
-    """Whether a joint moves a part of the hand against its body."""
-    return int(model.jnt_bodyid[joint]) != body
 
 
 def develop(image: np.ndarray, random: np.random.Generator) -> np.ndarray:

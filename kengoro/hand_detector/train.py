@@ -23,6 +23,8 @@ from kengoro.hand_detector.calibration import Calibration, calibrate
 from kengoro.hand_detector.examples import CHUNK, FINDER_FOCAL, Source, make_chunk
 
 STAGES = ("examples", "finder", "points", "calibration")
+LEAST_SHOWN = 0.2
+"""Least share of the frames in which the hand must be seen [1]."""
 FINDER_SHARE = 0.5
 """Examples of the finder for one of the points network [1]."""
 
@@ -102,11 +104,18 @@ def _make_examples(source: Source, folder: Path, effort: Effort, progress: Progr
     count = -(-effort.frames // CHUNK)
     progress("examples", 0.0, "")
     context = multiprocessing.get_context("spawn")
+    shown = 0
     with ProcessPoolExecutor(effort.jobs, context) as pool:
         tasks = [pool.submit(make_chunk, source, number, folder) for number in range(count)]
         for done, task in enumerate(as_completed(tasks), start=1):
-            task.result()
+            shown += task.result()
             progress("examples", done / count, f"{done * CHUNK} frames")
+    if shown < LEAST_SHOWN * count * CHUNK:
+        raise UsageError(
+            f"The camera {source.camera!r} shows the body {source.body!r} in {shown} of "
+            f"{count * CHUNK} frames only: in random postures it must be in view, 0.12 to 1.5 m "
+            "away. Choose another camera or body, or narrow the joints' ranges in the model."
+        )
 
 
 def _train_network(

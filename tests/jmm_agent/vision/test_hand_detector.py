@@ -1,0 +1,201 @@
+"""Tests of the hand detector with networks that give known outputs."""
+
+from __future__ import annotations
+
+import copy
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from jmm_agent.errors import AgentError
+from jmm_agent.types import Floats
+from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.crop_view import MARGIN
+from jmm_agent.vision.hand_detector import HandDetection, HandDetector, HandSkip
+from jmm_agent.vision.hand_model_file import read_hand_model
+from tests.jmm_agent.vision.hand_files import MODEL, POINTS, write_constant_detector
+
+CAMERA = Camera.from_fovy(640, 480, np.deg2rad(45))
+GREY = np.full((480, 640, 3), 100, dtype=np.uint8)
+ROWS, COLUMNS = 16, 20
+
+
+def straight_hand(distance: float = 0.5) -> Floats:
+    """Pose of a hand whose middle is on the optical axis."""
+    pose = np.eye(4)
+    pose[:3, :3] = cv2.Rodrigues(np.array([1.2, 0.3, 0.1]))[0]
+    pose[:3, 3] = np.array([0.0, 0.0, distance]) - pose[:3, :3] @ MODEL.centre
+    return pose
+
+
+def finder_output(score: float, columns: float = 9.5, rows: float = 7.0) -> Floats:
+    """Output of a finder that sees a hand of 0.5 m distance at a place [cells]."""
+    output = np.zeros((4, ROWS, COLUMNS))
+    output[0] = -10.0
+    output[0, round(rows), round(columns)] = score
+    output[1], output[2] = columns - round(columns), rows - round(rows)
+    output[3] = np.log(MARGIN * MODEL.radius / 0.5)
+    return output
+
+
+def points_output(present: float, distance: float = 0.5) -> Floats:
+    """Output of a points network for the first view of the hand."""
+    pose = straight_hand(distance)
+    points = POINTS @ pose[:3, :3].T + pose[:3, 3]
+    places = points[:, :2] / points[:, 2:] / (MARGIN * MODEL.radius / distance)
+    spreads = np.tile([4.0, 4.0, 0.0], (len(POINTS), 1))
+    return np.concatenate([places.ravel(), spreads.ravel(), [present]])
+
+
+def detector(tmp_path: Path, finder: Floats, points: Floats) -> HandDetector:
+    path = tmp_path / "hand.zip"
+    write_constant_detector(path, finder, points)
+    return HandDetector(CAMERA, path)
+
+
+def test_points_in_the_crop_give_the_pose_of_the_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
+    # The principal point (319.5, 239.5) is cell 9.47, 6.97 of 8 px in a frame of 160 x 120.
+    middle = (
+        ((319.5 + 0.5) * 145.0 / CAMERA.fx) / 8.0 - 0.5,
+        ((239.5 + 0.5) * 145.0 / CAMERA.fx) / 8.0 - 0.5,
+    )
+    finder = detector(tmp_path, finder_output(5.0, *middle), points_output(4.0))
+    found = finder.detect(GREY)
+    assert isinstance(found, HandDetection)
+    assert found.pose_hand_in_camera == pytest.approx(straight_hand(), abs=2e-3)
+    assert found.score == pytest.approx(1.0 / (1.0 + np.exp(-4.0)))
+    assert np.linalg.eigvalsh(found.covariance).min() > 0.0
+    # Depth is known less than what is across the line of sight.
+    assert found.covariance[2, 2] > 2.0 * found.covariance[0, 0]
+    assert finder.frame == "hand"
+
+
+def test_factors_of_the_calibration_scale_the_covariance(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
+    plain = detector(tmp_path, finder_output(5.0), points_output(4.0)).detect(GREY)
+    scaled = replace(MODEL, position_factor=3.0, rotation_factor=2.0)
+    write_constant_detector(tmp_path / "b.zip", finder_output(5.0), points_output(4.0), scaled)
+    other = HandDetector(CAMERA, tmp_path / "b.zip").detect(GREY)
+    assert isinstance(plain, HandDetection)
+    assert isinstance(other, HandDetection)
+    ratio = other.covariance / plain.covariance
+    assert ratio[:3, :3] == pytest.approx(9.0)
+    assert ratio[3:, 3:] == pytest.approx(4.0)
+    assert ratio[:3, 3:] == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize(
+    ("finder", "points"), [(-10.0, 4.0), (5.0, -4.0)], ids=["no place", "no hand in the crop"]
+)
+def test_a_hand_that_no_network_believes_is_not_found(
+    tmp_path: Path, finder: float, points: float
+) -> None:
+    found = detector(tmp_path, finder_output(finder), points_output(points)).detect(GREY)
+    assert found is HandSkip.NOT_SEEN
+
+
+def test_the_expected_pose_is_looked_at_and_not_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
+    shown = detector(tmp_path, finder_output(-10.0), points_output(4.0))
+    assert shown.detect(GREY) is HandSkip.NOT_SEEN
+    found = shown.detect(GREY, straight_hand())
+    assert isinstance(found, HandDetection)
+    assert found.pose_hand_in_camera == pytest.approx(straight_hand(), abs=1e-5)
+    hidden = detector(tmp_path, finder_output(-10.0), points_output(-4.0))
+    assert hidden.detect(GREY, straight_hand()) is HandSkip.NOT_SEEN
+    behind = straight_hand()
+    behind[2, 3] = -0.5
+    assert shown.detect(GREY, behind) is HandSkip.NOT_SEEN
+
+
+def test_two_hands_at_different_places_are_ambiguous(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
+    both = np.maximum(finder_output(5.0, 4.0), finder_output(5.0, 15.0))
+    both[1:] = finder_output(5.0, 4.0)[1:]
+    assert detector(tmp_path, both, points_output(4.0)).detect(GREY) is HandSkip.TWICE
+
+
+def test_a_black_frame_is_named_and_a_frame_of_another_shape_refused(tmp_path: Path) -> None:
+    finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
+    assert finder.detect(np.zeros_like(GREY)) is HandSkip.DARK
+    with pytest.raises(AgentError, match="it must be a uint8 array of shape"):
+        finder.detect(GREY[:100])
+    with pytest.raises(AgentError, match="it must be a uint8 array of shape"):
+        finder.detect(GREY.astype(float))
+
+
+def test_it_says_whether_a_frame_shows_the_hand(tmp_path: Path) -> None:
+    finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
+    pose = straight_hand()
+    assert finder.shows(pose)
+    pose[0, 3] += 0.5
+    assert not finder.shows(pose)
+    pose = straight_hand()
+    pose[2, 3] = -0.5
+    assert not finder.shows(pose)
+
+
+def test_copies_and_pickles_find_the_same(tmp_path: Path) -> None:
+    finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
+    first = finder.detect(GREY)
+    kind, arguments = finder.__reduce__()
+    for other in (copy.deepcopy(finder), kind(*arguments)):
+        found = other.detect(GREY)
+        assert isinstance(first, HandDetection)
+        assert isinstance(found, HandDetection)
+        assert np.array_equal(found.pose_hand_in_camera, first.pose_hand_in_camera)
+
+
+def test_wrong_files_are_named_in_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(AgentError, match=r"There is no hand detector .*none.zip: `kengoro hand-"):
+        HandDetector(CAMERA, tmp_path / "none.zip")
+    text = tmp_path / "text.zip"
+    text.write_text("no archive")
+    with pytest.raises(AgentError, match="is no file of a hand detector"):
+        HandDetector(CAMERA, text)
+    path = tmp_path / "hand.zip"
+    write_constant_detector(path, finder_output(5.0), points_output(4.0))
+    model, finder, points = read_hand_model(path)
+    assert model == MODEL
+
+    def write(content: dict[str, object], network: bytes = finder) -> None:
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("hand.json", json.dumps(content))
+            archive.writestr("finder.onnx", network)
+            archive.writestr("points.onnx", points)
+
+    right = {"format": "hand-detector-1", "body": "hand", "points": POINTS.tolist(), "size": 64,
+             "finder_focal": 145.0}  # fmt: skip
+    for wrong, message in (
+        ({**right, "format": "hand-detector-9"}, "must have the format hand-detector-1"),
+        ({**right, "points": [[0.0, 0.0]]}, "hand.json is not valid"),
+        ({**right, "points": "pickle"}, "hand.json is not valid"),
+        ({**right, "size": 0}, "hand.json is not valid"),
+        ({**right, "sise": 64}, "hand.json is not valid"),
+    ):
+        write(wrong)
+        with pytest.raises(AgentError, match=message):
+            HandDetector(CAMERA, path)
+    write(right, b"no network")
+    with pytest.raises(AgentError, match="OpenCV cannot read the networks in"):
+        HandDetector(CAMERA, path)
+
+
+def test_the_same_networks_give_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a.zip", "b.zip"):
+        write_constant_detector(tmp_path / name, finder_output(5.0), points_output(4.0))
+    assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
