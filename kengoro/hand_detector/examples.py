@@ -1,7 +1,7 @@
 """Examples for the networks of a hand detector: frames made small, and crops around the hand.
 
-They are made in processes of their own, which draw, and lie in files of `CHUNK` frames each: a run
-that was stopped goes on with the files that are missing. The seed of a frame is its number.
+They are made in processes of their own, which draw, and lie in files of `CHUNK` frames: a run that
+was stopped goes on with the files that are missing. The seed of a frame is its number.
 """
 
 from __future__ import annotations
@@ -104,13 +104,14 @@ def jittered_view(
     return looking_at(moved, slope, size, roll)
 
 
-def make_chunk(source: Source, number: int, folder: Path) -> int:
-    """Write the examples of `CHUNK` frames into a file, unless it is there.
+def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) -> int:
+    """Write the examples of some frames into a file, unless it is there.
 
     Args:
         source: what the frames are made of.
         number: of the file.
         folder: of the files.
+        count: number of frames.
 
     Returns:
         Number of frames that show the hand.
@@ -124,7 +125,7 @@ def make_chunk(source: Source, number: int, folder: Path) -> int:
     rows: dict[str, list[object]] = {
         name: [] for name in ("small", "cells", "crops", "places", "present")
     }
-    for frame_number in range(number * CHUNK, (number + 1) * CHUNK):
+    for frame_number in range(number * CHUNK, number * CHUNK + count):
         random = np.random.default_rng([source.seed, 2, frame_number])
         frame = maker.make(random)
         if ABSENT <= frame.visible < PRESENT:

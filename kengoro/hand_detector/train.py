@@ -37,7 +37,7 @@ class Effort:
     """How much is done.
 
     Attributes:
-        frames: number of frames that are drawn, rounded up to whole files.
+        frames: number of frames that are drawn.
         samples: number of crops from which the points network learns, each several times.
         calibration: number of frames of the calibration.
         jobs: number of processes and threads.
@@ -101,19 +101,22 @@ def _claim(folder: Path, source: Source, effort: Effort) -> None:
 
 
 def _make_examples(source: Source, folder: Path, effort: Effort, progress: Progress) -> None:
-    count = -(-effort.frames // CHUNK)
+    starts = range(0, effort.frames, CHUNK)
     progress("examples", 0.0, "")
     context = multiprocessing.get_context("spawn")
     shown = 0
     with ProcessPoolExecutor(effort.jobs, context) as pool:
-        tasks = [pool.submit(make_chunk, source, number, folder) for number in range(count)]
+        tasks = [
+            pool.submit(make_chunk, source, number, folder, min(CHUNK, effort.frames - start))
+            for number, start in enumerate(starts)
+        ]
         for done, task in enumerate(as_completed(tasks), start=1):
             shown += task.result()
-            progress("examples", done / count, f"{done * CHUNK} frames")
-    if shown < LEAST_SHOWN * count * CHUNK:
+            progress("examples", done / len(starts), f"{done} of {len(starts)} files")
+    if shown < LEAST_SHOWN * effort.frames:
         raise UsageError(
             f"The camera {source.camera!r} shows the body {source.body!r} in {shown} of "
-            f"{count * CHUNK} frames only: in random postures it must be in view, 0.12 to 1.5 m "
+            f"{effort.frames} frames only: in random postures it must be in view, 0.12 to 1.5 m "
             "away. Choose another camera or body, or narrow the joints' ranges in the model."
         )
 

@@ -121,7 +121,7 @@ def train(job: Job) -> nn.Module:
         schedule.step()
         step += 1
         if step % max(steps // 40, 1) == 0 or step == steps:
-            curve.append([step * BATCH, float(error), _evaluate(network, loss, held)])
+            curve.append([step * BATCH, error.item(), _evaluate(network, loss, held)])
             _report(job, curve, step / steps)
         if time.monotonic() - saved > CHECKPOINT or step == steps:
             _save(state, network, optimiser, schedule, step, curve)

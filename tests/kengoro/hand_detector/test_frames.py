@@ -1,0 +1,134 @@
+"""Tests of labelled frames and of the examples that are cut from them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from kengoro.hand_detector.examples import Source, chunk_path, make_chunk
+from kengoro.hand_detector.frames import FrameMaker, develop, load_model
+from kengoro.hand_detector.hand_points import hand_points, subtree
+from kengoro_env.assets import asset_path
+
+STRANGER = Path(__file__).with_name("two_links.xml")
+SOURCES = {
+    "ours": Source(asset_path("mjcf/kengoro_arm/can_grasp.xml"), "hand", "eye", ("marker_plate",)),
+    "stranger": Source(STRANGER, "gripper", "above", ("tag",)),
+}
+
+
+def maker_without_hand(source: Source) -> FrameMaker:
+    """Makes the same frames with an invisible hand."""
+    model = load_model(source.model, np.random.default_rng([source.seed, 1]), source.hidden)
+    within = subtree(model, model.body(source.body).id)
+    model.geom_rgba[within[model.geom_bodyid], 3] = 0.0
+    return FrameMaker(model, source.body, source.camera, source.count)
+
+
+@pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
+def test_a_hand_is_where_its_label_says(source: Source) -> None:
+    """Without the hand, the frame differs where the label says that the hand is."""
+    maker, without = source.maker(), maker_without_hand(source)
+    tested = 0
+    for number in range(60):
+        frame = maker.make(np.random.default_rng([5, number]))
+        other = without.make(np.random.default_rng([5, number]))
+        assert np.array_equal(frame.pose, other.pose)
+        if frame.visible < 0.8:
+            continue
+        points = frame.points_in_camera(maker.points)
+        pixels = points[:, :2] / points[:, 2:] * maker.focal + [319.5, 239.5]
+        rows, columns = np.nonzero(np.abs(frame.image.astype(int) - other.image).max(axis=2) > 8)
+        if len(rows) < 400:  # the hand has the colour of what is behind it
+            continue
+        tested += 1
+        shown = np.array([np.quantile(columns, [0.02, 0.98]), np.quantile(rows, [0.02, 0.98])]).T
+        label = np.array([pixels.min(axis=0), pixels.max(axis=0)])
+        reach = float((label[1] - label[0]).max())
+        assert np.abs(shown - label).max() < 0.35 * reach
+        assert np.linalg.norm(shown.mean(axis=0) - label.mean(axis=0)) < 0.2 * reach
+    assert tested >= 10
+
+
+@pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
+def test_frames_are_of_many_kinds_and_the_same_for_the_same_seed(source: Source) -> None:
+    maker = source.maker()
+    frames = [maker.make(np.random.default_rng([6, number])) for number in range(30)]
+    again = maker.make(np.random.default_rng([6, 7]))
+    assert np.array_equal(again.image, frames[7].image)
+    assert again.visible == frames[7].visible
+    shares = np.array([frame.visible for frame in frames])
+    assert 0.5 < np.mean(shares > 0.0) < 1.0  # some frames show no hand
+    assert ((shares >= 0.0) & (shares <= 1.0)).all()
+    means = np.array([frame.image.mean(axis=(0, 1)) for frame in frames])
+    assert means.std(axis=0).min() > 15.0
+    distances = [frame.pose[2, 3] for frame in frames if frame.visible > 0.0]
+    assert max(distances) > 1.3 * min(distances)
+
+
+def test_a_hidden_geom_is_not_drawn() -> None:
+    """The stranger's black tag covers a part of the red palm, unless it is hidden."""
+    source = SOURCES["stranger"]
+    shown, hidden = replace(source, hidden=()).maker(), source.maker()
+    pairs = [
+        [maker.make(np.random.default_rng([7, number])) for maker in (shown, hidden)]
+        for number in range(12)
+    ]
+    assert any((a.image != b.image).any() for a, b in pairs)
+
+
+def test_points_are_of_the_hand_and_far_from_each_other() -> None:
+    model = mujoco.MjModel.from_xml_path(str(STRANGER))
+    body = model.body("gripper").id
+    geoms = {model.geom("palm").id, model.geom("finger").id}
+    points = hand_points(model, body, 8, geoms)
+    assert points.shape == (8, 3)
+    apart = np.linalg.norm(points[:, None] - points, axis=2) + np.eye(8)
+    assert apart.min() > 0.015
+    assert points[:, 0].min() >= -1e-9
+    assert points[:, 0].max() == pytest.approx(0.138, abs=1e-6)  # 0.08 + 0.05 + 0.008
+    assert np.abs(points[:, 1]).max() <= 0.03 + 1e-9
+
+
+def test_a_file_of_examples_has_crops_whose_places_are_the_points(tmp_path: Path) -> None:
+    source = SOURCES["stranger"]
+    shown = make_chunk(source, 0, tmp_path, 30)
+    with np.load(chunk_path(tmp_path, 0)) as stored:
+        arrays = dict(stored)
+    assert shown == arrays["cells"][:, 3].sum() > 10
+    count = len(arrays["crops"])
+    assert arrays["crops"].shape == (count, 128, 128, 3)
+    assert arrays["places"].shape == (count, 16, 2)
+    there = arrays["present"] == 1.0
+    assert 0.1 < np.mean(~there) < 0.6
+    # Around the hand the middle of its points is near the middle of the crop ...
+    middles = (arrays["places"].min(axis=1) + arrays["places"].max(axis=1))[there] / 2.0
+    assert np.median(np.linalg.norm(middles, axis=1)) < 0.3
+    # ... and the points reach over a good part of it.
+    reach = np.ptp(arrays["places"], axis=1).max(axis=1)[there]
+    assert 0.4 < np.median(reach) < 1.8
+    cells = arrays["cells"][arrays["cells"][:, 3] == 1.0]
+    rows, columns = (side / 8 for side in arrays["small"].shape[1:3])
+    assert ((cells[:, 0] > -1.0) & (cells[:, 0] < columns)).all()
+    assert ((cells[:, 1] > -1.0) & (cells[:, 1] < rows)).all()
+
+
+def test_files_that_are_there_are_kept(tmp_path: Path) -> None:
+    source = SOURCES["stranger"]
+    first = make_chunk(source, 3, tmp_path, 4)
+    stamp = chunk_path(tmp_path, 3).stat().st_mtime_ns
+    assert make_chunk(source, 3, tmp_path, 4) == first
+    assert chunk_path(tmp_path, 3).stat().st_mtime_ns == stamp
+    assert not list(tmp_path.glob("*.part*"))
+
+
+def test_a_camera_changes_brightness_colour_and_noise() -> None:
+    image = np.full((60, 80, 3), 120, dtype=np.uint8)
+    developed = [develop(image, np.random.default_rng(number)) for number in range(40)]
+    means = np.array([each.mean() for each in developed])
+    assert means.std() > 10.0
+    assert np.array_equal(developed[3], develop(image, np.random.default_rng(3)))
