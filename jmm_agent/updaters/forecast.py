@@ -17,7 +17,7 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
 from jmm_agent.updaters.vision_memory import VisionMemory
 from jmm_agent.updaters.vision_options import VisionOptions
-from jmm_agent.vision.camera_unknowns import corrected_observations
+from jmm_agent.vision.camera_unknowns import camera_of, corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.map_posterior import MapPosterior
 from jmm_agent.vision.marker_observation import MarkerObservation, PoseResidual
@@ -122,7 +122,8 @@ class Forecast:
         lengths = MapPosterior(problem.prior, problem.linearised(found.unknown))
         covariance = lengths.covariance_of_rest(before)
         angles = found.observed.angles[-1]
-        (shown,) = corrected_observations([observation], rests.camera)
+        camera = camera_of(self._marker_residual)
+        (shown,) = corrected_observations([observation], rests.camera, camera)
         return compared(shown, self._marker_residual, options, angles, covariance)
 
     def hand_error(

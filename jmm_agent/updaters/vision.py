@@ -27,7 +27,7 @@ from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.wiring_watch import WiringWatch
 from jmm_agent.updaters.zeroing_watch import ZeroingWatch
 from jmm_agent.vision.balance import Loads
-from jmm_agent.vision.camera_unknowns import corrected, corrected_observations
+from jmm_agent.vision.camera_unknowns import camera_of, corrected, corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.marker_observation import Frames
@@ -83,6 +83,7 @@ class VisionUpdater:
         hold_out = options.hold_out
         self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
         self._recent = options.observations.elongation_recent
+        self._camera = camera_of(marker_residual)
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
@@ -294,7 +295,7 @@ class VisionUpdater:
         lengths = [one.lengths for one in memory.observations] + [one.lengths for one in rests]
         if np.isnan(lengths).any():
             return False
-        shown = corrected_observations(memory.observations, memory.rests.camera)
+        shown = corrected_observations(memory.observations, memory.rests.camera, self._camera)
         found = self._wiring.found(self.assignment, shown, rests, self.elongated)
         if found is None:
             return False

@@ -97,10 +97,10 @@ def test_poses_of_other_frames_stay() -> None:
     other = MarkerObservation(pose, none, none, ("grip", None))
     own = MarkerObservation(pose, none, none)
     lens = np.array([0.0] * 7 + [-0.2])
-    left, moved = corrected_observations([other, own], lens)
+    left, moved = corrected_observations([other, own], lens, "eye")
     assert left.pose is pose
     assert apart(moved.pose, pose)[0] > 1e-3
-    assert corrected_observations([own], None)[0].pose is pose
+    assert corrected_observations([own], None, "eye")[0].pose is pose
 
 
 def test_a_prior_has_no_negative_widths() -> None:
