@@ -197,12 +197,15 @@ def _chosen(
     if guard and options is None:
         options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
     options = options or AgentOptions()
+    kind: HandKind | None = None
     sees: HandDetector | None = None
-    if not isinstance(hand, str | None):
-        hand, sees = "seen", hand
-    if hand is not None:
-        check_hand(hand)
-        options = replace(options, vision=replace(options.vision, hand=hand))
+    if hand is None or isinstance(hand, str):
+        kind = hand
+    else:
+        kind, sees = "seen", hand
+    if kind is not None:
+        check_hand(kind)
+        options = replace(options, vision=replace(options.vision, hand=kind))
     sees = sees or trained_hand(options, own, camera)
     if own and sees is not None and options.marker_site == AgentOptions().marker_site:
         options = replace(options, marker_site=sees.frame)

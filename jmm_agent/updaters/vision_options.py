@@ -26,6 +26,9 @@ class VisionOptions:
         hand: how frames show the hand: by the marker on it, or itself ("seen"), found by a
             `HandDetector`.
         distance: least distance from the posture of the last update, L2 norm [rad].
+        unexpected: probability of a right pose that is as far from where it is expected as one that
+            is not believed, for hands that are seen without a marker [1], see
+            `jmm_agent.updaters.unexpected_poses`; 0: all are believed.
         threshold: C, the largest ||theta_ik - theta_est||_2 that is believed [rad].
         lengths: lengths of a pair: l_target as in the paper, l, or min(l, l_target). None: l if
             commands have a feed-forward of tensions (`AgentOptions.feed_forward`), which then tend
@@ -61,11 +64,12 @@ class VisionOptions:
             actual robots (seeds 0-7) that were not zeroed anew it was -8 or less.
 
     Raises:
-        AgentError: the hand is neither "marker" nor "seen".
+        AgentError: the hand is neither "marker" nor "seen", or a probability is none.
     """
 
     hand: HandKind = "marker"
     distance: float = 0.15
+    unexpected: float = 1e-4
     threshold: float = 2.0
     lengths: PairLengths | None = None
     noise: float = 0.001
@@ -88,4 +92,9 @@ class VisionOptions:
         if self.hand not in get_args(HandKind):
             raise AgentError(
                 f"VisionOptions: hand is {self.hand!r}, but must be 'marker' or 'seen'."
+            )
+        if not 0.0 <= self.unexpected < 1.0:
+            raise AgentError(
+                f"VisionOptions: unexpected is {self.unexpected}, but must be at least 0 and "
+                "below 1."
             )
