@@ -74,6 +74,7 @@ from jmm_agent.vision.camera_delay import DelayEstimate
 from jmm_agent.vision.hand_detection import HandDetector
 from jmm_agent.vision.hand_finder import HandSeen
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
+from jmm_agent.vision.marker_observation import usual_noise
 from jmm_agent.vision.pose_covariance import numbers
 from jmm_agent.wiring import Wiring
 
@@ -511,7 +512,12 @@ class Agent:
         state = PlannerState(self.map, self.vision.memory, self.target, *near, limits)
         options, known = self.options, (self.kinematics, self._typical, self._observer.shows)
         frames = self._observer.frames or (options.marker_site, options.camera or None)
-        model = PlannerModel(self.vision.forecast, *known, frames, options.vision.observations)
+        noise = options.vision.observations
+        if options.vision.hand == "seen":
+            before = self.vision.memory.observations
+            usual = usual_noise(before, noise.position_noise, noise.rotation_noise)
+            noise = replace(noise, position_noise=usual[0], rotation_noise=usual[1])
+        model = PlannerModel(self.vision.forecast, *known, frames, noise)
         return planner_apart(model, self.statics, self._tensions, self.motors, state)
 
     def missed(self) -> str:

@@ -23,6 +23,8 @@ from jmm_agent.updaters.unexpected_poses import CONTRADICTED, UNEXPECTED
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.camera_clock import CameraClock
 from jmm_agent.vision.hand_detection import HandSkip
+from jmm_agent.vision.marker_observation import usual_noise
+from jmm_agent.vision.pose_covariance import UNKNOWN
 from tests.jmm_agent.moving_arm import MovingArm, MovingHand
 from tests.jmm_agent.nominal_arm import posture_set
 
@@ -246,6 +248,21 @@ def test_the_next_posture_is_one_that_shows_the_hand(trial: MovingArm) -> None:
     assert trial.agent.next_posture().in_view == 1.0
     trial.hand.seen = False
     assert trial.agent.next_posture().in_view == 0.0
+
+
+def test_a_look_is_expected_to_be_as_exact_as_those_before(trial: MovingArm) -> None:
+    expected = np.sqrt([0.003**2 + 44e-6 / 3.0, 0.01**2 + 3e-4])
+    before = trial.agent.posture_planner()._model.noise
+    assert (before.position_noise, before.rotation_noise) == (0.003, 0.01)
+    trial.visit(LEARNED[0])
+    after = trial.agent.posture_planner()._model.noise
+    np.testing.assert_allclose([after.position_noise, after.rotation_noise], expected)
+    [found] = trial.agent.vision.memory.observations
+    assert found.covariance is not None
+    plain, unknown = found._replace(covariance=None), found.covariance.copy()
+    unknown[3:, 3:] = UNKNOWN * np.eye(3)
+    others = [plain, found._replace(covariance=unknown)]
+    assert usual_noise(others, 0.003, 0.01) == pytest.approx((0.003, 0.01))
 
 
 def make(nominal_map: JointMuscleMap, arm: ArmKinematics, hand: Any, **options: Any) -> Agent:
