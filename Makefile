@@ -1,10 +1,13 @@
 # Each target sets up what it needs by itself: .venv/, the dependencies, and a way to render.
 # PYTHON chooses the interpreter that makes .venv (3.11 or newer).
+# HAND=seen shows the demo without a marker on the hand.
 
 PYTHON ?= python3
+HAND ?= marker
 VENV := .venv
 PY := $(VENV)/bin/python
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
+SEEN := $(patsubst %,-%,$(filter-out marker,$(HAND)))
 INSTALLED := $(VENV)/.installed
 DOCS := $(VENV)/.docs
 RL := $(VENV)/.rl
@@ -15,7 +18,7 @@ PACKAGES := kengoro kengoro_env jmm_agent reality_gap mjcf_sandbox hidden_plants
 .PHONY: demo test test-all check docs distributions clean
 
 demo: $(INSTALLED) $(RENDERS)
-	$(PY) -m experiments can-grasping --seeds 100-100 --out out/can-grasping
+	$(PY) -m experiments can-grasping --seeds 100-100 --hand $(HAND) --out out/can-grasping$(SEEN)
 
 # Triton, which comes with torch on Linux, crashes when it is imported after Mesa has drawn.
 test: $(INSTALLED) $(RENDERS)

@@ -189,7 +189,7 @@ def main(arguments: Sequence[str] = ()) -> None:
     took = perf_counter() - begin
     console = Console()
     console.print(steps_table(timer, args.minutes))
-    beside = cpu_of_process(agent.learning_process), cpu_of_thread("marker detection")
+    beside = cpu_of_process(agent.learning_process), cpu_of_thread("hand detection")
     console.print(
         f"{len(timer.cpu)} steps in {took:.0f} s; CPU beside the loop: {beside[0]:.1f} s in the "
         f"process, {beside[1]:.1f} s in the thread; not learned from: {agent.vision.dropped}; "

@@ -41,6 +41,8 @@ from .tension_distribution import TensionOptions
 from .updaters import VisionOptions
 from .vision.camera import Camera
 from .vision.camera_clock import CameraClock
+from .vision.hand_detection import HandDetection, HandDetector, HandSkip
+from .vision.hand_finder import HandSeen
 from .vision.hold_out import HoldOutOptions
 from .vision.marker_detector import Detector, MarkerDetector, MarkerPose
 from .vision.observation_prediction import ObservationPrediction
@@ -74,7 +76,11 @@ __all__ = [
     "GraspPlanner",
     "Guard",
     "GuardOptions",
+    "HandDetection",
+    "HandDetector",
     "HandLoad",
+    "HandSeen",
+    "HandSkip",
     "HeatMonitor",
     "HeatOptions",
     "HoldOutOptions",

@@ -71,7 +71,10 @@ from jmm_agent.updaters import (
 )
 from jmm_agent.vision.balance import Loads
 from jmm_agent.vision.camera_delay import DelayEstimate
+from jmm_agent.vision.hand_detection import HandDetector
+from jmm_agent.vision.hand_finder import HandSeen
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
+from jmm_agent.vision.marker_observation import usual_noise
 from jmm_agent.vision.pose_covariance import numbers
 from jmm_agent.wiring import Wiring
 
@@ -86,7 +89,7 @@ class Agent:
     Args:
         nominal_map: the map that was trained on the nominal model.
         kinematics: of the same n joints, in the map's order.
-        detector: finds markers in frames; None for an agent without a camera.
+        detector: finds markers in frames; None for an agent without a camera, or without markers.
         typical: postures (N, n) [rad] that set the scale of the prior.
         start: joint angles (n,) [rad] at which it believes to start.
         rng: samples rehearsal pairs.
@@ -98,6 +101,7 @@ class Agent:
             with, and which commands pull against; None if unknown.
         points: what displaced points of attachment do to the lengths, see
             `jmm_agent.mapping.point_weights`; None if unknown.
+        hand: finds the hand in frames without a marker, for `VisionOptions(hand="seen")`.
 
     Attributes:
         guard: as given, or a `NullGuard`; may be replaced before an episode begins.
@@ -120,8 +124,9 @@ class Agent:
             because it holds only while no forces but gravity act (sec. I).
 
     Raises:
-        AgentError: kinematics and map have different joints, a frame of the options is unknown, or
-            there is a detector without a camera.
+        AgentError: kinematics and map have different joints, a frame of the options or of the
+            hand's detector is unknown, there is a detector without a camera, or not the one that
+            the options name.
     """
 
     limits: CommandLimits | None = None
@@ -142,6 +147,7 @@ class Agent:
         guard: Guard | None = None,
         loads: Loads | None = None,
         points: PointWeights | None = None,
+        hand: HandDetector | None = None,
     ) -> None:
         self.options = options = options or AgentOptions()
         self.kinematics = kinematics
@@ -150,7 +156,7 @@ class Agent:
         learned = map_learning(nominal_map, kinematics, typical, rng, options, rule, loads, points)
         self._learned, self.learner = learned, learned.learner
         self.antagonism, self.vision = learned.antagonism, learned.vision
-        self._observer = HandObserver(detector, kinematics, options)
+        self._observer = HandObserver(detector, kinematics, options, hand)
         self._schedule = Schedule(learned, options.learning, self._map_changed)
         self._rests = RestLearning(learned, self._schedule, self._observer, options)
         limits, self.in_use = kinematics.limits, MusclesInUse(nominal_map.muscles)
@@ -285,6 +291,15 @@ class Agent:
     def markers(self) -> dict[int, MarkerPose]:
         """Markers in the newest frame in which they were detected, by id."""
         return self._observer.markers
+
+    @property
+    def hand(self) -> HandSeen | None:
+        """The hand in the newest frame that was searched for it; None if it was not found.
+
+        Its pose is in the camera as it is modelled.
+        """
+        hand = self._observer.hand
+        return hand if isinstance(hand, HandSeen) else None
 
     @property
     def unreachable(self) -> str:
@@ -496,8 +511,13 @@ class Agent:
         near = self.options.vision.distance, self.options.vision.stop_margin
         state = PlannerState(self.map, self.vision.memory, self.target, *near, limits)
         options, known = self.options, (self.kinematics, self._typical, self._observer.shows)
-        frames = options.marker_site, options.camera or None
-        model = PlannerModel(self.vision.forecast, *known, frames, options.vision.observations)
+        frames = self._observer.frames or (options.marker_site, options.camera or None)
+        noise = options.vision.observations
+        if options.vision.hand == "seen":
+            before = self.vision.memory.observations
+            usual = usual_noise(before, noise.position_noise, noise.rotation_noise)
+            noise = replace(noise, position_noise=usual[0], rotation_noise=usual[1])
+        model = PlannerModel(self.vision.forecast, *known, frames, noise)
         return planner_apart(model, self.statics, self._tensions, self.motors, state)
 
     def missed(self) -> str:

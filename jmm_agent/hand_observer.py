@@ -22,13 +22,23 @@ from jmm_agent.options import AgentOptions
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera_clock import ExposureClock
 from jmm_agent.vision.camera_delay import DelayEstimate
-from jmm_agent.vision.hand_marker import FrameJob, FrameMarkers, HandMarker
+from jmm_agent.vision.hand_detection import HandDetector
+from jmm_agent.vision.hand_finder import (
+    Findings,
+    FrameFinder,
+    FrameJob,
+    Hand,
+    HandFinder,
+    HandMissed,
+    HandSeen,
+)
+from jmm_agent.vision.hand_marker import HandMarker
 from jmm_agent.vision.hand_pose import ArmSample, HandPoses
+from jmm_agent.vision.hand_shape import HandShape
 from jmm_agent.vision.marker_detector import Detector, MarkerPose
 from jmm_agent.vision.marker_observation import Frames
 
 BLURRED = "the hand moved while the frame was exposed"
-NO_MARKER = "the hand's marker was not seen"
 NOT_AT_REST = "a fault was found, or the hand was not free"
 
 
@@ -64,44 +74,52 @@ class HandObserver:
     """Selects what is learned from among camera frames and measured poses of the hand.
 
     Args:
-        detector: finds markers in frames; None for an agent without a camera.
+        detector: finds markers in frames; None if there are none to find.
         kinematics: of the arm.
         options: of the agent.
+        hand: finds the hand without a marker, for `VisionOptions(hand="seen")`.
 
     Attributes:
+        hand: the hand in the newest frame that was searched for it, or why it was not found.
         markers: markers in the newest frame in which they were detected, by id.
         due: whether an observation of the present rest is awaited.
 
     Raises:
-        AgentError: there is a detector without a camera.
+        AgentError: there is a detector without a camera, or not the one that the options name.
     """
 
     def __init__(
-        self, detector: Detector | None, kinematics: ArmKinematics, options: AgentOptions
+        self,
+        detector: Detector | None,
+        kinematics: ArmKinematics,
+        options: AgentOptions,
+        hand: HandDetector | None = None,
     ) -> None:
-        self._options = options
-        self._marker = _hand_marker(detector, kinematics, options)
-        self._frames = beside(self._marker, options.learning)
+        self._finder = _finder(detector, kinematics, options, hand)
+        self._frames = beside(self._finder, options.learning)
         noise = options.vision.observations.position_noise
+        noise = noise if self._finder is None else self._finder.position_noise
         self._exposure = ExposureClock(options.camera_clock, noise)
         self._poses = HandPoses(kinematics, options.settling.window, noise)
-        self._frame_time, self._asked = -np.inf, np.inf
+        self._frame_time = self._marker_time = -np.inf
+        self._asked = np.inf
+        self.hand = self._none()
         self.markers: dict[int, MarkerPose] = {}
         self.due = False
 
     @property
     def shows(self) -> Callable[[Floats], bool] | None:
         """Whether a frame shows the hand at a pose in the camera (4, 4); None: unknown."""
-        return None if self._marker is None else self._marker.shows
+        return None if self._finder is None else self._finder.shows
 
     def reset(self) -> None:
         """Forget all frames and poses, as before a new episode."""
         if self._frames is not None:
             self._frames.reset()
-        self._frame_time = -np.inf
+        self._frame_time = self._marker_time = -np.inf
         self._exposure.reset()
         self._poses.reset()
-        self.due, self.markers = False, {}
+        self.due, self.hand, self.markers = False, self._none(), {}
 
     def map_changed(self) -> None:
         """Forget what was expected with another map."""
@@ -119,9 +137,14 @@ class HandObserver:
         return self._poses.clock_problem
 
     @property
-    def finder(self) -> FrameMarkers | None:
-        """Finds the hand's marker in frames; None for an agent without a camera."""
-        return self._frames or self._marker
+    def finder(self) -> FrameFinder | None:
+        """Finds the hand in frames; None for an agent without a camera."""
+        return self._frames or self._finder
+
+    @property
+    def frames(self) -> tuple[str, str] | None:
+        """Whose pose a frame shows, and the camera; None for an agent without a camera."""
+        return None if self._finder is None else self._finder.frames
 
     @property
     def entered(self) -> list[Entered]:
@@ -168,7 +191,7 @@ class HandObserver:
 
     def begin_rest(self) -> None:
         """Await an observation of a rest, at which the lengths have settled just now."""
-        self.due, self._asked = self._marker is not None or self._poses.alive, np.inf
+        self.due, self._asked = self._finder is not None or self._poses.alive, np.inf
         self._exposure.end_movement()
         self._poses.end_movement()
 
@@ -177,7 +200,7 @@ class HandObserver:
         self.due, self._asked = False, np.inf
 
     def follow(self, readings: SensorReadings, q: Floats) -> None:
-        """Follow the marker, where exposure or delay of the camera demand it.
+        """Follow the hand, where exposure or delay of the camera demand it.
 
         Args:
             readings: of this control step.
@@ -186,16 +209,15 @@ class HandObserver:
         Raises:
             AgentError: the frame has a wrong shape or type.
         """
-        if self._marker is None or not self._exposure.follows:
+        if self._finder is None or not self._exposure.follows:
             return
-        self._exposure.expect(readings.time, self._marker.pose(q)[:3, 3])
+        self._exposure.expect(readings.time, self._finder.pose(q)[:3, 3])
         if not self._exposure.estimating or readings.frame is None:
             return
         after = np.nextafter(self._exposure.followed, np.inf)
-        found = (self._detected(readings, q, after) or {}).get(self._options.hand_marker)
-        if found is not None:
-            position = found.pose_marker_in_camera[:3, 3]
-            self._exposure.add_frame(self._frame_time, position)
+        hand = self._found(readings, q, after)
+        if isinstance(hand, HandSeen):
+            self._exposure.add_frame(self._frame_time, hand.pose[:3, 3])
 
     def observe_pose(self, sample: ArmSample, trusted: bool) -> Observed:
         """A measured pose of the hand, if one was measured at rest.
@@ -215,7 +237,7 @@ class HandObserver:
         return Observed(observation, tuple(poses.take_dropped()))
 
     def observe_frame(self, readings: SensorReadings, sample: ArmSample) -> Observed:
-        """The marker in a frame that was exposed during the rest, if it is sharp.
+        """The hand in a frame that was exposed during the rest, if it is sharp.
 
         Args:
             readings: of this control step.
@@ -226,7 +248,7 @@ class HandObserver:
         """
         if not np.isfinite(sample.since):
             self.due = False
-        if self._marker is None or not self.due or not self._exposure.in_rest(sample.since):
+        if self._finder is None or not self.due or not self._exposure.in_rest(sample.since):
             return Observed()
         blurred = self._exposure.blurred()
         if blurred is None:
@@ -235,15 +257,14 @@ class HandObserver:
             self._exposure.refuse()
             return Observed(dropped=(BLURRED,))
         self._asked = min(self._asked, readings.frame_time)
-        markers = self._detected(readings, sample.estimate, self._asked)
-        if markers is None:
+        hand = self._found(readings, sample.estimate, self._asked)
+        if hand is None:
             return Observed()
         self.due = False
         self._poses.rest_used(sample.since)
-        found = markers.get(self._options.hand_marker)
-        if found is None:
-            return Observed(dropped=(NO_MARKER,))
-        return Observed(HandObservation(sample, found.pose_marker_in_camera))
+        if isinstance(hand, HandMissed):
+            return Observed(dropped=(hand.reason,))
+        return Observed(HandObservation(sample, hand.pose, hand.frames, hand.covariance))
 
     def detect(self, readings: SensorReadings, q: Floats) -> dict[int, MarkerPose]:
         """Markers in the newest frame, by id, searched at once; those of before without a new one.
@@ -255,10 +276,9 @@ class HandObserver:
         Raises:
             AgentError: the frame has a wrong shape or type.
         """
-        new = readings.frame_time != self._frame_time
-        if self._marker is not None and readings.frame is not None and new:
-            self.markers = self._marker.detect(readings.frame, q).poses
-            self._frame_time = readings.frame_time
+        new = readings.frame_time != self._marker_time
+        if self._finder is not None and readings.frame is not None and new:
+            self._take(readings.frame_time, self._finder.find_markers(readings.frame, q))
         return self.markers
 
     def why_unobserved(self, readings: SensorReadings, since: float) -> str:
@@ -268,34 +288,64 @@ class HandObserver:
             readings: of this control step.
             since: time from which the lengths have been at rest [s].
         """
-        if self._marker is not None:
+        if self._finder is not None:
             return _why_no_frame(readings, since - self._exposure.begin) if self.due else ""
         if self.due or (self._poses.stalled and not self._poses.used(since)):
             return "no pose of the hand was measured in this rest"
         return ""
 
-    def _detected(
-        self, readings: SensorReadings, q: Floats, since: float
-    ) -> dict[int, MarkerPose] | None:
-        """Markers in the newest frame that was searched; None before one of a time [s] or later."""
-        if self._frames is None or readings.frame is None:
-            return self.detect(readings, q)
-        self._frames.submit(FrameJob(readings.frame_time, readings.frame, q, readings.lengths))
-        if self._frames.newest is None or self._frames.newest[0].time < since:
+    def _found(self, readings: SensorReadings, q: Floats, since: float) -> Hand | None:
+        """The hand in the newest frame that was searched; None before one of a time [s] or later.
+
+        Where frames are searched in the step that needs them, that is the newest frame.
+        """
+        finder, frame, frames = self._finder, readings.frame, self._frames
+        if finder is None or frame is None:
+            return self.hand
+        if frames is None:
+            if readings.frame_time != self._frame_time:
+                self._take(readings.frame_time, finder.find(frame, q))
+            return self.hand
+        frames.submit(FrameJob(readings.frame_time, frame, q, readings.lengths))
+        if frames.newest is None or frames.newest[0].time < since:
             return None
-        self._frame_time, self.markers = self._frames.newest[0].time, self._frames.newest[1].poses
-        return self.markers
+        job, found = frames.newest
+        self._take(job.time, found)
+        return self.hand
+
+    def _none(self) -> Hand:
+        """The hand before a frame was searched."""
+        return HandMissed("absent", "" if self._finder is None else self._finder.missing)
+
+    def _take(self, time: float, found: Findings) -> None:
+        """Keep what was found in a frame of a time [s]."""
+        if found.hand is not None:
+            self.hand, self._frame_time = found.hand, time
+        if found.markers is not None:
+            self.markers, self._marker_time = found.markers, time
 
 
-def _hand_marker(
-    detector: Detector | None, kinematics: ArmKinematics, options: AgentOptions
-) -> HandMarker | None:
-    if detector is None:
+def _finder(
+    detector: Detector | None,
+    kinematics: ArmKinematics,
+    options: AgentOptions,
+    hand: HandDetector | None,
+) -> HandFinder | None:
+    """Finds the hand as the options want it; None without a camera."""
+    seen = options.vision.hand == "seen"
+    if detector is None and hand is None and not (seen and options.camera):
         return None
     if not options.camera:
         raise AgentError("Agent: a detector needs a camera, but the options name none.")
-    names = options.camera, options.marker_site
-    return HandMarker(detector, kinematics, options.hand_marker, *names)
+    if seen != (hand is not None):
+        which = "needs a detector of the hand" if seen else "needs none of the hand"
+        raise AgentError(f"Agent: VisionOptions(hand={options.vision.hand!r}) {which}.")
+    if hand is not None:
+        return HandShape(hand, detector, kinematics, options.camera)
+    assert detector is not None
+    number, names = options.hand_marker, (options.camera, options.marker_site)
+    noise = options.vision.observations.position_noise
+    return HandMarker(detector, kinematics, number, *names, noise)
 
 
 def _why_no_frame(readings: SensorReadings, early: float) -> str:

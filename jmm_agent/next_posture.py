@@ -50,9 +50,9 @@ class PlannerModel(NamedTuple):
         forecast: of the Vision Updater, which has the posterior of the robot's lengths.
         kinematics: of the arm.
         typical: postures (N, n) [rad] that are candidates if none are given.
-        shows: whether a frame shows the hand's marker at a pose in the camera's frame (4, 4); None:
+        shows: whether a frame shows the hand at a pose in the camera's frame (4, 4); None:
             no camera sees it.
-        frames: site of the hand's marker, and frame of the camera; None: world.
+        frames: frame of the hand, such as its marker's site, and of the camera; None: world.
         noise: of the hand's poses.
     """
 

@@ -90,7 +90,7 @@ SCALED: Mapping[str, Mapping[str, str]] = {
     },
     "DelayMonitorOptions": {"least": "tension"},
     "DisturbanceMonitorOptions": {"least": "force", "usual_change": "force"},
-    "CameraMonitorOptions": {"moved": "length", "still_m": "reach"},
+    "CameraMonitorOptions": {"moved": "length", "still_m": "reach", "follows_m": "reach"},
 }
 """Ratio (a key of `RobotScales.ratios`) that each option follows, by record and option."""
 

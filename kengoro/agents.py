@@ -23,13 +23,16 @@ from jmm_agent.options import AgentOptions
 from jmm_agent.scales import RobotScales, robot_scales
 from jmm_agent.types import Floats
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.updaters.vision_options import HandKind
 from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.hand_detection import HandDetector
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.marker_detector import Detector, MarkerDetector
 from kengoro.errors import UsageError
 from kengoro.hand_search import READY
+from kengoro.hand_weights import trained_hand
 from kengoro.nominal_robot import NominalRobot
-from kengoro.robots import SIDES, arm_scene, check_seed, sample_within
+from kengoro.robots import SIDES, arm_scene, check_hand, check_seed, sample_within
 from kengoro.trained_maps import map_of, points_of
 from kengoro_env.postures import posture_set
 
@@ -44,6 +47,7 @@ class _Design(NamedTuple):
     camera: Camera
     motors: MotorControl
     scales: RobotScales
+    options: AgentOptions
 
 
 def make_agent(
@@ -59,6 +63,7 @@ def make_agent(
     jmm: JointMuscleMap | None = None,
     dictionary: str = "DICT_4X4_50",
     detector: Detector | None = None,
+    hand: HandKind | HandDetector | None = None,
     motors: MotorControl | None = None,
     scales: RobotScales | None = None,
     options: AgentOptions | None = None,
@@ -82,6 +87,7 @@ def make_agent(
         jmm: the map to begin with; that of the nominal model if left out, trained once and kept.
         dictionary: name of the markers' dictionary in OpenCV, see `MarkerDetector`.
         detector: finds markers in frames; a `MarkerDetector` if left out.
+        hand: how frames show it: "marker", "seen" or a `HandDetector`; by ``options`` if left out.
         motors: gains and limit; those of the MJCF file, or by its load, if left out.
         scales: of the robot; by its nominal model if left out.
         options: of the agent; they name its camera and markers, too. Others derive from the model.
@@ -95,23 +101,23 @@ def make_agent(
         UsageError: an argument is not valid, or the model has no such camera or marker.
         CommissioningError: a fault of the run cannot be undone.
     """
-    order = _order(seed, commissioning)
-    options, own = _chosen(options, guard), scene is not None
+    order, own = _order(seed, commissioning), scene is not None
+    options, sees = _chosen(options, guard, hand, own, camera)
     design = _design(scene, folders, camera, marker_sides, motors, options, scales, jmm)
-    options = design.scales.agent_options(options)
     design, jmm = _mapped(design, scene, folders, jmm, cache, commissioning)
     typical, start = _postures(design.robot, jmm.joints, own, postures, start)
-    given = detector or _detector(options, design.camera, marker_sides, dictionary)
-    rng, known = np.random.default_rng([seed, 2]), _known(design, jmm, cache)
-    agent = Agent(jmm, design.kinematics, given, typical, start, rng, options, rule, **known)
-    agent.guard = _guard(design, jmm, options, guard_options) if guard else agent.guard
-    return _equipped(agent, design, learning, order)
+    given = detector or _detector(design, marker_sides, dictionary)
+    rng, known = np.random.default_rng([seed, 2]), _known(design, jmm, cache, sees)
+    agent = Agent(jmm, design.kinematics, given, typical, start, rng, design.options, rule, **known)
+    return _equipped(agent, design, learning, order, guard, guard_options)
 
 
-def _known(design: _Design, jmm: JointMuscleMap, cache: Path | None) -> dict[str, Any]:
-    """What the nominal model knows of loads, and of points of attachment."""
+def _known(
+    design: _Design, jmm: JointMuscleMap, cache: Path | None, hand: HandDetector | None
+) -> dict[str, Any]:
+    """What is known of loads, of points of attachment, and of the hand's shape."""
     points = points_of(jmm, design.robot.model, cache)
-    return {"loads": design.robot.arm, "points": points}
+    return {"loads": design.robot.arm, "points": points, "hand": hand}
 
 
 def _order(seed: int, commissioning: Commissioning | None) -> MuscleOrder | None:
@@ -121,8 +127,16 @@ def _order(seed: int, commissioning: Commissioning | None) -> MuscleOrder | None
     return order if order is not None and order.changes else None
 
 
-def _equipped(agent: Agent, design: _Design, learning: bool, order: MuscleOrder | None) -> Agent:
-    """The agent with what it knows of the robot's motors and muscles."""
+def _equipped(
+    agent: Agent,
+    design: _Design,
+    learning: bool,
+    order: MuscleOrder | None,
+    guard: bool,
+    options: GuardOptions | None,
+) -> Agent:
+    """The agent with its guard, and what it knows of the robot's motors and muscles."""
+    agent.guard = _guard(design, agent.map, options) if guard else agent.guard
     agent.statics, agent.motors = design.robot.statics(design.motors), design.motors
     agent.learning, agent.order = learning, order
     agent.heat = _heat(design, agent.map, agent.options)
@@ -157,17 +171,45 @@ def _mapped(
 
 
 def _detector(
-    options: AgentOptions, camera: Camera, marker_sides: Mapping[int, float], dictionary: str
+    design: _Design, marker_sides: Mapping[int, float], dictionary: str
 ) -> Detector | None:
-    """Detector of the hand's markers; None if there is no camera."""
-    return MarkerDetector(camera, marker_sides, dictionary) if options.camera else None
+    """Detector of the markers; None if there is no camera, or no marker but that of the hand."""
+    options = design.options
+    if options.vision.hand == "seen":
+        others = marker_sides.items()
+        marker_sides = {one: side for one, side in others if one != options.hand_marker}
+    if not options.camera or not (marker_sides or options.vision.hand == "marker"):
+        return None
+    return MarkerDetector(design.camera, marker_sides, dictionary)
 
 
-def _chosen(options: AgentOptions | None, guard: bool) -> AgentOptions:
-    """Options before they are scaled."""
+def _chosen(
+    options: AgentOptions | None,
+    guard: bool,
+    hand: HandKind | HandDetector | None,
+    own: bool,
+    camera: Camera | None,
+) -> tuple[AgentOptions, HandDetector | None]:
+    """Options before they are scaled, and what finds the hand if it is seen without a marker.
+
+    A robot of one's own may have no marker's site: the frame of the hand is used in its stead.
+    """
     if guard and options is None:
         options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
-    return options or AgentOptions()
+    options = options or AgentOptions()
+    kind: HandKind | None = None
+    sees: HandDetector | None = None
+    if hand is None or isinstance(hand, str):
+        kind = hand
+    else:
+        kind, sees = "seen", hand
+    if kind is not None:
+        check_hand(kind)
+        options = replace(options, vision=replace(options.vision, hand=kind))
+    sees = sees or trained_hand(options, own, camera)
+    if own and sees is not None and options.marker_site == AgentOptions().marker_site:
+        options = replace(options, marker_site=sees.frame)
+    return options, sees
 
 
 def _design(
@@ -188,7 +230,7 @@ def _design(
     motors = robot.motors() if motors is None else motors
     if scales is None:
         scales = _scales(robot, kinematics, camera, marker_sides, motors, options)
-    return _Design(robot, kinematics, camera, motors, scales)
+    return _Design(robot, kinematics, camera, motors, scales, scales.agent_options(options))
 
 
 def _check_types(**given: object) -> None:
@@ -245,10 +287,8 @@ def _heat(design: _Design, jmm: JointMuscleMap, options: AgentOptions) -> HeatMo
     return None if heat is None else HeatMonitor(jmm.muscles, design.motors, heat)
 
 
-def _guard(
-    design: _Design, jmm: JointMuscleMap, options: AgentOptions, given: GuardOptions | None
-) -> Guard:
-    named = design.scales.guard_options(_named(given, design.kinematics, options))
+def _guard(design: _Design, jmm: JointMuscleMap, given: GuardOptions | None) -> Guard:
+    named = design.scales.guard_options(_named(given, design.kinematics, design.options))
     gravity = design.robot.arm.gravity
     return Guard(jmm.muscles, design.kinematics, design.camera, gravity, design.motors, named)
 
@@ -286,7 +326,8 @@ def _scales(
     motors: MotorControl,
     options: AgentOptions,
 ) -> RobotScales:
-    if options.camera and options.hand_marker not in marker_sides:
+    by_marker = options.vision.hand == "marker"
+    if options.camera and by_marker and options.hand_marker not in marker_sides:
         known = ", ".join(str(number) for number in marker_sides) or "none"
         raise UsageError(
             f"The hand's marker has the id {options.hand_marker}, but marker_sides has no side of "

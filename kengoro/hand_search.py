@@ -1,4 +1,4 @@
-"""Search for the hand: the head turns until the hand's marker is in view."""
+"""Search for the hand: the head turns until the hand is in view."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class TrialOptions:
 
 
 def find_hand(session: Session, posture: Floats, options: TrialOptions) -> None:
-    """Turn the head until the hand's marker is in view, unless it is already.
+    """Turn the head until the hand is in view, unless it is already.
 
     Args:
         session: whose agent looks for its hand.
@@ -51,7 +51,7 @@ def find_hand(session: Session, posture: Floats, options: TrialOptions) -> None:
     """
     agent = session.agent
     for offset in scan_offsets(options):
-        if agent.options.hand_marker in agent.markers:
+        if agent.hand is not None:
             return
         turned = posture.copy()
         turned[:2] += offset

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import radians
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium as gym
 import numpy as np
 
 from jmm_agent.types import Floats
+from jmm_agent.updaters.vision_options import HandKind
 from jmm_agent.vision.camera import Camera
 from kengoro.errors import UsageError
 from kengoro.trained_maps import ARM
 from kengoro_env.assets import asset_path
-from kengoro_env.departures import actual, drawing
+from kengoro_env.departures import NoHandMarker, actual, drawing
 from kengoro_env.postures import posture_set
 from kengoro_env.robot.nominal_model import NominalArm
 
@@ -43,22 +44,34 @@ def check_seed(seed: int) -> None:
         raise UsageError(f"The seed is {seed}, but seeds are not negative.")
 
 
-def make_env(task: str, robot_seed: int | None = None, **options: Any) -> gym.Env[Any, Any]:
+def check_hand(hand: object) -> None:
+    """Raise a `UsageError` if the kind of hand is neither "marker" nor "seen"."""
+    if hand not in get_args(HandKind):
+        raise UsageError(f"The hand is {hand!r}; it must be 'marker' or 'seen'.")
+
+
+def make_env(
+    task: str, robot_seed: int | None = None, *, hand: HandKind = "marker", **options: Any
+) -> gym.Env[Any, Any]:
     """An environment of Kengoro's arm.
 
     Args:
         task: "CanGrasp", "Posture" or "Elbow".
         robot_seed: which actual robot; None for the nominal model, without departures.
+        hand: whether the hand carries its marker ("marker") or none ("seen").
         **options: of `gymnasium.make`, such as ``camera`` or ``max_episode_steps``.
 
     Raises:
-        UsageError: the task is unknown, or the seed is negative.
+        UsageError: the task is unknown, the seed is negative, or there is no such hand.
     """
+    check_hand(hand)
     known = [spec.name for spec in gym.registry.values() if spec.namespace == "Kengoro"]
     if task not in known:
         raise UsageError(f"There is no task {task!r}; there are: {', '.join(known)}.")
     check_seed(robot_seed or 0)
     departures = drawing() if robot_seed is None else actual(robot_seed)
+    if hand == "seen":
+        departures = (*departures, NoHandMarker(removed=True))
     return gym.make(f"Kengoro/{task}-v0", departures=departures, **options)
 
 

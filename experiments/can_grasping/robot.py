@@ -11,6 +11,7 @@ import numpy as np
 from experiments.robots.conditions import make_session, robot_of
 from jmm_agent.agent import Agent
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
+from jmm_agent.updaters.vision_options import HandKind
 from kengoro.agents import make_agent
 from kengoro.grasp_trial import GraspTrial, Trial, begin_trial
 from kengoro.hand_search import TrialOptions
@@ -39,14 +40,22 @@ class CanRobot:
         options: of the trial.
         tested: number of postures on which the map is tested before and after.
         cache: folder of trained maps.
+        hand: whether the hand carries its marker ("marker") or none ("seen").
     """
 
     def __init__(
-        self, condition: str, seed: int, options: TrialOptions, tested: int, cache: Path | None
+        self,
+        condition: str,
+        seed: int,
+        options: TrialOptions,
+        tested: int,
+        cache: Path | None,
+        hand: HandKind = "marker",
     ) -> None:
         self._condition, self.seed, self._options = condition, seed, options
         self.before = trained_map(cache)
-        self.agent = make_agent(seed, jmm=self.before)
+        self._hand: HandKind = hand
+        self.agent = self._agent()
         self.trial = Trial()
         self.session: Session | None = None
         self._library, self._tested = np.split(shuffled_postures(seed), [-1 - tested])
@@ -62,7 +71,7 @@ class CanRobot:
         plan = self.trial.plan
         if plan is None:
             return False
-        agent = make_agent(self.seed, jmm=self.before, learning=False)
+        agent = self._agent(learning=False)
         control = self._begin(agent)
         try:
             return control.grasp(plan)
@@ -78,8 +87,13 @@ class CanRobot:
         render_mode: str | None = None,
     ) -> GraspTrial:
         robot_seed = robot_of(self._condition, self.seed)
-        env = make_env("CanGrasp", robot_seed, render_mode=render_mode)
+        env = make_env("CanGrasp", robot_seed, hand=self._hand, render_mode=render_mode)
         return begin_trial(env, agent, self.seed, self._library, self._options, watch)
+
+    def _agent(self, jmm: JointMuscleMap | None = None, learning: bool = True) -> Agent:
+        """A new agent with a map, that of the nominal model if left out."""
+        jmm = self.before if jmm is None else jmm
+        return make_agent(self.seed, jmm=jmm, hand=self._hand, learning=learning)
 
     def test(self, jmm: JointMuscleMap | None = None) -> dict[str, float]:
         """`errors` of this robot at postures that are not learned from, with learning off.
@@ -87,10 +101,10 @@ class CanRobot:
         Args:
             jmm: map of a new agent; the agent of the trial if left out.
         """
-        agent = self.agent if jmm is None else make_agent(self.seed, jmm=jmm)
+        agent = self.agent if jmm is None else self._agent(jmm)
         agent.learning = False
         start, *targets = self._tested
-        session = make_session(self._condition, self.seed, agent, start)
+        session = make_session(self._condition, self.seed, agent, start, self._hand)
         visits = no_visits()
         for target in targets:
             visit(session, target, visits)

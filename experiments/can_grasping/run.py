@@ -24,13 +24,16 @@ from experiments.harness import common
 from experiments.harness.common import Summary
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.harness.report import print_table
-from experiments.robots.conditions import ACTUAL, NOMINAL
+from experiments.robots.conditions import ACTUAL, NOMINAL, with_hand
+from jmm_agent.updaters.vision_options import HandKind
 from kengoro import trained_maps
 from kengoro.hand_search import TrialOptions
 from kengoro.viewer.progress import ProgressCallback, film_and_progress, no_progress, stage_bar
 from kengoro.viewer.video import open_video
 from mjcf_sandbox.files import whole_file
 
+OUT = Path("out/can-grasping")
+"""Folder of the results, if none is given."""
 FLEXED_DEG = -120.0
 """Shoulder pitch at which the paper compares the map before and after [deg]."""
 
@@ -42,10 +45,12 @@ class Sizes:
     Attributes:
         trial: options of the trial.
         tested: number of postures on which the map is tested before and after.
+        hand: whether the hand carries its marker ("marker") or none ("seen").
     """
 
     trial: TrialOptions = field(default_factory=TrialOptions)
     tested: int = 8
+    hand: HandKind = "marker"
 
 
 QUICK = Sizes(TrialOptions(approaches=2, postures=3, move=1.0, patience=1.5), tested=2)
@@ -58,10 +63,12 @@ class Args(common.Args):
     Attributes:
         seeds: robots, as A-B or A; seeds below 100 are for tuning.
         out: folder of the results.
+        hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
     """
 
     seeds: str = "100"
-    out: Path = Path("out/can-grasping")
+    out: Path = OUT
+    hand: HandKind = "marker"
 
 
 def run(
@@ -82,7 +89,7 @@ def run(
         films: files for the videos of actual robots' trials, by seed.
         live: whether a bar shows the progress.
     """
-    robot = CanRobot(condition, seed, sizes.trial, sizes.tested, cache)
+    robot = CanRobot(condition, seed, sizes.trial, sizes.tested, cache, sizes.hand)
     name = "Kengoro" if condition == ACTUAL else "nominal Kengoro"
     film = (films or {}).get(seed) if condition == ACTUAL else None
     with stage_bar(name) if live else nullcontext(no_progress) as progress:
@@ -191,6 +198,7 @@ EXPERIMENT = Experiment(
 
 def main(args: Args) -> Summary:
     """Run the experiment; a bar shows the progress of a single robot."""
+    chosen, args = with_hand(EXPERIMENT, args, args.hand, OUT)
     seeds = common.parse_seeds(args.seeds)
     common.check_jobs(args.jobs)
     console, alone = get_console(), len(seeds) == 1
@@ -201,7 +209,7 @@ def main(args: Args) -> Summary:
     if not args.quick and not film.exists():
         kept.unlink(missing_ok=True)  # so that its trial runs again and is filmed
     films = None if args.quick else {seeds[0]: film}
-    experiment = replace(EXPERIMENT, run=partial(run, films=films, live=alone))
+    experiment = replace(chosen, run=partial(run, films=films, live=alone))
     summary = run_experiment(experiment, replace(args, jobs=1) if alone else args)
     if not alone:
         print_table(console, outcome_table(summary["per_seed"]))

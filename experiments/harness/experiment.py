@@ -129,6 +129,7 @@ class Experiment:
         run: (condition, seed, sizes, folder of maps) -> result that fits in JSON.
         conclude: (results of all robots, sizes) -> findings; may import matplotlib.
         others: further folders of the checkout whose code the results depend on.
+        variant: of the experiment, which its results are named after, too; empty for the usual one.
     """
 
     name: str
@@ -141,6 +142,12 @@ class Experiment:
     run: Callable[[str, int, Any, Path | None], dict[str, Any]]
     conclude: Callable[[Results, Any], Findings]
     others: Sequence[str] = ()
+    variant: str = ""
+
+    @property
+    def full_name(self) -> str:
+        """Name of its results."""
+        return "-".join(filter(None, (self.name, self.variant)))
 
     @property
     def folder(self) -> str:
@@ -171,7 +178,7 @@ def run_experiment(experiment: Experiment, args: Args) -> Summary:
     sizes = experiment.quick if args.quick else experiment.sizes
     seeds = parse_seeds(args.seeds)
     check_jobs(args.jobs)
-    log_reported(experiment.name, seeds)
+    log_reported(experiment.full_name, seeds)
     trained_map(args.cache)  # once, before several processes would train it
     tasks = {
         f"{seed:03d}-{condition}": (condition, seed, sizes, args.cache)
@@ -188,7 +195,7 @@ def run_experiment(experiment: Experiment, args: Args) -> Summary:
     core_s = core_seconds(args.out / "robots", tasks)
     found = experiment.conclude(results, sizes)
     summary = make_summary(
-        experiment.name,
+        experiment.full_name,
         found.per_seed,
         # At least the time of all tasks, also of those that ran before.
         max(time.perf_counter() - begin, core_s / args.jobs),

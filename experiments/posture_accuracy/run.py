@@ -19,13 +19,16 @@ from experiments.harness.common import Summary
 from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment, Findings, Results, run_experiment
 from experiments.posture_accuracy.tables import metrics, seed_entry, tables
-from experiments.robots.conditions import ACTUAL, NOMINAL, make_session
+from experiments.robots.conditions import ACTUAL, NOMINAL, make_session, with_hand
 from jmm_agent.types import Floats
+from jmm_agent.updaters.vision_options import HandKind
 from kengoro.agents import make_agent
 from kengoro.robots import shuffled_postures
 from kengoro.session import Session
 from kengoro.visits import Visits, no_visits, visit
 
+OUT = Path("out/posture-accuracy")
+"""Folder of the results, if none is given."""
 AWAY = 20.0
 """Least difference of a new posture from each that was learned [deg], in its largest joint."""
 
@@ -41,6 +44,7 @@ class Sizes:
         starts_nominal: the same, for the robot without departures.
         move: duration of a movement [s].
         patience: longest wait for rest and an observation [s].
+        hand: whether the hand carries its marker ("marker") or none ("seen").
     """
 
     learned: int = 27
@@ -49,6 +53,7 @@ class Sizes:
     starts_nominal: int = 2
     move: float = 2.0
     patience: float = 2.5
+    hand: HandKind = "marker"
 
 
 QUICK = Sizes(learned=3, targets=1, starts=2, starts_nominal=1, move=1.0, patience=1.5)
@@ -105,8 +110,8 @@ def run(condition: str, seed: int, sizes: Sizes, cache: Path | None) -> dict[str
     """Run one robot: trials, online learning with both updaters, and the same trials again."""
     plan = make_plan(seed, sizes)
     starts = plan.starts if condition == ACTUAL else plan.starts[: sizes.starts_nominal]
-    agent = make_agent(seed, cache=cache)
-    session = make_session(condition, seed, agent, plan.first)
+    agent = make_agent(seed, cache=cache, hand=sizes.hand)
+    session = make_session(condition, seed, agent, plan.first, sizes.hand)
     agent.learning = False
     before = trials(session, plan.targets, starts, sizes)
     agent.learning = True
@@ -176,12 +181,17 @@ EXPERIMENT = Experiment(
 
 @dataclass(frozen=True)
 class Args(common.Args):
-    """Both updaters, tested on new postures (Fig. 11)."""
+    """Both updaters, tested on new postures (Fig. 11).
+
+    Attributes:
+        hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
+    """
 
     seeds: str = "0-9"
-    out: Path = Path("out/posture-accuracy")
+    out: Path = OUT
+    hand: HandKind = "marker"
 
 
 def main(args: Args) -> Summary:
     """Run the experiment; returns its summary."""
-    return run_experiment(EXPERIMENT, args)
+    return run_experiment(*with_hand(EXPERIMENT, args, args.hand, OUT))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from jmm_agent.types import Floats
-from jmm_agent.vision.hand_marker import FrameMarkers
+from jmm_agent.vision.hand_finder import FrameFinder
 
 
 class ArmState(NamedTuple):
@@ -17,7 +17,7 @@ class ArmState(NamedTuple):
         jacobian_at: ... at these joint angles (n,) [rad], close to the estimate.
         observations: number of marker observations that the map was learned from.
         hand_is_free: whether the hand neither holds nor touches anything.
-        marker: finds the hand's marker in frames; None for an agent without a camera.
+        finder: finds the hand in frames; None for an agent without a camera.
     """
 
     q: Floats
@@ -25,4 +25,4 @@ class ArmState(NamedTuple):
     jacobian_at: Floats
     observations: int
     hand_is_free: bool
-    marker: FrameMarkers | None
+    finder: FrameFinder | None

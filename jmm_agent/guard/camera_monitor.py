@@ -1,23 +1,38 @@
-"""Monitors of a frozen camera, and of a marker that is hidden, doubled or mirrored.
+"""Monitors of a frozen camera, and of a hand in its frames that is hidden, doubled or mirrored.
 
-The estimated joint angles show how the marker moves from frame to frame far better than where it
-is. So the pose that is expected in a frame is the last pose that was believed, moved as the
-predicted pose moved since.
+The estimated joint angles show how the hand moves from frame to frame far better than where it is.
+So the pose that is expected in a frame is the last pose that was believed, moved as the predicted
+pose moved since. "Marker" below stands for the hand that is found without one, too.
+
+What looks like the hand may be another robot's, or a picture. It does not move with the arm: from
+one frame to another the own hand moves by d as predicted, but for an error that is a share of d,
+because the map may be wrong, and the errors of both poses. A movement for which a picture at rest
+would not show is judged together with the next ones.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum, auto
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
 
-from jmm_agent.guard.faults import MARKER_HIDDEN, MIRRORED_MARKER, SECOND_MARKER
+from jmm_agent.guard.faults import (
+    HAND_HIDDEN,
+    MARKER_HIDDEN,
+    MIRRORED_HAND,
+    MIRRORED_MARKER,
+    OTHER_HAND,
+    SECOND_HAND,
+    SECOND_MARKER,
+)
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.marker_detector import MarkerPose, Skip
+from jmm_agent.vision.hand_finder import FoundBy, Hand, HandMissed, HandSeen
 from jmm_agent.vision.square_pose import angle_between
 
 FRAMES = 5
@@ -25,6 +40,15 @@ FRAMES = 5
 
 ROWS = 16
 """Number of rows of two frames that are compared at once."""
+
+KINDS: Mapping[FoundBy, tuple[str, str, str, str]] = {
+    "marker": (MARKER_HIDDEN, SECOND_MARKER, MIRRORED_MARKER, OTHER_HAND),
+    "hand": (HAND_HIDDEN, SECOND_HAND, MIRRORED_HAND, OTHER_HAND),
+}
+"""Kinds of faults of a hand that is hidden, doubled, mirrored, or another one, by what is found."""
+
+DEVIATIONS = 3.0
+"""Standard deviations by which the poses of a hand that follows the arm may be off."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +74,12 @@ class CameraMonitorOptions:
         facing: ... and its normal at most this far from the line of sight [rad].
         mirrored: least angle between the expected and a mirrored pose [rad].
         nearer: factor by which one of the two poses must be nearer to the expected one [1].
-        longest: a pose that stays mirrored for longer is right, and the expected one wrong [s].
+        longest: a pose that stays mirrored, or another hand's, for longer is right, and the
+            expected one wrong [s].
+        follows: share of a predicted movement by which a hand without a marker may have moved
+            otherwise, if the map is trusted [1], ...
+        follows_untrusted: ... if it is not [1], ...
+        follows_m: ... and this distance more [m].
     """
 
     silence: float = 1.0
@@ -68,6 +97,9 @@ class CameraMonitorOptions:
     mirrored: float = 0.2
     nearer: float = 0.4
     longest: float = 15.0
+    follows: float = 0.3
+    follows_untrusted: float = 0.7
+    follows_m: float = 0.03
 
 
 class FrozenCameraMonitor:
@@ -162,8 +194,24 @@ def _equal(frame: np.ndarray, other: np.ndarray) -> bool:
     return all(np.array_equal(frame[k : k + ROWS], other[k : k + ROWS]) for k in starts)
 
 
-class MarkerMonitor:
-    """Compares the marker in each frame with its expected pose.
+class _Movement(Enum):
+    """How a hand has moved: with the arm, otherwise, or too little to show it."""
+
+    OWN = auto()
+    OTHER = auto()
+    SMALL = auto()
+
+
+class _Sighted(NamedTuple):
+    """Positions (3,) [m] of a hand as seen and predicted, and the pose's covariance (6, 6)."""
+
+    seen: Floats
+    predicted: Floats
+    covariance: Floats
+
+
+class HandMonitor:
+    """Compares the hand in each frame with its expected pose.
 
     Args:
         camera: the camera that the frames come from.
@@ -176,46 +224,59 @@ class MarkerMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Forget where the marker was."""
+        """Forget where the hand was."""
         self._frames: deque[tuple[float, bool]] = deque()
-        self._doubled = self._mirrored = False
-        self._mirrored_since = np.inf
+        self._doubled = self._image = self._mirrored = self._other = False
+        self._mirrored_since = self._other_since = np.inf
         self._seen: Floats | None = None
         self._sighting = np.eye(4)
         self._side_px = self._distance = 0.0
         self._predicted: Floats | None = None
+        self._reference: _Sighted | None = None
 
     def forget_estimate(self) -> None:
         """Forget the predicted pose: that of another map cannot be compared.
 
-        The map changes at rest, so the marker is still where it was in the last frame.
+        The map changes at rest, so the hand is still where it was in the last frame.
         """
-        self._predicted = None
+        self._predicted = self._reference = None
 
     def update(
         self,
         frame_time: float,
-        outcome: MarkerPose | Skip,
+        hand: Hand,
         predicted: Floats | None,
         trusted: bool = True,
+        around: Callable[[Floats], bool] | None = None,
     ) -> None:
         """Add the result of a new frame.
 
         Args:
             frame_time: time at which the frame was taken [s].
-            outcome: result of the detection.
-            predicted: pose_marker_in_camera (4, 4) at the estimate of that time; None if unknown.
+            hand: what was found.
+            predicted: pose of the hand in the camera (4, 4) at the estimate of that time; None if
+                unknown.
             trusted: whether the map is trusted.
+            around: whether a frame shows the hand at a pose (4, 4), where it has no marker.
         """
-        self._doubled = outcome is Skip.TWICE
-        hidden = predicted is not None and self._compare(frame_time, outcome, predicted, trusted)
+        missed = hand.kind if isinstance(hand, HandMissed) else ""
+        self._doubled = missed == "doubled"
+        self._image = missed == "mirrored"
+        hidden = False
+        if predicted is not None:
+            hidden = self._compare(frame_time, hand, predicted, trusted, around)
         self._frames.append((frame_time, hidden))
         options, frames = self._options, self._frames
         while len(frames) > options.hidden_frames and frame_time - frames[0][0] > options.memory:
             frames.popleft()
 
     def _compare(
-        self, frame_time: float, outcome: MarkerPose | Skip, predicted: Floats, trusted: bool
+        self,
+        frame_time: float,
+        hand: Hand,
+        predicted: Floats,
+        trusted: bool,
+        around: Callable[[Floats], bool] | None,
     ) -> bool:
         """Compare the outcome with the expected pose (module docstring); whether it is hidden."""
         expected = predicted
@@ -225,38 +286,75 @@ class MarkerMonitor:
             )
             self._seen = expected = self._seen @ moved
         self._predicted = predicted
-        if isinstance(outcome, MarkerPose):
-            self._mirrored = self._is_mirrored(outcome, expected)
-            since = min(self._mirrored_since, frame_time) if self._mirrored else np.inf
-            if frame_time - since > self._options.longest:
-                self._mirrored, since = False, np.inf
-            self._mirrored_since = since
-            if not self._mirrored:
-                self._seen = self._sighting = outcome.pose_marker_in_camera
-                edges = np.roll(outcome.corners_px, 1, axis=0) - outcome.corners_px
-                self._side_px = float(np.hypot(edges[:, 0], edges[:, 1]).max())
-                self._distance = float(np.linalg.norm(self._seen[:3, 3]))
-        elif not self._doubled and self._seen is not None:
+        if isinstance(hand, HandSeen):
+            self._add(frame_time, hand, expected, predicted, trusted)
+        elif hand.kind == "absent" and self._seen is not None:
             known = trusted or self._is_still(expected)
-            return known and self._must_be_in_view(expected)
+            return known and self._must_be_in_view(expected, around)
         return False
 
-    def found(self) -> Iterator[str]:
-        """Kinds of faults that are found now."""
+    def _add(
+        self, frame_time: float, hand: HandSeen, expected: Floats, predicted: Floats, trusted: bool
+    ) -> None:
+        """Compare the pose of a hand with the expected one, and keep it if it is believed."""
+        self._mirrored, self._mirrored_since = self._lasting(
+            frame_time, self._is_mirrored(hand, expected), self._mirrored_since
+        )
+        movement = self._movement(hand, predicted, trusted)
+        self._other, self._other_since = self._lasting(
+            frame_time, movement is _Movement.OTHER, self._other_since
+        )
+        if self._mirrored or self._other:
+            return
+        self._seen = self._sighting = hand.pose
+        self._side_px = hand.side_px
+        self._distance = float(np.linalg.norm(self._seen[:3, 3]))
+        if movement is not _Movement.SMALL and hand.covariance is not None:
+            self._reference = _Sighted(hand.pose[:3, 3], predicted[:3, 3], hand.covariance)
+
+    def _lasting(self, time: float, wrong: bool, since: float) -> tuple[bool, float]:
+        """Whether a pose is wrong, and since when [s]; one that stays so for long is right."""
+        since = min(since, time) if wrong else np.inf
+        if time - since > self._options.longest:
+            return False, np.inf
+        return wrong, since
+
+    def found(self, what: FoundBy = "marker") -> Iterator[str]:
+        """Kinds of faults that are found now.
+
+        Args:
+            what: what is found of the hand.
+        """
         hidden = sum(hidden for _, hidden in self._frames)
         most = self._options.hidden_share * len(self._frames)
-        if hidden >= max(self._options.hidden_frames, most):
-            yield MARKER_HIDDEN
-        if self._doubled:
-            yield SECOND_MARKER
-        if self._mirrored:
-            yield MIRRORED_MARKER
+        found = (
+            hidden >= max(self._options.hidden_frames, most),
+            self._doubled,
+            self._mirrored or self._image,
+            self._other,
+        )
+        yield from (kind for kind, now in zip(KINDS[what], found, strict=True) if now)
 
-    def _is_mirrored(self, marker: MarkerPose, expected: Floats) -> bool:
-        """Whether the flipped pose of a marker is the one that is expected (4, 4)."""
+    def _movement(self, hand: HandSeen, predicted: Floats, trusted: bool) -> _Movement:
+        """How a hand without a marker has moved since it was believed, by the estimate."""
+        last, options = self._reference, self._options
+        if last is None or hand.covariance is None:
+            return _Movement.OWN
+        moved, wanted = hand.pose[:3, 3] - last.seen, predicted[:3, 3] - last.predicted
+        share = options.follows if trusted else options.follows_untrusted
+        variance = float(np.trace((last.covariance + hand.covariance)[:3, :3]))
+        most, far = DEVIATIONS * np.sqrt(variance) + options.follows_m, np.linalg.norm(wanted)
+        if np.linalg.norm(moved - wanted) > most + share * far:
+            return _Movement.OTHER
+        return _Movement.OWN if (1.0 - share) * far > most else _Movement.SMALL
+
+    def _is_mirrored(self, hand: HandSeen, expected: Floats) -> bool:
+        """Whether the flipped pose of a hand is the one that is expected (4, 4)."""
         options = self._options
-        away = angle_between(marker.pose_marker_in_camera, expected)
-        other = angle_between(marker.flipped_in_camera, expected)
+        if hand.flipped is None:
+            return False
+        away = angle_between(hand.pose, expected)
+        other = angle_between(hand.flipped, expected)
         if self._mirrored:  # until the pose is clearly the right one
             return away > options.nearer * other
         return away > options.mirrored and other < options.nearer * away
@@ -267,8 +365,10 @@ class MarkerMonitor:
         turned = angle_between(pose, self._sighting)
         return moved <= self._options.still_m and turned <= self._options.still_rad
 
-    def _must_be_in_view(self, pose: Floats) -> bool:
-        """Whether a marker at a pose (4, 4) is well inside the frame and faces the camera."""
+    def _must_be_in_view(
+        self, pose: Floats, around: Callable[[Floats], bool] | None = None
+    ) -> bool:
+        """Whether a hand at a pose (4, 4) is well inside the frame and faces the camera."""
         position, normal = pose[:3, 3], pose[:3, 2]
         camera, options = self._camera, self._options
         pixel = camera.project(position)
@@ -279,5 +379,7 @@ class MarkerMonitor:
         inside = (pixel > margin) & (
             pixel < [camera.width - 1 - margin, camera.height - 1 - margin]
         )
+        if around is not None:
+            return bool(inside.all()) and around(pose)
         facing = np.arccos(np.clip(-normal @ position / np.linalg.norm(position), -1.0, 1.0))
         return bool(inside.all()) and bool(facing < options.facing)

@@ -1,7 +1,7 @@
 """Faults of the robot that a guard names, and the motor control that it assumes.
 
 Each monitor finds one kind of symptom in the sensor readings: `muscle_monitor` those of encoders,
-tension sensors and muscles, `camera_monitor` those of the camera and the marker, `motion_monitor`
+tension sensors and muscles, `camera_monitor` those of the camera and the hand, `motion_monitor`
 late commands and pushes. The `guard` runs them all.
 """
 
@@ -24,6 +24,10 @@ CAMERA_FROZEN = "camera_frozen"
 MARKER_HIDDEN = "marker_hidden"
 SECOND_MARKER = "second_marker"
 MIRRORED_MARKER = "mirrored_marker"
+HAND_HIDDEN = "hand_hidden"
+SECOND_HAND = "second_hand"
+MIRRORED_HAND = "mirrored_hand"
+OTHER_HAND = "other_hand"
 COMMAND_LATE = "command_late"
 PUSHED = "pushed"
 
@@ -37,6 +41,10 @@ KINDS = {
     MARKER_HIDDEN: "the marker is not found where it must be in view",
     SECOND_MARKER: "the hand's marker is in the frame more than once",
     MIRRORED_MARKER: "the marker's pose is the mirror image of the predicted one",
+    HAND_HIDDEN: "the hand is not found where it must be in view",
+    SECOND_HAND: "another hand in the frame could be the own one",
+    MIRRORED_HAND: "the hand in the frame is a mirror image",
+    OTHER_HAND: "the hand in the frame does not move with the arm: it is another one, or a picture",
     COMMAND_LATE: "the tensions are those that older commands demand",
     PUSHED: "tensions and gravity do not balance: an external force acts on the hand",
 }

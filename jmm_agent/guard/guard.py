@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from jmm_agent.guard.arm_state import ArmState
-from jmm_agent.guard.camera_monitor import CameraMonitorOptions, FrozenCameraMonitor, MarkerMonitor
+from jmm_agent.guard.camera_monitor import CameraMonitorOptions, FrozenCameraMonitor, HandMonitor
 from jmm_agent.guard.faults import (
     CAMERA_FROZEN,
     COMMAND_LATE,
@@ -34,8 +34,7 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.observation import CONTROL_PERIOD, SensorReadings
 from jmm_agent.types import Bools, Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.hand_marker import FrameJob, FrameMarkers
-from jmm_agent.vision.marker_detector import MarkerPose, Skip
+from jmm_agent.vision.hand_finder import FoundBy, FrameFinder, FrameJob, Hand, HandSeen
 
 Gravity = Callable[[Floats], Floats]
 """Joint angles (n,) [rad] -> torques (n,) [N m] with which gravity bends the joints."""
@@ -61,7 +60,7 @@ class GuardOptions:
         muscles: thresholds of the muscle monitor.
         delay: thresholds of the delay monitor.
         disturbance: thresholds of the disturbance monitor.
-        camera: thresholds of the camera and marker monitors.
+        camera: thresholds of the monitors of the camera and of the hand in its frames.
     """
 
     hand: str = "grip"
@@ -111,7 +110,8 @@ class Guard:
         self._delay = DelayMonitor(motors, options.delay)
         self._disturbance = DisturbanceMonitor(options.disturbance)
         self._camera = FrozenCameraMonitor(options.camera)
-        self._marker = MarkerMonitor(camera, options.camera)
+        self._hand = HandMonitor(camera, options.camera)
+        self._found_by: FoundBy = "marker"
         self._filtered: FilteredReadings
         self.reset()
 
@@ -122,7 +122,7 @@ class Guard:
 
     def reset(self) -> None:
         """Forget the state of the robot, as at the start of an episode."""
-        monitors = (self._muscles, self._delay, self._disturbance, self._camera, self._marker)
+        monitors = (self._muscles, self._delay, self._disturbance, self._camera, self._hand)
         for monitor in monitors:
             monitor.reset()
         self._estimates = deque[tuple[float, Floats]]()
@@ -160,7 +160,7 @@ class Guard:
         """Forget earlier estimates: those of another map cannot be compared with the next ones."""
         self._estimates.clear()
         self._camera.forget_estimate()
-        self._marker.forget_estimate()
+        self._hand.forget_estimate()
 
     def filter(
         self, readings: SensorReadings, after: float, command: Floats, expected: Floats
@@ -206,8 +206,9 @@ class Guard:
             self._watch_hand(readings.time, state, trusted)
         else:
             self._disturbance.reset()
-        if state.marker is not None:
-            self._watch_camera(readings, state.q, state.marker, trusted)
+        if state.finder is not None:
+            self._found_by = state.finder.what
+            self._watch_camera(readings, state.q, state.finder, trusted)
         return self._update_faults(readings.time)
 
     def limit(self, target_lengths: Floats) -> Floats:
@@ -248,27 +249,25 @@ class Guard:
         self._force_time = time
 
     def _watch_camera(
-        self, readings: SensorReadings, q: Floats, marker: FrameMarkers, trusted: bool
+        self, readings: SensorReadings, q: Floats, finder: FrameFinder, trusted: bool
     ) -> None:
         """Compare a new frame with the one before and with what the estimate predicts."""
         frame, frame_time = readings.frame, readings.frame_time
         if self._camera.is_new(readings.time, frame_time) and frame is not None:
-            marker.submit(FrameJob(frame_time, frame, q, self._filtered.lengths))
-        for job, detections in marker.results():
-            self._compare(job, marker.outcome(detections), marker, trusted)
+            finder.submit(FrameJob(frame_time, frame, q, self._filtered.lengths))
+        for job, hand in finder.results():
+            self._compare(job, hand, finder, trusted)
 
-    def _compare(
-        self, job: FrameJob, outcome: MarkerPose | Skip, marker: FrameMarkers, trusted: bool
-    ) -> None:
-        """Compare the marker in a frame with the frame before and with the expected pose."""
+    def _compare(self, job: FrameJob, hand: Hand, finder: FrameFinder, trusted: bool) -> None:
+        """Compare the hand in a frame with the frame before and with the expected pose."""
         estimate = self._estimate_at(job.time)
         eye = None if estimate is None else self._kinematics.pose(self.options.eye, estimate)
         rotation = None if eye is None else eye[:3, :3]
-        in_view = isinstance(outcome, MarkerPose)
+        in_view = isinstance(hand, HandSeen)
         if not self._camera.is_another(job.frame, job.lengths, in_view, rotation):
             return
-        predicted = None if estimate is None else marker.pose(estimate)
-        self._marker.update(job.time, outcome, predicted, trusted)
+        predicted = None if estimate is None else finder.pose(estimate)
+        self._hand.update(job.time, hand, predicted, trusted, finder.around)
 
     def _estimate_at(self, time: float) -> Floats | None:
         """Estimated joint angles (n,) [rad] at a time [s]; None from before the history.
@@ -303,5 +302,5 @@ class Guard:
             yield PUSHED, "hand"
         if self._camera.frozen:
             yield CAMERA_FROZEN, "camera"
-        for kind in self._marker.found():
-            yield kind, "marker"
+        for kind in self._hand.found(self._found_by):
+            yield kind, self._found_by

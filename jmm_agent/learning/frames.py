@@ -1,4 +1,4 @@
-"""Marker detection beside the control loop, in a thread.
+"""Search for the hand in frames beside the control loop, in a thread.
 
 OpenCV releases Python's lock while it searches a frame, so a thread is enough: a control step waits
 only for the part that refines corners. The frame is copied, because a driver may use its memory
@@ -8,6 +8,7 @@ again.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from queue import SimpleQueue
 from typing import NamedTuple
 
@@ -17,19 +18,18 @@ from jmm_agent.errors import AgentError
 from jmm_agent.learning.job_queue import JobQueue
 from jmm_agent.learning.options import LearningOptions
 from jmm_agent.types import Floats
-from jmm_agent.vision.hand_marker import FrameJob, HandMarker
-from jmm_agent.vision.marker_detector import Detections, MarkerPose, Skip
+from jmm_agent.vision.hand_finder import Findings, FoundBy, FrameJob, Hand, HandFinder
 
 
 class DetectionResult(NamedTuple):
-    """Markers in a frame.
+    """What was found in a frame.
 
     Attributes:
-        detections: the markers; None if the detection failed.
+        found: the hand, and markers; None if the search failed.
         failure: why it failed; empty if it did not.
     """
 
-    detections: Detections | None
+    found: Findings | None
     failure: str = ""
 
 
@@ -37,18 +37,18 @@ class DetectionThread:
     """Runs frame jobs in a thread that starts with the first one and ends with the program.
 
     Args:
-        marker: detects the markers.
+        finder: finds the hand.
     """
 
-    def __init__(self, marker: HandMarker) -> None:
-        self._marker = marker
+    def __init__(self, finder: HandFinder) -> None:
+        self._finder = finder
         self._number = 0
         self._result: DetectionResult | None = None
         self._start_queues()
 
     def __deepcopy__(self, memo: dict[int, object]) -> DetectionThread:
         """A copy with a thread of its own; the detector, which remembers nothing, is shared."""
-        return DetectionThread(self._marker)
+        return DetectionThread(self._finder)
 
     def submit(self, job: FrameJob) -> None:
         """Start the detection in a frame; the result of an earlier one is forgotten."""
@@ -57,7 +57,7 @@ class DetectionThread:
             self._thread.start()
         self._number += 1
         self._result = None
-        self._inbox.put((self._number, job.frame, self._marker.pose(job.q)))
+        self._inbox.put((self._number, job.frame, self._finder.pose(job.q)))
 
     @property
     def done(self) -> bool:
@@ -86,8 +86,8 @@ class DetectionThread:
         self._outbox = SimpleQueue[tuple[int, DetectionResult]]()
         self._thread = threading.Thread(
             target=_detect,
-            args=(self._marker, self._inbox, self._outbox),
-            name="marker detection",
+            args=(self._finder, self._inbox, self._outbox),
+            name="hand detection",
             daemon=True,
         )
 
@@ -96,18 +96,18 @@ class DetectionNow:
     """Runs frame jobs at once.
 
     Args:
-        marker: detects the markers.
+        finder: finds the hand.
     """
 
     done = True
 
-    def __init__(self, marker: HandMarker) -> None:
-        self._marker = marker
+    def __init__(self, finder: HandFinder) -> None:
+        self._finder = finder
         self._result = DetectionResult(None)
 
     def submit(self, job: FrameJob) -> None:
-        """Detect the markers of a frame."""
-        self._result = DetectionResult(self._marker.detect_at(job.frame, self._marker.pose(job.q)))
+        """Find the hand in a frame."""
+        self._result = DetectionResult(self._finder.find_at(job.frame, self._finder.pose(job.q)))
 
     def result(self) -> DetectionResult:
         """The result of the newest job."""
@@ -118,34 +118,44 @@ class DetectionNow:
 
 
 class FrameQueue:
-    """Finds the hand's marker in frames beside the control loop; see `FrameMarkers`.
+    """Finds the hand in frames beside the control loop; see `FrameFinder`.
 
     Args:
-        marker: finds it in a frame.
+        finder: finds it in a frame.
         options: where that is done, and when detections enter.
 
     Attributes:
-        newest: the newest frame with its detections; None before the first.
+        newest: the newest frame with what was found in it; None before the first.
         skipped: number of frames in which nothing was searched, because newer ones came.
     """
 
-    def __init__(self, marker: HandMarker, options: LearningOptions) -> None:
-        self._marker = marker
-        self._runner = (DetectionThread if options.where == "process" else DetectionNow)(marker)
+    def __init__(self, finder: HandFinder, options: LearningOptions) -> None:
+        self._finder = finder
+        self._runner = (DetectionThread if options.where == "process" else DetectionNow)(finder)
         self.queue = JobQueue[FrameJob, DetectionResult](
             self._runner, options.enters_after, self._use, self._too_many, _failed
         )
-        self._results: list[tuple[FrameJob, Detections]] = []
+        self._results: list[tuple[FrameJob, Hand]] = []
         self._submitted = -np.inf
-        self.newest: tuple[FrameJob, Detections] | None = None
+        self.newest: tuple[FrameJob, Findings] | None = None
         self.skipped = 0
 
+    @property
+    def what(self) -> FoundBy:
+        """See `FrameFinder`."""
+        return self._finder.what
+
+    @property
+    def around(self) -> Callable[[Floats], bool] | None:
+        """See `FrameFinder`."""
+        return self._finder.around
+
     def pose(self, q: Floats) -> Floats:
-        """Expected pose_marker_in_camera (4, 4) at joint angles (n,) [rad]."""
-        return self._marker.pose(q)
+        """Expected pose (4, 4) of the hand in the camera at joint angles (n,) [rad]."""
+        return self._finder.pose(q)
 
     def submit(self, job: FrameJob) -> None:
-        """Detect the markers of a frame, unless that was begun already.
+        """Find the hand in a frame, unless that was begun already.
 
         Args:
             job: the frame.
@@ -154,13 +164,9 @@ class FrameQueue:
             self._submitted = job.time
             self.queue.submit(job._replace(frame=np.array(job.frame)))
 
-    def results(self) -> list[tuple[FrameJob, Detections]]:
-        """Detections that entered in this control step."""
+    def results(self) -> list[tuple[FrameJob, Hand]]:
+        """What entered in this control step."""
         return self._results
-
-    def outcome(self, detections: Detections) -> MarkerPose | Skip:
-        """The hand's marker, or why it has no pose."""
-        return self._marker.outcome(detections)
 
     def advance(self, step: int) -> None:
         """Let the detections of a control step enter.
@@ -186,38 +192,39 @@ class FrameQueue:
         self._runner.close()
 
     def _use(self, job: FrameJob, result: DetectionResult) -> None:
-        if result.detections is None:
+        if result.found is None:
             raise AgentError(result.failure)
-        self.newest = job, result.detections
-        self._results.append(self.newest)
+        self.newest = job, result.found
+        if result.found.hand is not None:
+            self._results.append((job, result.found.hand))
 
     def _too_many(self) -> None:
         self.skipped += 1
 
 
 def _detect(
-    marker: HandMarker,
+    finder: HandFinder,
     inbox: SimpleQueue[tuple[int, np.ndarray, Floats] | None],
     outbox: SimpleQueue[tuple[int, DetectionResult]],
 ) -> None:
-    """Detect markers in frames until there are no more."""
+    """Find the hand in frames until there are no more."""
     while (message := inbox.get()) is not None:
         number, frame, pose = message
         try:
-            result = DetectionResult(marker.detect_at(frame, pose))
+            result = DetectionResult(finder.find_at(frame, pose))
         except Exception as error:  # named by the control step
             result = _failed(str(error) if isinstance(error, AgentError) else repr(error))
         outbox.put((number, result))
 
 
-def beside(marker: HandMarker | None, options: LearningOptions) -> FrameQueue | None:
+def beside(finder: HandFinder | None, options: LearningOptions) -> FrameQueue | None:
     """The queue of frames; None where a frame is searched in the step that needs it.
 
     Args:
-        marker: finds the hand's marker; None without a camera.
+        finder: finds the hand; None without a camera.
         options: where frames are searched, and when detections enter.
     """
-    return FrameQueue(marker, options) if marker is not None and options.enters_after else None
+    return FrameQueue(finder, options) if finder is not None and options.enters_after else None
 
 
 def _failed(reason: str) -> DetectionResult:

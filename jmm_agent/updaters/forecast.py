@@ -15,9 +15,10 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.mapping.prior import MapPrior
 from jmm_agent.types import Floats
 from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
+from jmm_agent.updaters.unexpected_poses import contradicted, is_unexpected
 from jmm_agent.updaters.vision_memory import VisionMemory
 from jmm_agent.updaters.vision_options import VisionOptions
-from jmm_agent.vision.camera_unknowns import corrected_observations
+from jmm_agent.vision.camera_unknowns import camera_of, corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.map_posterior import MapPosterior
 from jmm_agent.vision.marker_observation import MarkerObservation, PoseResidual
@@ -122,8 +123,33 @@ class Forecast:
         lengths = MapPosterior(problem.prior, problem.linearised(found.unknown))
         covariance = lengths.covariance_of_rest(before)
         angles = found.observed.angles[-1]
-        (shown,) = corrected_observations([observation], rests.camera)
+        camera = camera_of(self._marker_residual)
+        (shown,) = corrected_observations([observation], rests.camera, camera)
         return compared(shown, self._marker_residual, options, angles, covariance)
+
+    def contradicted(self, memory: VisionMemory) -> int | None:
+        """Number of the remembered pose that all others contradict; None if there is none.
+
+        Args:
+            memory: of the Vision Updater.
+        """
+        probability = self._options.unexpected if self._options.hand == "seen" else 0.0
+        if not (probability and self._fitter.enabled):
+            return None
+        camera, options = camera_of(self._marker_residual), self._options.observations
+        shown = corrected_observations(memory.observations, memory.rests.camera, camera)
+        posterior = self.posterior(memory).lengths
+        known = memory.angles, posterior, self._marker_residual
+        return contradicted(shown, *known, options, probability)
+
+    def is_unexpected(self, predicted: ObservationPrediction | None) -> bool:
+        """Whether a pose of a hand without a marker is far from its prediction.
+
+        Args:
+            predicted: the prediction; None if there is none.
+        """
+        seen = self._options.hand == "seen"
+        return seen and is_unexpected(predicted, self._options.unexpected)
 
     def hand_error(
         self, memory: VisionMemory, before: JointMuscleMap, after: JointMuscleMap

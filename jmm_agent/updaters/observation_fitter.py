@@ -9,7 +9,7 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters.rest_fitter import FittedRests, RestFitter
 from jmm_agent.updaters.vision_memory import VisionMemory
 from jmm_agent.updaters.vision_options import VisionOptions
-from jmm_agent.vision.camera_unknowns import corrected_observations
+from jmm_agent.vision.camera_unknowns import camera_of, corrected_observations
 from jmm_agent.vision.incremental_fit import fit_incrementally, fit_newest
 from jmm_agent.vision.observation_fit import MarkerObservation, PoseResidual, fit_alone
 from jmm_agent.vision.permanent_elongation import fit_with_elongation
@@ -71,7 +71,7 @@ class ObservationFitter:
         if not held or len(observations) == 1:
             return self.fit(memory, prior, observations)
         start, elongated = self._start(memory, observations)
-        shown = corrected_observations(observations, memory.rests.camera)
+        shown = corrected_observations(observations, memory.rests.camera, camera_of(residual))
         drift = memory.rests.drift.observing(len(observations))
         prior = prior.with_drift(drift.covariance)
         fit = fit_newest(shown, prior, residual, limits, options, start, elongated)

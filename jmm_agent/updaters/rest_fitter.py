@@ -15,8 +15,8 @@ from jmm_agent.vision.balance import Balance, Loads
 from jmm_agent.vision.camera_unknowns import (
     NOT_UNKNOWN,
     UNKNOWNS,
+    camera_of,
     corrected_observations,
-    is_of_camera,
 )
 from jmm_agent.vision.length_drift import LengthDrift
 from jmm_agent.vision.observation_fit import MarkerObservation, ObservationFit, PoseResidual
@@ -116,7 +116,7 @@ class RestFitter:
     ) -> None:
         self.nominal, self._marker_residual = prior, marker_residual
         self._limits, self._options = limits, options
-        self._camera = options.camera if is_of_camera(marker_residual) else NOT_UNKNOWN
+        self._camera = options.camera if camera_of(marker_residual) else NOT_UNKNOWN
         self._usual = usual_widths(prior)
         self._balance = (
             None if loads is None else Balance(prior.map, loads, limits, options.balance)
@@ -367,9 +367,10 @@ class RestFitter:
         if recent < 1 or options.elongation_evidence == np.inf:
             return self.fit(memory, observations, start, elongated)
         found = self.fit(memory, observations, start, elongated, learn_widths=False)
+        frame = camera_of(self._marker_residual)
         for _ in range(elongated.shape[1]):
             evidence = log_bayes_factors(
-                corrected_observations(observations, found.memory.camera),
+                corrected_observations(observations, found.memory.camera, frame),
                 self.drifting_prior(found.memory),
                 self._marker_residual,
                 options,

@@ -22,12 +22,13 @@ from jmm_agent.updaters.observation_check import USUAL, ObservationCheck
 from jmm_agent.updaters.observation_fitter import ObservationFitter
 from jmm_agent.updaters.rest_fitter import RestFitter, RestMemory
 from jmm_agent.updaters.rewiring import Rewiring
+from jmm_agent.updaters.unexpected_poses import CONTRADICTED, UNEXPECTED
 from jmm_agent.updaters.vision_memory import Rested, Seen, VisionMemory
 from jmm_agent.updaters.vision_options import PairLengths, VisionOptions
 from jmm_agent.updaters.wiring_watch import WiringWatch
 from jmm_agent.updaters.zeroing_watch import ZeroingWatch
 from jmm_agent.vision.balance import Loads
-from jmm_agent.vision.camera_unknowns import corrected, corrected_observations
+from jmm_agent.vision.camera_unknowns import camera_of, corrected, corrected_observations
 from jmm_agent.vision.hand_error import HandErrors, HandPostures
 from jmm_agent.vision.hold_out import HoldOut
 from jmm_agent.vision.marker_observation import Frames
@@ -83,6 +84,7 @@ class VisionUpdater:
         hold_out = options.hold_out
         self.hold_out = None if hold_out is None else HoldOut(hold_out, joints, muscles)
         self._recent = options.observations.elongation_recent
+        self._camera = camera_of(marker_residual)
         self.fired = 0
         self.dropped: dict[str, int] = {}
 
@@ -241,11 +243,15 @@ class VisionUpdater:
         found = fitted(self._memory, self._prior, observations)
         fit, angles = found.observed, found.observed.angles[-1]
         doubt = self._check.doubt(fit, observation, self._memory.angles)
+        unexpected = self.forecast.is_unexpected(predicted)
+        if unexpected and not (doubt or zeroed or self._memory.unexpected):
+            doubt = UNEXPECTED
         detail = self._check.detail(doubt, observation, angles)
         moved = self._moves_zero(found.memory)
         seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail, moved, predicted)
         if not learn:
             return seen
+        self.memory = self._memory._replace(unexpected=unexpected)
         command = _pair_lengths(self._options.lengths, lengths, target)
         sound = not bool(np.any(tensions >= self._options.saturation))  # NaN: not known
         if seen.reason:
@@ -257,8 +263,22 @@ class VisionUpdater:
         map_before, before = self._learner.map, self.memory
         found = with_likeliest_model(self._fitter, found, observations)
         self.memory = before.believed(observations, found, command, sound, self._recent)
+        self._forget_contradicted()
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         return self._tested(seen, map_before, before)
+
+    def _forget_contradicted(self) -> None:
+        """Forget the remembered pose that all others contradict, and fit them again without it."""
+        number = self.forecast.contradicted(self._memory)
+        if number is None or number == len(self._memory.observations) - 1:
+            return
+        self.drop(CONTRADICTED)
+        memory = self._memory.without(number)
+        known = memory.rests, memory.observations, memory.angles, memory.elongated
+        found = self._fitter.fit(*known)
+        self.memory = memory._replace(
+            angles=found.observed.angles, elongated=found.elongated, rests=found.memory
+        )
 
     def _tested(self, seen: Seen, map_before: JointMuscleMap, before: VisionMemory) -> Seen:
         """The result of an update, which is undone if it made the map worse."""
@@ -294,7 +314,7 @@ class VisionUpdater:
         lengths = [one.lengths for one in memory.observations] + [one.lengths for one in rests]
         if np.isnan(lengths).any():
             return False
-        shown = corrected_observations(memory.observations, memory.rests.camera)
+        shown = corrected_observations(memory.observations, memory.rests.camera, self._camera)
         found = self._wiring.found(self.assignment, shown, rests, self.elongated)
         if found is None:
             return False
@@ -340,7 +360,7 @@ class VisionUpdater:
     def _refuse(self, record: ObservationRecord, reason: str) -> None:
         """Keep an observation that is not believed, as evidence of other muscles and joints."""
         self.drop(reason)
-        if reason not in USUAL:
+        if reason not in (*USUAL, UNEXPECTED):
             assignment = self.assignment.refusing(record)
             self.memory = self._memory._replace(assignment=assignment)
 

@@ -68,6 +68,7 @@ class VisionMemory(NamedTuple):
         zeroings: number of zeroings that were noticed.
         rests: what is known from all rests.
         assignment: which muscle each channel is; all lengths are in its order.
+        unexpected: whether the newest look of this episode was far from its prediction.
     """
 
     observations: list[MarkerObservation]
@@ -80,6 +81,7 @@ class VisionMemory(NamedTuple):
     zeroings: int = 0
     rests: RestMemory = RestMemory()
     assignment: Assignment = Assignment()
+    unexpected: bool = False
 
     @classmethod
     def none(cls, joints: int, muscles: int) -> VisionMemory:
@@ -154,6 +156,28 @@ class VisionMemory(NamedTuple):
             rests=found.memory,
         )
 
+    def without(self, number: int) -> VisionMemory:
+        """Without an observation, by its number; the pairs stay until they are made again."""
+        keep, start, drift = np.arange(len(self.angles)) != number, self.start, self.rests.drift
+        if start is not None:
+            before = len(self.angles) - start.newest
+            if number >= before:
+                start = start._replace(newest=start.newest - 1)
+            else:
+                row = len(start.elongated) - before + number
+                start = start._replace(elongated=np.delete(start.elongated, row, axis=0))
+        if len(drift.ages) == len(self.angles):
+            drift = drift._replace(ages=drift.ages[keep])
+        return self._replace(
+            observations=[one for one, kept in zip(self.observations, keep, strict=True) if kept],
+            commands=[one for one, kept in zip(self.commands, keep, strict=True) if kept],
+            sound=[one for one, kept in zip(self.sound, keep, strict=True) if kept],
+            angles=self.angles[keep],
+            elongated=self.elongated[keep],
+            start=start,
+            rests=self.rests._replace(drift=drift),
+        )
+
     def begun(self, least: int) -> VisionMemory:
         """At the begin of an episode, before which lengths may have been zeroed anew.
 
@@ -162,7 +186,8 @@ class VisionMemory(NamedTuple):
         """
         drift = self.rests.drift._replace(time=np.nan)
         start = EpisodeStart(0, self.elongated) if len(self.observations) >= least else None
-        return self._replace(rests=self.rests._replace(rests=(), drift=drift), start=start)
+        rests = self.rests._replace(rests=(), drift=drift)
+        return self._replace(rests=rests, start=start, unexpected=False)
 
     def zeroed(self, share: float) -> VisionMemory:
         """After a zeroing of all lengths; shapes stay.

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
+from jmm_agent.errors import AgentError
 from jmm_agent.vision.balance import BalanceOptions
 from jmm_agent.vision.camera_unknowns import CameraPrior
 from jmm_agent.vision.hold_out import HoldOutOptions
 from jmm_agent.vision.observation_fit import ObservationFitOptions
 from jmm_agent.vision.pose_errors import JointPrior
 
+HandKind = Literal["marker", "seen"]
+"""How frames show the hand, see `VisionOptions`."""
 PairLengths = Literal["min", "l_target", "l"]
 """Lengths of a pair, see `VisionOptions`."""
 
@@ -20,7 +23,12 @@ class VisionOptions:
     """Options of the Vision Updater (sec. III-C).
 
     Attributes:
+        hand: how frames show the hand: by the marker on it, or itself ("seen"), found by a
+            `HandDetector`.
         distance: least distance from the posture of the last update, L2 norm [rad].
+        unexpected: probability of a right pose that is as far from where it is expected as one that
+            is not believed, for hands that are seen without a marker [1], see
+            `jmm_agent.updaters.unexpected_poses`; 0: all are believed.
         threshold: C, the largest ||theta_ik - theta_est||_2 that is believed [rad].
         lengths: lengths of a pair: l_target as in the paper, l, or min(l, l_target). None: l if
             commands have a feed-forward of tensions (`AgentOptions.feed_forward`), which then tend
@@ -54,9 +62,14 @@ class VisionOptions:
         zeroing_least: least number of earlier observations for that.
         zeroing_evidence: logarithm of the Bayes factor from which on it is believed. Over eight
             actual robots (seeds 0-7) that were not zeroed anew it was -8 or less.
+
+    Raises:
+        AgentError: the hand is neither "marker" nor "seen", or a probability is none.
     """
 
+    hand: HandKind = "marker"
     distance: float = 0.15
+    unexpected: float = 1e-4
     threshold: float = 2.0
     lengths: PairLengths | None = None
     noise: float = 0.001
@@ -74,3 +87,14 @@ class VisionOptions:
     zeroing_recent: int = 6
     zeroing_least: int = 5
     zeroing_evidence: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.hand not in get_args(HandKind):
+            raise AgentError(
+                f"VisionOptions: hand is {self.hand!r}, but must be 'marker' or 'seen'."
+            )
+        if not 0.0 <= self.unexpected < 1.0:
+            raise AgentError(
+                f"VisionOptions: unexpected is {self.unexpected}, but must be at least 0 and "
+                "below 1."
+            )

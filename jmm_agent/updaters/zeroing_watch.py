@@ -12,7 +12,7 @@ from jmm_agent.types import Floats
 from jmm_agent.updaters.vision_memory import VisionMemory
 from jmm_agent.updaters.vision_options import VisionOptions
 from jmm_agent.updaters.zeroing import ZeroingTest
-from jmm_agent.vision.camera_unknowns import corrected_observations
+from jmm_agent.vision.camera_unknowns import camera_of, corrected_observations
 from jmm_agent.vision.observation_fit import MarkerObservation, PoseResidual
 
 
@@ -46,7 +46,8 @@ class ZeroingWatch:
         before = len(observations) - 1 - start.newest
         if start.newest >= self._options.zeroing_recent or before < self._options.zeroing_least:
             return memory._replace(start=None)
-        shown = corrected_observations(observations, memory.rests.camera)
+        camera = camera_of(self._marker_residual)
+        shown = corrected_observations(observations, memory.rests.camera, camera)
         # One more than before, if the oldest observation is forgotten.
         known = len(memory.angles) - start.newest
         drift = memory.rests.drift

@@ -31,7 +31,8 @@ UNKNOWNS = 8
 """Number of unknowns: offset, rotation, focal length, lens."""
 SIDE = 0.1
 """Side of the square that stands for the marker, as a share of its distance; poses that are found
-again hardly depend on it [1]."""
+again hardly depend on it [1]. A cube of the same side stands for a hand without a marker, because a
+square that is seen from its edge has no pose."""
 STEPS = 8
 """Steps that find a pose, and the slopes before a lens, again."""
 SETTLED = 1e-9
@@ -81,27 +82,43 @@ NOT_UNKNOWN = CameraPrior(0.0, 0.0, 0.0, 0.0)
 """The camera is right, or there is none."""
 
 
-def is_of_camera(residual: object) -> bool:
-    """Whether a residual is that of poses which a camera shows, as `MarkerResidual` says.
+def camera_of(residual: object) -> str | None:
+    """Frame of the camera that shows the poses of a residual, as `MarkerResidual` says.
 
     Args:
         residual: of the marker's pose.
+
+    Returns:
+        Its name; None if no camera shows them.
     """
-    return bool(getattr(residual, "camera", None))
+    camera: str | None = getattr(residual, "camera", None)
+    return camera or None
 
 
-def corrected(pose: Floats, unknowns: Floats) -> Floats:
+def is_shown(found: MarkerObservation, camera: str | None) -> bool:
+    """Whether the pose of an observation is one in the camera: a marker's, or another frame's.
+
+    Args:
+        found: the observation.
+        camera: the camera's frame; None if there is none.
+    """
+    return found.frames is None or (camera is not None and found.frames[1] == camera)
+
+
+def corrected(pose: Floats, unknowns: Floats, solid: bool = False) -> Floats:
     """Pose (4, 4) in the camera as it is believed to be, from the pose that a camera showed.
 
     Args:
         pose: of the marker by the camera as it is modelled (4, 4).
         unknowns: errors of the camera (8,) [m, rad, 1, 1].
+        solid: whether it is the pose of a solid body, which all its points show, and of no marker.
     """
-    return _mounted(_seen_straight(pose, *unknowns[6:].tolist()), unknowns[:6])
+    focal, lens = unknowns[6:].tolist()
+    return _mounted(_seen_straight(pose, focal, lens, solid), unknowns[:6])
 
 
 def corrected_observations(
-    observations: Sequence[MarkerObservation], unknowns: Floats | None
+    observations: Sequence[MarkerObservation], unknowns: Floats | None, camera: str | None
 ) -> list[MarkerObservation]:
     """Observations whose poses are those in the camera as it is believed to be.
 
@@ -110,11 +127,14 @@ def corrected_observations(
     Args:
         observations: K observations.
         unknowns: errors of the camera (8,) [m, rad, 1, 1]; None: unknown yet.
+        camera: its frame, see `camera_of`.
     """
     if unknowns is None:
         return list(observations)
     return [
-        found._replace(pose=corrected(found.pose, unknowns)) if found.frames is None else found
+        found._replace(pose=corrected(found.pose, unknowns, found.frames is not None))
+        if is_shown(found, camera)
+        else found
         for found in observations
     ]
 
@@ -127,11 +147,20 @@ def _mounted(pose: Floats, mounting: Floats) -> Floats:
     return moved
 
 
-def _seen_straight(pose: Floats, focal: float, lens: float) -> Floats:
-    """Pose of a square whose corners are moved to where an ideal camera sees them."""
+def _body(pose: Floats, solid: bool) -> Floats:
+    """Points (N, 3) [m] that stand for what is seen at a pose: a square, or a cube."""
+    square = square_corners(SIDE * float(np.linalg.norm(pose[:3, 3])))
+    if not solid:
+        return square
+    depth = np.array([0.0, 0.0, square[0, 1]])
+    return np.vstack([square - depth, square + depth])
+
+
+def _seen_straight(pose: Floats, focal: float, lens: float, solid: bool) -> Floats:
+    """Pose of a body whose points are moved to where an ideal camera sees them."""
     if not (focal or lens):
         return pose
-    square = square_corners(SIDE * float(np.linalg.norm(pose[:3, 3])))
+    square = _body(pose, solid)
     points = square @ pose[:3, :3].T + pose[:3, 3]
     seen = points[:, :2] / points[:, 2:] / (1.0 + focal)
     straight = seen.copy()
@@ -150,32 +179,33 @@ def _seen_straight(pose: Floats, focal: float, lens: float) -> Floats:
     return pose
 
 
-def camera_columns(pose: Floats, unknowns: Floats) -> Floats:
+def camera_columns(pose: Floats, unknowns: Floats, solid: bool = False) -> Floats:
     """Change (6, 8) of the residual of a corrected pose by each error of the camera.
 
     Args:
         pose: of the marker, as the camera showed it (4, 4).
         unknowns: errors of the camera (8,) [m, rad, 1, 1] about which the change counts.
+        solid: see `corrected`.
 
     Returns:
         Offset [m] and rotation vector [rad] in the axes of the corrected marker, a column each.
     """
     focal, lens = (float(one) for one in unknowns[6:])
-    straight = _seen_straight(pose, focal, lens)
+    straight = _seen_straight(pose, focal, lens, solid)
     here = _mounted(straight, unknowns[:6])
     axes, arm = here[:3, :3].T, here[:3, 3] - unknowns[:3]
     columns = np.zeros((6, UNKNOWNS))
     columns[:3, :3], columns[3:, 3:6] = axes, axes
     columns[:3, 3:6] = axes @ np.cross(np.eye(3), arm).T
-    square = square_corners(SIDE * float(np.linalg.norm(straight[:3, 3])))
+    square = _body(straight, solid)
     points = square @ straight[:3, :3].T + straight[:3, 3]
     slopes = points[:, :2] / points[:, 2:]
-    moved = np.zeros((4, 2, 2))
+    moved = np.zeros((len(square), 2, 2))
     for corner, slope in enumerate(slopes):
         long = float(slope @ slope)
         grown = (1.0 + lens * long) * np.eye(2) + 2.0 * lens * np.outer(slope, slope)
         shifts = np.column_stack([(1.0 + lens * long) / (1.0 + focal) * slope, long * slope])
         moved[corner] = -np.linalg.solve(grown, shifts)
     by_slopes = corner_slopes(straight, square, np.eye(3))
-    columns[:, 6:] = np.linalg.lstsq(by_slopes, moved.reshape(8, 2), rcond=None)[0]
+    columns[:, 6:] = np.linalg.lstsq(by_slopes, moved.reshape(-1, 2), rcond=None)[0]
     return columns

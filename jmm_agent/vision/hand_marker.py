@@ -4,62 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.types import Floats
+from jmm_agent.vision.hand_finder import Findings, Hand, HandFinder, HandMissed, HandSeen
 from jmm_agent.vision.marker_detector import Detections, Detector, MarkerPose, Skip
 from jmm_agent.vision.marker_in_view import PredictingDetector
 
-
-class FrameJob(NamedTuple):
-    """A camera frame, and what was known when it arrived.
-
-    Attributes:
-        time: at which the frame was taken [s].
-        frame: (H, W, 3) uint8.
-        q: estimated joint angles (n,) [rad]; they predict the pose of the hand's marker.
-        lengths: measured muscle lengths (m,) [m].
-    """
-
-    time: float
-    frame: np.ndarray
-    q: Floats
-    lengths: Floats
-
-    @property
-    def kind(self) -> str:
-        """Name of such jobs among others."""
-        return "frame"
+NO_MARKER = "the hand's marker was not seen"
 
 
-class FrameMarkers(Protocol):
-    """Finds the hand's marker in frames, at once or until a later control step."""
-
-    def pose(self, q: Floats) -> Floats:
-        """Expected pose_marker_in_camera (4, 4) at joint angles (n,) [rad]."""
-
-    def submit(self, job: FrameJob) -> None:
-        """Detect the markers of a frame.
-
-        Args:
-            job: the frame.
-
-        Raises:
-            AgentError: the frame has a wrong shape or type.
-        """
-
-    def results(self) -> list[tuple[FrameJob, Detections]]:
-        """Detections that are new in this control step."""
-
-    def outcome(self, detections: Detections) -> MarkerPose | Skip:
-        """The hand's marker, or why it has no pose."""
-
-
-class HandMarker:
-    """Finds the hand's marker in camera frames (paper, sec. III-C, step 1).
+class HandMarker(HandFinder):
+    """Finds the hand by the marker on it.
 
     Args:
         detector: finds markers in frames.
@@ -67,59 +25,28 @@ class HandMarker:
         number: id of the hand's marker.
         camera: the camera's frame in the kinematics.
         site: the site that carries the marker.
+        position_noise: standard deviation of the marker's position [m].
     """
 
+    what = "marker"
+    missing = NO_MARKER
+
     def __init__(
-        self, detector: Detector, kinematics: ArmKinematics, number: int, camera: str, site: str
+        self,
+        detector: Detector,
+        kinematics: ArmKinematics,
+        number: int,
+        camera: str,
+        site: str,
+        position_noise: float,
     ) -> None:
-        self._detector, self._kinematics = detector, kinematics
-        self._number, self._camera, self._site = number, camera, site
-        self._newest: tuple[np.ndarray, Floats, Detections] | None = None
-        self._results: list[tuple[FrameJob, Detections]] = []
+        super().__init__(kinematics, site, camera, position_noise)
+        self._detector, self._number = detector, number
 
-    def pose(self, q: Floats) -> Floats:
-        """Expected pose_marker_in_camera (4, 4) at joint angles (n,) [rad]."""
-        return self._kinematics.pose(self._site, q, relative_to=self._camera)
-
-    def detect(self, frame: np.ndarray, q: Floats) -> Detections:
-        """All markers in a frame.
-
-        Args:
-            frame: (H, W, 3) uint8.
-            q: estimated joint angles (n,) [rad]; they predict the pose of the hand's marker.
-
-        Raises:
-            AgentError: the frame has a wrong shape or type.
-        """
-        if self._newest is not None:
-            newest, at, detections = self._newest
-            if frame is newest and np.array_equal(q, at):
-                return detections
-        detections = self.detect_at(frame, self.pose(q))
-        self._newest = frame, q, detections
-        return detections
-
-    def detect_at(self, frame: np.ndarray, pose: Floats) -> Detections:
-        """All markers in a frame.
-
-        Args:
-            frame: (H, W, 3) uint8.
-            pose: expected pose_marker_in_camera (4, 4).
-
-        Raises:
-            AgentError: the frame has a wrong shape or type.
-        """
-        return self._detector.detect(frame, {self._number: pose})
-
-    def find(self, frame: np.ndarray, q: Floats) -> MarkerPose | Skip:
-        """The hand's marker in a frame, or why it has no pose; see `detect`."""
-        return self.outcome(self.detect(frame, q))
-
-    def outcome(self, detections: Detections) -> MarkerPose | Skip:
-        """The hand's marker, or why it has no pose."""
-        if self._number in detections.poses:
-            return detections.poses[self._number]
-        return detections.skips[self._number]
+    def find_at(self, frame: np.ndarray, pose: Floats) -> Findings:
+        """All markers in a frame, and the hand's; see `HandFinder`."""
+        found = self._detector.detect(frame, {self._number: pose})
+        return Findings(self._hand(found), found.poses)
 
     @property
     def shows(self) -> Callable[[Floats], bool] | None:
@@ -128,11 +55,20 @@ class HandMarker:
             return None
         return partial(self._detector.shows, self._number)
 
-    def submit(self, job: FrameJob) -> None:
-        """Detect the markers of a frame at once; see `FrameMarkers`."""
-        self._results.append((job, self.detect(job.frame, job.q)))
+    def _hand(self, found: Detections) -> Hand:
+        if self._number in found.poses:
+            return hand_of(found.poses[self._number])
+        twice = found.skips.get(self._number) is Skip.TWICE
+        return HandMissed("doubled" if twice else "absent", NO_MARKER)
 
-    def results(self) -> list[tuple[FrameJob, Detections]]:
-        """Detections since the last call."""
-        results, self._results = self._results, []
-        return results
+
+def hand_of(marker: MarkerPose) -> HandSeen:
+    """The hand by its marker.
+
+    Args:
+        marker: on the hand.
+    """
+    edges = np.roll(marker.corners_px, 1, axis=0) - marker.corners_px
+    side = float(np.hypot(edges[:, 0], edges[:, 1]).max())
+    pose = marker.pose_marker_in_camera
+    return HandSeen(pose, flipped=marker.flipped_in_camera, side_px=side)

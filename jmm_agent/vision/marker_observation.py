@@ -114,6 +114,27 @@ def adds_only_noise(
     return bool(missed @ weight @ missed <= chi2.ppf(AGREEMENT, measured.sum()))
 
 
+def usual_noise(
+    observations: Sequence[MarkerObservation], position_noise: float, rotation_noise: float
+) -> tuple[float, float]:
+    """Usual standard deviations of a position [m] and a rotation [rad], by poses so far.
+
+    Args:
+        observations: K observations; those without a covariance have the noise of the options.
+        position_noise: of the options [m].
+        rotation_noise: of the options [rad].
+    """
+    found = []
+    for one in observations:
+        variances = np.zeros(6) if one.covariance is None else np.diag(one.covariance)
+        means = (float(np.mean(variances[:3])), float(np.mean(variances[3:])))
+        if max(means) < UNKNOWN / 3.0:
+            found.append(means)
+    more = np.median(found, axis=0) if found else np.zeros(2)
+    noise = np.sqrt(np.array([position_noise**2, rotation_noise**2]) + more)
+    return float(noise[0]), float(noise[1])
+
+
 class ObservationWeights:
     """Weights of the measurements of K observations, but for the muscle lengths.
 

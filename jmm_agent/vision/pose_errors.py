@@ -25,7 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
-from jmm_agent.vision.camera_unknowns import UNKNOWNS, CameraPrior, camera_columns
+from jmm_agent.vision.camera_unknowns import UNKNOWNS, CameraPrior, camera_columns, is_shown
 from jmm_agent.vision.marker_observation import Frames, MarkerObservation, ObservationWeights
 
 SIZES = 0.0, 1.0 / 3.0, 1.0, 3.0
@@ -112,6 +112,7 @@ class PoseErrors:
         camera: errors of the camera (8,) [m, rad, 1, 1] by which the poses are corrected.
         joints: see `joint_columns`.
         weights: of the observations.
+        frame: the camera's frame, see `camera_of`.
     """
 
     def __init__(
@@ -121,11 +122,14 @@ class PoseErrors:
         camera: Floats,
         joints: Floats,
         weights: ObservationWeights,
+        frame: str | None = None,
     ) -> None:
         self._widths, self._camera = prior.widths, camera
         none = np.zeros((6, UNKNOWNS))
         seen = [
-            none if found.frames is not None else camera_columns(found.pose, camera) * self._widths
+            camera_columns(found.pose, camera, found.frames is not None) * self._widths
+            if is_shown(found, frame)
+            else none
             for found in observations
         ]
         self._columns = np.concatenate([np.array(seen), joints], axis=2)

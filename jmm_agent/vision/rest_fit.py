@@ -28,7 +28,7 @@ from scipy.linalg import solve
 from jmm_agent.mapping.prior import GroupKernel, MapPrior, without_unknown
 from jmm_agent.types import Floats
 from jmm_agent.vision.balance import Balance
-from jmm_agent.vision.camera_unknowns import CameraPrior, corrected_observations
+from jmm_agent.vision.camera_unknowns import CameraPrior, camera_of, corrected_observations
 from jmm_agent.vision.marker_observation import (
     MarkerObservation,
     ObservationWeights,
@@ -150,10 +150,11 @@ class RestProblem:
         self._common, self._observations = None, list(observations)
         if common is not None and len(observations):
             joints = joint_columns(observations, common.angles, marker_residual, common.joints)
+            frame = camera_of(marker_residual)
             self._common = PoseErrors(
-                observations, common.prior, common.camera, joints, self.weights
+                observations, common.prior, common.camera, joints, self.weights, frame
             )
-            self._observations = corrected_observations(observations, common.camera)
+            self._observations = corrected_observations(observations, common.camera, frame)
 
     def camera(self, unknown: Floats) -> Floats | None:
         """Most probable errors of the camera (8,) at angles (K + R + 1, n) [rad]."""

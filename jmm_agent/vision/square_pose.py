@@ -148,21 +148,21 @@ def either_covariance(covariance: Floats, pose: Floats, other: Floats) -> Floats
 
 
 def corner_slopes(pose: Floats, square: Floats, matrix: Floats) -> Floats:
-    """Slopes of the corners (8, 6) [px] by offset [m] and rotation vector [rad] in its own axes.
+    """Slopes of N corners (2 N, 6) [px] by offset [m] and rotation vector [rad] in its own axes.
 
     Args:
-        pose: of the square (4, 4).
-        square: its corners (4, 3) [m].
+        pose: of the square, or of another body (4, 4).
+        square: its corners (N, 3) [m].
         matrix: intrinsic matrix of the camera (3, 3) [px].
     """
     x, y, z = (square @ pose[:3, :3].T + pose[:3, 3]).T
-    slopes = np.zeros((4, 2, 3))
+    slopes = np.zeros((len(square), 2, 3))
     slopes[:, 0, 0], slopes[:, 0, 2] = matrix[0, 0] / z, -matrix[0, 0] * x / z**2
     slopes[:, 1, 1], slopes[:, 1, 2] = matrix[1, 1] / z, -matrix[1, 1] * y / z**2
     slopes = slopes @ pose[:3, :3]
     turns = np.cross(np.eye(3)[None], square[:, None])  # a row of the displacements of each axis
     both = np.concatenate([slopes, slopes @ turns.transpose(0, 2, 1)], axis=2)
-    return both.reshape(8, 6)
+    return both.reshape(-1, 6)
 
 
 def alike(error: float, other: float, deviation_px: float = 0.0) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich import get_console
 
+from jmm_agent.updaters.vision_options import HandKind
 from kengoro.agents import make_agent
 from kengoro.grasp_trial import Trial, begin_trial, outcome_sentences
 from kengoro.robots import make_env, shuffled_postures
@@ -21,10 +22,12 @@ class Args:
 
     Attributes:
         robot: seed of the actual robot.
+        hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
         out: folder of the film.
     """
 
     robot: int = 100
+    hand: HandKind = "marker"
     out: Path = Path("out/demo")
 
 
@@ -33,15 +36,15 @@ def main(args: Args) -> None:
     console = get_console()
     with console.status("Training the map of the nominal model (half a minute, once) ..."):
         trained_map()
+    agent = make_agent(args.robot, hand=args.hand)
     film = args.out / "episode.mp4"
-    env = make_env("CanGrasp", args.robot, render_mode="rgb_array")
+    env = make_env("CanGrasp", args.robot, hand=args.hand, render_mode="rgb_array")
     with stage_bar("Kengoro") as progress, open_video(film) as video:
         watch = film_and_progress(video, progress)
         postures = shuffled_postures(args.robot)
-        trial = begin_trial(env, make_agent(args.robot), args.robot, postures, watch=watch)
+        trial = begin_trial(env, agent, args.robot, postures, watch=watch)
         result = trial.run_to_end()
     env.close()
-    agent = trial.session.agent
     sentences = [
         *trial_sentences(result, agent.vision.fired),
         agent.predictions.sentence,

@@ -81,6 +81,7 @@ class SessionHistory:
         self._observations: list[tuple[float, float, float]] = []
         self._seen: object = None
         self._observed_marks: tuple[Floats, Floats] | None = None
+        self._frame = ""
 
     def record(self, session: Session) -> None:
         """Record the session after a step.
@@ -92,23 +93,25 @@ class SessionHistory:
             self._seen = agent.seen
             seen, error = agent.seen.angles, agent.seen.error
             self._observations.append((session.time, *_error(seen + error, seen)))
-            self._record_marker(session, seen + error)
+            self._record_hand(session, seen + error)
         if not self._rows or session.time >= self._rows[-1][0] + CURVE_PERIOD - 1e-9:
             error_now = _error(agent.joint_angles, session.truth["joint_angles"])
             self._rows.append((session.time, *error_now))
 
-    def _record_marker(self, session: Session, estimate: Floats) -> None:
-        options, markers = session.agent.options, session.agent.markers
-        if options.hand_marker in markers:
-            pose_camera_in_world = nominal_kinematics().pose(options.camera, estimate)
-            seen = pose_camera_in_world @ markers[options.hand_marker].pose_marker_in_camera
-            estimated = nominal_kinematics().pose(options.marker_site, estimate)
+    def _record_hand(self, session: Session, estimate: Floats) -> None:
+        options, hand = session.agent.options, session.agent.hand
+        if hand is not None:
+            frame, camera = hand.frames or (options.marker_site, options.camera)
+            seen = nominal_kinematics().pose(camera or options.camera, estimate) @ hand.pose
+            estimated = nominal_kinematics().pose(frame, estimate)
             self._observed_marks = seen[:3, 3], estimated[:3, 3]
+            self._frame = frame
 
     def moment(self, session: Session) -> Moment:
         """State of the session now."""
         agent = session.agent
-        estimated = nominal_kinematics().pose(agent.options.marker_site, agent.joint_angles)[:3, 3]
+        frame = self._frame or agent.options.marker_site
+        estimated = nominal_kinematics().pose(frame, agent.joint_angles)[:3, 3]
         learning = "learns" if agent.learning else "is tested: learning is off"
         return Moment(
             session.time,

@@ -1,4 +1,4 @@
-"""Departures of the bodies: bones and joint axes, and the marker on the hand."""
+"""Departures of the bodies: bones and joint axes, and the marker on the hand or none."""
 
 from __future__ import annotations
 
@@ -92,6 +92,26 @@ class MarkerError:
         if self.rotation > 0.0:
             mounted = draft.spec.copy().compile().body(PLATE).quat
             turn(plate, mounted, self.rotation * rng.standard_normal(3))
+
+
+@dataclass(frozen=True)
+class NoHandMarker:
+    """The hand carries no marker that a camera could see; the robot moves as with it, to the bit.
+
+    The plate stays as a body that cannot be seen, with its mass.
+
+    Attributes:
+        removed: whether the marker is removed.
+    """
+
+    removed: bool = False
+
+    def edit(self, draft: Draft) -> None:
+        """Make the marker's plate invisible, if the scene has one."""
+        if not self.removed or PLATE not in [geom.name for geom in draft.spec.geoms]:
+            return
+        geom = draft.spec.geom(PLATE)
+        geom.material, geom.rgba = "", np.zeros(4)
 
 
 def _check(departure: object, *deviations: float) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from jmm_agent.agent import Agent
 from jmm_agent.kalman_filter import JointEstimator
@@ -17,6 +18,7 @@ from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
 from jmm_agent.observation import SensorReadings
 from jmm_agent.options import AgentOptions
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 from jmm_agent.vision.marker_detector import Detections, MarkerPose
 from tests.jmm_agent.nominal_arm import posture_set
 
@@ -25,6 +27,47 @@ MISTAKE = np.radians([1, -1, 1, 4, -4, 3, 4, -8, 7, 8, -7, 3, -3, 2])
 """Posture (14,) [rad] at which the lengths were zeroed."""
 TESTED = posture_set()[60:90:3]
 """Postures (N, 14) [rad] at which what was learned is judged."""
+
+
+class MovingHand:
+    """Detector of the hand of a `MovingArm`, without a marker.
+
+    Attributes:
+        arm: the arm.
+        skip: why no frame shows the hand; None: all do.
+        fixed: pose that all frames show, as a picture of a hand has; None: the hand's.
+        off: how far poses are off, in the camera [m].
+        expected: the last pose that was expected.
+    """
+
+    arm: MovingArm
+    frame = "hand"
+    COVARIANCE = np.diag([4e-6, 4e-6, 3.6e-5, 3e-4, 3e-4, 3e-4])
+
+    def __init__(self) -> None:
+        self.skip: HandSkip | None = None
+        self.fixed: np.ndarray | None = None
+        self.off, self.seen = np.zeros(3), True
+        self.expected: np.ndarray | None = None
+        self.rng = np.random.default_rng(3)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> MovingHand:
+        return self
+
+    def detect(
+        self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
+    ) -> HandDetection | HandSkip:
+        self.expected = expected
+        if self.skip is not None:
+            return self.skip
+        pose = self.arm.pose_in("hand", frame_rgb) if self.fixed is None else self.fixed.copy()
+        error = np.sqrt(np.diag(self.COVARIANCE)) * self.rng.standard_normal(6)
+        pose[:3, 3] += error[:3] + self.off
+        pose[:3, :3] = Rotation.from_rotvec(error[3:]).as_matrix() @ pose[:3, :3]
+        return HandDetection(pose, self.COVARIANCE)
+
+    def shows(self, pose: np.ndarray) -> bool:
+        return self.seen
 
 
 class MovingArm:
@@ -38,6 +81,8 @@ class MovingArm:
         delay: time after which a frame arrives [s].
         stamped_late: whether a frame has the time of its arrival instead of its own.
         rest: duration of each rest [s].
+        hand: detects the hand in place of its marker; None: the marker is detected.
+        vision: further options of the Vision Updater.
         options: of the agent.
     """
 
@@ -51,6 +96,8 @@ class MovingArm:
         stamped_late: bool = False,
         rest: float = 0.8,
         seed: int = 0,
+        hand: MovingHand | None = None,
+        vision: dict[str, Any] | None = None,
         **options: Any,
     ) -> None:
         self.nominal_map, self.kinematics = nominal_map, kinematics
@@ -61,12 +108,20 @@ class MovingArm:
         self.agent = Agent(
             nominal_map,
             kinematics,
-            self if sees else None,
+            self if sees and hand is None else None,
             posture_set(),
             self.path[0],
             np.random.default_rng(seed),
-            AgentOptions(vision=VisionOptions(lengths="l"), **options),
+            AgentOptions(
+                vision=VisionOptions(
+                    hand="marker" if hand is None else "seen", lengths="l", **(vision or {})
+                ),
+                **options,
+            ),
+            hand=hand,
         )
+        self.hand = hand or MovingHand()
+        self.hand.arm = self
         self.agent.begin_episode()
 
     @property
@@ -87,9 +142,13 @@ class MovingArm:
 
     def detect(self, frame: np.ndarray, expected: object = None) -> Detections:
         """The marker's pose when the frame was taken."""
-        moment = int(frame[0, 0, 0]) + 256 * int(frame[0, 0, 1])
-        pose = self.kinematics.pose("marker_hand", self.path[moment], relative_to="eye")
+        pose = self.pose_in("marker_hand", frame)
         return Detections({0: MarkerPose(0, pose, np.zeros((4, 2)), 0.0, pose, 9.0)}, {}, ())
+
+    def pose_in(self, part: str, frame: np.ndarray) -> np.ndarray:
+        """Pose (4, 4) of a part of the arm in the camera when a frame was taken."""
+        moment = int(frame[0, 0, 0]) + 256 * int(frame[0, 0, 1])
+        return self.kinematics.pose(part, self.path[moment], relative_to="eye")
 
     def readings(self, **more: Any) -> SensorReadings:
         """What the arm measures now."""
@@ -98,7 +157,7 @@ class MovingArm:
         if taken < 0.0:
             return SensorReadings(self.time, lengths, np.full(36, 50.0))._replace(**more)
         moment = round(taken / PERIOD)
-        frame = np.full((1, 1, 3), [moment % 256, moment // 256, 0], dtype=np.uint8)
+        frame = np.full((1, 1, 3), [moment % 256, moment // 256, 7], dtype=np.uint8)
         stamp = taken + self._delay * self._late
         return SensorReadings(self.time, lengths, np.full(36, 50.0), frame, stamp)._replace(**more)
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from jmm_agent.guard import faults
-from jmm_agent.guard.camera_monitor import CameraMonitorOptions, FrozenCameraMonitor, MarkerMonitor
+from jmm_agent.guard.camera_monitor import CameraMonitorOptions, FrozenCameraMonitor, HandMonitor
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.marker_detector import MarkerPose, Skip
+from jmm_agent.vision.hand_finder import HandMissed, HandSeen
+from jmm_agent.vision.hand_marker import NO_MARKER, hand_of
+from jmm_agent.vision.marker_detector import MarkerPose
+
+ABSENT, DOUBLED = HandMissed("absent", NO_MARKER), HandMissed("doubled", NO_MARKER)
 
 
 def test_a_camera_freezes_when_no_frame_comes_or_the_hand_moves_in_the_same_picture() -> None:
@@ -72,22 +74,23 @@ def facing(angle: float, x: float = 0.0) -> np.ndarray:
     return pose
 
 
-def seen(angle: float, x: float = 0.0) -> MarkerPose:
-    return MarkerPose(0, facing(angle, x), np.zeros((4, 2)), 0.01, facing(-angle, x), 1.0)
+def seen(angle: float, x: float = 0.0) -> HandSeen:
+    pose, flipped = facing(angle, x), facing(-angle, x)
+    return hand_of(MarkerPose(0, pose, np.zeros((4, 2)), 0.01, flipped, 1.0))
 
 
 @pytest.fixture
-def marker() -> MarkerMonitor:
-    monitor = MarkerMonitor(Camera(640, 480, 580.0, 580.0, 319.5, 239.5), CameraMonitorOptions())
+def marker() -> HandMonitor:
+    monitor = HandMonitor(Camera(640, 480, 580.0, 580.0, 319.5, 239.5), CameraMonitorOptions())
     monitor.update(0.0, seen(0.4), facing(1.0))  # the estimate is wrong by 0.6 rad
     assert list(monitor.found()) == []
     return monitor
 
 
-def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerMonitor) -> None:
-    marker.update(0.2, Skip.NOT_SEEN, facing(1.0))
+def test_a_marker_that_must_be_in_view_is_missed(marker: HandMonitor) -> None:
+    marker.update(0.2, ABSENT, facing(1.0))
     assert list(marker.found()) == []
-    marker.update(0.4, Skip.UNCLEAR, facing(1.0))
+    marker.update(0.4, ABSENT, facing(1.0))
     assert list(marker.found()) == [faults.MARKER_HIDDEN]
     for k in range(3, 14):
         marker.update(0.2 * k, seen(0.4), facing(1.0))
@@ -104,53 +107,53 @@ def test_a_marker_that_must_be_in_view_is_missed(marker: MarkerMonitor) -> None:
     ],
 )
 def test_a_map_that_is_not_trusted_only_misses_a_marker_that_did_not_move(
-    marker: MarkerMonitor, predicted: np.ndarray, named: list[str]
+    marker: HandMonitor, predicted: np.ndarray, named: list[str]
 ) -> None:
     for k in (1, 2):
-        marker.update(0.2 * k, Skip.NOT_SEEN, predicted, trusted=False)
+        marker.update(0.2 * k, ABSENT, predicted, trusted=False)
     assert list(marker.found()) == named
     for k in (3, 4):
-        marker.update(0.2 * k, Skip.NOT_SEEN, predicted)
+        marker.update(0.2 * k, ABSENT, predicted)
     assert list(marker.found()) == [faults.MARKER_HIDDEN]
 
 
 def test_a_marker_that_is_hidden_right_after_the_map_changed_is_missed(
-    marker: MarkerMonitor,
+    marker: HandMonitor,
 ) -> None:
     marker.forget_estimate()
     for k in (1, 2):
-        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.7))  # where the new map predicts it
+        marker.update(0.2 * k, ABSENT, facing(1.7))  # where the new map predicts it
     assert list(marker.found()) == [faults.MARKER_HIDDEN]
 
 
 def test_a_marker_that_left_the_view_before_the_map_changed_is_not_missed(
-    marker: MarkerMonitor,
+    marker: HandMonitor,
 ) -> None:
-    marker.update(0.2, Skip.NOT_SEEN, facing(1.0, x=0.45))
+    marker.update(0.2, ABSENT, facing(1.0, x=0.45))
     marker.forget_estimate()
     for k in range(2, 6):
-        marker.update(0.2 * k, Skip.NOT_SEEN, facing(1.2, x=0.45))
+        marker.update(0.2 * k, ABSENT, facing(1.2, x=0.45))
     assert list(marker.found()) == []
 
 
 @pytest.mark.parametrize("predicted", [facing(1.0, x=0.45), facing(1.7)])
 def test_a_marker_that_leaves_the_view_is_not_missed(
-    marker: MarkerMonitor, predicted: np.ndarray
+    marker: HandMonitor, predicted: np.ndarray
 ) -> None:
     for k in range(1, 5):
-        marker.update(0.2 * k, Skip.NOT_SEEN, predicted)
+        marker.update(0.2 * k, ABSENT, predicted)
     assert list(marker.found()) == []
 
 
 def test_a_second_marker_is_named_even_before_the_first_estimate() -> None:
-    monitor = MarkerMonitor(Camera(640, 480, 580.0, 580.0, 319.5, 239.5), CameraMonitorOptions())
-    monitor.update(0.0, Skip.TWICE, None)
+    monitor = HandMonitor(Camera(640, 480, 580.0, 580.0, 319.5, 239.5), CameraMonitorOptions())
+    monitor.update(0.0, DOUBLED, None)
     assert list(monitor.found()) == [faults.SECOND_MARKER]
     monitor.update(0.2, seen(0.4), None)
     assert list(monitor.found()) == []
 
 
-def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerMonitor) -> None:
+def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: HandMonitor) -> None:
     for k in range(1, 10):
         marker.update(0.2 * k, seen(-0.4), facing(1.0))
         assert list(marker.found()) == [faults.MIRRORED_MARKER]
@@ -160,7 +163,7 @@ def test_a_mirrored_marker_is_named_for_as_long_as_it_is(marker: MarkerMonitor) 
     assert list(marker.found()) == []
 
 
-def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerMonitor) -> None:
+def test_a_marker_that_stays_mirrored_is_right_after_all(marker: HandMonitor) -> None:
     found = []
     for k in range(1, 100):
         marker.update(0.2 * k, seen(-0.4), facing(1.0))
@@ -170,18 +173,17 @@ def test_a_marker_that_stays_mirrored_is_right_after_all(marker: MarkerMonitor) 
     assert found[-1] == []
 
 
-def test_a_marker_that_turns_with_the_estimate_is_not_mirrored(marker: MarkerMonitor) -> None:
+def test_a_marker_that_turns_with_the_estimate_is_not_mirrored(marker: HandMonitor) -> None:
     marker.update(0.2, seen(-0.4), facing(0.2))
     assert list(marker.found()) == []
 
 
 def hidden_at(camera: Camera, x: float, side_px: float) -> bool:
     """Whether a marker that is expected at x [m], and is not seen, is missed."""
-    monitor = MarkerMonitor(camera, CameraMonitorOptions())
-    corners = side_px * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    monitor.update(0.0, replace(seen(0.4, x), corners_px=corners), facing(0.4, x))
+    monitor = HandMonitor(camera, CameraMonitorOptions())
+    monitor.update(0.0, seen(0.4, x)._replace(side_px=side_px), facing(0.4, x))
     for k in (1, 2):
-        monitor.update(0.2 * k, Skip.NOT_SEEN, facing(0.4, x))
+        monitor.update(0.2 * k, ABSENT, facing(0.4, x))
     return list(monitor.found()) == [faults.MARKER_HIDDEN]
 
 

@@ -16,8 +16,7 @@ from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.learning.frames import FrameQueue
 from jmm_agent.learning.options import LearningOptions
 from jmm_agent.mapping.joint_muscle_map import JointMuscleMap
-from jmm_agent.vision.hand_marker import FrameJob
-from jmm_agent.vision.marker_detector import Detections
+from jmm_agent.vision.hand_finder import Findings, FrameJob
 from tests.jmm_agent.learning.resting import (
     CALM,
     START,
@@ -112,10 +111,10 @@ def test_what_a_library_prints_is_no_result(make: Make, nominal_map: JointMuscle
 
 
 def test_a_frame_may_be_overwritten_after_the_step(arm: ArmKinematics) -> None:
-    marker: Any = SimpleNamespace(
-        pose=lambda q: np.eye(4), detect_at=lambda frame, pose: Detections({}, {}, ())
+    finder: Any = SimpleNamespace(
+        pose=lambda q: np.eye(4), find_at=lambda frame, pose: Findings(None, {})
     )
-    frames = FrameQueue(marker, LearningOptions("step", 1))
+    frames = FrameQueue(finder, LearningOptions("step", 1))
     frame = np.zeros((2, 2, 3), np.uint8)
     frames.submit(FrameJob(0.0, frame, START, CALM))
     frame[:] = 9

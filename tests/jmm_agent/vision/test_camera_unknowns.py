@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
@@ -97,10 +98,79 @@ def test_poses_of_other_frames_stay() -> None:
     other = MarkerObservation(pose, none, none, ("grip", None))
     own = MarkerObservation(pose, none, none)
     lens = np.array([0.0] * 7 + [-0.2])
-    left, moved = corrected_observations([other, own], lens)
+    left, moved = corrected_observations([other, own], lens, "eye")
     assert left.pose is pose
     assert apart(moved.pose, pose)[0] > 1e-3
-    assert corrected_observations([own], None)[0].pose is pose
+    assert corrected_observations([own], None, "eye")[0].pose is pose
+
+
+def test_poses_of_other_parts_in_the_camera_are_corrected_too() -> None:
+    """Such as those of a hand that is seen without a marker."""
+    pose, none = poses(1)[0], np.zeros(3)
+    hand = MarkerObservation(pose, none, none, ("hand", "eye"))
+    unknowns = np.array([0.003, 0.0, 0.0, 0.0, 0.01, 0.0, 0.004, -0.1])
+    [moved] = corrected_observations([hand], unknowns, "eye")
+    np.testing.assert_array_equal(moved.pose, corrected(pose, unknowns, solid=True))
+    for camera in ("other", None):
+        [stays] = corrected_observations([hand], unknowns, camera)
+        assert stays.pose is pose
+
+
+def tumbled(count: int) -> list[Floats]:
+    """Poses all over the frame, turned by any angle: some show their x-y plane from its edge."""
+    rng, found = np.random.default_rng(5), poses(count)
+    for pose in found:
+        pose[:3, :3] = cv2.Rodrigues(rng.uniform(-2.0, 2.0, 3))[0]
+    edge = found[0]
+    toward = edge[:3, 3] / np.linalg.norm(edge[:3, 3])
+    across = np.cross(toward, [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across)
+    edge[:3, :3] = np.column_stack([toward, across, np.cross(toward, across)])
+    return found
+
+
+def seen_solid(pose: Floats, focal: float, k1: float) -> Floats:
+    """Pose of a cloud of points that a camera with other optics shows to an agent (OpenCV)."""
+    points = 0.05 * np.random.default_rng(6).uniform(-1.0, 1.0, (30, 3))
+    matrix = MATRIX.copy()
+    matrix[0, 0] = matrix[1, 1] = FOCAL * (1.0 + focal)
+    turn, lens = cv2.Rodrigues(pose[:3, :3])[0], np.array([k1, 0.0, 0.0, 0.0])
+    pixels = cv2.projectPoints(points, turn, pose[:3, 3], matrix, lens)[0]
+    start = turn.copy(), pose[:3, 3:].copy()
+    _, turn, position = cv2.solvePnP(points, pixels, MATRIX, None, *start, useExtrinsicGuess=True)
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = cv2.Rodrigues(turn)[0], position.ravel()
+    return found
+
+
+@pytest.mark.parametrize(("focal", "k1"), [(0.0, -0.2), (0.02, 0.1), (-0.01, -0.3)])
+def test_poses_of_solid_bodies_are_found_again_from_any_side(focal: float, k1: float) -> None:
+    unknowns = np.array([0.0] * 6 + [focal, k1])
+    before, after = [], []
+    for pose in tumbled(40):
+        seen = seen_solid(pose, focal, k1)
+        before.append(apart(seen, pose))
+        after.append(apart(corrected(seen, unknowns, solid=True), pose))
+    was, now = np.median(before, axis=0), np.median(after, axis=0)
+    assert was[0] > 0.02
+    assert now[0] < 0.2 * was[0]  # a cube is no cloud of points
+    assert now[1] < was[1]
+    assert np.max(after, axis=0)[0] < 0.3 * np.max(before, axis=0)[0]
+
+
+def test_columns_of_solid_bodies_are_derivatives_of_their_poses() -> None:
+    unknowns = np.array([0.004, -0.002, 0.003, 0.01, -0.008, 0.006, 0.005, -0.05])
+    for pose in tumbled(5):
+        here, found = corrected(pose, unknowns, True), camera_columns(pose, unknowns, True)
+        for number in range(8):
+            step = 1e-4 * np.eye(8)[number]
+            ends = [corrected(pose, unknowns + sign * step, True) for sign in (1.0, -1.0)]
+            moved = here[:3, :3].T @ (ends[0][:3, 3] - ends[1][:3, 3]) / 2e-4
+            change = Rotation.from_matrix(ends[1][:3, :3].T @ ends[0][:3, :3])
+            turned = change.as_rotvec() / 2e-4
+            missed = np.linalg.norm(found[:3, number] - moved)
+            assert missed < 0.05 * np.linalg.norm(moved) + 1e-3
+            np.testing.assert_allclose(found[3:, number], turned, atol=2e-2)
 
 
 def test_a_prior_has_no_negative_widths() -> None:

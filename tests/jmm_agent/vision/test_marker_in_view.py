@@ -66,9 +66,9 @@ def test_a_detector_that_cannot_predict_leaves_it_unknown() -> None:
         def detect(self, frame_rgb: np.ndarray, expected: object = None) -> Detections:
             return Detections({}, {}, ())
 
-    marker = HandMarker(Plain(), None, 7, "eye", "hand")  # type: ignore[arg-type]
+    marker = HandMarker(Plain(), None, 7, "eye", "hand", 0.003)  # type: ignore[arg-type]
     assert marker.shows is None
     assert not isinstance(Plain(), PredictingDetector)
-    known = HandMarker(MarkerDetector(NARROW, {7: SIDE}), None, 7, "eye", "hand")  # type: ignore[arg-type]
+    known = HandMarker(MarkerDetector(NARROW, {7: SIDE}), None, 7, "eye", "hand", 0.003)  # type: ignore[arg-type]
     assert known.shows is not None
     assert known.shows(facing(0.0, 0.0, 0.5))

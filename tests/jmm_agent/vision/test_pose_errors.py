@@ -78,7 +78,7 @@ def test_the_lens_is_found_from_poses_at_known_postures(
     camera, none = np.zeros(8), np.zeros((len(angles), 6, 0))
     for _ in range(5):
         errors = PoseErrors(observations, CameraPrior(), camera, none, weights)
-        pairs = zip(angles, corrected_observations(observations, camera), strict=True)
+        pairs = zip(angles, corrected_observations(observations, camera, None), strict=True)
         missed = [residual(q, found.pose)[0] for q, found in pairs]
         camera = errors.camera(np.array(missed))
     assert camera[7] == pytest.approx(k1, abs=0.02)

@@ -10,6 +10,7 @@ import pytest
 
 from jmm_agent.agent import AgentOptions
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
+from jmm_agent.vision.hand_finder import HandSeen
 from kengoro.viewer.history import MAX_POINTS, SessionHistory
 from kengoro.visits import grip
 from kengoro_env.assets import asset_path
@@ -22,7 +23,7 @@ POSTURE = posture_set()[0]
 def session_at(time: float, estimate: np.ndarray, true: np.ndarray, **more: Any) -> Any:
     """Stub of a session with the attributes that a history reads."""
     agent = SimpleNamespace(
-        options=AgentOptions(), seen=None, markers={}, joint_angles=estimate, learning=True
+        options=AgentOptions(), seen=None, hand=None, joint_angles=estimate, learning=True
     )
     vars(agent).update(more)
     robot = SimpleNamespace(tensions=np.zeros(36))
@@ -67,11 +68,10 @@ def test_the_seen_marker_is_computed_with_the_camera_at_the_estimated_joint_angl
     expected = kinematics.pose("marker_hand", POSTURE, relative_to="eye")
     shifted = expected.copy()
     shifted[:3, 3] += [0.0, 0.0, 0.1]
-    options = AgentOptions()
     for pose, distance in ((expected, 0.0), (shifted, 0.1)):
         observed = SimpleNamespace(angles=POSTURE, error=np.zeros(len(POSTURE)))
-        markers = {options.hand_marker: SimpleNamespace(pose_marker_in_camera=pose)}
-        session = session_at(1.0, POSTURE, POSTURE, seen=observed, markers=markers)
+        hand = HandSeen(pose)
+        session = session_at(1.0, POSTURE, POSTURE, seen=observed, hand=hand)
         history.record(session)
         marks = history.moment(session).marks
         assert marks.seen is not None
