@@ -25,7 +25,7 @@ from kengoro_env.vision.rendering import COARSE, QUALITY
 
 FOLDER = asset_path("mjcf/kengoro_arm/arm.xml").parent
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-DRAWN = 3
+SHOWN = 3
 """Number of geom groups that MuJoCo draws by default: 0, 1 and 2."""
 MOST_FACES = 30_000
 ON_SURFACE = 0.002
@@ -94,7 +94,7 @@ def test_distances_from_a_triangle() -> None:
         assert distance(np.array(point), faces) == pytest.approx(expected)
 
 
-def test_wires_end_on_a_visual_of_their_body(arm: mujoco.MjModel) -> None:
+def test_tendons_end_on_a_visual_of_their_body(arm: mujoco.MjModel) -> None:
     """Each point of each of the 36 wires, in the nominal model."""
     sites = {int(arm.wrap_objid[w]) for w in range(arm.nwrap)}
     assert len(sites) > 72
@@ -137,15 +137,15 @@ def test_the_meshes_are_those_that_the_script_writes(tmp_path: Path) -> None:
                 assert one == other, name
 
 
-def test_visuals_touch_nothing_and_are_drawn_and_the_rest_of_the_arm_is_not(
+def test_visuals_touch_nothing_and_are_shown_and_the_rest_of_the_arm_is_not(
     arm: mujoco.MjModel,
 ) -> None:
     seen = visuals(arm)
     assert not arm.geom_contype[seen].any()
     assert not arm.geom_conaffinity[seen].any()
-    assert (arm.geom_group[seen] < DRAWN).all()
+    assert (arm.geom_group[seen] < SHOWN).all()
     others = sorted(set(range(arm.ngeom)) - set(seen) - {arm.geom("marker_plate").id})
-    assert (arm.geom_group[others] >= DRAWN).all()
+    assert (arm.geom_group[others] >= SHOWN).all()
 
 
 SEEN = re.compile(r"^_|geom|mesh|bvh|tex|mat_|name|paths|dof_length")
@@ -245,7 +245,7 @@ def faces(model: mujoco.MjModel, quality: dict[str, int]) -> int:
     }
     total = box * sum(int(num) - 1 for num in model.tendon_num)
     for geom in range(model.ngeom):
-        if model.geom_group[geom] < DRAWN:
+        if model.geom_group[geom] < SHOWN:
             mesh = int(model.geom_dataid[geom])
             kind = int(model.geom_type[geom])
             total += int(model.mesh_facenum[mesh]) if kind == MESH else kinds[kind]
@@ -261,10 +261,10 @@ def test_the_head_camera_sees_no_part_of_the_head(arm: mujoco.MjModel) -> None:
     grid = np.stack(np.meshgrid(np.linspace(-4 / 3, 4 / 3, 33), np.linspace(-1, 1, 25)), -1)
     rays = np.insert(height * grid.reshape(-1, 2), 2, -1.0, axis=1)
     rays = rays @ data.cam_xmat[eye].reshape(3, 3).T
-    drawn = (np.arange(6) < DRAWN).astype(np.uint8)
+    shown = (np.arange(6) < SHOWN).astype(np.uint8)
     for ray in rays:
         hit = np.zeros(1, np.int32)
-        mujoco.mj_ray(arm, data, data.cam_xpos[eye], ray, drawn, 1, -1, hit)
+        mujoco.mj_ray(arm, data, data.cam_xpos[eye], ray, shown, 1, -1, hit)
         assert hit[0] < 0 or arm.geom_bodyid[hit[0]] != head
 
 
@@ -274,7 +274,7 @@ def test_no_visual_hides_the_marker_of_the_hand(arm: mujoco.MjModel) -> None:
     eye, marker = arm.camera("eye").id, arm.site("marker_hand").id
     position = [arm.joint(joint).qposadr[0] for joint in JOINTS]
     corners = 0.025 * np.array([(x, y, 0.0) for x in (-1, 0, 1) for y in (-1, 0, 1)])
-    drawn = (np.arange(6) < DRAWN).astype(np.uint8)
+    shown = (np.arange(6) < SHOWN).astype(np.uint8)
     for posture in posture_set()[::10]:
         data.qpos[position] = posture
         mujoco.mj_kinematics(arm, data)
@@ -282,5 +282,5 @@ def test_no_visual_hides_the_marker_of_the_hand(arm: mujoco.MjModel) -> None:
         points = data.site_xpos[marker] + corners @ data.site_xmat[marker].reshape(3, 3).T
         for ray in points - data.cam_xpos[eye]:
             hit = np.zeros(1, np.int32)
-            mujoco.mj_ray(arm, data, data.cam_xpos[eye], ray, drawn, 1, -1, hit)
+            mujoco.mj_ray(arm, data, data.cam_xpos[eye], ray, shown, 1, -1, hit)
             assert hit[0] == plate

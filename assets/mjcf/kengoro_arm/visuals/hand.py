@@ -66,67 +66,34 @@ def _section(z: float, low: float, high: float, back: float, palm: float) -> Flo
 
 
 def _back(visual: Visual) -> None:
-    """Motor box towards the little finger, a connector, ridges to the knuckles, guides, screws."""
-    outline = [
-        (-0.0330, -0.020),
-        (0.0085, -0.020),
-        (0.0085, -0.044),
-        (-0.002, -0.054),
-        (-0.0330, -0.054),
-    ]
+    """Motor box towards the little finger, its screws, a connector, and the drum of the fingers."""
+    outline = [(-0.0330, -0.020), (0.0085, -0.020), (0.0085, -0.044)]
+    outline += [(-0.0020, -0.054), (-0.0330, -0.054)]
     visual.add("dark", _on_back(outline, -0.0105, -0.0200))
-    lid = [
-        (-0.0295, -0.0235),
-        (0.0050, -0.0235),
-        (0.0050, -0.0425),
-        (-0.0040, -0.0505),
-        (-0.0295, -0.0505),
-    ]
+    lid = [(-0.0295, -0.0235), (0.0050, -0.0235), (0.0050, -0.0425)]
+    lid += [(-0.0040, -0.0505), (-0.0295, -0.0505)]
     visual.add("blue", _on_back(lid, -0.0195, -0.0220))
-    drum = np.array([0.0230, -0.0105, -0.034])  # pulls all fingers
-    visual.add(
-        "metal",
-        turned(
-            drum,
-            (0, -1, 0),
-            [
-                (0, 0.0105),
-                (0.003, 0.0105),
-                (0.0045, 0.0075),
-                (0.0085, 0.0075),
-                (0.010, 0.0095),
-                (0.012, 0.0095),
-            ],
-            14,
-        ),
-    )
-    visual.add(
-        "dark", cylinder(drum + vector(0, -0.012, 0), drum + vector(0, -0.0135, 0), 0.0045, 8)
-    )
-    start = {
-        "index": (0.026, -0.047),
-        "middle": (0.012, -0.048),
-        "ring": (-0.008, -0.055),
-        "little": (-0.024, -0.055),
-    }
-    for name, x in FINGERS.items():
-        a, b = np.array([start[name][0], -0.0112, start[name][1]]), np.array([x, -0.0100, -0.0745])
-        visual.add("bone" if name != "index" else "blue", tube([a, b], [0.0036, 0.0042], 6))
-        guide = np.array([x, -0.0118, -0.0700])
-        visual.add("metal", box(guide, (0.0045, 0.0042, 0.0026)))
+    connector = [(-0.0200, -0.0085), (0.0040, -0.0085), (0.0070, -0.0165), (-0.0240, -0.0165)]
+    visual.add("rubber", _on_back(connector, -0.0085, -0.0140))
+    screw = [(0, 0.0024), (0.0012, 0.0020), (0.0012, 0.0)]
     for x, z in ((-0.0265, -0.0270), (0.0020, -0.0270), (-0.0265, -0.0470), (0.0005, -0.0395)):
-        visual.add(
-            "metal",
-            turned((x, -0.0218, z), (0, -1, 0), [(0, 0.0024), (0.0012, 0.0020), (0.0012, 0.0)], 6),
-        )
-    visual.add(
-        "rubber",
-        _on_back(
-            [(-0.0200, -0.0085), (0.0040, -0.0085), (0.0070, -0.0165), (-0.0240, -0.0165)],
-            -0.0085,
-            -0.0140,
-        ),
-    )
+        visual.add("metal", turned((x, -0.0218, z), (0, -1, 0), screw, 6))
+    drum = np.array([0.0230, -0.0105, -0.034])
+    flanges = [(0, 0.0105), (0.003, 0.0105), (0.0045, 0.0075)]
+    flanges += [(0.0085, 0.0075), (0.010, 0.0095), (0.012, 0.0095)]
+    visual.add("metal", turned(drum, (0, -1, 0), flanges, 14))
+    axle = drum + vector(0, -0.012, 0)
+    visual.add("dark", cylinder(axle, axle + vector(0, -0.0015, 0), 0.0045, 8))
+    _ridges(visual)
+
+
+def _ridges(visual: Visual) -> None:
+    """Ridges of different lengths to the knuckles, with a guide for each finger's tendon."""
+    starts = ((0.026, -0.047), (0.012, -0.048), (-0.008, -0.055), (-0.024, -0.055))
+    for (name, x), (begin, z) in zip(FINGERS.items(), starts, strict=True):
+        ends = [(begin, -0.0112, z), (x, -0.0100, -0.0745)]
+        visual.add("blue" if name == "index" else "bone", tube(ends, [0.0036, 0.0042], 6))
+        visual.add("metal", box((x, -0.0118, -0.0700), (0.0045, 0.0042, 0.0026)))
 
 
 def _on_back(outline: list[tuple[float, float]], low: float, high: float) -> Shape:

@@ -37,6 +37,7 @@ def thorax() -> Visual:
     _pelvis(visual)
     _girdle_mounts(visual)
     _neck_mounts(visual)
+    _neck_motors(visual)
     _chest_motors(visual)
     _back_motors(visual)
     return visual
@@ -147,6 +148,10 @@ def _neck_mounts(visual: Visual) -> None:
         (-0.060, -0.031, 0.100),
         radius=0.0036,
     )
+
+
+def _neck_motors(visual: Visual) -> None:
+    """Motors of the neck, in front on the collar bones, and behind on a plate."""
     for side, name in ((1, "left"), (-1, "right")):
         visual.motor(
             f"scm_{name}_0", (0.024, 0.025 * side, 0.006), (0.016, 0.036 * side, -0.034), 0.009
