@@ -108,11 +108,11 @@ def test_tendons_end_on_a_visual_of_their_body(arm: mujoco.MjModel) -> None:
     assert far == {}
 
 
-def test_a_mesh_is_named_after_its_body_and_its_colour(arm: mujoco.MjModel) -> None:
+def test_a_mesh_is_named_after_its_body_or_part_and_its_colour(arm: mujoco.MjModel) -> None:
     assert len(visuals(arm)) == arm.nmesh
     for geom in visuals(arm):
-        body, colour = arm.mesh(int(arm.geom_dataid[geom])).name.rsplit("_", 1)
-        assert body == arm.body(int(arm.geom_bodyid[geom])).name
+        part, colour = arm.mesh(int(arm.geom_dataid[geom])).name.rsplit("_", 1)
+        assert {"jaw": "head"}.get(part, part) == arm.body(int(arm.geom_bodyid[geom])).name
         same = [g for g in visuals(arm) if arm.mesh(int(arm.geom_dataid[g])).name.endswith(colour)]
         assert np.ptp(arm.geom_rgba[same], axis=0).max() == 0.0
 

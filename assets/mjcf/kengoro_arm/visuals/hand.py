@@ -140,7 +140,7 @@ def _thumb_mount(visual: Visual) -> None:
     )
     visual.add("blue", box((0.0365, -0.002, -0.050), (0.0022, 0.0062, 0.0150)))
     stay = [(0.033, -0.004, -0.026), PLATE - 0.014 * PLATE_NORMAL, PLATE - 0.001 * PLATE_NORMAL]
-    visual.add("metal", tube(stay, 0.0036, 6, tips=False))
+    visual.add("metal", tube(stay, 0.0036, 6, tips="none"))
 
 
 def _horns(visual: Visual) -> None:
@@ -197,7 +197,7 @@ def fingers_proximal() -> Visual:
         visual.add("blue" if name == "index" else "bone", link(start, end, half, 0.0072, 0.0072))
         visual.add("rubber", pad(at + 0.32 * JOINT, at + 0.78 * JOINT, 0.6 * half, 0.0070))
         visual.add(
-            "metal",
+            "rubber",
             box(
                 at + 0.50 * JOINT + vector(0, -0.0078, -0.0025), (0.0028, 0.0018, 0.0035), z=-JOINT
             ),
@@ -220,14 +220,13 @@ def fingers_distal() -> Visual:
         visual.add("bone", link(at + 0.22 * BEND, at + 0.95 * BEND, half, 0.0068, 0.0072))
         visual.add("rubber", pad(at + 0.35 * BEND, at + 0.9 * BEND, 0.6 * half, 0.0070))
         end = bend + tip
-        section = tube([bend, bend + 0.5 * tip, end], [0.0068, 0.0072, 0.0060], 8)
+        section = tube([bend, bend + 0.5 * tip, end], [0.0068, 0.0072, 0.0060], 8, "last")
         visual.add("rubber", section)
-        nail = unit(tip)
-        out = np.array([0.0, -nail[2], nail[1]])
-        visual.add(
-            "metal" if name != "little" else "blue",
-            box(bend + 0.62 * tip - 0.0066 * out, (0.0042, 0.0014, 0.0058), z=-nail),
-        )
+        along = unit(tip)
+        out = np.array([0.0, -along[2], along[1]])
+        if name != "little":
+            nail = box(bend + 0.62 * tip - 0.0066 * out, (0.0042, 0.0014, 0.0058), z=-along)
+            visual.add("bone", nail)
     return visual
 
 
@@ -239,7 +238,7 @@ def thumb_proximal() -> Visual:
     visual.add(
         "dark", cylinder(joint - vector(0.0085, 0, 0), joint + vector(0.0085, 0, 0), 0.0072, 10)
     )
-    visual.add("metal", box(0.5 * joint + vector(0, 0, 0.0088), (0.0032, 0.0042, 0.0016)))
+    visual.add("dark", box(0.5 * joint + vector(0, 0, 0.0088), (0.0032, 0.0042, 0.0016)))
     return visual
 
 
@@ -248,8 +247,8 @@ def thumb_distal() -> Visual:
     visual = Visual("thumb_distal")
     tip = np.array([0.0, 0.0299, -0.0026])
     visual.add("bone", _thumb_link(0.22 * tip, 0.62 * tip, 0.0084))
-    visual.add("rubber", tube([0.60 * tip, 0.82 * tip, tip], [0.0082, 0.0086, 0.0070], 8))
-    visual.add("metal", box(0.84 * tip + vector(0, 0, 0.0078), (0.0050, 0.0062, 0.0014)))
+    visual.add("rubber", tube([0.60 * tip, 0.82 * tip, tip], [0.0082, 0.0086, 0.0070], 8, "last"))
+    visual.add("bone", box(0.84 * tip + vector(0, 0, 0.0078), (0.0050, 0.0062, 0.0014)))
     return visual
 
 

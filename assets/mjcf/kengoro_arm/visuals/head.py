@@ -15,10 +15,18 @@ eyes, and is in the middle of the neck."""
 
 
 def head() -> Visual:
-    """Skull, jaw, two eyes, and a plate below for the wires of the neck."""
+    """Skull with two eyes, and a plate below for the wires of the neck."""
     visual = Visual("head")
     _cranium(visual)
     _face(visual)
+    _anchors(visual)
+    return visual
+
+
+def jaw() -> Visual:
+    """What of the head is below its camera: jaw and neck."""
+    visual = Visual("head", "jaw")
+    _jaw(visual)
     _neck(visual)
     return visual
 
@@ -72,16 +80,9 @@ def _cranium(visual: Visual) -> None:
 
 
 def _face(visual: Visual) -> None:
-    """A dark band with the eyes, and the jaw below it."""
+    """A dark band with the eyes."""
     band = [skull_ring(z, 0.0, 0.086, 0.069) for z in (0.160, 0.206)]
     visual.add("dark", loft(band))
-    jaw = [
-        *(skull_ring(CHIN, 0.046, 0.082, 0.024), skull_ring(0.088, 0.040, 0.094, 0.034)),
-        *(skull_ring(0.112, 0.034, 0.100, 0.049), skull_ring(0.150, 0.006, 0.102, 0.064)),
-        skull_ring(0.163, -0.010, 0.098, 0.067),
-    ]
-    visual.add("bone", loft(jaw))
-    visual.add("dark", box((0.099, MIDDLE, 0.113), (0.004, 0.022, 0.003)))
     forward = np.array([np.cos(np.pi / 6), 0.0, -0.5])
     for y in (0.0, 2 * MIDDLE):
         front = np.array([0.095, y, 0.188]) - 0.0005 * forward
@@ -107,8 +108,19 @@ def _face(visual: Visual) -> None:
         )
 
 
+def _jaw(visual: Visual) -> None:
+    """The lower half of the face, with a mouth."""
+    rings = [
+        *(skull_ring(CHIN, 0.046, 0.082, 0.024), skull_ring(0.088, 0.040, 0.094, 0.034)),
+        *(skull_ring(0.112, 0.034, 0.100, 0.049), skull_ring(0.150, 0.006, 0.102, 0.064)),
+        skull_ring(0.163, -0.010, 0.098, 0.067),
+    ]
+    visual.add("bone", loft(rings))
+    visual.add("dark", box((0.099, MIDDLE, 0.113), (0.004, 0.022, 0.003)))
+
+
 def _neck(visual: Visual) -> None:
-    """A neck of vertebrae that turns with the head, and the plate on it."""
+    """A neck of vertebrae that turns with the head."""
     visual.add("dark", ball((0, 0, 0), 0.0185))
     column = [np.array([0.0, 0.0, 0.012]), np.array([0.004, 0.012, 0.122])]
     up = unit(column[1] - column[0])
@@ -121,6 +133,10 @@ def _neck(visual: Visual) -> None:
             ),
         )
     visual.add("dark", cylinder(column[0], column[1], 0.012, 8))
+
+
+def _anchors(visual: Visual) -> None:
+    """The plate below the skull, and posts at which the wires of the neck end."""
     outline = [
         *((-0.098, -0.010), (-0.055, -0.082), (-0.026, -0.090), (0.024, -0.036), (0.040, 0.02)),
         *((0.024, 0.036), (-0.026, 0.090), (-0.055, 0.082), (-0.098, 0.010)),

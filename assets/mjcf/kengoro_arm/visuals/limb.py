@@ -38,7 +38,7 @@ def scapula() -> Visual:
         *(("serr_inf_0", (-0.092, 0.060, -0.116)), ("serr_sup_0", (-0.088, 0.062, -0.118))),
         *(("rhomb_1", (-0.090, 0.057, -0.112)), ("lev_scap_1", (-0.096, 0.060, -0.022))),
         *(("trap_inf_1", (-0.096, 0.060, -0.020)), ("trap_mid_1", (-0.052, 0.031, -0.010))),
-        *(("subscap_0", (-0.090, 0.054, -0.072)), ("triceps_0", (-0.020, 0.008, -0.058))),
+        *(("subscap_0", (-0.090, 0.054, -0.072)), ("triceps_0", (-0.022, 0.009, -0.070))),
     ):
         visual.post(site, base)
     visual.post("trap_sup_1", (-0.040, 0.020, -0.008), (-0.060, -0.012, 0.010))
@@ -185,9 +185,9 @@ def ulna() -> Visual:
     visual.post("biceps_2", (0.002, -0.002, -0.050))
     visual.post("brachialis_1", (0.002, -0.003, -0.030))
     visual.motor("pron_teres_0", (0.026, 0.034, -0.044), (0.010, 0.036, -0.010), 0.0085)
-    visual.add("metal", tube([(0.002, -0.002, -0.036), (0.016, 0.032, -0.030)], 0.005, 6))
+    visual.add("metal", tube([(0.002, -0.002, -0.036), (0.016, 0.032, -0.030)], 0.005, 6, "none"))
     visual.motor("supinator_0", (-0.046, -0.006, -0.060), (-0.040, 0.002, -0.022), 0.0085)
-    visual.add("metal", tube([(0.001, -0.001, -0.042), (-0.040, 0.000, -0.042)], 0.005, 6))
+    visual.add("metal", tube([(0.001, -0.001, -0.042), (-0.040, 0.000, -0.042)], 0.005, 6, "none"))
     visual.post("supinator_distal_0", (0.006, -0.013, -0.186), (-0.030, 0.014, -0.186))
     visual.post("pron_quad_0", (0.009, -0.018, -0.240), (0.026, 0.002, -0.241))
     return visual
@@ -212,7 +212,7 @@ def radius() -> Visual:
         front = inner + vector(0, 0, site[2] - 0.006)
         visual.motor(f"{name}_0", front, front - vector(0, 0, 0.056), 0.0115)
         hub = middle + vector(0, 0, site[2] - 0.034)
-        visual.add("metal", tube([hub, front - vector(0, 0, 0.028)], [0.006, 0.005], 6))
+        visual.add("metal", tube([hub, front - vector(0, 0, 0.028)], [0.006, 0.005], 6, "none"))
     visual.add(
         "metal",
         turned((0.0085, -0.0115, -0.140), (0.06, -0.09, 1), [(0, 0.0125), (0.045, 0.0125)], 10),
@@ -230,7 +230,7 @@ def radius() -> Visual:
 def wrist() -> Visual:
     """The cross of the wrist's joint."""
     visual = Visual("wrist_link")
-    visual.add("dark", cylinder((-0.0185, 0, 0), (0.0185, 0, 0), 0.005, 8))
-    visual.add("dark", cylinder((0, -0.013, 0), (0, 0.013, 0), 0.005, 8))
+    visual.add("metal", cylinder((-0.0185, 0, 0), (0.0185, 0, 0), 0.005, 8))
+    visual.add("metal", cylinder((0, -0.013, 0), (0, 0.013, 0), 0.005, 8))
     visual.add("metal", ball((0, 0, 0), 0.009, 8))
     return visual

@@ -1,8 +1,8 @@
 """Write the meshes that show the robot: ``python assets/mjcf/kengoro_arm/visuals/make_visuals.py``.
 
-One mesh for each body and colour, in the body's frame, with normals. They are only seen: arm.xml
-gives them no mass and no contact. Points of wires are read from arm.xml. Run this again when one of
-them moves; a test compares its meshes with those in ../meshes.
+One mesh for each colour of a body or of a part of it, in the body's frame, with normals. They are
+only seen: arm.xml gives them no mass and no contact. Points of wires are read from arm.xml. Run
+this again when one of them moves; a test compares its meshes with those in ../meshes.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from parts import FOLDER
 from shapes import Shape, with_normals
 
 MAKERS = (
-    *(trunk.thorax, head.head, limb.clavicle, limb.scapula, limb.humerus, limb.ulna),
+    *(trunk.thorax, head.head, head.jaw, limb.clavicle, limb.scapula, limb.humerus, limb.ulna),
     *(limb.radius, limb.wrist, hand.hand, hand.fingers_proximal, hand.fingers_distal),
     *(hand.thumb_proximal, hand.thumb_distal),
 )
-"""A function for each body that is drawn."""
+"""A function for each body or part."""
 
 
 def as_obj(shape: Shape) -> str:

@@ -18,20 +18,24 @@ COLOURS = ("bone", "metal", "dark", "blue", "rubber")
 POST = 0.0032
 """Radius of the post that holds a wire's end [m], a design choice."""
 
-EYELET = (0.0036, 0.0018)
+EYELET = (0.0034, 0.0020)
 """Radius of a relay's ring, and of its bar [m]: the wire passes 1.8 mm from the ring."""
 
 
 class Visual:
-    """Shapes of one body, by colour, in the body's frame.
+    """Shapes of one body, or of a part of it, by colour, in the body's frame.
+
+    Args:
+        body: name of the body.
+        part: name of the part; that of the body if left out. Parts are left out of a picture one by
+            one if they are outside of it.
 
     Attributes:
-        body: name of the body.
-        sites: its sites of wires, by name (3,) [m].
+        sites: the body's sites of wires, by name (3,) [m].
     """
 
-    def __init__(self, body: str) -> None:
-        self.body = body
+    def __init__(self, body: str, part: str = "") -> None:
+        self._name = part or body
         self.sites = sites_of(body)
         self._shapes: dict[str, list[Shape]] = {}
 
@@ -42,9 +46,9 @@ class Visual:
         self._shapes.setdefault(colour, []).extend(shapes)
 
     def meshes(self) -> dict[str, Shape]:
-        """The shapes of each colour as one, by `<body>_<colour>`."""
+        """The shapes of each colour as one, by `<body or part>_<colour>`."""
         found = self._shapes.items()
-        return {f"{self.body}_{colour}": joined(shapes) for colour, shapes in found}
+        return {f"{self._name}_{colour}": joined(shapes) for colour, shapes in found}
 
     def post(
         self, site: str, *path: ArrayLike, colour: str = "metal", radius: float = POST
@@ -54,7 +58,7 @@ class Visual:
         points = [*(np.asarray(point, dtype=float) for point in path), end]
         points[-1] = end - radius * unit(end - points[-2])
         widths = np.linspace(1.5, 1.0, len(points)) * radius
-        self.add(colour, tube(points, widths, sides=6))
+        self.add(colour, tube(points, widths, sides=6, tips="last"))
 
     def eyelet(self, site: str, axis: ArrayLike, *path: ArrayLike) -> None:
         """A ring through which a wire passes, on a post along a path (3,) [m]."""
@@ -62,24 +66,36 @@ class Visual:
         self.add("metal", ring(centre, axis, radius, bar))
         points = [np.asarray(point, dtype=float) for point in path]
         toward = unit(centre - points[-1])
-        points.append(centre - (radius + bar) * toward)
-        self.add("metal", tube(points, np.linspace(1.5, 1.0, len(points)) * POST, sides=6))
+        points.append(centre - radius * toward)
+        widths = np.linspace(1.5, 1.0, len(points)) * POST
+        self.add("metal", tube(points, widths, sides=6, tips="none"))
 
-    def motor(self, site: str, front: ArrayLike, back: ArrayLike, radius: float = 0.011) -> None:
-        """A motor from its front to its back (3,) [m], with a spout to a wire's end."""
+    def motor(
+        self,
+        site: str,
+        front: ArrayLike,
+        back: ArrayLike,
+        radius: float = 0.011,
+        sides: int = 10,
+    ) -> None:
+        """A motor from its front to its back (3,) [m], with a spout to a wire's end.
+
+        Motors of 9 mm and more have a blue band.
+        """
         front, axis = np.asarray(front, dtype=float), np.subtract(back, front)
         length = float(np.linalg.norm(axis))
-        cap, band = 0.12 * length, 0.30 * length
+        cap, band = 0.12 * length, (0.30 * length, 0.48 * length)
         end, small = self.sites[site], 0.85 * radius
-        self.add("metal", turned(front, axis, [(0.0, small), (cap, radius), (cap, 0.0)]))
-        body = [(cap, 0.0), (cap, radius), (length - cap, radius), (length - cap, 0.0)]
-        self.add("dark", turned(front, axis, body))
-        wide = radius + 0.0006
-        self.add("blue", turned(front, axis, [(band, wide), (band + 0.18 * length, wide)]))
-        self.add("metal", turned(front, axis, [(length - cap, small), (length, 0.8 * small)]))
-        if np.linalg.norm(end - front) > POST:
-            spout = tube([front, end - POST * unit(end - front)], [1.6 * POST, POST], sides=6)
-            self.add("metal", spout)
+        self.add("metal", turned(front, axis, [(0.0, small), (cap, radius)], sides))
+        body = [(cap, radius), (length - cap, radius)]
+        self.add("dark", turned(front, axis, body, sides, ends=False))
+        if radius >= 0.009:
+            wide = [(along, radius + 0.0006) for along in band]
+            self.add("blue", turned(front, axis, wide, sides, ends=False))
+        rear = [(length - cap, radius), (length, 0.8 * radius)]
+        self.add("metal", turned(front, axis, rear, sides))
+        tip = end - POST * unit(end - front)
+        self.add("metal", tube([front, tip], [1.6 * POST, POST], sides=6, tips="last"))
 
 
 def sites_of(body: str) -> dict[str, Floats]:

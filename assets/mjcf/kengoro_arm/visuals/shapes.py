@@ -1,6 +1,7 @@
-"""Closed shapes of triangles: tubes along a path, turned parts, plates, lofts, boxes and rings.
+"""Shapes of triangles: tubes along a path, turned parts, plates, lofts, boxes and rings.
 
 A shape is (vertices (n, 3) [m], faces (k, 3)), its faces counter-clockwise as seen from outside.
+Ends that other shapes hide are open: each face takes time to render.
 `with_normals` makes edges sharp where two faces meet at a large angle, and round elsewhere.
 """
 
@@ -44,18 +45,14 @@ def circle(sides: int) -> Floats:
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def loft(sections: Sequence[ArrayLike]) -> Shape:
-    """A closed shape through polygons with equally many corners; its ends are closed by fans.
+def loft(sections: Sequence[ArrayLike], ends: bool = True) -> Shape:
+    """A shape through polygons with equally many corners.
 
     Args:
-        sections: polygons (n, 3) [m], each star-shaped about the mean of its corners; one of a
-            single point (1, 3) closes an end to a tip.
+        sections: convex polygons (n, 3) [m]; one of a single point (1, 3) closes an end to a tip.
+        ends: whether the ends are closed; not where another shape hides them.
     """
     rings = [np.atleast_2d(np.asarray(ring, dtype=float)) for ring in sections]
-    if len(rings[0]) > 1:
-        rings.insert(0, rings[0].mean(axis=0, keepdims=True))
-    if len(rings[-1]) > 1:
-        rings.append(rings[-1].mean(axis=0, keepdims=True))
     start = np.cumsum([0, *(len(ring) for ring in rings)])
     faces = []
     for k in range(len(rings) - 1):
@@ -68,13 +65,17 @@ def loft(sections: Sequence[ArrayLike]) -> Shape:
                 faces.append((a, b, d if other > 1 else c))
             if other > 1:
                 faces.append((a, d, c))
+    if ends:
+        last, count = start[-2], len(rings[-1])
+        faces += [(0, i + 1, i) for i in range(1, len(rings[0]) - 1)]
+        faces += [(last, last + i, last + i + 1) for i in range(1, count - 1)]
     return outward((np.vstack(rings), np.array(faces)))
 
 
 def outward(shape: Shape) -> Shape:
-    """A closed shape with its faces turned outwards."""
+    """A shape with its faces turned outwards, if they are all turned to one side."""
     vertices, faces = shape
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    a, b, c = (vertices[faces[:, i]] - vertices.mean(axis=0) for i in range(3))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum()
     return vertices, faces if volume > 0 else faces[:, ::-1]
 
@@ -99,15 +100,20 @@ def box(
 
 
 def turned(
-    start: ArrayLike, axis: ArrayLike, profile: Sequence[tuple[float, float]], sides: int = 10
+    start: ArrayLike,
+    axis: ArrayLike,
+    profile: Sequence[tuple[float, float]],
+    sides: int = 10,
+    ends: bool = True,
 ) -> Shape:
     """A turned part.
 
     Args:
         start: where the axis begins (3,) [m].
         axis: its direction (3,).
-        profile: (place along the axis, radius) of each section [m].
+        profile: (distance along the axis, radius) of each section [m].
         sides: number of corners of a section.
+        ends: whether the ends are closed.
     """
     first, second = across(axis)
     ring = circle(sides) @ np.array([first, second])
@@ -116,7 +122,7 @@ def turned(
     for along, radius in profile:
         middle = base + along * unit(axis)
         sections.append(middle + radius * ring if radius > 0 else middle[None])
-    return loft(sections)
+    return loft(sections, ends)
 
 
 def cylinder(one: ArrayLike, other: ArrayLike, radius: float, sides: int = 10) -> Shape:
@@ -133,14 +139,15 @@ def ball(centre: ArrayLike, radius: float, sides: int = 10, rings: int = 4) -> S
     return turned(centre, (0, 0, 1), profile, sides)
 
 
-def tube(points: ArrayLike, radii: ArrayLike, sides: int = 8, tips: bool = True) -> Shape:
+def tube(points: ArrayLike, radii: ArrayLike, sides: int = 8, tips: str = "both") -> Shape:
     """A round bar along a path.
 
     Args:
         points: the path (n, 3) [m].
         radii: at each point (n,), or one for all [m].
         sides: number of corners of a section.
-        tips: whether the ends are round; they then end a radius after the path.
+        tips: which ends are round, and so end a radius after the path: "both", "last" or "none";
+            the others are open.
     """
     path = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(path))
@@ -154,17 +161,16 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 8, tips: bool = True)
         first = unit(first - first @ tangent * tangent)
         second = np.cross(tangent, first)
         sections.append(point + radius * circle(sides) @ np.array([first, second]))
-    if tips:
-        for end, step, at in ((0, -steps[0], 0), (-1, steps[-1], len(sections) + 2)):
-            middle, radius = path[end], radii[end]
-            bulge = middle + 0.7 * radius * step + 0.7 * (sections[end] - middle)
-            tip = (middle + radius * step)[None]
-            if at:
-                sections += [bulge, tip]
-            else:
-                bulged = [tip, bulge]
-        sections = [*bulged, *sections]
-    return loft(sections)
+    if tips != "none":
+        sections += _tip(path[-1], radii[-1] * steps[-1], sections[-1])
+    if tips == "both":
+        sections = [*_tip(path[0], -radii[0] * steps[0], sections[0])[::-1], *sections]
+    return loft(sections, ends=False)
+
+
+def _tip(end: Floats, step: Floats, section: Floats) -> list[Floats]:
+    """Two sections that round off the end (3,) of a bar, a step (3,) of its radius long [m]."""
+    return [end + 0.7 * step + 0.7 * (section - end), (end + step)[None]]
 
 
 def ring(
@@ -173,7 +179,7 @@ def ring(
     radius: float,
     thickness: float,
     sides: int = 8,
-    section: int = 5,
+    section: int = 4,
 ) -> Shape:
     """A ring: a closed round bar of radius ``thickness`` [m] on a circle of ``radius`` [m]."""
     first, second = across(axis)
@@ -197,7 +203,8 @@ def plate(outline: ArrayLike, thickness: float, normal: ArrayLike) -> Shape:
         normal: direction across the plate (3,).
     """
     middle, step = np.asarray(outline, dtype=float), 0.5 * thickness * unit(normal)
-    return loft([middle - step, middle + step])
+    centre = middle.mean(axis=0, keepdims=True)
+    return loft([centre - step, middle - step, middle + step, centre + step])
 
 
 def joined(shapes: Sequence[Shape]) -> Shape:

@@ -65,7 +65,7 @@ def _rib_cage(visual: Visual) -> None:
         half = [rib_point(angle, height) for angle in angles]
         radii = 0.0055 - 0.0012 * np.linspace(0, 1, len(half))
         for side in (half, mirrored(half)):
-            visual.add("bone", tube([spine_point(height), *side], [0.0055, *radii], 6, tips=False))
+            visual.add("bone", tube([spine_point(height), *side], [0.0055, *radii], 6, tips="none"))
     middle = [rib_point(np.pi, z) for z in (-0.020, -0.055, -0.100, -0.150, -0.200)]
     widths = (0.030, 0.022, 0.017, 0.020, 0.008)
     out = np.array([0.004, 0, 0])
@@ -193,7 +193,9 @@ def _chest_motors(visual: Visual) -> None:
     visual.motor("serr_sup_2", (0.013, -0.131, -0.096), (0.014, -0.121, -0.150), 0.0095)
     visual.add("metal", box((0.022, -0.106, -0.128), (0.016, 0.010, 0.014)))
     visual.motor("serr_inf_2", (-0.001, -0.158, -0.203), (-0.002, -0.138, -0.252))
-    visual.add("metal", tube([rib_point(-np.pi / 2, -0.175), (-0.002, -0.143, -0.222)], 0.007, 6))
+    visual.add(
+        "metal", tube([rib_point(-np.pi / 2, -0.175), (-0.002, -0.143, -0.222)], 0.007, 6, "none")
+    )
     for name, height, axis in (
         ("serr_inf_1", -0.105, (0.2, 0.1, 1)),
         ("serr_sup_1", -0.070, (1, 0.3, -0.4)),
@@ -201,7 +203,7 @@ def _chest_motors(visual: Visual) -> None:
         base = rib_point(-np.radians(78.0 if name == "serr_inf_1" else 62.0), height)
         visual.eyelet(name, axis, base)
     visual.motor("subclav_0", (0.034, -0.062, -0.004), (0.037, -0.034, -0.030), 0.009)
-    visual.add("metal", tube([(0.010, -0.015, -0.016), (0.036, -0.042, -0.022)], 0.005, 6))
+    visual.add("metal", tube([(0.010, -0.015, -0.016), (0.036, -0.042, -0.022)], 0.005, 6, "none"))
 
 
 def _back_motors(visual: Visual) -> None:
