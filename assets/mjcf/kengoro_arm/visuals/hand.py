@@ -54,7 +54,7 @@ def _palm(visual: Visual) -> None:
     for name, x in FINGERS.items():
         wide = 0.0060 if name != "little" else 0.0052
         at = ROOT + vector(x, 0, 0)
-        visual.add("dark", cylinder(at - vector(wide, 0, 0), at + vector(wide, 0, 0), 0.0072, 10))
+        visual.add("dark", cylinder(at - vector(wide, 0, 0), at + vector(wide, 0, 0), 0.0072, 8))
 
 
 def _section(z: float, low: float, high: float, back: float, palm: float) -> Floats:
@@ -74,14 +74,14 @@ def _back(visual: Visual) -> None:
     lid += [(-0.0040, -0.0505), (-0.0295, -0.0505)]
     visual.add("blue", _on_back(lid, -0.0195, -0.0220))
     connector = [(-0.0200, -0.0085), (0.0040, -0.0085), (0.0070, -0.0165), (-0.0240, -0.0165)]
-    visual.add("rubber", _on_back(connector, -0.0085, -0.0140))
-    screw = [(0, 0.0024), (0.0012, 0.0020), (0.0012, 0.0)]
+    visual.add("dark", _on_back(connector, -0.0085, -0.0140))
+    screw = [(0, 0.0024), (0.0012, 0.0020), (0.0013, 0.0)]
     for x, z in ((-0.0265, -0.0270), (0.0020, -0.0270), (-0.0265, -0.0470), (0.0005, -0.0395)):
-        visual.add("metal", turned((x, -0.0218, z), (0, -1, 0), screw, 6))
+        visual.add("metal", turned((x, -0.0218, z), (0, -1, 0), screw, 6, ends=False))
     drum = np.array([0.0230, -0.0105, -0.034])
-    flanges = [(0, 0.0105), (0.003, 0.0105), (0.0045, 0.0075)]
+    flanges = [(0, 0.0105), (0.003, 0.0105), (0.004, 0.0075)]
     flanges += [(0.0085, 0.0075), (0.010, 0.0095), (0.012, 0.0095)]
-    visual.add("metal", turned(drum, (0, -1, 0), flanges, 14))
+    visual.add("metal", turned(drum, (0, -1, 0), flanges, 10))
     axle = drum + vector(0, -0.012, 0)
     visual.add("dark", cylinder(axle, axle + vector(0, -0.0015, 0), 0.0045, 8))
     _ridges(visual)
@@ -92,7 +92,7 @@ def _ridges(visual: Visual) -> None:
     starts = ((0.026, -0.047), (0.012, -0.048), (-0.008, -0.055), (-0.024, -0.055))
     for (name, x), (begin, z) in zip(FINGERS.items(), starts, strict=True):
         ends = [(begin, -0.0112, z), (x, -0.0100, -0.0745)]
-        visual.add("blue" if name == "index" else "bone", tube(ends, [0.0036, 0.0042], 6))
+        visual.add("blue" if name == "index" else "bone", tube(ends, [0.0036, 0.0042], 6, "last"))
         visual.add("metal", box((x, -0.0118, -0.0700), (0.0045, 0.0042, 0.0026)))
 
 
@@ -119,7 +119,7 @@ def _inside(visual: Visual) -> None:
     ball = [(0.018, -0.020), (0.034, -0.030), (0.035, -0.052), (0.020, -0.050), (0.0155, -0.036)]
     for outline in (heel, root, ball):
         points = np.insert(np.array(outline), 1, 0.0111, axis=1)
-        visual.add("rubber", plate(points, 0.0022, (0, 1, 0)))
+        visual.add("dark", plate(points, 0.0022, (0, 1, 0)))
     visual.add("metal", box((0.003, 0.0108, -0.054), (0.0085, 0.0012, 0.004)))
     for x in (-0.0285, 0.0285):
         visual.add(
@@ -174,7 +174,7 @@ def link(start: Floats, end: Floats, half: float, back: float, palm: float) -> S
         outline = ((-w, -0.45 * b), (-0.6 * w, -b), (0.6 * w, -b), (w, -0.45 * b))
         outline += ((w, 0.3 * p), (0.55 * w, p), (-0.55 * w, p), (-w, 0.3 * p))
         rows.append([at + vector(x, 0, 0) + y * out for x, y in outline])
-    return loft(rows)
+    return loft(rows, ends=False)
 
 
 def pad(start: Floats, end: Floats, half: float, height: float) -> Shape:
@@ -195,9 +195,9 @@ def fingers_proximal() -> Visual:
         half, at = THICK[name], np.array([x, 0.0, 0.0])
         start, end = at + 0.16 * JOINT, at + 0.86 * JOINT
         visual.add("blue" if name == "index" else "bone", link(start, end, half, 0.0072, 0.0072))
-        visual.add("rubber", pad(at + 0.32 * JOINT, at + 0.78 * JOINT, 0.6 * half, 0.0070))
+        visual.add("dark", pad(at + 0.32 * JOINT, at + 0.78 * JOINT, 0.6 * half, 0.0070))
         visual.add(
-            "rubber",
+            "dark",
             box(
                 at + 0.50 * JOINT + vector(0, -0.0078, -0.0025), (0.0028, 0.0018, 0.0035), z=-JOINT
             ),
@@ -218,10 +218,10 @@ def fingers_distal() -> Visual:
         half, at = 0.95 * THICK[name], np.array([x, 0.0, 0.0])
         bend = at + BEND
         visual.add("bone", link(at + 0.22 * BEND, at + 0.95 * BEND, half, 0.0068, 0.0072))
-        visual.add("rubber", pad(at + 0.35 * BEND, at + 0.9 * BEND, 0.6 * half, 0.0070))
+        visual.add("dark", pad(at + 0.35 * BEND, at + 0.9 * BEND, 0.6 * half, 0.0070))
         end = bend + tip
         section = tube([bend, bend + 0.5 * tip, end], [0.0068, 0.0072, 0.0060], 8, "last")
-        visual.add("rubber", section)
+        visual.add("dark", section)
         along = unit(tip)
         out = np.array([0.0, -along[2], along[1]])
         if name != "little":
@@ -247,7 +247,7 @@ def thumb_distal() -> Visual:
     visual = Visual("thumb_distal")
     tip = np.array([0.0, 0.0299, -0.0026])
     visual.add("bone", _thumb_link(0.22 * tip, 0.62 * tip, 0.0084))
-    visual.add("rubber", tube([0.60 * tip, 0.82 * tip, tip], [0.0082, 0.0086, 0.0070], 8, "last"))
+    visual.add("dark", tube([0.60 * tip, 0.82 * tip, tip], [0.0082, 0.0086, 0.0070], 8, "last"))
     visual.add("bone", box(0.84 * tip + vector(0, 0, 0.0078), (0.0050, 0.0062, 0.0014)))
     return visual
 
@@ -260,4 +260,4 @@ def _thumb_link(start: Floats, end: Floats, half: float) -> Shape:
         outline = ((-w, -0.45 * w), (-0.6 * w, -w), (0.6 * w, -w), (w, -0.45 * w))
         outline += ((w, 0.4 * w), (0.5 * w, 0.95 * w), (-0.5 * w, 0.95 * w), (-w, 0.4 * w))
         rows.append([at + vector(x, 0, z) for x, z in outline])
-    return loft(rows)
+    return loft(rows, ends=False)

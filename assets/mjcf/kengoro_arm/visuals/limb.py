@@ -224,13 +224,7 @@ def radius() -> Visual:
     for x in (0.017, -0.017):  # the fork of the wrist
         visual.add("metal", box(WRIST + vector(x, 0, 0.008), (0.0025, 0.0085, 0.017)))
     visual.add("metal", box(WRIST + vector(0, 0, 0.022), (0.0195, 0.0085, 0.0035)))
-    return visual
-
-
-def wrist() -> Visual:
-    """The cross of the wrist's joint."""
-    visual = Visual("wrist_link")
-    visual.add("metal", cylinder((-0.0185, 0, 0), (0.0185, 0, 0), 0.005, 8))
-    visual.add("metal", cylinder((0, -0.013, 0), (0, 0.013, 0), 0.005, 8))
-    visual.add("metal", ball((0, 0, 0), 0.009, 8))
+    visual.add(
+        "metal", cylinder(WRIST - vector(0.0185, 0, 0), WRIST + vector(0.0185, 0, 0), 0.005, 8)
+    )
     return visual

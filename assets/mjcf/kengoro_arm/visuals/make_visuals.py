@@ -19,7 +19,7 @@ from shapes import Shape, with_normals
 
 MAKERS = (
     *(trunk.thorax, head.head, head.jaw, limb.clavicle, limb.scapula, limb.humerus, limb.ulna),
-    *(limb.radius, limb.wrist, hand.hand, hand.fingers_proximal, hand.fingers_distal),
+    *(limb.radius, hand.hand, hand.fingers_proximal, hand.fingers_distal),
     *(hand.thumb_proximal, hand.thumb_distal),
 )
 """A function for each body or part."""

@@ -12,7 +12,7 @@ from shapes import Floats, Shape, joined, ring, tube, turned, unit
 
 FOLDER = Path(__file__).resolve().parents[1]
 
-COLOURS = ("bone", "metal", "dark", "blue", "rubber")
+COLOURS = ("bone", "metal", "dark", "blue")
 """Each is a default class `visual_<colour>` in arm.xml."""
 
 POST = 0.0032
@@ -58,7 +58,7 @@ class Visual:
         points = [*(np.asarray(point, dtype=float) for point in path), end]
         points[-1] = end - radius * unit(end - points[-2])
         widths = np.linspace(1.5, 1.0, len(points)) * radius
-        self.add(colour, tube(points, widths, sides=6, tips="last"))
+        self.add(colour, tube(points, widths, sides=6, tips="cone"))
 
     def eyelet(self, site: str, axis: ArrayLike, *path: ArrayLike) -> None:
         """A ring through which a wire passes, on a post along a path (3,) [m]."""
@@ -76,7 +76,7 @@ class Visual:
         front: ArrayLike,
         back: ArrayLike,
         radius: float = 0.011,
-        sides: int = 10,
+        sides: int = 8,
     ) -> None:
         """A motor from its front to its back (3,) [m], with a spout to a wire's end.
 
@@ -95,7 +95,7 @@ class Visual:
         rear = [(length - cap, radius), (length, 0.8 * radius)]
         self.add("metal", turned(front, axis, rear, sides))
         tip = end - POST * unit(end - front)
-        self.add("metal", tube([front, tip], [1.6 * POST, POST], sides=6, tips="last"))
+        self.add("metal", tube([front, tip], [1.6 * POST, POST], sides=6, tips="cone"))
 
 
 def sites_of(body: str) -> dict[str, Floats]:

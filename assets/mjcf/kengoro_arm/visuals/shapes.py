@@ -146,8 +146,8 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 8, tips: str = "both"
         points: the path (n, 3) [m].
         radii: at each point (n,), or one for all [m].
         sides: number of corners of a section.
-        tips: which ends are round, and so end a radius after the path: "both", "last" or "none";
-            the others are open.
+        tips: which ends are closed, and so end a radius after the path: "both" or the "last" one
+            by round tips, the last one by a "cone", or "none"; the others are open.
     """
     path = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(path))
@@ -162,7 +162,8 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 8, tips: str = "both"
         second = np.cross(tangent, first)
         sections.append(point + radius * circle(sides) @ np.array([first, second]))
     if tips != "none":
-        sections += _tip(path[-1], radii[-1] * steps[-1], sections[-1])
+        tip = _tip(path[-1], radii[-1] * steps[-1], sections[-1])
+        sections += tip[1:] if tips == "cone" else tip
     if tips == "both":
         sections = [*_tip(path[0], -radii[0] * steps[0], sections[0])[::-1], *sections]
     return loft(sections, ends=False)
