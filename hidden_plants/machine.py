@@ -135,7 +135,12 @@ def load(name: str, assets: Path) -> Machine:
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Remove textures and materials, and the joints of the fingers, which no tendon moves."""
+    """Remove what is only seen, and the joints of the fingers, which no tendon moves."""
+    for geom in list(spec.geoms):
+        if geom.meshname:
+            spec.delete(geom)
+    for mesh in list(spec.meshes):
+        spec.delete(mesh)
     for element in [*spec.textures, *spec.materials]:
         spec.delete(element)
     for geom in spec.geoms:

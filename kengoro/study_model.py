@@ -103,7 +103,14 @@ def _keep_fingers_open(spec: mujoco.MjSpec) -> None:
 
 
 def _remove_pictures(spec: mujoco.MjSpec) -> None:
-    """Drop materials and textures, so that the model needs no other file."""
+    """Drop materials, textures and meshes that are only seen: the model needs no file of theirs."""
+    for geom in list(spec.geoms):
+        if geom.meshname and geom.mass == 0.0 and not (geom.contype or geom.conaffinity):
+            spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if mesh.name not in used:
+            spec.delete(mesh)
     for geom in spec.geoms:
         geom.material = ""
     for element in [*spec.materials, *spec.textures]:

@@ -55,8 +55,8 @@ def robot_picture() -> Image:
     model, data = env.robot.model, env.robot.data
     model.vis.quality.offsamples, model.vis.quality.shadowsize = 8, 4096
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = (0.20, -0.10, -0.10)
-    camera.distance, camera.azimuth, camera.elevation = 1.3, 140.0, -18.0
+    camera.lookat[:] = (0.14, -0.10, -0.05)
+    camera.distance, camera.azimuth, camera.elevation = 1.15, 140.0, -14.0
     with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
         renderer.update_scene(data, camera)
         picture = renderer.render().copy()

@@ -208,8 +208,10 @@ def doubled(spec: mujoco.MjSpec) -> str:
     for joint in spec.joints:
         joint.pos, joint.armature = 2.0 * joint.pos, 32.0 * joint.armature
         joint.damping, joint.stiffness = 16.0 * joint.damping, 16.0 * joint.stiffness
+    for mesh in spec.meshes:
+        mesh.scale = 2.0 * mesh.scale
     for texture in spec.textures:
         texture.file = str(MARKER)
-    spec.compiler.texturedir = ""
+    spec.compiler.texturedir, spec.compiler.meshdir = "", str(arm_scene().parent / "meshes")
     spec.compile()
     return spec.to_xml()

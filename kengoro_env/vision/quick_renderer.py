@@ -43,6 +43,7 @@ class Canvas(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_int64) for name in ("width", "height")),
         *((name, ctypes.c_void_p) for name in ("geom", "camera", "light", "spooled")),
+        *((name, ctypes.c_void_p) for name in ("vertex", "first_vertex", "vertex_count")),
         *(("pixel", ctypes.c_int64), ("point", ctypes.c_float * 3)),
     )
 
@@ -78,7 +79,9 @@ class QuickRenderer(Renderer):
         self._counted = self._flags = 0
         self._spooled = spooled(model)  # the canvas points to it
         parts = (self.scene.geoms, self.scene.camera, self.scene.lights)
-        pointers = (*(each[0].pos.ctypes.data for each in parts), self._spooled.ctypes.data)
+        meshes = (model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum)
+        pointers = [each[0].pos.ctypes.data for each in parts]
+        pointers += [each.ctypes.data for each in (self._spooled, *meshes)]
         self._canvas = Canvas(width, height, *pointers)
 
     def update_scene(self, data: mujoco.MjData, *args: Any) -> None:

@@ -20,6 +20,7 @@ enum {
 static const double IN_FRONT = 1e-3; /* distance from a plane at which a geom is in front of it */
 static const double SKY = 0.6; /* part of the far distance; MuJoCo renders the sky at 0.7 of it */
 static const double WITHIN = 0.5; /* part of the radius squared: flat faces lie inside */
+static const double ROUNDING = 1e-5; /* distance from the image beyond which a mesh is outside */
 static const float THIN = 1e-4f; /* half the thickness of the box of a plane */
 enum { ACROSS = 8, DOWN = 6 }; /* number of pixels that are tested for showing only the plane */
 
@@ -31,6 +32,9 @@ typedef struct {
   float* camera;
   float* light;
   const uint8_t* spooled; /* (ntendon,) whether a tendon has a spool */
+  const float* vertex; /* (nmeshvert, 3) of all meshes; the first of each mesh, and their number */
+  const int* first_vertex;
+  const int* vertex_count;
   /* Written with FIRST: a pixel, counted from the lowest row, that shows only the first geom, and
      the point of the geom that it shows. */
   int64_t pixel;
@@ -100,6 +104,38 @@ static void half_extents(const mjvGeom* g, double half[3]) {
 /* Distance of a point beyond the plane through the camera and an edge `at` of the image. */
 static double beyond(double sideways, double depth, double at, double near) {
   return (sideways * near - at * depth) / hypot(near, at);
+}
+
+/* Whether a mesh is nearer than the image, or beyond one of its edges, with all its vertices. */
+static int mesh_outside(const View* v, const mjvGeom* g, const Canvas* canvas) {
+  const double sides[5][3] = {/* directions out of the image, along right, up and forward */
+                              {0, 0, -1},
+                              {v->near, 0, -v->right_edge},
+                              {-v->near, 0, v->left_edge},
+                              {0, v->near, -v->top},
+                              {0, -v->near, v->bottom}};
+  const int mesh = g->dataid / 2, count = canvas->vertex_count[mesh];
+  const float* vertex = canvas->vertex + 3 * (size_t)canvas->first_vertex[mesh];
+  double p[3];
+  from_position(v, g->pos, p);
+  for (int side = 0; side < 5; side++) {
+    double size = sqrt(dot(sides[side], sides[side])), out[3], along[3];
+    for (int i = 0; i < 3; i++) {
+      out[i] = (sides[side][0] * v->right[i] + sides[side][1] * v->up[i] +
+                sides[side][2] * v->forward[i]) /
+               size;
+    }
+    for (int k = 0; k < 3; k++) {
+      along[k] = g->mat[k] * out[0] + g->mat[3 + k] * out[1] + g->mat[6 + k] * out[2];
+    }
+    double beyond_edge = dot(p, out) + (side ? 0 : v->near) - ROUNDING;
+    int n = 0;
+    for (const float* at = vertex; n < count; n++, at += 3) {
+      if (beyond_edge + along[0] * at[0] + along[1] * at[1] + along[2] * at[2] <= 0) break;
+    }
+    if (n == count) return 1;
+  }
+  return 0;
 }
 
 static int outside(const View* v, const mjvGeom* g) {
@@ -232,7 +268,9 @@ static int leave_out(
   int flags = OPAQUE;
   for (int64_t i = 0; i < geom_count; i++) {
     if (geoms[i].type == mjGEOM_NONE) continue;
-    if (outside(view, &geoms[i]) || within(view, &geoms[i])) {
+    int is_mesh = geoms[i].type == mjGEOM_MESH && geoms[i].dataid >= 0;
+    if (outside(view, &geoms[i]) || within(view, &geoms[i]) ||
+        (is_mesh && mesh_outside(view, &geoms[i], canvas))) {
       geoms[i].type = mjGEOM_NONE;
       continue;
     }

@@ -54,6 +54,7 @@ def test_displaced_tendons_hold_gravity(seed: int, tmp_path) -> None:
     path = asset_path(ARM).with_name("arm.xml")
     scene = tmp_path / path.name
     draft.spec.texturedir = str(path.parent / "textures")
+    draft.spec.meshdir = str(path.parent / "meshes")
     draft.spec.compile()
     scene.write_text(draft.spec.to_xml())
     arm = NominalArm(scene)

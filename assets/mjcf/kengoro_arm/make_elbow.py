@@ -74,6 +74,8 @@ def main() -> None:
     scapula.set("pos", position(chain))
     for body in list(scapula.iter("body")):
         body[:] = [element for element in body if is_kept(element, sites)]
+    meshes = {f"{geom.get('mesh')}.obj" for geom in scapula.iter("geom")}
+    assets[:] = [a for a in assets if a.tag != "mesh" or a.get("file") in meshes]
     world[:] = [ElementTree.Element("camera", CAMERA), scapula]
     assets.append(ElementTree.Element("texture", SKY))
     ElementTree.indent(root)

@@ -45,6 +45,7 @@ BESIDE = '<geom size="0.1" pos="{} {} 0.5"/>'
 CORNER = '<geom size="0.01" pos="{} {} 0.5"/>'
 POSITIONS = [((2 * i - 7) / 12, (2 * j - 5) / 12) for j in range(6) for i in range(8)]
 LOW_LEFT, ALL_BUT_LAST = POSITIONS[0], POSITIONS[:-1]
+BAR = '<mesh name="bar" vertex="{0} 0 {1} {0} 0.1 {1} {0} 0 2 0.9 0 {1}"/>'
 AROUND = '<geom type="ellipsoid" size="{}" pos="{}"/>'
 
 
@@ -107,6 +108,9 @@ AROUND = '<geom type="ellipsoid" size="{}" pos="{}"/>'
         (FLAT, WIDE + '<geom size="0.1" pos="3 0 0.3"/>', DOWN, 0, False),
         (FLAT, WIDE + '<geom size="0.1" pos="0 -3 0.3"/>', DOWN, 0, False),
         (FLAT, WIDE + '<geom size="0.1" pos="0 0 1.3"/>', DOWN, 0, False),
+        # A mesh of which a sphere holds the camera: beside the picture, and in its corner.
+        (FLAT + BAR.format(0.5, 0.8), WIDE + '<geom type="mesh" mesh="bar"/>', DOWN, 0, False),
+        (FLAT + BAR.format(0.5, 0.5), WIDE + '<geom type="mesh" mesh="bar"/>', DOWN, 2, False),
         # What is around the camera, near and not so near its middle.
         (FLAT, WIDE + '<geom size="0.1" pos="0 0 1.06"/>', DOWN, 0, False),
         (FLAT, WIDE + '<geom size="0.1" pos="0 0 1.08"/>', DOWN, 2, False),

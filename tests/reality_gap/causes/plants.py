@@ -30,7 +30,10 @@ def system_of(path: Path) -> System:
 def robot(folder: Path, name: str) -> System:
     """A nominal model of a robot with a length servo on each tendon."""
     spec = mujoco.MjSpec.from_file(str(ASSETS / f"{name}.xml"))
-    spec.compiler.texturedir = str(ASSETS / "textures")
+    spec.compiler.texturedir, spec.compiler.meshdir = (
+        str(ASSETS / "textures"),
+        str(ASSETS / "meshes"),
+    )
     for tendon in spec.tendons:
         servo = spec.add_actuator(name=tendon.name, target=tendon.name)
         servo.trntype = mujoco.mjtTrn.mjTRN_TENDON
