@@ -7,10 +7,16 @@ from pathlib import Path
 from typing import TypeVar
 
 from experiments.harness.common import Args
+from experiments.harness.errors import ExperimentError
 from experiments.harness.experiment import Experiment
 from jmm_agent.agent import Agent
+from jmm_agent.errors import AgentError
+from jmm_agent.options import AgentOptions
 from jmm_agent.types import Floats
+from jmm_agent.updaters import VisionOptions
 from jmm_agent.updaters.vision_options import HandKind
+from kengoro.errors import UsageError
+from kengoro.hand_weights import trained_hand
 from kengoro.robots import NO_END, make_env
 from kengoro.session import Session
 
@@ -36,9 +42,16 @@ def with_hand(
         args: its arguments.
         hand: "marker" or "seen".
         out: folder of the results with a marker, if none is given.
+
+    Raises:
+        ExperimentError: the hand is to be seen, and there is no trained detector of it.
     """
     if hand == "marker":
         return experiment, args
+    try:
+        trained_hand(AgentOptions(vision=VisionOptions(hand=hand)), False, None)
+    except (UsageError, AgentError) as error:
+        raise ExperimentError(str(error)) from None
     sizes, quick = (replace(one, hand=hand) for one in (experiment.sizes, experiment.quick))
     if args.out == out:
         args = replace(args, out=out.with_name(f"{out.name}-{hand}"))

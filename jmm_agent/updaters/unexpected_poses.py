@@ -8,7 +8,9 @@ covariance S of its joint angles by the fit of all,
 
     d^2 = r' (N - J S J')^-1 r
 
-is its distance from what all others predict, because its own part is taken from S.
+is its distance from what all others predict, because its own part is taken from S. Detectors may
+claim too small covariances: if the median of all d^2 is larger than that of the distribution, they
+are compared by their ratio to it.
 
 A robot that has changed is far from its prediction, too. So a new pose that is far off is left out
 only if the one before it was not: what two looks in a row show is learned.
@@ -73,7 +75,8 @@ def contradicted(
     """
     if not probability:
         return None
-    excess = np.full(len(observations), -np.inf)
+    ratios = np.zeros(len(observations))
+    limits = np.full(len(observations), np.inf)
     for k, (found, q) in enumerate(zip(observations, angles, strict=True)):
         if found.covariance is None:
             continue
@@ -86,6 +89,12 @@ def contradicted(
         values, axes = np.linalg.eigh(left)
         distance = float(np.sum((axes.T @ white) ** 2 / np.maximum(values, LEAST)))
         measured = int(np.sum(np.diag(found.covariance) < UNKNOWN))
-        excess[k] = distance - chi2.isf(probability / len(observations), measured)
+        usual = chi2.median(measured)
+        ratios[k] = distance / usual
+        limits[k] = chi2.isf(probability / len(observations), measured) / usual
+    known = np.isfinite(limits)
+    if not known.any():
+        return None
+    excess = ratios / limits / max(1.0, float(np.median(ratios[known])))
     worst = int(excess.argmax())
-    return worst if excess[worst] > 0.0 else None
+    return worst if excess[worst] > 1.0 else None

@@ -36,6 +36,7 @@ from jmm_agent.vision.observation_fit import (
     MarkerObservation,
     PoseResidual,
 )
+from jmm_agent.vision.observation_prediction import ObservationPrediction
 from jmm_agent.vision.permanent_elongation import elongations
 from jmm_agent.vision.rest_fit import Rest
 
@@ -228,10 +229,7 @@ class VisionUpdater:
             frames: see `MarkerObservation`; as well as ``covariance`` and ``joint_angles``.
             time: of the observation [s]; NaN: unknown.
         """
-        if learn and not np.isnan(time):
-            rests = self._memory.rests
-            rests = rests._replace(drift=rests.drift.at(time))
-            self.memory = self._memory._replace(rests=rests)
+        self._age(time if learn else np.nan)
         observation = MarkerObservation(
             pose, lengths, estimate, frames, covariance, joint_angles, tensions
         )
@@ -243,15 +241,13 @@ class VisionUpdater:
         found = fitted(self._memory, self._prior, observations)
         fit, angles = found.observed, found.observed.angles[-1]
         doubt = self._check.doubt(fit, observation, self._memory.angles)
-        unexpected = self.forecast.is_unexpected(predicted)
-        if unexpected and not (doubt or zeroed or self._memory.unexpected):
-            doubt = UNEXPECTED
+        if learn:
+            doubt = self._with_unexpected(doubt, predicted, zeroed)
         detail = self._check.detail(doubt, observation, angles)
         moved = self._moves_zero(found.memory)
         seen = Seen(angles, estimate - angles, False, doubt, zeroed, detail, moved, predicted)
         if not learn:
             return seen
-        self.memory = self._memory._replace(unexpected=unexpected)
         command = _pair_lengths(self._options.lengths, lengths, target)
         sound = not bool(np.any(tensions >= self._options.saturation))  # NaN: not known
         if seen.reason:
@@ -266,6 +262,22 @@ class VisionUpdater:
         self._forget_contradicted()
         self._learn(self.pairs.last(0) if antagonism is None or zeroed or moved else antagonism)
         return self._tested(seen, map_before, before)
+
+    def _age(self, time: float) -> None:
+        """Let what is remembered grow older, to a time [s]; NaN: unknown."""
+        if not np.isnan(time):
+            rests = self._memory.rests
+            rests = rests._replace(drift=rests.drift.at(time))
+            self.memory = self._memory._replace(rests=rests)
+
+    def _with_unexpected(
+        self, doubt: str, predicted: ObservationPrediction | None, zeroed: bool
+    ) -> str:
+        """Why a look is not believed, if it is the first that is far from its prediction, too."""
+        unexpected = self.forecast.is_unexpected(predicted)
+        first = unexpected and not (zeroed or self._memory.unexpected)
+        self.memory = self._memory._replace(unexpected=unexpected)
+        return doubt or (UNEXPECTED if first else "")
 
     def _forget_contradicted(self) -> None:
         """Forget the remembered pose that all others contradict, and fit them again without it."""

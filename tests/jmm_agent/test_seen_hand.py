@@ -66,7 +66,7 @@ def test_an_observation_has_the_frames_and_the_covariance_of_the_detection(
     assert trial.agent.markers == {}
 
 
-def test_looks_are_predicted_and_counted(trial: MovingArm) -> None:
+def test_observations_are_predicted_and_counted(trial: MovingArm) -> None:
     trial.visit(*LEARNED)
     assert trial.agent.predictions.count == len(LEARNED)
     assert trial.agent.predictions.coverage >= 0.75
@@ -158,7 +158,7 @@ def test_a_pose_that_is_far_off_is_not_learned_once_the_robot_is_known(trial: Mo
     assert trial.agent.vision.fired == len(LEARNED) + 1
 
 
-def test_a_robot_that_has_changed_is_learned_from_the_second_look_on(trial: MovingArm) -> None:
+def test_a_robot_that_has_changed_is_learned_from_the_second_time_on(trial: MovingArm) -> None:
     """Of a hand that is mounted elsewhere, one look is lost."""
     trial.visit(*LEARNED)
     trial.hand.off = OFF
@@ -250,7 +250,7 @@ def test_the_next_posture_is_one_that_shows_the_hand(trial: MovingArm) -> None:
     assert trial.agent.next_posture().in_view == 0.0
 
 
-def test_a_look_is_expected_to_be_as_exact_as_those_before(trial: MovingArm) -> None:
+def test_an_observation_is_expected_to_be_as_exact_as_those_before(trial: MovingArm) -> None:
     expected = np.sqrt([0.003**2 + 44e-6 / 3.0, 0.01**2 + 3e-4])
     before = trial.agent.posture_planner()._model.noise
     assert (before.position_noise, before.rotation_noise) == (0.003, 0.01)
@@ -283,5 +283,5 @@ def test_options_and_detectors_that_do_not_fit_are_refused(
     with pytest.raises(AgentError, match="needs a camera"):
         make(nominal_map, arm, MovingHand(), vision=seen, camera="")
     with pytest.raises(AgentError, match="'marker' or 'seen'"):
-        VisionOptions(hand="felt")  # type: ignore[arg-type]
+        VisionOptions(hand="touched")  # type: ignore[arg-type]
     assert make(nominal_map, arm, None, vision=seen, camera="").hand is None

@@ -113,3 +113,27 @@ def test_a_start_is_before_the_first_of_the_muscles_that_were_elongated_lately()
     np.testing.assert_allclose(found.elongated[:6, 1], [1.36] * 3 + [1.0] * 3)
     np.testing.assert_allclose(found.elongated[:, 2:], [[0.36] * 3] * 3 + [[0.0] * 3] * 4)
     assert EpisodeStart.before_elongations(elongated, 3) is None  # the zeroing is of lately
+
+
+def test_an_observation_is_forgotten_with_all_that_belongs_to_it(memory: VisionMemory) -> None:
+    drift = memory.rests.drift._replace(ages=np.array([7.0, 0.0]))
+    aged = memory._replace(rests=memory.rests._replace(drift=drift))
+    for number, kept in ((0, 1), (1, 0)):
+        after = aged.without(number)
+        assert [one.lengths.tolist() for one in after.observations] == [LENGTHS[kept].tolist()]
+        assert [command.tolist() for command in after.commands] == [LENGTHS[kept].tolist()]
+        assert after.sound == [aged.sound[kept]]
+        np.testing.assert_array_equal(after.angles, ANGLES[kept : kept + 1])
+        assert after.elongated.shape == (1, 4)
+        assert after.rests.drift.ages.tolist() == [drift.ages[kept]]
+        assert after.start is not None
+    before = aged.without(0).start
+    assert before is not None
+    assert (before.newest, before.elongated.shape) == (1, (0, 4))
+    since = aged.without(1).start
+    assert since is not None
+    assert (since.newest, since.elongated.shape) == (0, (1, 4))
+
+
+def test_a_new_episode_forgets_that_a_pose_was_unexpected(memory: VisionMemory) -> None:
+    assert not memory._replace(unexpected=True).begun(5).unexpected

@@ -40,7 +40,7 @@ def missing(name: str) -> Any:
     raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
-def test_without_a_trained_detector_the_error_says_what_is_missing(
+def test_without_a_trained_detector_the_error_names_what_is_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(hand_weights, "importlib", SimpleNamespace(import_module=missing))
@@ -83,7 +83,7 @@ def test_a_detector_of_another_camera_is_not_taken_for_granted() -> None:
     with pytest.raises(UsageError, match="trained for this camera"):
         make_agent(hand="seen", camera=other)
     with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
-        make_agent(hand="felt")  # type: ignore[arg-type]
+        make_agent(hand="touched")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
         make_env("Posture", hand="none")  # type: ignore[arg-type]
 

@@ -138,7 +138,7 @@ def test_a_detector_of_a_frame_that_the_robot_lacks_is_refused(arm: ArmKinematic
         HandShape(hand, None, arm, "eye")
 
 
-def test_it_says_whether_a_frame_shows_the_hand_from_any_side(arm: ArmKinematics) -> None:
+def test_a_detector_knows_whether_a_frame_shows_the_hand_from_any_side(arm: ArmKinematics) -> None:
     finder = HandShape(FixedHand(HandSkip.NOT_SEEN), None, arm, "eye")
     assert finder.shows(pose_at(0.0, 0.0, 0.5))
     assert not finder.around(pose_at(0.0, 0.0, -0.5))

@@ -36,7 +36,7 @@ def test_the_robot_moves_as_with_the_marker_to_the_bit(robot: tuple[Departure, .
     assert motion(*robot, GONE) == motion(*robot)
 
 
-def test_only_the_look_of_the_plate_differs() -> None:
+def test_only_the_colour_of_the_plate_differs() -> None:
     """Every array of the model is the same but the colour and the material of one geom."""
     usual, without = Robot(ARM).model, Robot(ARM, (GONE,)).model
     plate, differs = usual.geom("marker_plate").id, set()
