@@ -26,6 +26,8 @@ from jmm_agent.types import Floats
 
 BY_MATERIAL = (0.5, 0.5, 0.5, 1.0)
 """Colour of a geom whose material decides it: MuJoCo's default."""
+DIRECTIONAL, CONE = 1, 0
+"""MuJoCo's numbers of lights from afar and of lamps with a cone of light."""
 NOMINAL = "as in the model"
 """The skin that the model itself has."""
 
@@ -80,12 +82,12 @@ COVERS = {
     "black top": Surface(patterns.rough, ((0.04, 0.04, 0.04), (0.14, 0.14, 0.15))),
     "steel": Surface(patterns.scratched, ((0.45, 0.46, 0.48), (0.68, 0.69, 0.70)), (0.3, 0.8)),
     "cutting mat": Surface(patterns.grid, ((0.05, 0.22, 0.15), (0.25, 0.50, 0.42))),
-    "felt": Surface(patterns.rough, ((0.15, 0.15, 0.20), (0.60, 0.55, 0.55))),
+    "carpet": Surface(patterns.rough, ((0.15, 0.15, 0.20), (0.60, 0.55, 0.55))),
     "papers": Surface(patterns.printed, ((0.70, 0.68, 0.62), (0.95, 0.95, 0.93))),
 }
 """Tops of the table."""
 
-FLOORS = (
+GROUNDS = (
     Surface(patterns.rough, ((0.25, 0.25, 0.26), (0.70, 0.70, 0.68))),
     Surface(patterns.grid, ((0.30, 0.30, 0.30), (0.85, 0.84, 0.80)), (0.0, 0.4)),
     Surface(patterns.wood, ((0.30, 0.20, 0.12), (0.75, 0.60, 0.42))),
@@ -133,7 +135,7 @@ class Appearance:
         skin = self._write_robot(rng)
         table = str(rng.choice(list(COVERS)))
         self._cover("table_top", "table_cover", COVERS[table], rng)
-        self._cover("floor", "floor_cover", FLOORS[rng.integers(len(FLOORS))], rng)
+        self._cover("floor", "floor_cover", GROUNDS[rng.integers(len(GROUNDS))], rng)
         self._write_room(rng)
         for i in range(OBJECT_COVERS):
             pattern = (patterns.plain, patterns.printed, patterns.scratched)[i % 3]
@@ -254,7 +256,7 @@ class _Lamp(NamedTuple):
 
 def _lamps(rng: Random, kind: str) -> tuple[Floats, list[_Lamp]]:
     """The light from all sides (3,), and the lamps of a kind of light."""
-    far, near = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, mujoco.mjtLightType.mjLIGHT_SPOT
+    far, near = mujoco.mjtLightType(DIRECTIONAL), mujoco.mjtLightType(CONE)
 
     def lamp(light: mujoco.mjtLightType, colour: Colour, power: float, low: float) -> _Lamp:
         around, height = rng.uniform(-np.pi, np.pi), rng.uniform(low, low + 0.8)

@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from experiments.hand_detector.frames import (
     NONE,
+    RANGES,
     SEEN,
+    SET,
     Frame,
     camera_frame,
     make_frame,
@@ -69,7 +71,7 @@ def photograph_frame(studio: Studio, seed: int) -> Frame:
     studio.appearance.print("photograph", picture[rows][:, columns] / 255.0)
     size = half / studio.camera.focal * float(studio.hand_pose()[2, 3])
     for _ in range(TRIES):
-        if pose_robot(studio, rng, NONE) is not None and studio.visible().hand == 0:
+        if pose_robot(studio, rng, NONE, RANGES) is not None and studio.visible().hand == 0:
             break
     else:
         raise RuntimeError(f"no posture without the hand was found for the photograph {seed}")
@@ -104,7 +106,7 @@ def second_hand_frame(studio: Studio, seed: int) -> tuple[Frame, Floats] | None:
     style = sample_style(rng, families["light"])
     state, own = studio.data.qpos.copy(), studio.hand_pose()
     for _ in range(TRIES):
-        found = pose_robot(studio, rng, SEEN)
+        found = pose_robot(studio, rng, SEEN, SET)
         other = studio.hand_pose()
         studio.data.qpos[:] = state
         studio.update()

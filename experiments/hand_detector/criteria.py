@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from experiments.hand_detector.bad_input import BAD, SECOND
+from experiments.hand_detector.bad_input import BAD, BLURRED, FROZEN, SECOND
 from experiments.hand_detector.frames import HIDDEN
 from experiments.hand_detector.scores import (
     EXPECTED,
@@ -66,27 +66,25 @@ def judged(records: Sequence[Record], key: str = WITHOUT) -> dict[str, Row]:
     usual = key == WITHOUT
     must = MUST if usual else {name: {} for name in MUST}
     shown, hands, nothing = seen(records), with_hand(records), empty(records)
-    title = "" if usual else ", with an expected pose"
     rows = {
         "found": share(
-            f"at least half visible: found{title}", (found(r, key) for r in shown), **must["found"]
+            "at least half visible: found", (found(r, key) for r in shown), **must["found"]
         ),
         "covered": share(
-            f"errors within the claimed 95 % region{title}",
+            "errors within the claimed 95 % region",
             (covered(r, key) for r in hands),
             **must["covered"],
         ),
         "false_claims": share(
-            f"no hand: claims one{title}", (claims(r, key) for r in nothing), **must["false_claims"]
+            "no hand: claims one", (claims(r, key) for r in nothing), **must["false_claims"]
         ),
     }
     for name, unit in (("position_mm", "mm"), ("rotation_deg", "deg")):
         kind = name.split("_")[0]
         errors = [error(r, name, key) for r in shown]
-        rows[name] = middle(f"{kind} error, median{title}", errors, unit, **must[name])
+        rows[name] = middle(f"{kind} error, median", errors, unit, **must[name])
         tail = f"{kind}_95_{unit}"
-        title_95 = f"{kind} error, 95th percentile{title}"
-        rows[tail] = percentile(title_95, errors, unit, **must[tail])
+        rows[tail] = percentile(f"{kind} error, 95th percentile", errors, unit, **must[tail])
     if usual:
         times = (r["cpu_ms"] for r in shown)
         rows["time_ms"] = middle("time on one core, median", times, "ms", **must["time_ms"])
@@ -107,18 +105,29 @@ def further(records: Sequence[Record]) -> list[Row]:
         percentile("time on one core, 95th percentile", (r["cpu_ms"] for r in shown), "ms"),
         middle("time by the clock, median", (r["wall_ms"] for r in shown), "ms"),
     ]  # fmt: skip
+    return rows
+
+
+def bad_rows(records: Sequence[Record]) -> list[Row]:
+    """Shares of bad frames that a pose is claimed for, and how sure it is."""
+    rows = []
     for name in BAD:
         bad = [r for r in records if r["of"] == name]
         rows.append(share(f"{name}: claims a pose", map(claims, bad)))
         rows.append(share(f"{name}: claims one, and is sure", map(sure, bad)))
-        if name in ("frozen", "blurred"):
+        if name in (FROZEN, BLURRED):  # the hand is in the frame, so that a claim may be right
             rows.append(share(f"{name}: is sure, and far outside", map(sure_and_wrong, bad)))
-    two = [r for r in records if r["of"] == SECOND]
-    for key, title in ((WITHOUT, SECOND), (EXPECTED, f"{SECOND}, with an expected pose")):
-        rows.append(share(f"{title}: the own one is chosen", (own_chosen(r, key) for r in two)))
+    return rows
+
+
+def pair_rows(records: Sequence[Record]) -> list[Row]:
+    """Shares of frames with two hands of which the own one is claimed."""
+    two, rows = [r for r in records if r["of"] == SECOND], []
+    for key, title in ((WITHOUT, "two hands"), (EXPECTED, "pose expected")):
         right = (own_chosen(r, key) or r[key]["reason"] == TWICE for r in two)
-        rows.append(share(f"{title}: the own one, or an answer that there are two", right))
-        rows.append(share(f"{title}: another is chosen", (other_chosen(r, key) for r in two)))
+        rows.append(share(f"{title}: the own one is claimed", (own_chosen(r, key) for r in two)))
+        rows.append(share(f"{title}: the own one, or 'there are two'", right))
+        rows.append(share(f"{title}: another is claimed", (other_chosen(r, key) for r in two)))
     return rows
 
 

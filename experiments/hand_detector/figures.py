@@ -107,9 +107,9 @@ def tile(studio: Studio, frame: Frame, record: Record) -> Image:
         title += f", {answer['rotation_deg']:.0f} deg" if frame.visible.hand else ""
     below = f"{families['skin']}, {families['light']}, {families['camera']}"
     for text, height in ((title, 22), (below, 470)):
-        for colour, width in (((0, 0, 0), 4), ((255, 255, 255), 1)):
-            font = cv2.FONT_HERSHEY_SIMPLEX
-            cv2.putText(image, text, (6, height), font, 0.65, colour, width, cv2.LINE_AA)
+        image[height - 19 : height + 8, : 13 * len(text)] //= 4
+        font = cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(image, text, (6, height), font, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
     return np.asarray(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
 
 
@@ -152,7 +152,7 @@ def _errors(records: Sequence[Record]) -> Figure:
         plain_ticks(ax.xaxis)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("share of claims with a smaller error [%]")
-    axes[0].legend(loc="upper left", fontsize=8)
+    axes[0].legend(loc="lower right", fontsize=8)
     return figure
 
 
@@ -169,5 +169,5 @@ def _calibration(records: Sequence[Record]) -> Figure:
     ax.set(xlabel="share that the claimed region holds [1]", ylabel="share of errors within it [1]")
     ax.set(xlim=(0, 1), ylim=(0, 1.01))
     ax.grid(alpha=0.3)
-    ax.legend(loc="upper left", fontsize=8)
+    ax.legend(loc="lower right", fontsize=8)
     return figure

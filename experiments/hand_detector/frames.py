@@ -21,9 +21,11 @@ from kengoro_env.vision.rendering import HEIGHT, WIDTH
 
 SEEN, HIDDEN, NONE = "seen", "hidden", "none"
 """At least half of the hand is visible, or less, or nothing."""
+SET, RANGES = "posture set", "joint ranges"
+"""Where a posture is sampled."""
 FEWEST = 60
 """Fewest pixels of a hand that is said to be hidden in part, at half the frame's resolution."""
-TRIES = 400
+TRIES = 5000
 """Number of samples for a frame of a kind."""
 SAME_CAMERA = 10
 """Number of frames of each camera."""
@@ -139,8 +141,9 @@ def _sample(studio: Studio, seed: int, attempt: int) -> tuple[Style, Visible, di
     families = studio.appearance.write(rng)
     scatter(studio.model, rng)
     arm_wanted = bool(rng.uniform() < 0.6)
+    source = SET if kind != NONE and rng.uniform() < 0.6 else RANGES
     for _ in range(TRIES):
-        found = pose_robot(studio, rng, kind)
+        found = pose_robot(studio, rng, kind, source)
         if found is None:
             continue
         visible = studio.visible()
@@ -170,12 +173,9 @@ def sample_style(rng: Random, light: str) -> Style:
     return Style(fine, bool(rng.uniform() < 0.2), sample_optics(rng, mean))
 
 
-def pose_robot(studio: Studio, rng: Random, kind: str) -> dict[str, str] | None:
+def pose_robot(studio: Studio, rng: Random, kind: str, source: str) -> dict[str, str] | None:
     """Sample posture, can and what is before the hand; None if the kind is not possible."""
     clear_before(studio.model)
-    source = str(rng.choice(["posture set", "joint ranges"], p=[0.6, 0.4]))
-    if kind == NONE:
-        source = "joint ranges"
     studio.set_robot(_posture(studio, rng, source), _fingers(rng))
     cut = kind == HIDDEN and rng.uniform() < 0.5
     if not _possible(studio, kind, cut):
@@ -194,7 +194,7 @@ def pose_robot(studio: Studio, rng: Random, kind: str) -> dict[str, str] | None:
 def _posture(studio: Studio, rng: Random, source: str) -> Floats:
     """A posture (14,) [rad], near one of the posture set or anywhere in the joint ranges."""
     low, high = studio.ranges.T
-    if source == "joint ranges":
+    if source == RANGES:
         return np.asarray(rng.uniform(low, high))
     postures = posture_set()
     posture = postures[rng.integers(len(postures))] + np.radians(3.0) * rng.standard_normal(14)

@@ -150,21 +150,21 @@ def room(rng: Random, side: int, colour: Floats) -> Floats:
         left, top = (int(value) for value in rng.integers(0, side * 3 // 4, 2))
         width, height = (int(value) for value in rng.integers(side // 10, side // 2, 2))
         part = image[top : top + height, left : left + width]
-        kind = rng.choice(["window", "poster", "shelf", "door"])
+        kind = rng.choice(["window", "poster", "rack", "door"])
         if kind == "window":
             part[:] = rng.uniform(0.85, 1.0) * np.array([0.95, 0.98, 1.0])
             part[:, :: max(width // 3, 4)] = rng.uniform(0.2, 0.9)
         elif kind == "poster":
             whole = printed(rng, side, rng.uniform(0.6, 1.0, 3))
             part[:] = whole[: part.shape[0], : part.shape[1]]
-        elif kind == "shelf":
-            _fill_shelf(rng, part)
+        elif kind == "rack":
+            _fill_rack(rng, part)
         else:
             part[:] = rng.uniform(0.1, 0.8, 3)
     return image
 
 
-def _fill_shelf(rng: Random, part: Floats) -> None:
+def _fill_rack(rng: Random, part: Floats) -> None:
     """Books and boxes in the boards of a shelf."""
     part[:] = rng.uniform(0.1, 0.6)
     board = max(part.shape[0] // int(rng.integers(2, 5)), 6)

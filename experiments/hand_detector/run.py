@@ -34,6 +34,8 @@ QUICK = 20
 """Number of frames of a quick run."""
 SHIPPED = "hand_detector.zip"
 """Name of the detector's file that is shipped."""
+LEAST_WIDTH = 120
+"""Least width of the printed tables [characters]."""
 INTRODUCTION = (
     "Frames of the robot's own camera, with the hand's marker taken away. Postures, surfaces, "
     "lights, objects and faults of the camera follow from the seed of each frame, by a generator "
@@ -142,14 +144,14 @@ def conclude(
     args: Args, path: Path, records: Sequence[Mapping[str, Any]], wall_s: float, core_s: float
 ) -> dict[str, Any]:
     """Compute criteria, tables and figures, print them and write the results."""
-    from experiments.hand_detector.criteria import further, judged, metrics
+    from experiments.hand_detector.criteria import bad_rows, further, judged, metrics, pair_rows
     from experiments.hand_detector.figures import pictures
     from experiments.hand_detector.scores import EXPECTED
     from experiments.hand_detector.tables import tables
 
     remove_parts(args.out)
     rows, shown, drawings = judged(records), tables(records), pictures(records)
-    others = [*further(records), *judged(records, EXPECTED).values()]
+    others = [*further(records), *bad_rows(records), *pair_rows(records)]
     summary = make_summary(
         NAME,
         {},
@@ -159,6 +161,7 @@ def conclude(
         settings={**asdict(args), "out": args.out.name, "detector": path.name},
         detector_bytes=path.stat().st_size,
         metrics=metrics(rows),
+        metrics_with_expected_pose=metrics(judged(records, EXPECTED)),
         numbers={row.name: row.plain() for row in others},
         tables=[table.plain() for table in shown],
     )
@@ -169,8 +172,8 @@ def conclude(
     write_report(args.out / "report.html", TITLE, INTRODUCTION, summary, shown, drawings)
     write_json(args.out / "summary.json", summary)
     console = Console()
-    console.width = max(console.width, 110)
-    for table in shown[:3]:
+    console.width = max(console.width, LEAST_WIDTH)
+    for table in shown[:6]:
         print_table(console, table)
     console.print(f"Results: {args.out}/summary.json, report.html, figures")
     return summary
