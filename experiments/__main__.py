@@ -45,6 +45,7 @@ RUNNERS = {
     "strange-robots": Runner("robots that the preset's departures do not describe", True),
     "wire-snaps": Runner("a wire snaps in motion, and the robot moves on with the others", True),
     "faults": Runner("faults during learning are detected and do no harm"),
+    "hand-detector": Runner("the hand without a marker, in frames it was not trained on"),
     "wrong-observations": Runner("updates from wrong observations are detected and undone"),
     "endurance": Runner("hours of learning: the error stays low"),
     "clocks": Runner("time stamps that are not exact, and other control periods", True),

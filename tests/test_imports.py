@@ -61,7 +61,22 @@ def toy(tmp_path: Path) -> Path:
         (tmp_path / package / "__init__.py").touch()
         for module in itertools.chain(*LAYERS.get(package, [])):
             (tmp_path / package / f"{module}.py").touch()
+    for contract in LINTER["contracts"]:
+        for name in contract.get("protected_modules", ()):
+            add_module(tmp_path, name)
     return tmp_path
+
+
+def add_module(folder: Path, name: str) -> None:
+    """Add an empty module, and the packages that it is in."""
+    *packages, last = name.split(".")
+    for package in packages:
+        folder /= package
+        folder.with_suffix(".py").unlink(missing_ok=True)
+        folder.mkdir(exist_ok=True)
+        (folder / "__init__.py").touch()
+    if not (folder / last).is_dir():
+        (folder / f"{last}.py").touch()
 
 
 def test_contracts_are_kept() -> None:
@@ -133,6 +148,14 @@ def test_an_import_of_what_needs_torch_is_found(toy: Path, importer: str) -> Non
     done = lint(toy)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "nothing imports it but its like BROKEN" in " ".join(done.stdout.split())
+
+
+def test_an_experiment_that_imports_the_training_of_a_detector_is_found(toy: Path) -> None:
+    judge = toy / "experiments" / "hand_detector.py"
+    judge.write_text("import kengoro.hand_detector\n")
+    done = lint(toy)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "experiments.hand_detector -> kengoro.hand_detector" in done.stdout
 
 
 @pytest.mark.parametrize("package", LAYERS)
