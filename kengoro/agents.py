@@ -63,7 +63,7 @@ def make_agent(
     jmm: JointMuscleMap | None = None,
     dictionary: str = "DICT_4X4_50",
     detector: Detector | None = None,
-    hand: HandKind | HandDetector | None = None,
+    hand: HandKind | Path | HandDetector | None = None,
     motors: MotorControl | None = None,
     scales: RobotScales | None = None,
     options: AgentOptions | None = None,
@@ -87,7 +87,8 @@ def make_agent(
         jmm: the map to begin with; that of the nominal model if left out, trained once and kept.
         dictionary: name of the markers' dictionary in OpenCV, see `MarkerDetector`.
         detector: finds markers in frames; a `MarkerDetector` if left out.
-        hand: how frames show it: "marker", "seen" or a `HandDetector`; by ``options`` if left out.
+        hand: how frames show it: "marker", "seen", or seen by the detector of a file (a `Path`) or
+            a `HandDetector`; by ``options`` if left out.
         motors: gains and limit; those of the MJCF file, or by its load, if left out.
         scales: of the robot; by its nominal model if left out.
         options: of the agent; they name its camera and markers, too. Others derive from the model.
@@ -186,7 +187,7 @@ def _detector(
 def _chosen(
     options: AgentOptions | None,
     guard: bool,
-    hand: HandKind | HandDetector | None,
+    hand: HandKind | Path | HandDetector | None,
     own: bool,
     camera: Camera | None,
 ) -> tuple[AgentOptions, HandDetector | None]:
@@ -197,16 +198,15 @@ def _chosen(
     if guard and options is None:
         options = AgentOptions(vision=VisionOptions(hold_out=HoldOutOptions()))
     options = options or AgentOptions()
-    kind: HandKind | None = None
-    sees: HandDetector | None = None
-    if hand is None or isinstance(hand, str):
-        kind = hand
-    else:
-        kind, sees = "seen", hand
-    if kind is not None:
+    if hand is not None:
+        kind: HandKind = hand if isinstance(hand, str) else "seen"
         check_hand(kind)
         options = replace(options, vision=replace(options.vision, hand=kind))
-    sees = sees or trained_hand(options, own, camera)
+    if hand is None or isinstance(hand, str | Path):
+        path = hand if isinstance(hand, Path) else None
+        sees = trained_hand(options, own, camera, path)
+    else:
+        sees = hand
     if own and sees is not None and options.marker_site == AgentOptions().marker_site:
         options = replace(options, marker_site=sees.frame)
     return options, sees

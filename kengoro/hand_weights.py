@@ -2,46 +2,47 @@
 
 from __future__ import annotations
 
-import importlib
+from pathlib import Path
 
 from jmm_agent.options import AgentOptions
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_detection import HandDetector
+from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro.errors import UsageError
 from kengoro.robots import CAMERA
+from kengoro_env.assets import assets_root
 
-LOADER = "jmm_agent.vision.hand_detector"
-"""Module with `load_hand_detector`."""
+KENGORO = "hand_detectors/kengoro.zip"
+"""File of the detector of Kengoro's hand, among the assets."""
 
 
-def trained_hand(options: AgentOptions, own: bool, camera: Camera | None) -> HandDetector | None:
-    """The trained detector of Kengoro's hand; None if the options need none.
+def trained_hand(
+    options: AgentOptions, own: bool, camera: Camera | None, path: Path | None = None
+) -> HandDetector | None:
+    """The trained detector of the hand; None if the options need none.
 
     Args:
         options: of the agent.
         own: whether the robot is another one than Kengoro's arm.
         camera: the camera that the frames come from; None: Kengoro's.
+        path: file of `kengoro hand-detector`; None: the one of Kengoro's hand.
 
     Raises:
-        UsageError: it was trained for another robot or camera, or there are no weights.
-        AgentError: the weights cannot be used.
+        UsageError: it was trained for another robot, or there is none.
+        AgentError: the file cannot be used.
     """
     if options.vision.hand != "seen" or not options.camera:
         return None
-    if own or camera not in (None, CAMERA):
-        what = "robot" if own else "camera"
-        raise UsageError(
-            f"A hand that is seen needs a detector that was trained for this {what}; give it as "
-            "hand, or use hand='marker'."
-        )
-    try:
-        load = importlib.import_module(LOADER).load_hand_detector
-    except ModuleNotFoundError as error:
-        if error.name != LOADER:
-            raise
-        raise UsageError(
-            "There is no trained detector of the hand yet (jmm_agent.vision.hand_detector is "
-            "missing); give one as hand, or use hand='marker'."
-        ) from None
-    detector: HandDetector = load()
-    return detector
+    if path is None:
+        if own:
+            raise UsageError(
+                "A hand that is seen needs a detector that was trained for this robot; give its "
+                "file as hand, or use hand='marker'."
+            )
+        path = assets_root() / KENGORO
+        if not path.is_file():
+            raise UsageError(
+                "There is no trained detector of Kengoro's hand here yet: `kengoro hand-detector "
+                "train` trains one; give its file as hand, or use hand='marker'."
+            )
+    return TrainedHandDetector(camera or CAMERA, path)

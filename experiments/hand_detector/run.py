@@ -22,6 +22,7 @@ from experiments.harness.errors import ExperimentError
 from experiments.harness.report import print_table, write_report
 from experiments.harness.reported import log_reported, seed_ranges
 from experiments.harness.runner import core_seconds, run_tasks
+from kengoro.hand_weights import KENGORO
 from mjcf_sandbox.files import remove_parts, write_bytes, write_json
 
 NAME = "hand-detector"
@@ -32,8 +33,6 @@ FRAMES = 50
 """Number of frames of a task."""
 QUICK = 20
 """Number of frames of a quick run."""
-SHIPPED = "hand_detector.zip"
-"""Name of the detector's file that is shipped."""
 LEAST_WIDTH = 120
 """Least width of the printed tables [characters]."""
 INTRODUCTION = (
@@ -125,7 +124,7 @@ def detector_path(path: Path | None) -> Path:
         return path
     from kengoro_env.assets import assets_root
 
-    shipped = assets_root() / SHIPPED
+    shipped = assets_root() / KENGORO
     if not shipped.is_file():
         raise ExperimentError(
             f"No hand detector is shipped ({shipped} does not exist): train one, and give its file "

@@ -26,7 +26,7 @@ from experiments.hand_detector.frames import Frame, make_frame
 from experiments.hand_detector.studio import Studio
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.hand_detector import HandDetector
+from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro_env.vision.rendering import HEIGHT, WIDTH
 
 NOMINAL_FOVY = np.radians(45.0)
@@ -47,7 +47,7 @@ class Answer(Protocol):
 
 
 class Detector(Protocol):
-    """What is judged: `jmm_agent.vision.hand_detector.HandDetector`, or a test's own."""
+    """What is judged: `jmm_agent.vision.hand_detector.TrainedHandDetector`, or a test's own."""
 
     def detect(self, frame_rgb: np.ndarray, expected: np.ndarray | None = None) -> Answer | Enum:
         """The hand in a frame, or the reason why there is none."""
@@ -70,7 +70,7 @@ def trial(job: Job) -> list[Record]:
     cv2.setNumThreads(1)
     studio = Studio()
     try:
-        return judge(studio, job.seeds, lambda camera: HandDetector(camera, job.path))
+        return judge(studio, job.seeds, lambda camera: TrainedHandDetector(camera, job.path))
     finally:
         studio.close()
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import os
 import threading
-from enum import Enum
 from typing import NamedTuple
 
 import cv2
@@ -24,6 +23,7 @@ from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.crop_view import CropView, hand_view, looking_at
+from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 from jmm_agent.vision.hand_model_file import HandModel, read_hand_model
 from jmm_agent.vision.marker_input import check_frame
 from jmm_agent.vision.weighted_pnp import PointsPose, solve_points
@@ -34,6 +34,8 @@ STRIDE = 8
 """Pixels of the finder's input along a cell of its output."""
 MOST_PLACES = 2
 """Number of places in a frame that are looked at, besides the expected one."""
+UNCLEAR = 0.3
+"""A hand with this share of the least score may be there, but gives no pose [1]."""
 LEAST_SCORE = 0.1
 """The finder's score from which on a place is looked at [0, 1]."""
 TURNS = 2
@@ -46,30 +48,20 @@ RIVAL = 0.3
 """A second hand with this share of the first one's score makes the frame ambiguous [1]."""
 
 
-class HandSkip(Enum):
-    """Why a frame gives no pose of the hand."""
-
-    DARK = "the frame is black"
-    NOT_SEEN = "the hand is not in the frame"
-    TWICE = "more than one hand is in the frame"
-
-
-class HandDetection(NamedTuple):
-    """The hand in a frame.
+class Candidate(NamedTuple):
+    """A hand that may be in a frame.
 
     Attributes:
-        pose_hand_in_camera: (4, 4), metres; camera x right, y down, z forward.
-        covariance: of the pose (6, 6) [m, rad], see `pose_covariance`.
+        detection: its pose.
         score: how sure the networks are that the hand is there [0, 1].
     """
 
-    pose_hand_in_camera: Floats
-    covariance: Floats
+    detection: HandDetection
     score: float
 
 
-class HandDetector:
-    """Finds the hand in frames of a camera.
+class TrainedHandDetector:
+    """Finds the hand in frames of a camera, see `HandDetector`.
 
     Args:
         camera: model of the camera that the frames come from.
@@ -91,12 +83,12 @@ class HandDetector:
         self._hand = self._model.array
         self.frame = self._model.body
 
-    def __deepcopy__(self, memo: dict[int, object]) -> HandDetector:
+    def __deepcopy__(self, memo: dict[int, object]) -> TrainedHandDetector:
         """Itself: it remembers nothing of a frame."""
         return self
 
-    def __reduce__(self) -> tuple[type[HandDetector], tuple[Camera, str | os.PathLike[str]]]:
-        return HandDetector, (self._camera, self._path)
+    def __reduce__(self) -> tuple[type[TrainedHandDetector], tuple[Camera, str | os.PathLike[str]]]:
+        return TrainedHandDetector, (self._camera, self._path)
 
     @property
     def model(self) -> HandModel:
@@ -125,15 +117,19 @@ class HandDetector:
         if frame_rgb.max() <= DARK:
             return HandSkip.DARK
         found = self.candidates(frame_rgb, expected)
-        sure = [each for each in found if each.score >= self._model.threshold]
-        if not sure:
+        best = max(found, key=lambda each: each.score, default=None)
+        if best is None or best.score < UNCLEAR * self._model.threshold:
             return HandSkip.NOT_SEEN
-        best = max(sure, key=lambda each: each.score)
-        return HandSkip.TWICE if any(self._is_rival(each, best) for each in sure) else best
+        if best.score < self._model.threshold:
+            return HandSkip.UNCLEAR
+        sure = [each for each in found if each.score >= self._model.threshold]
+        if any(self._is_rival(each, best) for each in sure):
+            return HandSkip.TWICE
+        return best.detection
 
     def candidates(
         self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
-    ) -> list[HandDetection]:
+    ) -> list[Candidate]:
         """Poses at all places at which a hand may be, whatever their scores; see `detect`."""
         with self._lock:
             views = self._places(frame_rgb)
@@ -147,12 +143,10 @@ class HandDetector:
         model = self._model
         return hand_view(pose, model.centre, model.radius, model.size, level)
 
-    def _is_rival(self, other: HandDetection, best: HandDetection) -> bool:
+    def _is_rival(self, other: Candidate, best: Candidate) -> bool:
         """Whether another detection is a second hand."""
-        middles = [
-            each.pose_hand_in_camera[:3, :3] @ self._model.centre + each.pose_hand_in_camera[:3, 3]
-            for each in (other, best)
-        ]
+        poses = [each.detection.pose_hand_in_camera for each in (other, best)]
+        middles = [pose[:3, :3] @ self._model.centre + pose[:3, 3] for pose in poses]
         apart = float(np.linalg.norm(middles[0] - middles[1]))
         return apart > SAME * self._model.radius and other.score >= RIVAL * best.score
 
@@ -175,7 +169,7 @@ class HandDetector:
             scores[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0.0
         return views
 
-    def _examine(self, frame: np.ndarray, view: CropView) -> HandDetection | None:
+    def _examine(self, frame: np.ndarray, view: CropView) -> Candidate | None:
         """The hand that a view shows; None if its points have no pose."""
         found, score = None, 0.0
         for _ in range(TURNS):
@@ -187,7 +181,8 @@ class HandDetector:
             view = self._view(found.pose, level=True)
         assert found is not None
         scale = np.repeat([self._model.position_factor, self._model.rotation_factor], 3)
-        return HandDetection(found.pose, found.covariance * np.outer(scale, scale), score)
+        detection = HandDetection(found.pose, found.covariance * np.outer(scale, scale))
+        return Candidate(detection, score)
 
 
 def finder_input(frame: np.ndarray, factor: float) -> np.ndarray:

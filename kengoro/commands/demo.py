@@ -23,22 +23,25 @@ class Args:
     Attributes:
         robot: seed of the actual robot.
         hand: whether the hand carries a marker ("marker"), or is seen without one ("seen").
+        detector: file of `kengoro hand-detector` that sees it; Kengoro's own if left out.
         out: folder of the film.
     """
 
     robot: int = 100
     hand: HandKind = "marker"
+    detector: Path | None = None
     out: Path = Path("out/demo")
 
 
 def main(args: Args) -> None:
     """Run the trial, film it, and print what happened."""
     console = get_console()
+    kind: HandKind = "seen" if args.detector else args.hand
     with console.status("Training the map of the nominal model (half a minute, once) ..."):
         trained_map()
-    agent = make_agent(args.robot, hand=args.hand)
+    agent = make_agent(args.robot, hand=args.detector or args.hand)
     film = args.out / "episode.mp4"
-    env = make_env("CanGrasp", args.robot, hand=args.hand, render_mode="rgb_array")
+    env = make_env("CanGrasp", args.robot, hand=kind, render_mode="rgb_array")
     with stage_bar("Kengoro") as progress, open_video(film) as video:
         watch = film_and_progress(video, progress)
         postures = shuffled_postures(args.robot)

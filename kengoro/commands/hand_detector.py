@@ -22,7 +22,7 @@ class Args:
     Attributes:
         action: what is done.
         model: MJCF of the robot in its surroundings.
-        out: file that is written, for `HandDetector`.
+        out: file that is written, for `jmm_agent.TrainedHandDetector`.
         body: name of the hand's body.
         camera: name of the camera.
         hide: names of geoms that are not drawn, as a marker on the hand.

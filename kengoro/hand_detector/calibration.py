@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.hand_detector import HandDetection, HandDetector
+from jmm_agent.vision.hand_detector import Candidate, TrainedHandDetector
 from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
 from kengoro.hand_detector.evaluation import PoseError, pose_error
 from kengoro.hand_detector.examples import ABSENT, Source
@@ -60,13 +60,13 @@ def calibrate(
     model, *networks = read_hand_model(path)
     maker = source.maker()
     camera = Camera.from_fovy(maker.width, maker.height, maker.fovy)
-    detector = HandDetector(camera, path)
+    detector = TrainedHandDetector(camera, path)
     scores, errors, without = [], [], []
     for number, frame in enumerate(_frames(source, maker, count)):
         found = max(detector.candidates(frame.image), key=_score, default=None)
         if frame.visible >= VISIBLE:
             scores.append(_score(found))
-            errors.append(None if found is None else pose_error(found, frame.pose))
+            errors.append(None if found is None else pose_error(found.detection, frame.pose))
         elif frame.visible < ABSENT:
             without.append(_score(found))
         progress((number + 1) / count)
@@ -85,7 +85,7 @@ def calibrate(
     )
 
 
-def _score(found: HandDetection | None) -> float:
+def _score(found: Candidate | None) -> float:
     return 0.0 if found is None else found.score
 
 

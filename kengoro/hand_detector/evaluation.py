@@ -7,7 +7,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from jmm_agent.vision.hand_detector import HandDetection
+from jmm_agent.vision.hand_detection import HandDetection
 from kengoro_env.types import Floats
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 
 from jmm_agent.options import AgentOptions
 from jmm_agent.updaters import VisionOptions
+from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.marker_detector import MarkerDetector
 from kengoro import hand_weights
 from kengoro.agents import make_agent
@@ -23,28 +23,17 @@ from kengoro_env.departures import NoHandMarker
 from tests.kengoro.noisy_hand import NoisyHand, NumberedFrames
 
 
-class Weights:
-    """Stands for `jmm_agent.vision.hand_detector`."""
-
-    def __init__(self, load: Callable[[], Any]) -> None:
-        self.load_hand_detector = load
-
-
-def loaded(monkeypatch: pytest.MonkeyPatch, load: Callable[[], Any]) -> None:
-    modules = {hand_weights.LOADER: Weights(load)}
-    stub = SimpleNamespace(import_module=modules.__getitem__)
-    monkeypatch.setattr(hand_weights, "importlib", stub)
-
-
-def missing(name: str) -> Any:
-    raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+def loaded(monkeypatch: pytest.MonkeyPatch, load: Callable[..., Any]) -> None:
+    """Let a function take the place of loading the detector of a file."""
+    monkeypatch.setattr(hand_weights, "TrainedHandDetector", load)
+    monkeypatch.setattr(hand_weights, "KENGORO", "mjcf/kengoro_arm/arm.xml")  # a file that exists
 
 
 def test_without_a_trained_detector_the_error_names_what_is_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(hand_weights, "importlib", SimpleNamespace(import_module=missing))
-    with pytest.raises(UsageError, match="no trained detector of the hand") as caught:
+    monkeypatch.setattr(hand_weights, "KENGORO", "hand_detectors/none.zip")
+    with pytest.raises(UsageError, match="no trained detector of Kengoro's hand") as caught:
         make_agent(hand="seen")
     assert "\n" not in str(caught.value)
 
@@ -52,17 +41,25 @@ def test_without_a_trained_detector_the_error_names_what_is_missing(
 def test_the_trained_detector_is_loaded_where_the_hand_is_seen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    hand = NoisyHand([])
-    loaded(monkeypatch, lambda: hand)
+    hand, asked = NoisyHand([]), []
+
+    def load(camera: Camera, path: Path) -> NoisyHand:
+        asked.append((camera, path.name))
+        return hand
+
+    loaded(monkeypatch, load)
     agent = make_agent(hand="seen")
     assert agent.options.vision.hand == "seen"
     assert agent._observer.frames == ("hand", "eye")
     by_options = make_agent(options=AgentOptions(vision=VisionOptions(hand="seen")))
     assert by_options._observer.frames == ("hand", "eye")
+    other = CAMERA.binned(2, 2)
+    make_agent(hand=Path("mine.zip"), camera=other)
+    assert asked == [(CAMERA, "arm.xml"), (CAMERA, "arm.xml"), (other, "mine.zip")]
 
 
 def test_with_a_marker_no_detector_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
-    loaded(monkeypatch, lambda: pytest.fail("it was loaded"))
+    loaded(monkeypatch, lambda *_: pytest.fail("it was loaded"))
     assert make_agent()._observer.frames == ("marker_hand", "eye")
     assert make_agent(hand="marker").options == make_agent().options
     options = AgentOptions(camera="", vision=VisionOptions(hand="seen"))
@@ -78,10 +75,7 @@ def test_the_can_keeps_its_marker(monkeypatch: pytest.MonkeyPatch) -> None:
     assert without._observer._finder._detector is None  # type: ignore[union-attr]
 
 
-def test_a_detector_of_another_camera_is_not_taken_for_granted() -> None:
-    other = CAMERA.binned(2, 2)
-    with pytest.raises(UsageError, match="trained for this camera"):
-        make_agent(hand="seen", camera=other)
+def test_a_hand_is_marked_or_seen() -> None:
     with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
         make_agent(hand="touched")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):

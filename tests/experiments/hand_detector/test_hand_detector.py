@@ -301,7 +301,7 @@ def test_a_smaller_run_has_the_tasks_of_a_larger_one() -> None:
 def test_a_missing_detector_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ExperimentError, match=r"There is no detector at .*none\.zip"):
         run.main(Args(detector=tmp_path / "none.zip", out=tmp_path))
-    monkeypatch.setattr(run, "SHIPPED", "no_such_detector.zip")
+    monkeypatch.setattr(run, "KENGORO", "no_such_detector.zip")
     with pytest.raises(ExperimentError, match=r"No hand detector is shipped .* --detector"):
         detector_path(None)
 
@@ -495,12 +495,12 @@ class Blind:
 def test_a_run_judges_a_file_and_is_resumed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("experiments.hand_detector.trial.HandDetector", Blind)
+    monkeypatch.setattr("experiments.hand_detector.trial.TrainedHandDetector", Blind)
     path = tmp_path / "detector.zip"
     path.write_bytes(b"")
     args = Args(detector=path, seeds="9003", out=tmp_path / "out")
     first = run.main(args)
     assert first["metrics"]["found"]["reached"] is False
     assert (tmp_path / "out" / "frames" / "frames_9003_9003.json").exists()
-    monkeypatch.delattr("experiments.hand_detector.trial.HandDetector")
+    monkeypatch.delattr("experiments.hand_detector.trial.TrainedHandDetector")
     assert run.main(args)["metrics"] == first["metrics"]

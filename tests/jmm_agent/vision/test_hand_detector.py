@@ -16,7 +16,8 @@ from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.crop_view import MARGIN
-from jmm_agent.vision.hand_detector import HandDetection, HandDetector, HandSkip
+from jmm_agent.vision.hand_detection import HandDetection, HandSkip
+from jmm_agent.vision.hand_detector import TrainedHandDetector
 from jmm_agent.vision.hand_model_file import read_hand_model
 from tests.jmm_agent.vision.hand_files import MODEL, POINTS, write_constant_detector
 
@@ -52,10 +53,10 @@ def points_output(present: float, distance: float = 0.5) -> Floats:
     return np.concatenate([places.ravel(), spreads.ravel(), [present]])
 
 
-def detector(tmp_path: Path, finder: Floats, points: Floats) -> HandDetector:
+def detector(tmp_path: Path, finder: Floats, points: Floats) -> TrainedHandDetector:
     path = tmp_path / "hand.zip"
     write_constant_detector(path, finder, points)
-    return HandDetector(CAMERA, path)
+    return TrainedHandDetector(CAMERA, path)
 
 
 def test_points_in_the_crop_give_the_pose_of_the_hand(
@@ -71,7 +72,8 @@ def test_points_in_the_crop_give_the_pose_of_the_hand(
     found = finder.detect(GREY)
     assert isinstance(found, HandDetection)
     assert found.pose_hand_in_camera == pytest.approx(straight_hand(), abs=2e-3)
-    assert found.score == pytest.approx(1.0 / (1.0 + np.exp(-4.0)))
+    [candidate] = finder.candidates(GREY)
+    assert candidate.score == pytest.approx(1.0 / (1.0 + np.exp(-4.0)))
     assert np.linalg.eigvalsh(found.covariance).min() > 0.0
     # Depth is known less than what is across the line of sight.
     assert found.covariance[2, 2] > 2.0 * found.covariance[0, 0]
@@ -85,7 +87,7 @@ def test_factors_of_the_calibration_scale_the_covariance(
     plain = detector(tmp_path, finder_output(5.0), points_output(4.0)).detect(GREY)
     scaled = replace(MODEL, position_factor=3.0, rotation_factor=2.0)
     write_constant_detector(tmp_path / "b.zip", finder_output(5.0), points_output(4.0), scaled)
-    other = HandDetector(CAMERA, tmp_path / "b.zip").detect(GREY)
+    other = TrainedHandDetector(CAMERA, tmp_path / "b.zip").detect(GREY)
     assert isinstance(plain, HandDetection)
     assert isinstance(other, HandDetection)
     ratio = other.covariance / plain.covariance
@@ -102,6 +104,11 @@ def test_a_hand_that_no_network_believes_is_not_found(
 ) -> None:
     found = detector(tmp_path, finder_output(finder), points_output(points)).detect(GREY)
     assert found is HandSkip.NOT_SEEN
+
+
+def test_a_hand_that_is_hardly_believed_gives_no_pose(tmp_path: Path) -> None:
+    found = detector(tmp_path, finder_output(5.0), points_output(-0.8)).detect(GREY)
+    assert found is HandSkip.UNCLEAR  # a score of 0.31, and at least 0.5 is believed
 
 
 def test_the_expected_pose_is_looked_at_and_not_trusted(
@@ -162,11 +169,11 @@ def test_copies_and_pickles_find_the_same(tmp_path: Path) -> None:
 
 def test_wrong_files_are_named_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(AgentError, match=r"There is no hand detector .*none.zip: `kengoro hand-"):
-        HandDetector(CAMERA, tmp_path / "none.zip")
+        TrainedHandDetector(CAMERA, tmp_path / "none.zip")
     text = tmp_path / "text.zip"
     text.write_text("no archive")
     with pytest.raises(AgentError, match="is no file of a hand detector"):
-        HandDetector(CAMERA, text)
+        TrainedHandDetector(CAMERA, text)
     path = tmp_path / "hand.zip"
     write_constant_detector(path, finder_output(5.0), points_output(4.0))
     model, finder, points = read_hand_model(path)
@@ -189,10 +196,10 @@ def test_wrong_files_are_named_in_one_sentence(tmp_path: Path) -> None:
     ):
         write(wrong)
         with pytest.raises(AgentError, match=message):
-            HandDetector(CAMERA, path)
+            TrainedHandDetector(CAMERA, path)
     write(right, b"no network")
     with pytest.raises(AgentError, match="OpenCV cannot read the networks in"):
-        HandDetector(CAMERA, path)
+        TrainedHandDetector(CAMERA, path)
 
 
 def test_the_same_networks_give_the_same_bytes(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.hand_detector import HandDetector
+from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro.__main__ import main
 from kengoro.hand_detector import examples
 
@@ -64,7 +64,7 @@ def test_a_small_training_makes_a_file_that_finds_a_hand_and_knows_how_well(
     assert "of the visible hands are found" in capsys.readouterr().out
     source = examples.Source(STRANGER, "gripper", "above", ("tag",), size=64)
     maker = source.maker()
-    detector = HandDetector(Camera.from_fovy(maker.width, maker.height, maker.fovy), out)
+    detector = TrainedHandDetector(Camera.from_fovy(maker.width, maker.height, maker.fovy), out)
     assert "--body gripper" in detector.model.made_by
     errors = []
     for number in range(60):
