@@ -30,6 +30,13 @@ def test_episodes_have_the_requested_duration(simulated: tuple[Machine, Truth]) 
     assert [episode.start for episode in truth.episodes] == list(starts)
 
 
+@pytest.mark.parametrize("name", SECONDS)
+def test_a_machine_needs_no_file_of_what_is_only_seen(name: str) -> None:
+    machine = load(name, ASSETS)
+    assert machine.model.nmesh == machine.model.ntex == 0
+    assert "file=" not in machine.xml
+
+
 def test_no_joint_comes_near_its_limit(simulated: tuple[Machine, Truth]) -> None:
     machine, truth = simulated
     low, high = machine.model.jnt_range.T
