@@ -87,8 +87,7 @@ def make_agent(
         jmm: the map to begin with; that of the nominal model if left out, trained once and kept.
         dictionary: name of the markers' dictionary in OpenCV, see `MarkerDetector`.
         detector: finds markers in frames; a `MarkerDetector` if left out.
-        hand: how frames show it: "marker", "seen", or seen by the detector of a file (a `Path`) or
-            a `HandDetector`; by ``options`` if left out.
+        hand: "marker", "seen", or a detector that sees it or its file; by ``options`` if left out.
         motors: gains and limit; those of the MJCF file, or by its load, if left out.
         scales: of the robot; by its nominal model if left out.
         options: of the agent; they name its camera and markers, too. Others derive from the model.

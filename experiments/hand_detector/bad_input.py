@@ -60,7 +60,7 @@ def photograph_frame(studio: Studio, seed: int) -> Frame:
     style, _, families = set_up(studio, seed)
     picture = studio.picture(True, False)
     pixels = studio.camera.project(
-        studio.hand_boxes().reshape(-1, 3) @ studio.hand_pose()[:3, :3].T
+        np.concatenate(studio.hand_outlines()) @ studio.hand_pose()[:3, :3].T
         + studio.hand_pose()[:3, 3]
     )
     half = 1.15 * float(np.max(np.ptp(pixels, axis=0))) / 2.0

@@ -116,9 +116,9 @@ def tile(studio: Studio, frame: Frame, record: Record) -> Image:
 def outline(
     image: Image, studio: Studio, frame: Frame, pose: Floats, colour: tuple[int, int, int]
 ) -> None:
-    """Draw the outlines of the boxes around the hand's geoms at a pose (4, 4) in the camera."""
-    for box in studio.hand_boxes():
-        pixels = frame.camera.project(box @ pose[:3, :3].T + pose[:3, 3])
+    """Draw the outlines of the hand's geoms at a pose (4, 4) in the camera."""
+    for points in studio.hand_outlines():
+        pixels = frame.camera.project(points @ pose[:3, :3].T + pose[:3, 3])
         if np.isfinite(pixels).all() and np.abs(pixels).max() < 1e4:
             hull = cv2.convexHull(pixels.astype(np.float32)).astype(np.int32)
             cv2.polylines(image, [hull], True, colour, 1, cv2.LINE_AA)

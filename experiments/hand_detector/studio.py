@@ -182,17 +182,23 @@ class Studio:
         """Middle of the hand's geoms in the world (3,) [m]."""
         return np.asarray(self.data.geom_xpos[self.hand].mean(axis=0))
 
-    def hand_boxes(self) -> Floats:
-        """Corners of the boxes around the hand's geoms in the hand's axes (n, 8, 3) [m]."""
+    def hand_outlines(self) -> list[Floats]:
+        """Points of each of the hand's geoms in the hand's axes (n, 3) [m]: all vertices of a mesh,
+        or the corners of the box around it."""
         body = self.data.body(HAND)
         signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-        boxes = []
+        found = []
         for geom in np.flatnonzero(self.hand):
             middle, half = self.model.geom_aabb[geom].reshape(2, 3)
+            points = middle + signs * half
+            if self.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+                mesh = self.model.mesh(self.model.geom_dataid[geom])
+                begin, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
+                points = self.model.mesh_vert[begin : begin + count].astype(float)
             turn = self.data.geom_xmat[geom].reshape(3, 3)
-            world = (middle + signs * half) @ turn.T + self.data.geom_xpos[geom]
-            boxes.append((world - body.xpos) @ body.xmat.reshape(3, 3))
-        return np.array(boxes)
+            world = points @ turn.T + self.data.geom_xpos[geom]
+            found.append((world - body.xpos) @ body.xmat.reshape(3, 3))
+        return found
 
     def picture(self, fine: bool, tendons: bool, decorate: Decorate | None = None) -> Image:
         """The frame (480, 640, 3) of an ideal sensor, through the lens.

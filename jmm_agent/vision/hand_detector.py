@@ -32,7 +32,7 @@ DARK = 12
 """A frame without a brighter value is black [0, 255]."""
 STRIDE = 8
 """Pixels of the finder's input along a cell of its output."""
-MOST_PLACES = 2
+MOST_VIEWS = 2
 """Number of places in a frame that are looked at, besides the expected one."""
 UNCLEAR = 0.3
 """A hand with this share of the least score may be there, but gives no pose [1]."""
@@ -44,7 +44,7 @@ SPREAD = (-2.0, 6.0)
 """Range of the logarithms of the diagonal of a point's whitening matrix."""
 SAME = 0.5
 """Hands nearer to each other than this are one [radii]."""
-RIVAL = 0.3
+SECOND_HAND = 0.3
 """A second hand with this share of the first one's score makes the frame ambiguous [1]."""
 
 
@@ -123,7 +123,7 @@ class TrainedHandDetector:
         if best.score < self._model.threshold:
             return HandSkip.UNCLEAR
         sure = [each for each in found if each.score >= self._model.threshold]
-        if any(self._is_rival(each, best) for each in sure):
+        if any(self._is_second_hand(each, best) for each in sure):
             return HandSkip.TWICE
         return best.detection
 
@@ -132,10 +132,10 @@ class TrainedHandDetector:
     ) -> list[Candidate]:
         """Poses at all places at which a hand may be, whatever their scores; see `detect`."""
         with self._lock:
-            views = self._places(frame_rgb)
+            views = self._views(frame_rgb)
             if expected is not None and expected[2, 3] > 0.0:
                 views.append(self._view(expected))
-            found = [self._examine(frame_rgb, view) for view in views]
+            found = [self._candidate(frame_rgb, view) for view in views]
         return [each for each in found if each is not None]
 
     def _view(self, pose: Floats, level: bool = False) -> CropView:
@@ -143,21 +143,21 @@ class TrainedHandDetector:
         model = self._model
         return hand_view(pose, model.centre, model.radius, model.size, level)
 
-    def _is_rival(self, other: Candidate, best: Candidate) -> bool:
+    def _is_second_hand(self, other: Candidate, best: Candidate) -> bool:
         """Whether another detection is a second hand."""
         poses = [each.detection.pose_hand_in_camera for each in (other, best)]
         middles = [pose[:3, :3] @ self._model.centre + pose[:3, 3] for pose in poses]
         apart = float(np.linalg.norm(middles[0] - middles[1]))
-        return apart > SAME * self._model.radius and other.score >= RIVAL * best.score
+        return apart > SAME * self._model.radius and other.score >= SECOND_HAND * best.score
 
-    def _places(self, frame: np.ndarray) -> list[CropView]:
+    def _views(self, frame: np.ndarray) -> list[CropView]:
         """Views of the places at which the finder sees a hand, the surest first."""
         camera, factor = self._camera, self._model.finder_focal / self._camera.fx
         small = finder_input(frame, factor)
         output = _run(self._finder, small)[0]
         scores = 1.0 / (1.0 + np.exp(-output[0]))
         views: list[CropView] = []
-        for _ in range(MOST_PLACES):
+        for _ in range(MOST_VIEWS):
             row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
             if scores[row, column] < LEAST_SCORE:
                 break
@@ -169,7 +169,7 @@ class TrainedHandDetector:
             scores[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0.0
         return views
 
-    def _examine(self, frame: np.ndarray, view: CropView) -> Candidate | None:
+    def _candidate(self, frame: np.ndarray, view: CropView) -> Candidate | None:
         """The hand that a view shows; None if its points have no pose."""
         found, score = None, 0.0
         for _ in range(TURNS):
@@ -197,7 +197,7 @@ def pose_of_points(output: Floats, view: CropView, points: Floats) -> PointsPose
     """The pose in the camera of points that a network located in a view; None if there is none.
 
     Args:
-        output: of the points network (5 n + 1,): places [half widths], spreads, presence.
+        output: of the points network (5 n + 1,): positions [half widths], spreads, presence.
         view: of the crop.
         points: in the hand's axes (n, 3) [m].
     """

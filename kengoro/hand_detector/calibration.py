@@ -16,7 +16,7 @@ import numpy as np
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_detector import Candidate, TrainedHandDetector
 from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
-from kengoro.hand_detector.evaluation import PoseError, pose_error
+from kengoro.hand_detector.evaluation import PoseDeviation, pose_deviation
 from kengoro.hand_detector.examples import ABSENT, Source
 from kengoro.hand_detector.frames import Frame, FrameMaker, develop
 
@@ -66,7 +66,7 @@ def calibrate(
         found = max(detector.candidates(frame.image), key=_score, default=None)
         if frame.visible >= VISIBLE:
             scores.append(_score(found))
-            errors.append(None if found is None else pose_error(found.detection, frame.pose))
+            errors.append(None if found is None else pose_deviation(found.detection, frame.pose))
         elif frame.visible < ABSENT:
             without.append(_score(found))
         progress((number + 1) / count)
@@ -97,7 +97,7 @@ def _frames(source: Source, maker: FrameMaker, count: int) -> Iterator[Frame]:
         yield frame._replace(image=develop(frame.image, random))
 
 
-def _calibrated(model: HandModel, threshold: float, errors: list[PoseError]) -> HandModel:
+def _calibrated(model: HandModel, threshold: float, errors: list[PoseDeviation]) -> HandModel:
     """The model with a threshold, and with factors by which the covariances hold the errors."""
     if not errors:
         return replace(model, threshold=threshold)

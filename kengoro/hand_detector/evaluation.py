@@ -11,7 +11,7 @@ from jmm_agent.vision.hand_detection import HandDetection
 from kengoro_env.types import Floats
 
 
-class PoseError(NamedTuple):
+class PoseDeviation(NamedTuple):
     """How far a detected pose is from the true one.
 
     Attributes:
@@ -27,7 +27,7 @@ class PoseError(NamedTuple):
     rotation_share: float
 
 
-def pose_error(found: HandDetection, pose: Floats) -> PoseError:
+def pose_deviation(found: HandDetection, pose: Floats) -> PoseDeviation:
     """Error of a detection.
 
     Args:
@@ -37,7 +37,7 @@ def pose_error(found: HandDetection, pose: Floats) -> PoseError:
     away = found.pose_hand_in_camera[:3, 3] - pose[:3, 3]
     turn = cv2.Rodrigues(found.pose_hand_in_camera[:3, :3] @ pose[:3, :3].T)[0].ravel()
     covariance = found.covariance
-    return PoseError(
+    return PoseDeviation(
         float(np.linalg.norm(away)),
         float(np.linalg.norm(turn)),
         float(away @ np.linalg.solve(covariance[:3, :3], away)),

@@ -123,7 +123,7 @@ def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) ->
     maker = source.maker()
     camera = Camera.from_fovy(maker.width, maker.height, maker.fovy)
     rows: dict[str, list[object]] = {
-        name: [] for name in ("small", "cells", "crops", "places", "present")
+        name: [] for name in ("small", "cells", "crops", "positions", "present")
     }
     for frame_number in range(number * CHUNK, number * CHUNK + count):
         random = np.random.default_rng([source.seed, 2, frame_number])
@@ -138,9 +138,11 @@ def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) ->
             if view is None:
                 continue
             rows["crops"].append(develop(view.cut(frame.image, camera), random))
-            places = view.project(frame.points_in_camera(maker.points))
+            positions = view.project(frame.points_in_camera(maker.points))
             middle = (source.size - 1) / 2.0
-            rows["places"].append(((places - middle) / (source.size / 2.0)).astype(np.float32))
+            rows["positions"].append(
+                ((positions - middle) / (source.size / 2.0)).astype(np.float32)
+            )
             rows["present"].append(np.float32(there))
     unfinished = path.with_suffix(".part.npz")
     arrays: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
@@ -176,8 +178,10 @@ def _view(
     middle, rotation = frame.middle(maker.centre), frame.pose[:3, :3]
     if frame.visible >= PRESENT and random.random() >= ELSEWHERE / CROPS:
         return jittered_view(middle, rotation, maker.radius, size, jitter, random), True
-    place = np.array([*random.uniform([-0.5, -0.4], [0.5, 0.4]), 1.0]) * random.uniform(0.25, 0.8)
-    view = jittered_view(place, np.eye(3), maker.radius, size, JITTERS[0], random)
+    elsewhere = np.array([*random.uniform([-0.5, -0.4], [0.5, 0.4]), 1.0]) * random.uniform(
+        0.25, 0.8
+    )
+    view = jittered_view(elsewhere, np.eye(3), maker.radius, size, JITTERS[0], random)
     if frame.visible >= ABSENT:
         off = view.slopes(view.project(middle)) / view.slope if middle[2] > 0.0 else FAR
         if np.linalg.norm(off) < FAR:

@@ -140,9 +140,9 @@ def _train_network(
         try:
             for line in process.stdout:
                 if line.startswith("{"):
-                    told = json.loads(line)
-                    loss = f"loss {told['curve'][1]:.2f}, of new examples {told['curve'][2]:.2f}"
-                    progress(kind, told["share"], loss)
+                    progressed = json.loads(line)
+                    loss = f"loss {progressed['curve'][1]:.2f}, of new examples {progressed['curve'][2]:.2f}"
+                    progress(kind, progressed["share"], loss)
         except BaseException:
             process.terminate()
             raise

@@ -31,7 +31,7 @@ class FinderNetwork(nn.Module):
 
 
 def finder_loss(outputs: Tensor, cells: Tensor) -> Tensor:
-    """Error of scores, places and sizes.
+    """Error of scores, positions and sizes.
 
     Args:
         outputs: of the network (b, 4, rows, columns).

@@ -63,28 +63,28 @@ class PointsNetwork(nn.Module):
         up = self.up_fine(_twice(self.to_fine(up)) + self.from_fine(fine))
         weights = self.maps(up).flatten(2).softmax(dim=2)
         summary = self.summary(coarse)
-        places = torch.matmul(weights, self.grid).flatten(1) + self.offsets(summary)
-        return torch.cat([places, self.spreads(summary), self.present(summary)], dim=1)
+        positions = torch.matmul(weights, self.grid).flatten(1) + self.offsets(summary)
+        return torch.cat([positions, self.spreads(summary), self.present(summary)], dim=1)
 
 
 def _twice(x: Tensor) -> Tensor:
     return nn.functional.interpolate(x, scale_factor=2.0)
 
 
-def points_loss(outputs: Tensor, places: Tensor, present: Tensor) -> Tensor:
+def points_loss(outputs: Tensor, positions: Tensor, present: Tensor) -> Tensor:
     """Negative log likelihood of the points of hands that are there, and of presence.
 
     The error of a point has a t distribution of `TAIL` degrees of freedom; the rows of its
     whitening matrix are (exp(s0), 0) and (s2, exp(s1)). Its absolute value is added: before the
-    spreads are learned it draws the places to the points.
+    spreads are learned it draws the positions to the points.
 
     Args:
         outputs: of the network (b, 5 n + 1).
-        places: true ones (b, n, 2) [half widths].
+        positions: true ones (b, n, 2) [half widths].
         present: whether the hand is there (b,), as 0 or 1.
     """
-    count = places.shape[1]
-    error = outputs[:, : 2 * count].reshape(-1, count, 2) - places
+    count = positions.shape[1]
+    error = outputs[:, : 2 * count].reshape(-1, count, 2) - positions
     spreads = outputs[:, 2 * count : 5 * count].reshape(-1, count, 3)
     first, second = spreads[..., 0].clamp(*SPREAD), spreads[..., 1].clamp(*SPREAD)
     across = error[..., 0] * first.exp()

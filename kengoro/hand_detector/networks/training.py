@@ -69,7 +69,7 @@ class Examples:
 
     def __init__(self, job: Job) -> None:
         paths = sorted(Path(job.folder).glob("examples_*.npz"))
-        names = ("small", "cells") if job.kind == "finder" else ("crops", "places", "present")
+        names = ("small", "cells") if job.kind == "finder" else ("crops", "positions", "present")
         parts = []
         for path in paths:
             with np.load(path) as stored:

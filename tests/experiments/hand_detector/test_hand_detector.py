@@ -366,9 +366,9 @@ def test_frames_are_of_their_kind(studio: Studio) -> None:
 
 
 def hull(studio: Studio) -> Floats:
-    """Corners of the outline of the hand's boxes in the frame."""
+    """Corners of the outline of the hand in the frame."""
     pose = studio.hand_pose()
-    points = studio.hand_boxes().reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
+    points = np.concatenate(studio.hand_outlines()) @ pose[:3, :3].T + pose[:3, 3]
     return np.asarray(cv2.convexHull(studio.camera.project(points).astype(np.float32)))[:, 0]
 
 

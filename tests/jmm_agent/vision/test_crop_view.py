@@ -15,7 +15,7 @@ SMALL = Camera.from_fovy(320, 240, np.deg2rad(60))
 FINE = Camera.from_fovy(1920, 1440, np.deg2rad(45))
 
 
-def spots(camera: Camera, points: np.ndarray) -> np.ndarray:
+def dots(camera: Camera, points: np.ndarray) -> np.ndarray:
     """A frame with a white spot at each point."""
     frame = np.zeros((camera.height, camera.width, 3), dtype=np.uint8)
     for x, y in camera.project(points):
@@ -28,12 +28,12 @@ def spots(camera: Camera, points: np.ndarray) -> np.ndarray:
     "camera", [IDEAL, BENT, SMALL, FINE], ids=["ideal", "bent", "small", "fine"]
 )
 @pytest.mark.parametrize("roll", [0.0, 1.3])
-def test_a_crop_shows_points_where_the_view_says(camera: Camera, roll: float) -> None:
+def test_a_crop_shows_points_at_the_pixels_of_the_view(camera: Camera, roll: float) -> None:
     middle = np.array([0.08, -0.05, 0.5])
     points = middle + np.array([[0.0, 0.0, 0.0], [0.05, 0.02, 0.01], [-0.04, 0.05, -0.02]])
     view = looking_at(middle, 0.25, 128, roll)
     for point, pixel in zip(points, view.project(points), strict=True):
-        crop = view.cut(spots(camera, point[None]), camera)[..., 0].astype(float)
+        crop = view.cut(dots(camera, point[None]), camera)[..., 0].astype(float)
         rows, columns = np.indices(crop.shape)
         centre = np.array([(columns * crop).sum(), (rows * crop).sum()]) / crop.sum()
         assert np.linalg.norm(centre - pixel) < 0.3
@@ -47,7 +47,7 @@ def test_pixels_and_slopes_of_a_view_are_inverse() -> None:
     assert view.project(points)[0] == pytest.approx([47.5, 47.5])
 
 
-def test_a_level_view_shows_a_hand_that_was_turned_about_the_line_of_sight_alike() -> None:
+def test_a_level_view_of_a_hand_turned_about_the_camera_ray_is_the_same() -> None:
     pose, centre = np.eye(4), np.array([0.0, 0.01, -0.05])
     pose[:3, 3] = 0.1, 0.05, 0.6
     level = hand_view(pose, centre, 0.1, 64, level=True)

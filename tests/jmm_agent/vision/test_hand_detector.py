@@ -48,9 +48,9 @@ def points_output(present: float, distance: float = 0.5) -> Floats:
     """Output of a points network for the first view of the hand."""
     pose = straight_hand(distance)
     points = POINTS @ pose[:3, :3].T + pose[:3, 3]
-    places = points[:, :2] / points[:, 2:] / (MARGIN * MODEL.radius / distance)
+    positions = points[:, :2] / points[:, 2:] / (MARGIN * MODEL.radius / distance)
     spreads = np.tile([4.0, 4.0, 0.0], (len(POINTS), 1))
-    return np.concatenate([places.ravel(), spreads.ravel(), [present]])
+    return np.concatenate([positions.ravel(), spreads.ravel(), [present]])
 
 
 def detector(tmp_path: Path, finder: Floats, points: Floats) -> TrainedHandDetector:
@@ -59,7 +59,7 @@ def detector(tmp_path: Path, finder: Floats, points: Floats) -> TrainedHandDetec
     return TrainedHandDetector(CAMERA, path)
 
 
-def test_points_in_the_crop_give_the_pose_of_the_hand(
+def test_points_in_the_crop_have_the_pose_of_the_hand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
@@ -106,7 +106,7 @@ def test_a_hand_that_no_network_believes_is_not_found(
     assert found is HandSkip.NOT_SEEN
 
 
-def test_a_hand_that_is_hardly_believed_gives_no_pose(tmp_path: Path) -> None:
+def test_a_hand_that_is_hardly_believed_has_no_pose(tmp_path: Path) -> None:
     found = detector(tmp_path, finder_output(5.0), points_output(-0.8)).detect(GREY)
     assert found is HandSkip.UNCLEAR  # a score of 0.31, and at least 0.5 is believed
 
@@ -127,7 +127,7 @@ def test_the_expected_pose_is_looked_at_and_not_trusted(
     assert shown.detect(GREY, behind) is HandSkip.NOT_SEEN
 
 
-def test_two_hands_at_different_places_are_ambiguous(
+def test_two_hands_apart_from_each_other_are_ambiguous(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
@@ -145,7 +145,7 @@ def test_a_black_frame_is_named_and_a_frame_of_another_shape_refused(tmp_path: P
         finder.detect(GREY.astype(float))
 
 
-def test_it_says_whether_a_frame_shows_the_hand(tmp_path: Path) -> None:
+def test_a_frame_shows_the_hand_or_does_not(tmp_path: Path) -> None:
     finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
     pose = straight_hand()
     assert finder.shows(pose)

@@ -30,7 +30,7 @@ def maker_without_hand(source: Source) -> FrameMaker:
 
 
 @pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
-def test_a_hand_is_where_its_label_says(source: Source) -> None:
+def test_a_hand_is_at_its_label(source: Source) -> None:
     """Without the hand, the frame differs where the label says that the hand is."""
     maker, without = source.maker(), maker_without_hand(source)
     tested = 0
@@ -70,7 +70,7 @@ def test_frames_are_of_many_kinds_and_the_same_for_the_same_seed(source: Source)
     assert max(distances) > 1.3 * min(distances)
 
 
-def test_a_hidden_geom_is_not_drawn() -> None:
+def test_a_hidden_geom_is_not_rendered() -> None:
     """The stranger's black tag covers a part of the red palm, unless it is hidden."""
     source = SOURCES["stranger"]
     shown, hidden = replace(source, hidden=()).maker(), source.maker()
@@ -94,7 +94,7 @@ def test_points_are_of_the_hand_and_far_from_each_other() -> None:
     assert np.abs(points[:, 1]).max() <= 0.03 + 1e-9
 
 
-def test_a_file_of_examples_has_crops_whose_places_are_the_points(tmp_path: Path) -> None:
+def test_a_file_of_examples_has_crops_labelled_with_the_points(tmp_path: Path) -> None:
     source = SOURCES["stranger"]
     shown = make_chunk(source, 0, tmp_path, 30)
     with np.load(chunk_path(tmp_path, 0)) as stored:
@@ -102,14 +102,14 @@ def test_a_file_of_examples_has_crops_whose_places_are_the_points(tmp_path: Path
     assert shown == arrays["cells"][:, 3].sum() > 10
     count = len(arrays["crops"])
     assert arrays["crops"].shape == (count, 128, 128, 3)
-    assert arrays["places"].shape == (count, 16, 2)
+    assert arrays["positions"].shape == (count, 16, 2)
     there = arrays["present"] == 1.0
     assert 0.1 < np.mean(~there) < 0.6
     # Around the hand the middle of its points is near the middle of the crop ...
-    middles = (arrays["places"].min(axis=1) + arrays["places"].max(axis=1))[there] / 2.0
+    middles = (arrays["positions"].min(axis=1) + arrays["positions"].max(axis=1))[there] / 2.0
     assert np.median(np.linalg.norm(middles, axis=1)) < 0.3
     # ... and the points reach over a good part of it.
-    reach = np.ptp(arrays["places"], axis=1).max(axis=1)[there]
+    reach = np.ptp(arrays["positions"], axis=1).max(axis=1)[there]
     assert 0.4 < np.median(reach) < 1.8
     cells = arrays["cells"][arrays["cells"][:, 3] == 1.0]
     rows, columns = (side / 8 for side in arrays["small"].shape[1:3])

@@ -23,7 +23,7 @@ def write_squares(folder: Path, count: int = 200) -> None:
     """Examples of a white square whose corners are the points; some crops have none."""
     random = np.random.default_rng(0)
     crops = random.integers(0, 60, (count, SIZE, SIZE, 3), dtype=np.uint8)
-    places, present = np.zeros((count, COUNT, 2), np.float32), np.zeros(count, np.float32)
+    positions, present = np.zeros((count, COUNT, 2), np.float32), np.zeros(count, np.float32)
     small = random.integers(0, 60, (count, 32, 48, 3), dtype=np.uint8)
     cells = np.zeros((count, 4), np.float32)
     for number in range(count):
@@ -33,12 +33,12 @@ def write_squares(folder: Path, count: int = 200) -> None:
         crops[number, y : y + side, x : x + side] = 230
         right, below = x + side - 1, y + side - 1
         corners = np.array([[x, y], [right, y], [x, below], [right, below]])
-        places[number] = (corners - (SIZE - 1) / 2) / (SIZE / 2)
+        positions[number] = (corners - (SIZE - 1) / 2) / (SIZE / 2)
         present[number] = 1.0
         column, row = random.integers(8, 38), random.integers(8, 24)
         cv2.circle(small[number], (int(column), int(row)), 5, (240, 240, 240), -1)
         cells[number] = (column + 0.5) / 8 - 0.5, (row + 0.5) / 8 - 0.5, np.log(0.3), 1.0
-    np.savez(folder / "examples_00000.npz", crops=crops, places=places, present=present,
+    np.savez(folder / "examples_00000.npz", crops=crops, positions=positions, present=present,
              small=small, cells=cells)  # fmt: skip
 
 
@@ -48,14 +48,14 @@ def job(tmp_path: Path) -> Job:
     return Job(str(tmp_path), "points", 64 * 16, SIZE, COUNT, threads=1)
 
 
-def test_training_finds_the_points_and_says_where_there_are_none(job: Job) -> None:
+def test_training_finds_the_points_and_their_absence(job: Job) -> None:
     network = train(replace(job, samples=64 * 80)).eval()
     with np.load(Path(job.folder) / "examples_00000.npz") as stored:
-        crops, places, present = (stored[name] for name in ("crops", "places", "present"))
+        crops, positions, present = (stored[name] for name in ("crops", "positions", "present"))
     with torch.no_grad():
         output = network(torch.from_numpy(crops).permute(0, 3, 1, 2).float() / 255.0).numpy()
     there = present == 1.0
-    away = np.abs(output[:, : 2 * COUNT].reshape(-1, COUNT, 2) - places)[there]
+    away = np.abs(output[:, : 2 * COUNT].reshape(-1, COUNT, 2) - positions)[there]
     assert np.median(away) < 0.08  # of half a crop of 32 px: 1.3 px
     assert np.mean((output[:, -1] > 0.0) == there) > 0.95
     spread = np.exp(-output[there][:, 2 * COUNT : 5 * COUNT].reshape(-1, COUNT, 3)[..., :2])
@@ -85,7 +85,7 @@ def test_a_training_that_was_stopped_ends_with_the_same_weights(
 
 
 @pytest.mark.parametrize("kind", ["points", "finder"])
-def test_an_exported_network_gives_what_it_gave(job: Job, tmp_path: Path, kind: str) -> None:
+def test_an_exported_network_has_the_same_outputs(job: Job, tmp_path: Path, kind: str) -> None:
     torch.manual_seed(3)
     network = FinderNetwork() if kind == "finder" else PointsNetwork(COUNT, SIZE)
     path = tmp_path / f"{kind}.onnx"
@@ -100,13 +100,13 @@ def test_an_exported_network_gives_what_it_gave(job: Job, tmp_path: Path, kind: 
 
 
 def test_the_loss_is_least_at_the_points_and_rises_with_false_confidence() -> None:
-    places, present = torch.zeros(1, COUNT, 2), torch.ones(1)
+    positions, present = torch.zeros(1, COUNT, 2), torch.ones(1)
 
     def loss(error: float, spread: float) -> float:
         output = torch.zeros(1, 5 * COUNT + 1)
         output[:, : 2 * COUNT] = error
         output[:, 2 * COUNT : 5 * COUNT : 3] = output[:, 2 * COUNT + 1 : 5 * COUNT : 3] = spread
-        return float(points_loss(output, places, present))
+        return float(points_loss(output, positions, present))
 
     assert loss(0.0, 2.0) < loss(0.05, 2.0) < loss(0.2, 2.0)
     assert loss(0.2, 5.0) > loss(0.2, 2.0)
