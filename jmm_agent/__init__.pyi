@@ -42,6 +42,7 @@ from .updaters import VisionOptions
 from .vision.camera import Camera
 from .vision.camera_clock import CameraClock
 from .vision.hand_detection import HandDetection, HandDetector, HandSkip
+from .vision.hand_detector import TrainedHandDetector
 from .vision.hand_finder import HandSeen
 from .vision.hold_out import HoldOutOptions
 from .vision.marker_detector import Detector, MarkerDetector, MarkerPose
@@ -110,6 +111,7 @@ __all__ = [
     "TendonStretch",
     "TensionOptions",
     "ThermalParameters",
+    "TrainedHandDetector",
     "VisionOptions",
     "Watchdog",
     "commission",

@@ -141,8 +141,8 @@ def _train_network(
             for line in process.stdout:
                 if line.startswith("{"):
                     progressed = json.loads(line)
-                    loss = f"loss {progressed['curve'][1]:.2f}, of new examples {progressed['curve'][2]:.2f}"
-                    progress(kind, progressed["share"], loss)
+                    _, loss, new = progressed["curve"]
+                    progress(kind, progressed["share"], f"loss {loss:.2f}, of new {new:.2f}")
         except BaseException:
             process.terminate()
             raise
