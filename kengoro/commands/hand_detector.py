@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -62,18 +64,8 @@ def main(args: Args) -> None:
     )
     folder = args.folder or args.out.with_name(args.out.name + ".training")
     effort = Effort(args.frames, args.samples, jobs=args.jobs)
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-        TextColumn("{task.fields[text]}"),
-    )  # fmt: skip
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    with Progress(*columns) as bar:
-        tasks = {name: bar.add_task(name, total=1.0, text="", start=False) for name in STAGES}
-
-        def progress(stage: str, share: float, text: str) -> None:
-            bar.start_task(tasks[stage])
-            bar.update(tasks[stage], completed=share, text=text)
-
+    with progress_of(STAGES) as progress:
         found = train_detector(source, args.out, folder, effort, _command(args), progress)
     Console().print(
         f"{args.out} ({os.path.getsize(args.out) / 2**20:.1f} MiB): in frames of the same kind "
@@ -83,6 +75,38 @@ def main(args: Args) -> None:
         f"{np.rad2deg(found.rotation[0]):.1f} ({np.rad2deg(found.rotation[1]):.0f}) deg.",
         highlight=False,
     )
+
+
+@contextmanager
+def progress_of(stages: Sequence[str]) -> Iterator[Callable[[str, float, str], None]]:
+    """Show how far stages are: a bar for each, or lines where there is no terminal.
+
+    Yields:
+        Function to call with a stage, the share that is done, and a short text.
+    """
+    console = Console()
+    if not console.is_terminal:
+        shown = dict.fromkeys(stages, -1)
+
+        def line(stage: str, share: float, text: str) -> None:
+            if (tenth := int(10.0 * share)) > shown[stage]:
+                shown[stage] = tenth
+                print(f"{stage}: {share:.0%} {text}".rstrip(), flush=True)
+
+        yield line
+        return
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[text]}"),
+    )  # fmt: skip
+    with Progress(*columns, console=console) as bar:
+        tasks = {name: bar.add_task(name, total=1.0, text="", start=False) for name in stages}
+
+        def move(stage: str, share: float, text: str) -> None:
+            bar.start_task(tasks[stage])
+            bar.update(tasks[stage], completed=share, text=text)
+
+        yield move
 
 
 def _command(args: Args) -> str:

@@ -11,6 +11,7 @@ import pytest
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro.__main__ import main
+from kengoro.commands.hand_detector import progress_of
 from kengoro.hand_detector import examples
 
 STRANGER = Path(__file__).with_name("two_links.xml")
@@ -50,6 +51,19 @@ def test_a_camera_that_does_not_see_the_hand_is_named(
                  "--jobs", "1"]) == 2  # fmt: skip
     assert "shows the body 'gripper' in 0 of 8 frames only" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_without_a_terminal_each_tenth_of_a_stage_is_a_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with progress_of(("examples", "points")) as progress:
+        for number in range(101):
+            progress("examples", number / 100, f"{number} files")
+        progress("points", 0.0, "")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["examples: 0% 0 files", "examples: 10% 10 files"]
+    assert lines[-2:] == ["examples: 100% 100 files", "points: 0%"]
+    assert len(lines) == 12
 
 
 @pytest.mark.slow
