@@ -124,7 +124,7 @@ class Balance:
 
     Args:
         jmm: the nominal map.
-        loads: of the nominal model.
+        loads: of the nominal model; they depend on the posture alone.
         limits: lowest and highest angle of each joint (n, 2) [rad].
         options: how far it may be off.
     """
@@ -133,6 +133,7 @@ class Balance:
         self, jmm: JointMuscleMap, loads: Loads, limits: Floats, options: BalanceOptions
     ) -> None:
         self._map, self._loads, self._options = jmm, loads, options
+        self._known: dict[bytes, Floats] = {}
         self._low = limits[:, 0] + options.stop_margin
         self._high = limits[:, 1] - options.stop_margin
         self._arms = np.zeros((len(jmm.joints), len(jmm.muscles)))
@@ -248,8 +249,20 @@ class Balance:
 
     def _slopes(self, angles: Floats, tensions: Floats) -> Floats:
         """How the rows change with the angles (K, n, n) [N m/rad]; moment arms' errors do not."""
-        loads = np.array([load_slope(self._loads, q) for q in angles])
+        loads = np.array([self._load_slope(q) for q in angles])
         return self._map.torque_slope(angles, tensions) - loads
+
+    def _load_slope(self, q: Floats) -> Floats:
+        """See `load_slope`; kept, because problems are compared at the same postures."""
+        posture = q.tobytes()
+        if posture not in self._known:
+            if len(self._known) >= KEPT:
+                self._known.clear()
+            self._known[posture] = load_slope(self._loads, q)
+        return self._known[posture]
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_known": {}}
 
 
 def load_slope(loads: Loads, q: Floats) -> Floats:
@@ -275,3 +288,7 @@ def _information(rows: _Rows, weight: Floats) -> Floats:
     inner = np.eye(rows.pulls.shape[2]) + rows.pulls.transpose(0, 2, 1) @ weighted
     explained = weighted @ np.linalg.solve(inner, weighted.transpose(0, 2, 1))
     return weight.T[:, :, None] * np.eye(weight.shape[0]) - explained
+
+
+KEPT = 500
+"""Number of postures whose slopes of the loads are kept."""

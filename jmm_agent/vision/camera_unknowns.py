@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -157,9 +158,19 @@ def _body(pose: Floats, solid: bool) -> Floats:
 
 
 def _seen_straight(pose: Floats, focal: float, lens: float, solid: bool) -> Floats:
-    """Pose of a body whose points are moved to where an ideal camera sees them."""
+    """Pose of a body whose points are moved to where an ideal camera sees them; not to be changed.
+
+    After each look many problems are compared that believe the same of the camera.
+    """
     if not (focal or lens):
         return pose
+    return _straightened(np.asarray(pose, dtype=float).tobytes(), focal, lens, solid)
+
+
+@lru_cache(maxsize=1024)
+def _straightened(content: bytes, focal: float, lens: float, solid: bool) -> Floats:
+    """See `_seen_straight`; the pose as its bytes."""
+    pose = np.frombuffer(content).reshape(4, 4)
     square = _body(pose, solid)
     points = square @ pose[:3, :3].T + pose[:3, 3]
     seen = points[:, :2] / points[:, 2:] / (1.0 + focal)
@@ -176,6 +187,7 @@ def _seen_straight(pose: Floats, focal: float, lens: float, solid: bool) -> Floa
         pose[:3, :3] = pose[:3, :3] @ cv2.Rodrigues(step[0][3:])[0]
         if np.abs(step[0]).max() < SETTLED:
             break
+    pose.setflags(write=False)
     return pose
 
 
