@@ -204,6 +204,11 @@ def _chosen(
     if hand is None or isinstance(hand, str | Path):
         path = hand if isinstance(hand, Path) else None
         sees = trained_hand(options, own, camera, path)
+    elif isinstance(hand, type) or not all(hasattr(hand, n) for n in ("frame", "detect", "shows")):
+        raise UsageError(
+            f"hand is {hand!r}, but must be 'marker', 'seen', the Path of a file of `kengoro "
+            "hand-detector`, or a detector with frame, detect and shows."
+        )
     else:
         sees = hand
     if own and sees is not None and options.marker_site == AgentOptions().marker_site:

@@ -28,9 +28,13 @@ def trained_hand(
         path: file of `kengoro hand-detector`; None: the one of Kengoro's hand.
 
     Raises:
-        UsageError: it was trained for another robot, or there is none.
+        UsageError: it was trained for another robot, or there is none, or no camera for it.
         AgentError: the file cannot be used.
     """
+    if path is not None and not options.camera:
+        raise UsageError(
+            f"The hand's detector {path} needs a camera, but the options name none (camera='')."
+        )
     if options.vision.hand != "seen" or not options.camera:
         return None
     if path is None:

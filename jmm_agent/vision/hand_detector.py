@@ -82,6 +82,26 @@ class TrainedHandDetector:
         self._finder, self._points = (_network(path, content) for content in (finder, points))
         self._hand = self._model.array
         self.frame = self._model.body
+        self._check_networks()
+
+    def _check_networks(self) -> None:
+        """Refuse networks whose outputs are not those that the file describes."""
+        frame = np.zeros((8 * STRIDE, 10 * STRIDE, 3), dtype=np.uint8)
+        crop = np.zeros((self._model.size, self._model.size, 3), dtype=np.uint8)
+        count = len(self._hand)
+        try:
+            cells, points = _run(self._finder, frame), _run(self._points, crop)
+        except cv2.error as error:
+            raise AgentError(
+                f"The networks in {self._path} do not take a frame, or crops of "
+                f"{self._model.size} px, as the file says."
+            ) from error
+        if cells.ndim != 4 or cells.shape[:2] != (1, 4) or points.size != 5 * count + 1:
+            raise AgentError(
+                f"The networks in {self._path} have outputs of the shapes {cells.shape} and "
+                f"{points.shape}, but (1, 4, rows, columns) and (1, {5 * count + 1}) belong to the "
+                f"file's {count} points."
+            )
 
     def __deepcopy__(self, memo: dict[int, object]) -> TrainedHandDetector:
         """Itself: it remembers nothing of a frame."""
@@ -133,7 +153,7 @@ class TrainedHandDetector:
         """Poses at all places at which a hand may be, whatever their scores; see `detect`."""
         with self._lock:
             views = self._views(frame_rgb)
-            if expected is not None and expected[2, 3] > 0.0:
+            if expected is not None and self._in_front(expected):
                 views.append(self._view(expected))
             found = [self._candidate(frame_rgb, view) for view in views]
         return [each for each in found if each is not None]
@@ -142,6 +162,13 @@ class TrainedHandDetector:
         """The view of the hand at a pose in the camera (4, 4)."""
         model = self._model
         return hand_view(pose, model.centre, model.radius, model.size, level)
+
+    def _in_front(self, pose: np.ndarray) -> bool:
+        """Whether a pose (4, 4) is a finite one whose hand is before the camera."""
+        if not np.isfinite(pose).all():
+            return False
+        middle = pose[:3, :3] @ self._model.centre + pose[:3, 3]
+        return bool(pose[2, 3] > 0.0 and middle[2] > 0.0)
 
     def _is_second_hand(self, other: Candidate, best: Candidate) -> bool:
         """Whether another detection is a second hand."""
@@ -201,6 +228,8 @@ def pose_of_points(output: Floats, view: CropView, points: Floats) -> PointsPose
         view: of the crop.
         points: in the hand's axes (n, 3) [m].
     """
+    if not np.isfinite(output).all():
+        return None
     count = len(points)
     spreads = output[2 * count : 5 * count].reshape(count, 3)
     whitening = np.zeros((count, 2, 2))

@@ -6,8 +6,10 @@ Nothing in it is executed: OpenCV reads the networks, and no pickle is loaded.
 from __future__ import annotations
 
 import json
+import lzma
 import os
 import zipfile
+import zlib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,20 @@ FORMAT = "hand-detector-1"
 FINDER, POINTS, MODEL = "finder.onnx", "points.onnx", "hand.json"
 LARGEST = 64 * 2**20
 """Larger files are refused [bytes]."""
+SIZES = (32, 1024)
+"""Range of the size of crops [px]."""
+FOCAL = (10.0, 1e4)
+"""Range of the focal length of the finder's frames [px]."""
+RADII = (1e-3, 10.0)
+"""Range of the distance of a hand's farthest point from its middle [m]."""
+FACTORS = (1e-6, 1e6)
+"""Range of the factors of standard deviations [1]."""
+
+_UNREADABLE = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError,
+    KeyError, ValueError, RecursionError, RuntimeError,
+)  # fmt: skip
+"""What zipfile and json raise for damaged, encrypted and other archives."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +117,14 @@ def read_hand_model(path: str | os.PathLike[str]) -> tuple[HandModel, bytes, byt
         )
     try:
         with zipfile.ZipFile(path) as archive:
-            if sum(info.file_size for info in archive.infolist()) > LARGEST:
-                raise AgentError(f"{path} is larger than a hand detector's {LARGEST >> 20} MiB.")
-            text, finder, points = (archive.read(name) for name in (MODEL, FINDER, POINTS))
-        found = json.loads(text)
-    except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
+            large = sum(info.file_size for info in archive.infolist()) > LARGEST
+            contents = [] if large else [archive.read(name) for name in (MODEL, FINDER, POINTS)]
+        found = json.loads(contents[0]) if contents else None
+    except _UNREADABLE as error:
         raise AgentError(f"{path} is no file of a hand detector ({error}).") from error
-    return _model(path, found), finder, points
+    if large:
+        raise AgentError(f"{path} is larger than a hand detector's {LARGEST >> 20} MiB.")
+    return _model(path, found), contents[1], contents[2]
 
 
 def _model(path: Path, found: Any) -> HandModel:
@@ -117,11 +134,29 @@ def _model(path: Path, found: Any) -> HandModel:
         points = np.array(found["points"], dtype=float)
         rest = {name: value for name, value in found.items() if name not in ("format", "points")}
         model = HandModel(points=tuple(map(tuple, points.tolist())), **rest)
-        right = points.ndim == 2 and points.shape[1] == 3 and len(points) >= 4
-        numbers = [model.size, model.finder_focal, model.threshold]
-        numbers += [model.position_factor, model.rotation_factor]
-        if not (right and np.isfinite(points).all() and min(map(float, numbers)) > 0.0):
-            raise ValueError("points or sizes are not valid")
-    except (TypeError, KeyError, ValueError) as error:
+        if not (points.ndim == 2 and points.shape[1] == 3 and len(points) >= 4):
+            raise ValueError("points must be four or more places of three numbers")
+        _check(model)
+    except (TypeError, KeyError, ValueError, OverflowError) as error:
         raise AgentError(f"{path}: {MODEL} is not valid ({error}).") from error
     return model
+
+
+def _check(model: HandModel) -> None:
+    """Refuse values with which no hand can be found."""
+    if not (isinstance(model.body, str) and model.body and isinstance(model.made_by, str)):
+        raise ValueError("body and made_by must be texts")
+    if not np.isfinite(model.array).all():
+        raise ValueError("points must be finite")
+    if type(model.size) is not int:
+        raise ValueError(f"size is {model.size!r}, but must be a whole number")
+    for name, value, (least, most) in (
+        ("size", model.size, SIZES),
+        ("finder_focal", model.finder_focal, FOCAL),
+        ("threshold", model.threshold, (1e-3, 1.0)),
+        ("position_factor", model.position_factor, FACTORS),
+        ("rotation_factor", model.rotation_factor, FACTORS),
+        ("the radius of the points", model.radius, RADII),
+    ):
+        if type(value) not in (int, float) or not least <= value <= most:  # NaN: not in a range
+            raise ValueError(f"{name} is {value!r}, but must be in {least} to {most}")

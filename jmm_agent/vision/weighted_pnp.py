@@ -47,7 +47,10 @@ def solve_points(points: Floats, slopes: Floats, covariances: Floats) -> PointsP
         slopes: measured (n, 2) [1].
         covariances: scales of the slopes' errors (n, 2, 2).
     """
-    whitening = np.linalg.inv(np.linalg.cholesky(covariances))
+    try:
+        whitening = np.linalg.inv(np.linalg.cholesky(covariances))
+    except np.linalg.LinAlgError:  # a scale that is not positive definite
+        return None
     start = _start(points, slopes)
     if start is None:
         return None
@@ -75,9 +78,12 @@ def solve_points(points: Floats, slopes: Floats, covariances: Floats) -> PointsP
 
 
 def _start(points: Floats, slopes: Floats) -> tuple[Floats, Floats] | None:
-    found, vector, position = cv2.solvePnP(
-        points, slopes, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
-    )
+    try:
+        found, vector, position = cv2.solvePnP(
+            points, slopes, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP
+        )
+    except cv2.error:  # all points at one place, or slopes that are not finite
+        return None
     if not found or not np.isfinite(position).all():
         return None
     rotation = np.asarray(cv2.Rodrigues(vector)[0], dtype=float)

@@ -14,7 +14,11 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from jmm_agent.vision.hand_model_file import SIZES
 from kengoro.errors import UsageError
+
+LEAST_FRAMES = 8
+"""A training needs some frames to learn from, and one to judge it."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +66,10 @@ def main(args: Args) -> None:
     source = Source(
         args.model.resolve(), args.body, args.camera, args.hide, args.size, args.points, args.seed
     )
-    folder = args.folder or args.out.with_name(args.out.name + ".training")
     effort = Effort(args.frames, args.samples, jobs=args.jobs)
-    args.out.parent.mkdir(parents=True, exist_ok=True)
+    _make_folders(args)
     with progress_of(STAGES) as progress:
-        found = train_detector(source, args.out, folder, effort, _command(args), progress)
+        found = train_detector(source, args.out, _folder(args), effort, _command(args), progress)
     Console().print(
         f"{args.out} ({os.path.getsize(args.out) / 2**20:.1f} MiB): in frames of the same kind "
         f"{found.found:.1%} of the visible hands are found, and {found.claimed:.1%} of the frames "
@@ -109,6 +112,22 @@ def progress_of(stages: Sequence[str]) -> Iterator[Callable[[str, float, str], N
         yield move
 
 
+def _make_folders(args: Args) -> None:
+    """Make the folders that are written to."""
+    for folder in (args.out.parent, _folder(args)):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"The folder {folder} cannot be made: {error.strerror}.") from error
+        if not os.access(folder, os.W_OK):
+            raise UsageError(f"The folder {folder} cannot be written to.")
+
+
+def _folder(args: Args) -> Path:
+    """Folder of the examples and checkpoints."""
+    return args.folder or args.out.with_name(args.out.name + ".training")
+
+
 def _command(args: Args) -> str:
     """The command that trains the same detector."""
     hidden = f" --hide {' '.join(args.hide)}" if args.hide else ""
@@ -121,29 +140,22 @@ def _command(args: Args) -> str:
 
 def _check(args: Args) -> None:
     """Refuse what cannot be trained on, in one sentence."""
-    import mujoco
+    from kengoro.hand_detector.trainable import check_model
+    from mjcf_sandbox.files import check_folder
 
-    if not args.model.is_file():
-        raise UsageError(f"There is no model {args.model}; an MJCF file is needed.")
-    try:
-        model = mujoco.MjModel.from_xml_path(str(args.model))
-    except ValueError as error:
-        raise UsageError(f"MuJoCo cannot read {args.model}: {error}") from error
-    for kind, name in (
-        ("body", args.body),
-        ("camera", args.camera),
-        *(("geom", n) for n in args.hide),
-    ):
-        count = {"body": model.nbody, "camera": model.ncam, "geom": model.ngeom}[kind]
-        names = [getattr(model, {"camera": "cam"}.get(kind, kind))(i).name for i in range(count)]
-        if name not in names:
-            there = ", ".join(sorted(filter(None, names))) or "none"
-            raise UsageError(f"{args.model} has no {kind} {name!r}; it has: {there}.")
+    check_model(args.model, args.body, args.camera, args.hide)
     for name, value, least in (
-        ("frames", args.frames, 1), ("samples", args.samples, 1), ("points", args.points, 4),
-        ("jobs", args.jobs, 1), ("size", args.size, 32), ("seed", args.seed, 0),
+        ("frames", args.frames, LEAST_FRAMES), ("samples", args.samples, 1),
+        ("points", args.points, 4), ("jobs", args.jobs, 1), ("size", args.size, SIZES[0]),
+        ("seed", args.seed, 0),
     ):  # fmt: skip
         if value < least:
             raise UsageError(f"{name} is {value}, but it must be at least {least}.")
-    if args.size % 32:
-        raise UsageError(f"size is {args.size} px, but it must be a multiple of 32.")
+    if args.size % 32 or args.size > SIZES[1]:
+        raise UsageError(
+            f"size is {args.size} px, but it must be a multiple of 32 up to {SIZES[1]} px."
+        )
+    if args.out.is_dir():
+        raise UsageError(f"{args.out} is a folder; name a file, such as {args.out / 'hand.zip'}.")
+    for folder in (args.out.parent, _folder(args)):
+        check_folder(folder)

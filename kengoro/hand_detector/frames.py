@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from kengoro.hand_detector.appearance import Appearance, add_textures
-from kengoro.hand_detector.hand_points import hand_points, subtree
+from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
 from kengoro_env.types import Floats
 from kengoro_env.vision.rendering import QUALITY, open_renderer
 
@@ -96,9 +96,8 @@ class FrameMaker:
         self._visible = mujoco.MjvOption()
         self._visible.sitegroup[:] = 0
         self._visible.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = False
-        geoms = self._hand[model.geom_bodyid] & (model.geom_group < 3)
-        self._hand_geoms = set(np.flatnonzero(geoms).tolist())
-        turns = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        self._hand_geoms = hand_geoms(model, self._body)
+        turns = model.jnt_type != mujoco.mjtJoint.mjJNT_SLIDE
         free = np.where(turns[:, None], [-np.pi, np.pi], [-0.1, 0.1])
         self._ranges = np.where(model.jnt_limited[:, None] != 0, model.jnt_range, free)
         self.width, self.height = WIDTH, HEIGHT
@@ -141,12 +140,16 @@ class FrameMaker:
             kind, address = model.jnt_type[joint], model.jnt_qposadr[joint]
             if kind == mujoco.mjtJoint.mjJNT_FREE:
                 data.qpos[address : address + 2] += random.normal(0.0, 0.1, 2)
-            elif kind != mujoco.mjtJoint.mjJNT_BALL:
-                body = model.jnt_bodyid[joint]
-                finger = self._hand[body] and body != self._body
-                if not finger or fingers_move:
-                    data.qpos[address] = random.uniform(*self._ranges[joint])
+                continue
+            body = model.jnt_bodyid[joint]
+            if self._hand[body] and body != self._body and not fingers_move:
+                continue
+            if kind == mujoco.mjtJoint.mjJNT_BALL:
+                _turn_ball(data.qpos[address : address + 4], self._ranges[joint], random)
+            else:
+                data.qpos[address] = random.uniform(*self._ranges[joint])
         mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)  # which some cameras follow
         mujoco.mj_camlight(model, data)
 
     def _pose_in_camera(self) -> Floats:
@@ -188,6 +191,13 @@ class FrameMaker:
             both.append(int(((picture[..., 0] == 1) & (picture[..., 1] == 0)).sum()))
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT], flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0, 0
         return both[0] / both[1] if both[1] else 0.0
+
+
+def _turn_ball(quaternion: Floats, limits: Floats, random: np.random.Generator) -> None:
+    """Set the quaternion (4,) of a ball joint to a random rotation within its range [rad]."""
+    axis = random.normal(0.0, 1.0, 3)
+    angle = random.uniform(0.0, limits[1])
+    mujoco.mju_axisAngle2Quat(quaternion, axis / np.linalg.norm(axis), angle)
 
 
 def develop(image: np.ndarray, random: np.random.Generator) -> np.ndarray:

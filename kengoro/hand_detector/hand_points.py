@@ -38,6 +38,14 @@ def hand_points(model: mujoco.MjModel, body: int, count: int, geoms: set[int]) -
     return np.asarray(points[chosen])
 
 
+def hand_geoms(model: mujoco.MjModel, body: int) -> set[int]:
+    """Numbers of the geoms of finite size that are drawn of a body and its descendants."""
+    visible = subtree(model, body)[model.geom_bodyid] & (model.geom_group < 3)
+    endless = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+    visible &= ~np.isin(model.geom_type, [int(kind) for kind in endless])
+    return set(np.flatnonzero(visible).tolist())
+
+
 def subtree(model: mujoco.MjModel, body: int) -> np.ndarray:
     """Which bodies (nbody,) are a body or its descendants."""
     found = np.zeros(model.nbody, dtype=bool)

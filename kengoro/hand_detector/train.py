@@ -6,6 +6,7 @@ not go together in one. All that is done lies in a folder, from which a stopped 
 
 from __future__ import annotations
 
+import hashlib
 import json
 import multiprocessing
 import subprocess
@@ -17,10 +18,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import mujoco
+import numpy as np
+
 from jmm_agent.vision.hand_model_file import HandModel, write_hand_model
 from kengoro.errors import UsageError
 from kengoro.hand_detector.calibration import Calibration, calibrate
 from kengoro.hand_detector.examples import CHUNK, FINDER_FOCAL, Source, make_chunk
+from mjcf_sandbox.files import write_bytes, write_text
 
 STAGES = ("examples", "finder", "points", "calibration")
 LEAST_SHOWN = 0.2
@@ -72,32 +77,52 @@ def train_detector(
             f"Training a hand detector needs {' and '.join(missing)}: pip install 'kengoro[train]'."
         )
     folder.mkdir(parents=True, exist_ok=True)
-    _claim(folder, source, effort)
+    claim(folder, source, effort)
     _make_examples(source, folder, effort, progress)
     for kind, share in (("finder", FINDER_SHARE), ("points", 1.0)):
         _train_network(kind, int(share * effort.samples), source, folder, effort, progress)
     points = tuple(map(tuple, source.maker().points.round(6).tolist()))
     model = HandModel(source.body, points, source.size, FINDER_FOCAL, made_by=command)
     networks = [(folder / f"{kind}.onnx").read_bytes() for kind in ("finder", "points")]
-    write_hand_model(out, model, *networks)
-    return calibrate(
-        source, out, effort.calibration, lambda share: progress("calibration", share, "")
+    unfinished = folder / "uncalibrated.zip"
+    write_hand_model(unfinished, model, *networks)
+    found = calibrate(
+        source, unfinished, effort.calibration, lambda share: progress("calibration", share, "")
     )
+    write_bytes(out, unfinished.read_bytes())
+    return found
 
 
-def _claim(folder: Path, source: Source, effort: Effort) -> None:
+def claim(folder: Path, source: Source, effort: Effort) -> None:
     """Note in the folder what it is for; refuse one that is for another run."""
     wanted = {
         **asdict(source), "model": str(source.model), "hidden": list(source.hidden),
-        "frames": effort.frames, "samples": effort.samples,
+        "frames": effort.frames, "samples": effort.samples, "content": _digest(source.model),
     }  # fmt: skip
     path = folder / "run.json"
-    if path.exists() and json.loads(path.read_text()) != wanted:
-        raise UsageError(
-            f"{folder} is the folder of a training with other options; name another folder, or "
-            "remove it."
-        )
-    path.write_text(json.dumps(wanted, indent=1))
+    if path.exists():
+        try:
+            stored = json.loads(path.read_text())
+        except ValueError as error:
+            raise UsageError(f"{path} is damaged; remove {folder}.") from error
+        if {"content": wanted["content"], **stored} != wanted:  # older ones do not name it
+            raise UsageError(
+                f"{folder} is the folder of a training with other options or another state of "
+                f"{source.model.name}; name another folder, or remove it."
+            )
+    write_text(path, json.dumps(wanted, indent=1))
+
+
+def _digest(path: Path) -> str:
+    """Checksum of what a model looks like and how it moves."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    names = ("body_parentid", "body_pos", "body_quat", "jnt_type", "jnt_pos", "jnt_axis",
+             "jnt_range", "geom_bodyid", "geom_type", "geom_pos", "geom_quat", "geom_size",
+             "geom_group", "geom_rgba", "mesh_vert", "cam_pos", "cam_quat", "cam_fovy")  # fmt: skip
+    digest = hashlib.sha256()
+    for name in names:
+        digest.update(np.ascontiguousarray(getattr(model, name)).tobytes())
+    return digest.hexdigest()
 
 
 def _make_examples(source: Source, folder: Path, effort: Effort, progress: Progress) -> None:

@@ -80,6 +80,14 @@ def test_a_hand_is_marked_or_seen() -> None:
         make_agent(hand="touched")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="must be 'marker' or 'seen'"):
         make_env("Posture", hand="none")  # type: ignore[arg-type]
+    for other in (3, object(), NoisyHand):
+        with pytest.raises(UsageError, match="or a detector with frame, detect and shows"):
+            make_agent(hand=other)  # type: ignore[arg-type]
+
+
+def test_the_file_of_a_detector_needs_a_camera() -> None:
+    with pytest.raises(UsageError, match=r"detector mine.zip needs a camera, but the options name"):
+        make_agent(hand=Path("mine.zip"), options=AgentOptions(camera=""))
 
 
 ROBOT = """

@@ -18,7 +18,7 @@ from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.crop_view import MARGIN
 from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 from jmm_agent.vision.hand_detector import TrainedHandDetector
-from jmm_agent.vision.hand_model_file import read_hand_model
+from jmm_agent.vision.hand_model_file import LARGEST, read_hand_model, write_hand_model
 from tests.jmm_agent.vision.hand_files import MODEL, POINTS, write_constant_detector
 
 CAMERA = Camera.from_fovy(640, 480, np.deg2rad(45))
@@ -193,6 +193,17 @@ def test_wrong_files_are_named_in_one_sentence(tmp_path: Path) -> None:
         ({**right, "points": "pickle"}, "hand.json is not valid"),
         ({**right, "size": 0}, "hand.json is not valid"),
         ({**right, "sise": 64}, "hand.json is not valid"),
+        ({**right, "size": 64.0}, "size is 64.0, but must be a whole number"),
+        ({**right, "size": 10**9}, "size is 1000000000, but must be in 32 to 1024"),
+        ({**right, "finder_focal": float("nan")}, "finder_focal is nan, but must be in"),
+        ({**right, "threshold": float("nan")}, "threshold is nan, but must be in"),
+        ({**right, "threshold": "0.5"}, "threshold is '0.5', but must be in"),
+        ({**right, "position_factor": float("inf")}, "position_factor is inf, but must be in"),
+        ({**right, "points": np.full((5, 3), np.nan).tolist()}, "points must be finite"),
+        ({**right, "points": np.zeros((5, 3)).tolist()}, "the radius of the points is 0.0"),
+        ({**right, "points": (1e9 * POINTS).tolist()}, "the radius of the points is"),
+        ({**right, "body": 3}, "body and made_by must be texts"),
+        ({**right, "points": POINTS[:4].tolist()}, "belong to the file's 4 points"),
     ):
         write(wrong)
         with pytest.raises(AgentError, match=message):
@@ -200,6 +211,56 @@ def test_wrong_files_are_named_in_one_sentence(tmp_path: Path) -> None:
     write(right, b"no network")
     with pytest.raises(AgentError, match="OpenCV cannot read the networks in"):
         TrainedHandDetector(CAMERA, path)
+    write(right, points)
+    with pytest.raises(
+        AgentError, match=r"have outputs of the shapes \(1, 26\) and \(1, 26\), but"
+    ):
+        TrainedHandDetector(CAMERA, path)
+
+
+@pytest.mark.parametrize(
+    ("offset", "value"), [(6, 235), (8, 1), (10, 99)], ids=["version", "encrypted", "method"]
+)
+def test_an_archive_that_cannot_be_unpacked_is_named(
+    offset: int, value: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "hand.zip"
+    write_constant_detector(path, finder_output(5.0), points_output(4.0))
+    content = bytearray(path.read_bytes())
+    content[content.find(b"PK\x01\x02") + offset] = value  # in the entry of the first file
+    path.write_bytes(content)
+    with pytest.raises(AgentError, match="is no file of a hand detector"):
+        TrainedHandDetector(CAMERA, path)
+
+
+def test_a_large_archive_is_named_once(tmp_path: Path) -> None:
+    path = tmp_path / "hand.zip"
+    write_hand_model(path, MODEL, bytes(LARGEST), b"")
+    with pytest.raises(AgentError) as refused:
+        read_hand_model(path)
+    assert str(refused.value) == f"{path} is larger than a hand detector's 64 MiB."
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+def test_coincident_points_and_nonfinite_outputs_are_no_hand(value: float, tmp_path: Path) -> None:
+    output = points_output(4.0)
+    output[: 2 * len(POINTS)] = value
+    finder = detector(tmp_path, finder_output(5.0), output)
+    assert finder.detect(GREY, straight_hand()) is HandSkip.NOT_SEEN
+
+
+@pytest.mark.parametrize(("entry", "value"), [((0, 3), np.nan), ((2, 3), np.inf), ((2, 3), -0.5)])
+def test_an_expected_pose_that_cannot_be_looked_at_is_left_out(
+    entry: tuple[int, int], value: float, tmp_path: Path
+) -> None:
+    finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
+    expected = straight_hand()
+    expected[entry] = value
+    alone, found = finder.candidates(GREY), finder.candidates(GREY, expected)
+    assert len(found) == len(alone) == 1
+    assert np.array_equal(
+        found[0].detection.pose_hand_in_camera, alone[0].detection.pose_hand_in_camera
+    )
 
 
 def test_the_same_networks_give_the_same_bytes(tmp_path: Path) -> None:

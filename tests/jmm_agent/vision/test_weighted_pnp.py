@@ -74,3 +74,13 @@ def test_points_of_no_pose_before_the_camera_give_none_or_a_misfit() -> None:
         slopes = random.uniform(-0.2, 0.2, (16, 2))
         found = solve_points(POINTS, slopes, np.tile(1e-6 * np.eye(2), (16, 1, 1)))
         assert found is None or found.misfit > 100.0
+
+
+def test_coincident_points_have_no_pose() -> None:
+    """As a network gives them in a frame that it knows nothing of; OpenCV raises then."""
+    covariances = np.tile(np.eye(2) * 1e-4, (16, 1, 1))
+    assert solve_points(POINTS, np.full((16, 2), 0.01), covariances) is None
+    assert (
+        solve_points(np.zeros((16, 3)), slopes_of(pose_of(np.random.default_rng(2))), covariances)
+        is None
+    )

@@ -12,7 +12,9 @@ from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.hand_detector import TrainedHandDetector
 from kengoro.__main__ import main
 from kengoro.commands.hand_detector import progress_of
+from kengoro.errors import UsageError
 from kengoro.hand_detector import examples
+from kengoro.hand_detector.train import Effort, claim, train_detector
 
 STRANGER = Path(__file__).with_name("two_links.xml")
 OWN = ["--body", "gripper", "--camera", "above", "--hide", "tag"]
@@ -29,6 +31,8 @@ OWN = ["--body", "gripper", "--camera", "above", "--hide", "tag"]
         ([str(STRANGER), "--body", "gripper"], "has no camera 'eye'; it has: above"),
         ([str(STRANGER), *OWN, "--size", "100"], "size is 100 px, but it must be a multiple of"),
         ([str(STRANGER), *OWN, "--jobs", "0"], "jobs is 0, but it must be at least 1"),
+        ([str(STRANGER), *OWN, "--size", "2048"], "size is 2048 px, but it must be a multiple of"),
+        ([str(STRANGER), *OWN, "--frames", "1"], "frames is 1, but it must be at least 8"),
         ([str(STRANGER), *OWN, "--points", "3"], "points is 3, but it must be at least 4"),
     ],
 )
@@ -39,6 +43,90 @@ def test_what_cannot_be_trained_on_is_named_and_nothing_is_left(
     assert main(["hand-detector", "train", *arguments, "--out", str(out)]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ('size="0.04 0.03 0.01"', 'group="4" size="0.04 0.03 0.01"', "Nothing of the body 'grip"),
+        ('fovy="60"', 'fovy="1" projection="orthographic"', "'above' is orthographic"),
+        ('fovy="60"', 'focal="6 6" sensorsize="6 4" resolution="600 400"', "that is not 4 : 3"),
+        ('<joint name="wrist" axis="0 0 1"/>', '<camera name="own"/>', "No joint moves the body"),
+    ],
+)
+def test_a_hand_that_no_examples_can_be_made_of_is_named(
+    before: str, after: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = STRANGER.read_text()
+    assert before in text
+    text = text.replace(before, after).replace(
+        '<geom name="finger" type', '<geom name="finger" group="4" type'
+    )
+    model = tmp_path / "model.xml"
+    model.write_text(text)
+    camera = "own" if "own" in after else "above"
+    assert main(["hand-detector", "train", str(model), "--body", "gripper", "--camera", camera,
+                 "--hide", "tag", "--out", str(tmp_path / "hand.zip")]) == 2  # fmt: skip
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [model]
+
+
+def test_paths_that_cannot_be_written_to_are_named_before_anything_is_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    command = ["hand-detector", "train", str(STRANGER), *OWN]
+    for out, message in (
+        (tmp_path, "is a folder; name a file, such as"),
+        (file / "hand.zip", "file is no folder"),
+        (Path("/proc/none/hand.zip"), "The folder /proc/none cannot be made"),
+    ):
+        assert main([*command, "--out", str(out)]) == 2
+        assert message in capsys.readouterr().err
+    assert main([*command, "--out", str(tmp_path / "hand.zip"), "--folder", str(file)]) == 2
+    assert "file is no folder" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_folder_is_for_one_state_of_the_model(tmp_path: Path) -> None:
+    model = tmp_path / "model.xml"
+    model.write_text(STRANGER.read_text())
+    source = examples.Source(model, "gripper", "above", ("tag",))
+    claim(tmp_path, source, Effort())
+    claim(tmp_path, source, Effort(jobs=1))
+    model.write_text(STRANGER.read_text().replace('size="0.04 0.03 0.01"', 'size="0.05 0.03 0.01"'))
+    with pytest.raises(UsageError, match="other options or another state of model"):
+        claim(tmp_path, source, Effort())
+    run = tmp_path / "run.json"
+    older = {
+        name: value for name, value in json.loads(run.read_text()).items() if name != "content"
+    }
+    run.write_text(json.dumps(older))
+    claim(tmp_path, source, Effort())
+    run.write_text("{")
+    with pytest.raises(UsageError, match="is damaged; remove"):
+        claim(tmp_path, source, Effort())
+
+
+def test_a_file_is_there_only_when_it_is_calibrated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def train(kind: str, samples: int, source: object, folder: Path, *rest: object) -> None:
+        (folder / f"{kind}.onnx").write_bytes(b"network")
+
+    def stopped(source: object, path: Path, *rest: object) -> None:
+        assert path.exists()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kengoro.hand_detector.train._make_examples", lambda *_: None)
+    monkeypatch.setattr("kengoro.hand_detector.train._train_network", train)
+    monkeypatch.setattr("kengoro.hand_detector.train.calibrate", stopped)
+    source, out = examples.Source(STRANGER, "gripper", "above"), tmp_path / "hand.zip"
+    out.write_bytes(b"earlier one")
+    with pytest.raises(KeyboardInterrupt):
+        train_detector(source, out, tmp_path / "training", Effort(), "", lambda *_: None)
+    assert out.read_bytes() == b"earlier one"
 
 
 def test_a_camera_that_does_not_see_the_hand_is_named(

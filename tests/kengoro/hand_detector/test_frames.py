@@ -132,3 +132,21 @@ def test_a_camera_changes_brightness_colour_and_noise() -> None:
     means = np.array([each.mean() for each in developed])
     assert means.std() > 10.0
     assert np.array_equal(developed[3], develop(image, np.random.default_rng(3)))
+
+
+def test_a_hand_at_a_ball_joint_turns_within_its_range(tmp_path: Path) -> None:
+    path = tmp_path / "ball.xml"
+    path.write_text(
+        """<mujoco><worldbody><camera name="eye" pos="0 0 1"/><body name="hand">
+        <joint type="ball" range="0 40"/><geom type="box" size="0.04 0.03 0.01"/>
+        </body></worldbody></mujoco>"""
+    )
+    maker = FrameMaker(load_model(path, np.random.default_rng(0)), "hand", "eye")
+    start = np.diag([1.0, -1.0, -1.0])  # camera x right, y down, z forward
+    angles = []
+    for number in range(20):
+        rotation = maker.make(np.random.default_rng(number)).pose[:3, :3] @ start.T
+        angles.append(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    assert max(angles) < np.deg2rad(40.0) + 1e-9
+    assert max(angles) > np.deg2rad(20.0)
+    assert len(set(np.round(angles, 6))) == 20
