@@ -165,7 +165,7 @@ def room(rng: Random, side: int, colour: Floats) -> Floats:
 
 
 def _fill_rack(rng: Random, part: Floats) -> None:
-    """Books and boxes in the boards of a shelf."""
+    """Books and boxes in a bookcase."""
     part[:] = rng.uniform(0.1, 0.6)
     board = max(part.shape[0] // int(rng.integers(2, 5)), 6)
     for row in range(0, part.shape[0], board):

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.special import expit
 
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
@@ -182,7 +183,7 @@ class TrainedHandDetector:
         camera, factor = self._camera, self._model.finder_focal / self._camera.fx
         small = finder_input(frame, factor)
         output = _run(self._finder, small)[0]
-        scores = 1.0 / (1.0 + np.exp(-output[0]))
+        scores = expit(output[0])
         views: list[CropView] = []
         for _ in range(MOST_VIEWS):
             row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
@@ -201,7 +202,7 @@ class TrainedHandDetector:
         found, score = None, 0.0
         for _ in range(TURNS):
             output = _run(self._points, view.cut(frame, self._camera)).ravel().astype(float)
-            score = 1.0 / (1.0 + float(np.exp(-output[-1])))
+            score = float(expit(output[-1]))
             found = pose_of_points(output, view, self._hand)
             if found is None:
                 return None
@@ -243,7 +244,7 @@ def pose_of_points(output: Floats, view: CropView, points: Floats) -> PointsPose
     pose, turn = found.pose.copy(), np.zeros((6, 6))
     pose[:3] = view.rotation @ found.pose[:3]
     turn[:3, :3] = turn[3:, 3:] = view.rotation
-    return PointsPose(pose, turn @ found.covariance @ turn.T, found.misfit)
+    return PointsPose(pose, turn @ found.covariance @ turn.T)
 
 
 def _network(path: str | os.PathLike[str], content: bytes) -> cv2.dnn.Net:

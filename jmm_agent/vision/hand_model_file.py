@@ -18,6 +18,7 @@ import numpy as np
 
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
+from mjcf_sandbox.files import whole_file
 
 FORMAT = "hand-detector-1"
 FINDER, POINTS, MODEL = "finder.onnx", "points.onnx", "hand.json"
@@ -71,13 +72,22 @@ class HandModel:
     @property
     def centre(self) -> Floats:
         """Middle of the hand in its axes (3,) [m]."""
-        points = self.array
-        return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)
+        return middle_of(self.array)
 
     @property
     def radius(self) -> float:
         """Distance of the farthest point from the middle [m]."""
-        return float(np.linalg.norm(self.array - self.centre, axis=1).max())
+        return radius_of(self.array)
+
+
+def middle_of(points: Floats) -> Floats:
+    """Middle of the box around points (n, 3), which is what views of a hand look at (3,) [m]."""
+    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0)
+
+
+def radius_of(points: Floats) -> float:
+    """Distance of the farthest of points (n, 3) from their middle [m]."""
+    return float(np.linalg.norm(points - middle_of(points), axis=1).max())
 
 
 def write_hand_model(path: Path, model: HandModel, finder: bytes, points: bytes) -> None:
@@ -89,8 +99,10 @@ def write_hand_model(path: Path, model: HandModel, finder: bytes, points: bytes)
         finder: network that finds the hand in a frame, as ONNX.
         points: network that locates its points in a crop, as ONNX.
     """
-    unfinished = path.with_name(path.name + ".part")
-    with zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
+    with (
+        whole_file(path) as beside,
+        zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
         for name, content in (
             (MODEL, json.dumps({"format": FORMAT, **asdict(model)}, indent=1).encode()),
             (FINDER, finder),
@@ -98,7 +110,6 @@ def write_hand_model(path: Path, model: HandModel, finder: bytes, points: bytes)
         ):
             # A fixed date: the same networks give the same bytes.
             archive.writestr(zipfile.ZipInfo(name, (2020, 1, 1, 0, 0, 0)), content)
-    os.replace(unfinished, path)
 
 
 def read_hand_model(path: str | os.PathLike[str]) -> tuple[HandModel, bytes, bytes]:

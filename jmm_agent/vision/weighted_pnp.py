@@ -31,12 +31,10 @@ class PointsPose(NamedTuple):
     Attributes:
         pose: of the points' axes in the camera (4, 4).
         covariance: (6, 6), see `pose_covariance`.
-        misfit: mean squared distance of the points in units of their covariances; 1 is expected.
     """
 
     pose: Floats
     covariance: Floats
-    misfit: float
 
 
 def solve_points(points: Floats, slopes: Floats, covariances: Floats) -> PointsPose | None:
@@ -67,14 +65,13 @@ def solve_points(points: Floats, slopes: Floats, covariances: Floats) -> PointsP
             return None
         if np.abs(step).max() < CONVERGED:
             break
-    residual, jacobian = _residuals(points, slopes, whitening, rotation, position)
+    _, jacobian = _residuals(points, slopes, whitening, rotation, position)
     # Fisher's information of a t distribution, over that of a normal one with the same scale.
     share = (TAIL + 2.0) / (TAIL + 4.0)
     information = share * np.einsum("nij,nik->jk", jacobian, jacobian)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, position
-    misfit = float((residual**2).sum() / residual.size)
-    return PointsPose(pose, np.linalg.inv(information + 1e-6 * np.eye(6)), misfit)
+    return PointsPose(pose, np.linalg.inv(information + 1e-6 * np.eye(6)))
 
 
 def _start(points: Floats, slopes: Floats) -> tuple[Floats, Floats] | None:

@@ -6,13 +6,13 @@ was stopped goes on with the files that are missing. The seed of a frame is its 
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from jmm_agent.mapping.array_file import write_arrays
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.crop_view import MARGIN, CropView, looking_at, roll_of
 from jmm_agent.vision.hand_detector import STRIDE, finder_input
@@ -28,8 +28,8 @@ PRESENT, ABSENT = 0.3, 0.03
 Frames between are not learned from."""
 FINDER_FOCAL = 145.0
 """Focal length of the finder's frames [px]."""
-ELSEWHERE = 0.25
-"""Share of the crops of a hand that is there which show another place [1]."""
+ELSEWHERE = 0.06
+"""Share of the crops that show another place, in frames that show the hand [1]."""
 FAR = 2.0
 """Such a place is this far from the hand [half widths of a crop]."""
 
@@ -144,10 +144,8 @@ def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) ->
                 ((positions - middle) / (source.size / 2.0)).astype(np.float32)
             )
             rows["present"].append(np.float32(there))
-    unfinished = path.with_suffix(".part.npz")
-    arrays: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
-    np.savez(unfinished, **arrays)
-    os.replace(unfinished, path)
+    arrays = {name: np.array(values) for name, values in rows.items()}
+    write_arrays(path, arrays)
     return int(arrays["cells"][:, 3].sum())
 
 
@@ -176,7 +174,7 @@ def _view(
 ) -> tuple[CropView | None, bool]:
     """A view of the hand, or of another place; whether it shows the hand."""
     middle, rotation = frame.middle(maker.centre), frame.pose[:3, :3]
-    if frame.visible >= PRESENT and random.random() >= ELSEWHERE / CROPS:
+    if frame.visible >= PRESENT and random.random() >= ELSEWHERE:
         return jittered_view(middle, rotation, maker.radius, size, jitter, random), True
     elsewhere = np.array([*random.uniform([-0.5, -0.4], [0.5, 0.4]), 1.0]) * random.uniform(
         0.25, 0.8

@@ -10,6 +10,7 @@ import cv2
 import mujoco
 import numpy as np
 
+from jmm_agent.vision.hand_model_file import middle_of, radius_of
 from kengoro.hand_detector.appearance import Appearance, add_textures
 from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
 from kengoro_env.types import Floats
@@ -104,8 +105,7 @@ class FrameMaker:
         self.fovy = float(np.deg2rad(model.cam_fovy[self._camera]))
         self.focal = HEIGHT / 2.0 / np.tan(self.fovy / 2.0)
         self.points = hand_points(model, self._body, count, self._hand_geoms)
-        self.centre = (self.points.min(axis=0) + self.points.max(axis=0)) / 2.0
-        self.radius = float(np.linalg.norm(self.points - self.centre, axis=1).max())
+        self.centre, self.radius = middle_of(self.points), radius_of(self.points)
 
     def make(self, random: np.random.Generator) -> Frame:
         """A frame of a random posture and appearance."""

@@ -11,7 +11,9 @@ from kengoro_env.types import Floats
 def hand_points(model: mujoco.MjModel, body: int, count: int, geoms: set[int]) -> Floats:
     """Points of a hand in its own axes, at the model's own posture (count, 3) [m].
 
-    Each is the farthest from those before it; the first is the farthest from the middle.
+    Each is the farthest from those before it; the first is the farthest from the middle. They are
+    vertices of meshes, corners of boxes, and of other geoms the middles of the sides of the box
+    around them.
 
     Args:
         model: of the robot.
@@ -27,8 +29,13 @@ def hand_points(model: mujoco.MjModel, body: int, count: int, geoms: set[int]) -
         middle, half = model.geom_aabb[number, :3], model.geom_aabb[number, 3:]
         if model.geom_type[number] != mujoco.mjtGeom.mjGEOM_BOX:
             corners = np.concatenate([np.eye(3), -np.eye(3)])
+        own = middle + corners * half
+        if model.geom_type[number] == mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = model.mesh(model.geom_dataid[number])
+            begin = int(mesh.vertadr[0])
+            own = model.mesh_vert[begin : begin + int(mesh.vertnum[0])]
         frame = data.geom_xmat[number].reshape(3, 3)
-        found.append((middle + corners * half) @ frame.T + data.geom_xpos[number])
+        found.append(own @ frame.T + data.geom_xpos[number])
     points = np.concatenate(found)
     points = (points - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]

@@ -11,12 +11,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from jmm_agent.vision.hand_detector import SPREAD
+from jmm_agent.vision.weighted_pnp import TAIL
 from kengoro.hand_detector.networks.layers import Residual, convolution
-
-TAIL = 4.0
-"""Degrees of freedom of the t distribution of a point's error."""
-SPREAD = (-2.0, 6.0)
-"""Range of the logarithms of the diagonal of a point's whitening matrix."""
 
 
 class PointsNetwork(nn.Module):

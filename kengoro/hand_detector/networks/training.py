@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 import time
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from torch import Tensor, nn
 
 from kengoro.hand_detector.networks.finder import FinderNetwork, finder_loss
 from kengoro.hand_detector.networks.points import PointsNetwork, points_loss
+from mjcf_sandbox.files import whole_file
 
 BATCH = 64
 RATE = 3e-3
@@ -156,13 +156,12 @@ def _report(job: Job, curve: list[list[float]], share: float) -> None:
 
 def _save(state: Path, network: nn.Module, optimiser: object, schedule: object, step: int,
           curve: list[list[float]]) -> None:  # fmt: skip
-    unfinished = state.with_suffix(".part")
     content = {
         "network": network.state_dict(), "optimiser": optimiser.state_dict(),  # type: ignore[attr-defined]
         "schedule": schedule.state_dict(), "step": step, "curve": curve,  # type: ignore[attr-defined]
     }  # fmt: skip
-    torch.save(content, unfinished)
-    os.replace(unfinished, state)
+    with whole_file(state) as beside:
+        torch.save(content, beside)
 
 
 def _resume(

@@ -15,9 +15,9 @@ import pytest
 from jmm_agent.errors import AgentError
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
-from jmm_agent.vision.crop_view import MARGIN
+from jmm_agent.vision.crop_view import MARGIN, CropView, hand_view
 from jmm_agent.vision.hand_detection import HandDetection, HandSkip
-from jmm_agent.vision.hand_detector import TrainedHandDetector
+from jmm_agent.vision.hand_detector import TrainedHandDetector, pose_of_points
 from jmm_agent.vision.hand_model_file import LARGEST, read_hand_model, write_hand_model
 from tests.jmm_agent.vision.hand_files import MODEL, POINTS, write_constant_detector
 
@@ -78,6 +78,71 @@ def test_points_in_the_crop_have_the_pose_of_the_hand(
     # Depth is known less than what is across the line of sight.
     assert found.covariance[2, 2] > 2.0 * found.covariance[0, 0]
     assert finder.frame == "hand"
+
+
+OTHERS = {
+    "four times the pixels": Camera.from_fovy(1280, 960, np.deg2rad(45)),
+    "wide and small": Camera.from_fovy(320, 240, np.deg2rad(60)),
+    "principal point aside": Camera(640, 480, 579.0, 579.0, 400.0, 180.0),
+    "bent": Camera(640, 480, 579.0, 579.0, 319.5, 239.5, (-0.2, 0.05, 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("camera", OTHERS.values(), ids=OTHERS)
+def test_a_detector_serves_any_camera(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, camera: Camera
+) -> None:
+    monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
+    path = tmp_path / "hand.zip"
+    factor = MODEL.finder_focal / camera.fx
+    middle = ((np.array([camera.cx, camera.cy]) + 0.5) * factor) / 8.0 - 0.5
+    rows, columns = (-(-round(side * factor) // 16) * 2 for side in (camera.height, camera.width))
+    output = np.zeros((4, rows, columns))
+    output[0] = -10.0
+    column, row = np.round(middle).astype(int)
+    output[0, row, column] = 5.0
+    output[1], output[2] = middle - (column, row)
+    output[3] = np.log(MARGIN * MODEL.radius / 0.5)
+    write_constant_detector(path, output, points_output(4.0))
+    frame = np.full((camera.height, camera.width, 3), 100, dtype=np.uint8)
+    found = TrainedHandDetector(camera, path).detect(frame)
+    assert isinstance(found, HandDetection)
+    assert found.pose_hand_in_camera == pytest.approx(straight_hand(), abs=2e-3)
+
+
+def test_the_depth_of_a_hand_aside_is_uncertain_along_its_ray() -> None:
+    turn = cv2.Rodrigues(np.array([0.3, 0.7, 0.0]))[0]
+    pose = np.eye(4)
+    pose[:3] = turn @ straight_hand()[:3]
+    view = hand_view(pose, MODEL.centre, MODEL.radius, MODEL.size)
+    found = pose_of_points(points_output(4.0), view, POINTS)
+    assert found is not None
+    assert found.pose == pytest.approx(pose, abs=1e-6)
+    values, axes = np.linalg.eigh(found.covariance[:3, :3])
+    ray = pose[:3, :3] @ MODEL.centre + pose[:3, 3]
+    assert values[2] > 2.0 * values[1]
+    assert abs(axes[:, 2] @ ray) / np.linalg.norm(ray) > 0.98
+
+
+def test_the_second_crop_is_upright_around_the_pose_that_the_first_showed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views: list[CropView] = []
+    cut = CropView.cut
+
+    def noted(view: CropView, frame: np.ndarray, camera: Camera) -> np.ndarray:
+        views.append(view)
+        return cut(view, frame, camera)
+
+    monkeypatch.setattr(CropView, "cut", noted)
+    detector(tmp_path, finder_output(-10.0), points_output(4.0)).detect(GREY, straight_hand(0.6))
+    first, second = views
+    shown = pose_of_points(points_output(4.0), first, POINTS)
+    assert shown is not None
+    upright = hand_view(shown.pose, MODEL.centre, MODEL.radius, MODEL.size, level=True)
+    assert second.rotation == pytest.approx(upright.rotation, abs=1e-6)
+    assert second.slope == pytest.approx(upright.slope)
+    assert np.abs(second.rotation - first.rotation).max() > 0.05
 
 
 def test_factors_of_the_calibration_scale_the_covariance(

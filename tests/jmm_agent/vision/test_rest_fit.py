@@ -6,6 +6,7 @@ loads are a made-up function of the posture, and its tensions balance them.
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -437,3 +438,17 @@ def test_the_mass_of_a_load_is_separated_from_wrong_moment_arms(loaded: int) -> 
         assert abs(mass - 0.7) < 3.0 * std < 0.3
     else:
         assert (mass, std) == (0.0, np.inf)
+
+
+def test_slopes_that_are_kept_are_those_of_their_postures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jmm_agent.vision.balance.KEPT", 3)
+    jmm, loads = make_map(0), MadeUpLoads()
+    kept = Balance(jmm, loads, WIDE, BalanceOptions())
+    random = np.random.default_rng(0)
+    angles = random.uniform(-0.5, 0.5, (8, 1, len(jmm.joints)))
+    tensions = random.uniform(5.0, 50.0, (1, len(jmm.muscles)))
+    for q in (*angles, *angles[::-1]):
+        fresh = Balance(jmm, loads, WIDE, BalanceOptions())
+        assert np.array_equal(kept._slopes(q, tensions), fresh._slopes(q, tensions))
+    assert len(kept._known) <= 3
+    assert copy.deepcopy(kept)._known == {}

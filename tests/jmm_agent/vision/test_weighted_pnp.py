@@ -31,7 +31,6 @@ def test_exact_points_give_the_exact_pose() -> None:
         found = solve_points(POINTS, slopes_of(pose), np.tile(1e-6 * np.eye(2), (16, 1, 1)))
         assert found is not None
         assert found.pose == pytest.approx(pose, abs=1e-6)
-        assert found.misfit < 1e-6
 
 
 def test_the_covariance_of_many_points_is_that_of_the_errors() -> None:
@@ -68,12 +67,12 @@ def test_points_that_are_far_off_hardly_move_the_pose() -> None:
     assert np.median(away) < 0.006
 
 
-def test_points_of_no_pose_before_the_camera_give_none_or_a_misfit() -> None:
+def test_points_of_no_pose_have_none_or_one_that_they_do_not_fit() -> None:
     random = np.random.default_rng(4)
     for _ in range(20):
         slopes = random.uniform(-0.2, 0.2, (16, 2))
         found = solve_points(POINTS, slopes, np.tile(1e-6 * np.eye(2), (16, 1, 1)))
-        assert found is None or found.misfit > 100.0
+        assert found is None or np.abs(slopes_of(found.pose) - slopes).max() > 0.02
 
 
 def test_coincident_points_have_no_pose() -> None:

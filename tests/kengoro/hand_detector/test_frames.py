@@ -11,7 +11,7 @@ import pytest
 
 from kengoro.hand_detector.examples import Source, chunk_path, make_chunk
 from kengoro.hand_detector.frames import FrameMaker, develop, load_model
-from kengoro.hand_detector.hand_points import hand_points, subtree
+from kengoro.hand_detector.hand_points import hand_geoms, hand_points, subtree
 from kengoro_env.assets import asset_path
 
 STRANGER = Path(__file__).with_name("two_links.xml")
@@ -92,6 +92,23 @@ def test_points_are_of_the_hand_and_far_from_each_other() -> None:
     assert points[:, 0].min() >= -1e-9
     assert points[:, 0].max() == pytest.approx(0.138, abs=1e-6)  # 0.08 + 0.05 + 0.008
     assert np.abs(points[:, 1]).max() <= 0.03 + 1e-9
+
+
+def test_points_of_meshes_are_vertices_of_them() -> None:
+    """The drawn hand of the arm is of meshes: each of its points lies on one."""
+    maker = SOURCES["ours"].maker()
+    model = mujoco.MjModel.from_xml_path(str(SOURCES["ours"].model))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    hand = data.body("hand")
+    vertices = []
+    for number in hand_geoms(model, hand.id) - {model.geom("marker_plate").id}:
+        mesh = model.mesh(model.geom_dataid[number])
+        own = model.mesh_vert[int(mesh.vertadr[0]) :][: int(mesh.vertnum[0])]
+        world = own @ data.geom_xmat[number].reshape(3, 3).T + data.geom_xpos[number]
+        vertices.append((world - hand.xpos) @ hand.xmat.reshape(3, 3))
+    distances = np.linalg.norm(np.concatenate(vertices)[:, None] - maker.points, axis=2)
+    assert distances.min(axis=0).max() < 1e-5
 
 
 def test_a_file_of_examples_has_crops_labelled_with_the_points(tmp_path: Path) -> None:
