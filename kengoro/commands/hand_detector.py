@@ -16,6 +16,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from jmm_agent.vision.hand_model_file import SIZES
 from kengoro.errors import UsageError
+from kengoro.hand_weights import KENGORO
+from kengoro_env.assets import assets_root
 
 LEAST_FRAMES = 8
 """A training needs some frames to learn from, and one to judge it."""
@@ -40,6 +42,10 @@ class Args:
         points: number of points of the hand that are located.
         seed: of frames, weights and order.
         jobs: number of processes and threads.
+        batch: number of examples of a step.
+        device: that the networks learn on; on ``cuda`` not every run gives the same bits.
+        start: file of a detector, of any hand, whose weights are the first ones; by default
+            that of Kengoro's hand; "none": random ones, which need some ten times more samples.
     """
 
     action: Annotated[Literal["train"], tyro.conf.Positional]
@@ -52,9 +58,12 @@ class Args:
     frames: int = 12_000
     samples: int = 100_000
     size: int = 128
-    points: int = 16
+    points: int = 32
     seed: int = 0
     jobs: int = 2
+    batch: int = 64
+    device: Literal["cpu", "cuda"] = "cpu"
+    start: Path | Literal["kengoro", "none"] = "kengoro"
 
 
 def main(args: Args) -> None:
@@ -66,7 +75,10 @@ def main(args: Args) -> None:
     source = Source(
         args.model.resolve(), args.body, args.camera, args.hide, args.size, args.points, args.seed
     )
-    effort = Effort(args.frames, args.samples, jobs=args.jobs)
+    effort = Effort(
+        args.frames, args.samples, jobs=args.jobs, batch=args.batch, device=args.device,
+        start=_start(args),
+    )  # fmt: skip
     _make_folders(args)
     with progress_of(STAGES) as progress:
         found = train_detector(source, args.out, _folder(args), effort, _command(args), progress)
@@ -123,6 +135,13 @@ def _make_folders(args: Args) -> None:
             raise UsageError(f"The folder {folder} cannot be written to.")
 
 
+def _start(args: Args) -> Path | None:
+    """File of the detector that the training starts from."""
+    if args.start == "none":
+        return None
+    return assets_root() / KENGORO if args.start == "kengoro" else args.start
+
+
 def _folder(args: Args) -> Path:
     """Folder of the examples and checkpoints."""
     return args.folder or args.out.with_name(args.out.name + ".training")
@@ -134,7 +153,9 @@ def _command(args: Args) -> str:
     return (
         f"kengoro hand-detector train {args.model.name} --out {args.out.name} --body {args.body} "
         f"--camera {args.camera}{hidden} --frames {args.frames} --samples {args.samples} "
-        f"--size {args.size} --points {args.points} --seed {args.seed}"
+        f"--size {args.size} --points {args.points} --seed {args.seed} "
+        f"--batch {args.batch} --device {args.device} "
+        f"--start {args.start if isinstance(args.start, str) else args.start.name}"
     )
 
 
@@ -147,7 +168,7 @@ def _check(args: Args) -> None:
     for name, value, least in (
         ("frames", args.frames, LEAST_FRAMES), ("samples", args.samples, 1),
         ("points", args.points, 4), ("jobs", args.jobs, 1), ("size", args.size, SIZES[0]),
-        ("seed", args.seed, 0),
+        ("seed", args.seed, 0), ("batch", args.batch, 2),
     ):  # fmt: skip
         if value < least:
             raise UsageError(f"{name} is {value}, but it must be at least {least}.")

@@ -11,12 +11,17 @@ import cv2
 import mujoco
 import numpy as np
 
+from kengoro.hand_detector.hand_points import subtree
 from kengoro_env.types import Floats
 
 TEXTURES = 40
 """Number of textures that are added to a model."""
 TEXTURE_SIZE = 96
 """Side of a texture [px]."""
+SHADOWS = 0.4
+"""Share of the frames in which a light casts shadows [1]."""
+ROBOT_PARTS = 3
+"""Palm, fingers and the other bodies of a robot may be of different surfaces."""
 PREFIX = "appearance_"
 """Names of the added textures and materials begin with this."""
 SHAPES = (
@@ -29,23 +34,30 @@ SHAPES = (
 
 
 def add_textures(spec: mujoco.MjSpec, random: np.random.Generator) -> None:
-    """Add random textures, and a material of each, to a specification."""
+    """Add random textures, and a material of each, to a specification.
+
+    Every fourth is around a body (a cube), the others are flat.
+    """
     for number in range(TEXTURES):
         name = f"{PREFIX}{number}"
         picture = _texture(random)
+        around = number % 4 == 3
+        kind = mujoco.mjtTexture.mjTEXTURE_CUBE if around else mujoco.mjtTexture.mjTEXTURE_2D
         spec.add_texture(
-            name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=TEXTURE_SIZE, height=TEXTURE_SIZE,
-            nchannel=3, data=picture.ravel().tolist(),
+            name=name, type=kind, width=TEXTURE_SIZE, height=TEXTURE_SIZE * (6 if around else 1),
+            nchannel=3, data=np.tile(picture.ravel(), 6 if around else 1).tolist(),
         )  # fmt: skip
         material = spec.add_material(name=name, texrepeat=[2, 2], texuniform=True)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 
 def _texture(random: np.random.Generator) -> np.ndarray:
-    """Noise of a random scale, stripes or squares in two colours (TEXTURE_SIZE, .., 3) uint8."""
+    """Noise, stripes, squares or bars in two colours (TEXTURE_SIZE, .., 3) uint8."""
     size = TEXTURE_SIZE
-    kind = random.integers(3)
-    if kind == 0:
+    kind = random.integers(4)
+    if kind == 3:
+        share = _bars(random)
+    elif kind == 0:
         cells = int(random.integers(2, 32))
         coarse = random.random((cells, cells, 3)).astype(np.float32)
         if random.random() < 0.5:
@@ -65,35 +77,80 @@ def _texture(random: np.random.Generator) -> np.ndarray:
     return (255.0 * (first + (second - first) * share)).astype(np.uint8)
 
 
+def _bars(random: np.random.Generator) -> np.ndarray:
+    """Bars of random lengths in lines, as print or a shelf (TEXTURE_SIZE, TEXTURE_SIZE, 1)."""
+    share = np.zeros((TEXTURE_SIZE, TEXTURE_SIZE, 1))
+    row = 0
+    while row < TEXTURE_SIZE:
+        height = int(random.integers(2, 12))
+        column = int(random.integers(0, 12))
+        while column < TEXTURE_SIZE:
+            width = int(random.integers(2, 30))
+            share[row : row + height, column : column + width] = random.uniform(0.3, 1.0)
+            column += width + int(random.integers(1, 8))
+        row += height + int(random.integers(1, 8))
+    return share
+
+
 class Appearance:
     """One appearance: it colours the geoms of a scene, lights it, and adds other objects.
 
     Args:
         model: that the scene is of, with `add_textures`.
+        hand: number of the hand's body.
         random: source of its choices.
     """
 
-    def __init__(self, model: mujoco.MjModel, random: np.random.Generator) -> None:
+    def __init__(self, model: mujoco.MjModel, hand: int, random: np.random.Generator) -> None:
         self._random = random
         names = [model.material(i).name for i in range(model.nmat)]
         self._materials = [i for i, name in enumerate(names) if name.startswith(PREFIX)]
-        self._palette = np.clip(
-            random.random((5, 1)) ** 0.8 + random.normal(0, random.choice([0.03, 0.3]), (5, 3)),
-            0,
-            1,
-        )
-        self._style = random.choice(["model", "palette", "any"], p=[0.3, 0.45, 0.25])
-        self._textured = random.choice([0.0, 0.1, 0.5], p=[0.5, 0.3, 0.2])
-        self._shine = random.random(3)
+        self._style = random.choice(["model", "parts", "palette", "any"], p=[0.2, 0.5, 0.2, 0.1])
+        self._parts = _parts(model, hand)
         n = model.ngeom
-        self._colours = self._palette[random.integers(len(self._palette), size=n)]
-        if self._style == "any":
-            self._colours = random.random((n, 3))
-        self._colours = np.clip(self._colours + random.normal(0, 0.04, (n, 3)), 0.0, 1.0)
-        self._covers = np.where(
-            random.random(n) < self._textured, random.choice(self._materials, n), -1
-        )
+        self._colours, self._covers = np.zeros((n, 3)), np.full(n, -1)
+        self._shine = random.random((n, 3))
+        if self._style in ("parts", "model"):
+            self._colour_parts()
+        else:
+            self._colour_each(n)
         self._tint = random.normal(0.0, 0.06, 3)
+
+    def _colour_parts(self) -> None:
+        """One surface for each part of the robot, and one for each other geom."""
+        random = self._random
+        same = random.random() < 0.5
+        first: tuple[Floats, int, Floats] | None = None
+        for number in range(self._parts.max() + 1):
+            geoms = np.flatnonzero(self._parts == number)
+            surface = (_colour(random), self._cover(0.35), random.random(3))
+            first = first or surface
+            if same and number < ROBOT_PARTS:
+                surface = first
+            spread = random.choice([0.0, 0.02, 0.08])
+            self._colours[geoms] = surface[0] + random.normal(0.0, spread, (len(geoms), 3))
+            self._covers[geoms], self._shine[geoms] = surface[1], surface[2]
+        for geom in np.flatnonzero(self._parts < 0):
+            self._colours[geom], self._covers[geom] = _colour(random), self._cover(0.6)
+        self._colours = np.clip(self._colours, 0.0, 1.0)
+
+    def _colour_each(self, n: int) -> None:
+        """A colour for each geom, of a few or of all."""
+        random = self._random
+        palette = random.random((5, 1)) ** 0.8
+        palette = palette + random.normal(0, random.choice([0.03, 0.3]), (5, 3))
+        colours = palette[random.integers(len(palette), size=n)]
+        if self._style == "any":
+            colours = random.random((n, 3))
+        self._colours = np.clip(colours + random.normal(0, 0.04, (n, 3)), 0.0, 1.0)
+        textured = random.choice([0.0, 0.1, 0.5], p=[0.5, 0.3, 0.2])
+        self._covers = np.where(random.random(n) < textured, random.choice(self._materials, n), -1)
+        self._shine[:] = random.random(3)
+
+    def _cover(self, share: float) -> int:
+        """Number of a material with a texture, or -1."""
+        random = self._random
+        return int(random.choice(self._materials)) if random.random() < share else -1
 
     def colour(self, scene: mujoco.MjvScene) -> None:
         """Colour the geoms of the model in a scene."""
@@ -101,35 +158,53 @@ class Appearance:
             if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM or not 0 <= geom.objid < len(self._covers):
                 continue
             number = geom.objid
-            if self._style == "model":
+            if self._style == "model" and (self._parts[number] >= 0 or self._shine[0, 0] < 0.4):
                 geom.rgba[:3] = np.clip(geom.rgba[:3] * (1 + self._tint) + self._tint, 0.0, 1.0)
                 continue
             geom.matid = self._covers[number]
-            geom.rgba[:3] = self._colours[number] if geom.matid < 0 else 0.5 + 0.5 * self._shine
-            geom.specular, geom.shininess = self._shine[:2]
-            geom.emission = 0.3 * self._shine[2] ** 3
+            shine = self._shine[number]
+            geom.rgba[:3] = self._colours[number]
+            if geom.matid >= 0:
+                geom.rgba[:3] = 0.5 + 0.5 * geom.rgba[:3]
+            geom.specular, geom.shininess = shine[:2]
+            geom.emission = 0.3 * shine[2] ** 3
 
-    def light(self, scene: mujoco.MjvScene) -> None:
-        """Light a scene."""
+    def light(self, scene: mujoco.MjvScene, hand: Floats) -> None:
+        """Light a scene.
+
+        Args:
+            scene: that is lit.
+            hand: position of the hand (3,) [m], near which lamps shine.
+        """
         random = self._random
-        ambient, share = random.uniform(0.15, 0.7), random.random()
+        ambient, share = random.uniform(0.08, 0.7), random.random()
         warm = 1.0 + random.normal(0.0, 0.08, 3)
         head = scene.lights[0]
         head.ambient[:] = ambient * warm
-        head.diffuse[:] = share * random.uniform(0.2, 0.9) * warm
+        head.diffuse[:] = share * random.uniform(0.0, 0.9) * warm
         head.specular[:] = random.uniform(0.0, 0.5)
         scene.nlight = 1
-        for light in scene.lights[1 : 1 + random.integers(0, 4)]:
+        shadow = bool(random.random() < SHADOWS)
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadow
+        for number, light in enumerate(scene.lights[1 : 1 + random.integers(0, 4)]):
             towards = random.normal(0.0, 1.0, 3)
             towards[2] = -abs(towards[2])
             towards /= np.linalg.norm(towards)
-            light.headlight = 0
-            light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-            light.castshadow = 0
-            light.dir[:], light.pos[:] = towards, -2.0 * towards
+            near = random.random() < 0.4
+            aim = hand + random.normal(0.0, 0.25, 3)
+            light.headlight, light.id = 0, -1
+            directional, cone = (
+                mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+                mujoco.mjtLightType.mjLIGHT_SPOT,
+            )
+            light.type = cone if near else directional
+            light.castshadow = shadow and number == 0
+            light.dir[:] = towards
+            light.pos[:] = aim - random.uniform(0.5, 1.6) * towards
+            light.cutoff, light.exponent = random.uniform(25.0, 80.0), random.uniform(0.0, 8.0)
             light.attenuation[:] = 1.0, 0.0, 0.0
             light.ambient[:] = 0.0
-            light.diffuse[:] = random.uniform(0.1, 0.8) * (1.0 + random.normal(0.0, 0.1, 3))
+            light.diffuse[:] = random.uniform(0.1, 1.2) * (1.0 + random.normal(0.0, 0.12, 3))
             light.specular[:] = random.uniform(0.0, 0.6)
             scene.nlight += 1
 
@@ -142,7 +217,7 @@ class Appearance:
             forward: its direction (3,).
         """
         random = self._random
-        for _ in range(random.integers(0, 4)):
+        for _ in range(random.integers(0, 5)):
             towards = forward + random.normal(0.0, 0.35, 3)
             towards /= np.linalg.norm(towards)
             at = camera + random.uniform(1.0, 3.0) * towards
@@ -158,7 +233,7 @@ class Appearance:
             hand: position of the hand (3,) [m].
         """
         random = self._random
-        for _ in range(random.integers(0, 7)):
+        for _ in range(random.integers(0, 12)):
             at = hand + random.normal(0.0, 0.25, 3)
             away = hand - camera
             if (at - camera) @ away < 1.05 * away @ away:  # not before the hand
@@ -187,6 +262,22 @@ class Appearance:
             geom.matid = int(random.choice(self._materials))
             geom.rgba[:3] = random.uniform(0.5, 1.0)
         scene.ngeom += 1
+
+
+def _parts(model: mujoco.MjModel, hand: int) -> np.ndarray:
+    """Part of the robot that each geom belongs to (ngeom,): 0 palm, 1 fingers, 2 others; or -1."""
+    own = subtree(model, hand)[model.geom_bodyid]
+    tree = model.body_rootid == model.body_rootid[hand]
+    parts = np.where(tree[model.geom_bodyid], 2, -1)
+    parts[own] = 1
+    parts[model.geom_bodyid == hand] = 0
+    return parts
+
+
+def _colour(random: np.random.Generator) -> Floats:
+    """Colour (3,) of a surface: grey, somewhat coloured, or strongly."""
+    grey = random.random()
+    return np.clip(grey + random.normal(0.0, random.choice([0.02, 0.12, 0.4]), 3), 0.0, 1.0)
 
 
 def _rotation(random: np.random.Generator) -> Floats:

@@ -90,10 +90,10 @@ def _score(found: Candidate | None) -> float:
 
 
 def _frames(source: Source, maker: FrameMaker, count: int) -> Iterator[Frame]:
-    """Frames that are not among the examples, as a camera makes them."""
+    """Frames that are not among the examples, as a camera makes them; half show the hand."""
     for number in range(count):
         random = np.random.default_rng([source.seed, 3, number])
-        frame = maker.make(random)
+        frame = maker.make(random, shown=number % 2 == 0)
         yield frame._replace(image=develop(frame.image, random))
 
 

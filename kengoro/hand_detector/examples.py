@@ -28,7 +28,7 @@ PRESENT, ABSENT = 0.3, 0.03
 Frames between are not learned from."""
 FINDER_FOCAL = 145.0
 """Focal length of the finder's frames [px]."""
-ELSEWHERE = 0.06
+ELSEWHERE = 0.12
 """Share of the crops that show another place, in frames that show the hand [1]."""
 FAR = 2.0
 """Such a place is this far from the hand [half widths of a crop]."""
@@ -53,7 +53,7 @@ class Source:
     camera: str
     hidden: tuple[str, ...] = ()
     size: int = 128
-    count: int = 16
+    count: int = 32
     seed: int = 0
 
     def maker(self) -> FrameMaker:
@@ -128,16 +128,17 @@ def make_chunk(source: Source, number: int, folder: Path, count: int = CHUNK) ->
     for frame_number in range(number * CHUNK, number * CHUNK + count):
         random = np.random.default_rng([source.seed, 2, frame_number])
         frame = maker.make(random)
+        frame = frame._replace(image=develop(frame.image, random))
         if ABSENT <= frame.visible < PRESENT:
             continue
-        small, cells = _finder_example(frame, maker, camera, random)
+        small, cells = _finder_example(frame, maker, camera)
         rows["small"].append(small)
         rows["cells"].append(cells)
         for turn in range(CROPS):
             view, there = _view(frame, maker, source.size, JITTERS[turn % 2], random)
             if view is None:
                 continue
-            rows["crops"].append(develop(view.cut(frame.image, camera), random))
+            rows["crops"].append(view.cut(frame.image, camera))
             positions = view.project(frame.points_in_camera(maker.points))
             middle = (source.size - 1) / 2.0
             rows["positions"].append(
@@ -154,12 +155,10 @@ def chunk_path(folder: Path, number: int) -> Path:
     return folder / f"examples_{number:05d}.npz"
 
 
-def _finder_example(
-    frame: Frame, maker: FrameMaker, camera: Camera, random: np.random.Generator
-) -> tuple[np.ndarray, Floats]:
+def _finder_example(frame: Frame, maker: FrameMaker, camera: Camera) -> tuple[np.ndarray, Floats]:
     """The frame made small; of the hand: column, row [cells], log slope, whether it is there."""
     factor = FINDER_FOCAL / camera.fx
-    small = develop(finder_input(frame.image, factor), random)
+    small = finder_input(frame.image, factor)
     if frame.visible < PRESENT:
         return small, np.zeros(4, dtype=np.float32)
     middle = frame.middle(maker.centre)
@@ -176,12 +175,20 @@ def _view(
     middle, rotation = frame.middle(maker.centre), frame.pose[:3, :3]
     if frame.visible >= PRESENT and random.random() >= ELSEWHERE:
         return jittered_view(middle, rotation, maker.radius, size, jitter, random), True
-    elsewhere = np.array([*random.uniform([-0.5, -0.4], [0.5, 0.4]), 1.0]) * random.uniform(
-        0.25, 0.8
-    )
+    elsewhere = _elsewhere(frame, random)
     view = jittered_view(elsewhere, np.eye(3), maker.radius, size, JITTERS[0], random)
     if frame.visible >= ABSENT:
         off = view.slopes(view.project(middle)) / view.slope if middle[2] > 0.0 else FAR
         if np.linalg.norm(off) < FAR:
             return None, False
     return view, False
+
+
+def _elsewhere(frame: Frame, random: np.random.Generator) -> Floats:
+    """A point of the frame (3,) [m]: of the robot or of what is around, or anywhere."""
+    x, y, z = frame.others.T
+    seen = (z > 0.15) & (np.abs(x) < 0.5 * z) & (np.abs(y) < 0.4 * z)
+    if seen.any() and random.random() < 0.5:
+        return np.asarray(frame.others[random.choice(np.flatnonzero(seen))])
+    ray = np.array([*random.uniform([-0.5, -0.4], [0.5, 0.4]), 1.0])
+    return ray * random.uniform(0.25, 0.8)

@@ -17,13 +17,15 @@ from kengoro_env.types import Floats
 from kengoro_env.vision.rendering import QUALITY, open_renderer
 
 WIDTH, HEIGHT = 640, 480
+SHADOW_SIZE = 1024
+"""Side of the map of shadows [px]."""
 TRIES = 200
 """Postures that are tried until one shows the hand."""
 NEAR, FAR = 0.12, 1.5
 """Distances of the hand from the camera that are used [m]."""
 FINGERS_MOVE = 0.3
 """Share of the frames in which the fingers move [1]."""
-IN_VIEW = 0.9
+IN_VIEW = 0.85
 """Share of the frames in which the hand is in view [1]."""
 
 
@@ -34,11 +36,13 @@ class Frame(NamedTuple):
         image: (480, 640, 3) uint8.
         pose: pose_hand_in_camera (4, 4), camera x right, y down, z forward [m].
         visible: share of the hand's pixels that nothing hides [1]; 0 if it is not in the frame.
+        others: middles of the model's other geoms in the camera (n, 3) [m].
     """
 
     image: np.ndarray
     pose: Floats
     visible: float
+    others: Floats
 
     def middle(self, centre: Floats) -> Floats:
         """Middle of the hand in the camera (3,) [m].
@@ -92,7 +96,7 @@ class FrameMaker:
         self._model, self._data = model, mujoco.MjData(model)
         self._body, self._camera = model.body(body).id, model.camera(camera).id
         self._hand = subtree(model, self._body)
-        self._renderer = open_renderer(model, WIDTH, HEIGHT, QUALITY)
+        self._renderer = open_renderer(model, WIDTH, HEIGHT, {**QUALITY, "shadowsize": SHADOW_SIZE})
         self._small = open_renderer(model, WIDTH // 4, HEIGHT // 4, QUALITY)
         self._visible = mujoco.MjvOption()
         self._visible.sitegroup[:] = 0
@@ -107,9 +111,15 @@ class FrameMaker:
         self.points = hand_points(model, self._body, count, self._hand_geoms)
         self.centre, self.radius = middle_of(self.points), radius_of(self.points)
 
-    def make(self, random: np.random.Generator) -> Frame:
-        """A frame of a random posture and appearance."""
-        shown = random.random() < IN_VIEW
+    def make(self, random: np.random.Generator, shown: bool | None = None) -> Frame:
+        """A frame of a random posture and appearance.
+
+        Args:
+            random: source of all.
+            shown: whether the hand is in view; None: mostly.
+        """
+        if shown is None:
+            shown = bool(random.random() < IN_VIEW)
         for _ in range(TRIES):
             self._pose(random)
             pose = self._pose_in_camera()
@@ -117,19 +127,17 @@ class FrameMaker:
                 break
         scene = self._renderer.scene
         self._renderer.update_scene(self._data, self._camera, self._visible)
-        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        appearance = Appearance(self._model, random)
-        eye, hand = self._data.cam_xpos[self._camera], self._data.xpos[self._body]
+        appearance = Appearance(self._model, self._body, random)
+        eye = self._data.cam_xpos[self._camera]
+        hand = self._data.xpos[self._body] + self._data.xmat[self._body].reshape(3, 3) @ self.centre
         appearance.colour(scene)
-        appearance.light(scene)
+        appearance.light(scene, hand)
         appearance.add_walls(scene, eye, -self._data.cam_xmat[self._camera].reshape(3, 3)[:, 2])
-        appearance.add_objects(
-            scene, eye, hand + self._data.xmat[self._body].reshape(3, 3) @ self.centre
-        )
+        appearance.add_objects(scene, eye, hand)
         image = self._renderer.render().copy()
         visible = self._share_visible(scene) * self._share_in_frame(pose) if shown else 0.0
-        return Frame(image, pose, visible)
+        return Frame(image, pose, visible, self._others())
 
     def _pose(self, random: np.random.Generator) -> None:
         """A random posture; fingers mostly stay as they are in the model."""
@@ -159,6 +167,12 @@ class FrameMaker:
         pose[:3, :3] = axes.T @ self._data.xmat[self._body].reshape(3, 3)
         pose[:3, 3] = axes.T @ (self._data.xpos[self._body] - self._data.cam_xpos[self._camera])
         return pose
+
+    def _others(self) -> Floats:
+        """Middles of the geoms that are not the hand's, in the camera (n, 3) [m]."""
+        others = [i for i in range(self._model.ngeom) if i not in self._hand_geoms]
+        axes = self._data.cam_xmat[self._camera].reshape(3, 3) * [1.0, -1.0, -1.0]
+        return np.asarray((self._data.geom_xpos[others] - self._data.cam_xpos[self._camera]) @ axes)
 
     def _is_in_view(self, pose: Floats) -> bool:
         x, y, z = pose[:3, :3] @ self.centre + pose[:3, 3]
@@ -201,19 +215,47 @@ def _turn_ball(quaternion: Floats, limits: Floats, random: np.random.Generator) 
 
 
 def develop(image: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """What a camera makes of an image: blur, exposure, white balance, noise.
+    """What a camera makes of an image: blur, exposure, white balance, noise and compression.
 
     Args:
         image: (h, w, 3) uint8.
         random: source of all.
     """
-    picture: np.ndarray = image.astype(np.float32)
-    if random.random() < 0.5:
-        picture = cv2.GaussianBlur(picture, (0, 0), float(random.uniform(0.3, 1.5)))
-    gain = random.uniform(0.6, 1.35) * (1.0 + random.normal(0.0, 0.05, 3))
-    picture = picture * gain.astype(np.float32) + np.float32(random.normal(0.0, 8.0))
-    picture = 255.0 * (np.clip(picture, 0.0, 255.0) / 255.0) ** float(random.uniform(0.7, 1.4))
-    noise = random.choice([0.0, 2.0, 8.0])
+    picture = image
+    if random.random() < 0.2:
+        picture = cv2.filter2D(picture, -1, _motion(random))
+    if random.random() < 0.6:
+        picture = cv2.GaussianBlur(picture, (0, 0), float(random.choice([0.6, 1.0, 2.0])))
+    picture = cv2.LUT(picture, _exposure(picture, random))
+    noise = random.choice([0.0, 2.0, 5.0, 12.0], p=[0.3, 0.3, 0.25, 0.15])
     if noise:
-        picture += random.normal(0.0, noise, picture.shape[:2])[..., None].astype(np.float32)
-    return np.clip(picture, 0, 255).astype(np.uint8)
+        cv2.setRNGSeed(int(random.integers(2**31)))
+        grain = np.empty(picture.shape, dtype=np.int16)
+        cv2.randn(grain, np.zeros(3), np.full(3, noise))
+        picture = cv2.add(picture, grain, dtype=cv2.CV_8U)
+    if random.random() < 0.4:
+        quality = [cv2.IMWRITE_JPEG_QUALITY, int(random.choice([12, 25, 50, 85]))]
+        code = cv2.imencode(".jpg", picture[..., ::-1], quality)[1]
+        picture = np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR_RGB))
+    return np.asarray(picture, dtype=np.uint8)
+
+
+def _exposure(picture: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Values (256, 1, 3) uint8 that pixels get: to a random mean brightness, and a colour cast."""
+    mean = max(float(picture[::8, ::8].mean()), 8.0) / 255.0
+    gamma = random.uniform(0.7, 1.4)
+    gain = random.uniform(0.12, 0.75) / mean if random.random() < 0.6 else random.uniform(0.6, 1.4)
+    cast = 1.0 + random.normal(0.0, random.choice([0.03, 0.15]), 3)
+    offset = random.normal(0.0, 0.03)
+    values = np.linspace(0.0, 1.0, 256)[:, None] ** gamma * min(gain, 4.0) * cast + offset
+    return np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)[:, None]
+
+
+def _motion(random: np.random.Generator) -> np.ndarray:
+    """Kernel of the blur along a line, normalised."""
+    kernel = np.zeros((15, 15), dtype=np.float32)
+    direction, half = random.uniform(0.0, np.pi), random.uniform(1.0, 6.5)
+    step = half * np.array([np.cos(direction), np.sin(direction)])
+    ends = [tuple(np.rint(7.0 + sign * step).astype(int).tolist()) for sign in (-1.0, 1.0)]
+    cv2.line(kernel, ends[0], ends[1], 1.0)
+    return kernel / kernel.sum()

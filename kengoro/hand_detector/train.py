@@ -21,15 +21,17 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from jmm_agent.vision.hand_model_file import HandModel, write_hand_model
+from jmm_agent.vision.hand_model_file import HandModel, read_hand_model, write_hand_model
 from kengoro.errors import UsageError
 from kengoro.hand_detector.calibration import Calibration, calibrate
+from kengoro.hand_detector.curves import draw_curves
 from kengoro.hand_detector.examples import CHUNK, FINDER_FOCAL, Source, make_chunk
 from mjcf_sandbox.files import write_bytes, write_text
 
 STAGES = ("examples", "finder", "points", "calibration")
 LEAST_SHOWN = 0.2
 """Least share of the frames in which the hand must be seen [1]."""
+NETWORKS = ("finder", "points")
 FINDER_SHARE = 0.5
 """Examples of the finder for one of the points network [1]."""
 
@@ -46,12 +48,18 @@ class Effort:
         samples: number of crops from which the points network learns, each several times.
         calibration: number of frames of the calibration.
         jobs: number of processes and threads.
+        batch: number of examples of a step.
+        device: that the networks learn on, as PyTorch names it: ``cpu`` or ``cuda``.
+        start: file of a detector whose weights are the first ones; None: random ones.
     """
 
     frames: int = 12_000
     samples: int = 100_000
-    calibration: int = 400
+    calibration: int = 1000
     jobs: int = 2
+    batch: int = 64
+    device: str = "cpu"
+    start: Path | None = None
 
 
 def train_detector(
@@ -76,14 +84,24 @@ def train_detector(
         raise UsageError(
             f"Training a hand detector needs {' and '.join(missing)}: pip install 'kengoro[train]'."
         )
+    if effort.device != "cpu":
+        _check_device(effort.device)
     folder.mkdir(parents=True, exist_ok=True)
     claim(folder, source, effort)
+    if effort.start is not None:
+        _, *networks = read_hand_model(effort.start)
+        for kind, network in zip(NETWORKS, networks, strict=True):
+            write_bytes(_start(folder, kind), network)
     _make_examples(source, folder, effort, progress)
-    for kind, share in (("finder", FINDER_SHARE), ("points", 1.0)):
-        _train_network(kind, int(share * effort.samples), source, folder, effort, progress)
+    curves = {}
+    for kind, share in zip(NETWORKS, (FINDER_SHARE, 1.0), strict=True):
+        samples = int(share * effort.samples)
+        curves[kind] = _train_network(kind, samples, source, folder, effort, progress)
+    draw_curves(folder / "curves.png", curves)
     points = tuple(map(tuple, source.maker().points.round(6).tolist()))
-    model = HandModel(source.body, points, source.size, FINDER_FOCAL, made_by=command)
-    networks = [(folder / f"{kind}.onnx").read_bytes() for kind in ("finder", "points")]
+    before = "" if effort.start is None else read_hand_model(effort.start)[0].made_by + "; then "
+    model = HandModel(source.body, points, source.size, FINDER_FOCAL, made_by=before + command)
+    networks = [(folder / f"{kind}.onnx").read_bytes() for kind in NETWORKS]
     unfinished = folder / "uncalibrated.zip"
     write_hand_model(unfinished, model, *networks)
     found = calibrate(
@@ -93,11 +111,22 @@ def train_detector(
     return found
 
 
+def _check_device(device: str) -> None:
+    """Refuse a device that PyTorch cannot compute on; asked in a process that does not draw."""
+    question = f"import torch; torch.zeros(1, device={device!r})"
+    answer = subprocess.run([sys.executable, "-c", question], capture_output=True, text=True)
+    if answer.returncode:
+        reason = (answer.stderr.strip().splitlines() or ["no message"])[-1]
+        raise UsageError(f"PyTorch cannot compute on the device {device!r}: {reason}")
+
+
 def claim(folder: Path, source: Source, effort: Effort) -> None:
     """Note in the folder what it is for; refuse one that is for another run."""
     wanted = {
         **asdict(source), "model": str(source.model), "hidden": list(source.hidden),
-        "frames": effort.frames, "samples": effort.samples, "content": _digest(source.model),
+        "frames": effort.frames, "samples": effort.samples, "batch": effort.batch,
+        "device": effort.device, "start": effort.start and effort.start.name,
+        "content": _digest(source.model),
     }  # fmt: skip
     path = folder / "run.json"
     if path.exists():
@@ -105,7 +134,7 @@ def claim(folder: Path, source: Source, effort: Effort) -> None:
             stored = json.loads(path.read_text())
         except ValueError as error:
             raise UsageError(f"{path} is damaged; remove {folder}.") from error
-        if {"content": wanted["content"], **stored} != wanted:  # older ones do not name it
+        if {**wanted, **stored} != wanted:  # older ones do not name all
             raise UsageError(
                 f"{folder} is the folder of a training with other options or another state of "
                 f"{source.model.name}; name another folder, or remove it."
@@ -148,15 +177,19 @@ def _make_examples(source: Source, folder: Path, effort: Effort, progress: Progr
 
 def _train_network(
     kind: str, samples: int, source: Source, folder: Path, effort: Effort, progress: Progress
-) -> None:
+) -> list[list[float]]:
+    """Train a network in a process of its own; its curve, see `draw_curves`."""
     job: dict[str, Any] = {
         "folder": str(folder), "kind": kind, "samples": samples, "size": source.size,
         "count": source.count, "seed": source.seed, "threads": effort.jobs,
+        "batch": effort.batch, "device": effort.device,
+        "start": str(_start(folder, kind)) if effort.start else "",
     }  # fmt: skip
     module = "kengoro.hand_detector.networks.training"
     command = [sys.executable, "-m", module, json.dumps(job)]
     errors = folder / f"{kind}.log"
     progress(kind, 0.0, "")
+    curve: list[list[float]] = []
     with (
         errors.open("w") as log,
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True) as process,
@@ -166,7 +199,8 @@ def _train_network(
             for line in process.stdout:
                 if line.startswith("{"):
                     progressed = json.loads(line)
-                    _, loss, new = progressed["curve"]
+                    curve = progressed["curve"]
+                    _, loss, new = curve[-1]
                     progress(kind, progressed["share"], f"loss {loss:.2f}, of new {new:.2f}")
         except BaseException:
             process.terminate()
@@ -174,3 +208,9 @@ def _train_network(
     if process.returncode:
         last = errors.read_text().strip().splitlines()[-1:] or ["no message"]
         raise UsageError(f"The training of the {kind} network failed: {last[0]} (see {errors}).")
+    return curve
+
+
+def _start(folder: Path, kind: str) -> Path:
+    """Path of the network that a training starts from."""
+    return folder / f"start_{kind}.onnx"

@@ -21,13 +21,17 @@ from torch import Tensor, nn
 
 from kengoro.hand_detector.networks.finder import FinderNetwork, finder_loss
 from kengoro.hand_detector.networks.points import PointsNetwork, points_loss
+from kengoro.hand_detector.networks.start import start_from
 from mjcf_sandbox.files import whole_file
 
-BATCH = 64
 RATE = 3e-3
 """Largest step size of AdamW."""
+STARTED_RATE = 2.5e-4
+"""The same from trained weights on."""
 WARM_UP = 0.1
 """Share of the steps in which the step size rises; then it falls as a cosine [1]."""
+HELD_BATCH = 64
+"""Number of examples that are judged at a time."""
 HELD_OUT = 0.04
 """Share of the examples that are not learned from: the last ones [1]."""
 CHECKPOINT = 60.0
@@ -49,6 +53,9 @@ class Job:
         count: number of points.
         seed: of weights and order.
         threads: number of threads.
+        batch: number of examples of a step.
+        device: that computes, as PyTorch names it: ``cpu`` or ``cuda``.
+        start: trained network as ONNX whose weights are the first ones; empty: random ones.
     """
 
     folder: str
@@ -58,6 +65,9 @@ class Job:
     count: int
     seed: int = 0
     threads: int = 2
+    batch: int = 64
+    device: str = "cpu"
+    start: str = ""
 
 
 class Examples:
@@ -70,28 +80,45 @@ class Examples:
     def __init__(self, job: Job) -> None:
         paths = sorted(Path(job.folder).glob("examples_*.npz"))
         names = ("small", "cells") if job.kind == "finder" else ("crops", "positions", "present")
-        parts = []
-        for path in paths:
-            with np.load(path) as stored:
-                parts.append([stored[name] for name in names])
-        self._arrays = [np.concatenate([part[i] for part in parts]) for i in range(len(names))]
-        self._count = int(len(self._arrays[0]) * (1.0 - HELD_OUT))
+        self._tensors = [_joined(paths, name, job.device) for name in names]
+        total = len(self._tensors[0])
+        self._count, self._batch = int(total * (1.0 - HELD_OUT)), job.batch
 
     def batch(self, random: np.random.Generator) -> list[Tensor]:
         """Pictures (b, 3, h, w) in [0, 1] of training examples, and their labels."""
-        chosen = random.integers(self._count, size=BATCH)
-        picture, *labels = (array[chosen] for array in self._arrays)
-        pictures = torch.from_numpy(picture).permute(0, 3, 1, 2).float().div_(255.0)
-        gain = random.normal(1.0, 0.15, (BATCH, 3, 1, 1)).astype(np.float32)
-        bias = random.normal(0.0, 0.06, (BATCH, 3, 1, 1)).astype(np.float32)
-        pictures = (pictures * torch.from_numpy(gain) + torch.from_numpy(bias)).clamp_(0.0, 1.0)
-        return [pictures, *map(torch.from_numpy, labels)]
+        shape, device = (self._batch, 3, 1, 1), self._tensors[0].device
+        chosen = torch.from_numpy(random.integers(self._count, size=self._batch)).to(device)
+        pictures, *labels = (tensor[chosen] for tensor in self._tensors)
+        gain, bias = (
+            torch.from_numpy(random.normal(mean, spread, shape).astype(np.float32)).to(device)
+            for mean, spread in ((1.0, 0.15), (0.0, 0.06))
+        )
+        return [(_planes(pictures) * gain + bias).clamp_(0.0, 1.0), *labels]
 
     def held_out(self) -> list[Tensor]:
         """Pictures and labels of the examples that are not learned from, at most 1000."""
-        picture, *labels = (array[self._count :][:1000] for array in self._arrays)
-        pictures = torch.from_numpy(picture).permute(0, 3, 1, 2).float().div_(255.0)
-        return [pictures, *map(torch.from_numpy, labels)]
+        pictures, *labels = (tensor[self._count :][:1000] for tensor in self._tensors)
+        return [_planes(pictures), *labels]
+
+
+def _joined(paths: list[Path], name: str, device: str) -> Tensor:
+    """An array of all files one after the other, in memory once."""
+    with np.load(paths[0]) as stored:
+        row = torch.from_numpy(stored[name][:0])
+    counts = []
+    for path in paths:
+        with np.load(path) as stored:
+            counts.append(len(stored["cells" if name in ("small", "cells") else "present"]))
+    joined = row.new_empty((sum(counts), *row.shape[1:]), device=device)
+    for path, part in zip(paths, joined.split(counts), strict=True):
+        with np.load(path) as stored:
+            part.copy_(torch.from_numpy(stored[name]))
+    return joined
+
+
+def _planes(pictures: Tensor) -> Tensor:
+    """Pictures (b, 3, h, w) in [0, 1] of (b, h, w, 3) uint8."""
+    return pictures.permute(0, 3, 1, 2).float().div_(255.0)
 
 
 def train(job: Job) -> nn.Module:
@@ -103,17 +130,24 @@ def train(job: Job) -> nn.Module:
     torch.set_num_threads(job.threads)
     torch.manual_seed(job.seed)
     network = FinderNetwork() if job.kind == "finder" else PointsNetwork(job.count, job.size)
-    network = network.to(memory_format=torch.channels_last)
+    network = network.to(device=job.device, memory_format=torch.channels_last)
     loss = finder_loss if job.kind == "finder" else points_loss
-    steps = max(job.samples // BATCH, 1)
-    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-2)
+    steps = max(job.samples // job.batch, 1)
+    rate = STARTED_RATE if job.start else RATE
+    optimiser = torch.optim.AdamW(network.parameters(), rate, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, partial(_rate, steps))
     examples, state = Examples(job), Path(job.folder) / f"{job.kind}.checkpoint"
     step, curve = _resume(state, network, optimiser, schedule)
-    held, saved = examples.held_out(), time.monotonic()
+    if job.start and step == 0:
+        start_from(network, Path(job.start), examples.batch(np.random.default_rng(job.seed))[0])
+    held, saved, half = examples.held_out(), time.monotonic(), _has_half(job.device)
+    if step >= steps:
+        _report(job, curve, 1.0)
     while step < steps:
         pictures, *labels = examples.batch(np.random.default_rng([job.seed, step]))
-        error = loss(network(pictures.to(memory_format=torch.channels_last)), *labels)
+        with torch.autocast(job.device, torch.bfloat16, enabled=half):
+            outputs = network(pictures.to(memory_format=torch.channels_last))
+        error = loss(outputs.float(), *labels)
         optimiser.zero_grad()
         error.backward()
         nn.utils.clip_grad_norm_(network.parameters(), LARGEST_GRADIENT)
@@ -121,12 +155,17 @@ def train(job: Job) -> nn.Module:
         schedule.step()
         step += 1
         if step % max(steps // 40, 1) == 0 or step == steps:
-            curve.append([step * BATCH, error.item(), _evaluate(network, loss, held)])
+            curve.append([step * job.batch, error.item(), _evaluate(network, loss, held)])
             _report(job, curve, step / steps)
         if time.monotonic() - saved > CHECKPOINT or step == steps:
             _save(state, network, optimiser, schedule, step, curve)
             saved = time.monotonic()
     return network
+
+
+def _has_half(device: str) -> bool:
+    """Whether a device multiplies numbers of 16 bits faster than those of 32."""
+    return device != "cpu" or bool(torch.cpu.get_capabilities().get("avx512_bf16"))
 
 
 def _rate(steps: int, step: int) -> float:
@@ -143,7 +182,7 @@ def _evaluate(network: nn.Module, loss: object, held: list[Tensor]) -> float:
     with torch.no_grad():
         parts = [
             float(loss(network(part[0]), *part[1:]))  # type: ignore[operator]
-            for part in zip(*(tensor.split(BATCH) for tensor in held), strict=True)
+            for part in zip(*(tensor.split(HELD_BATCH) for tensor in held), strict=True)
         ]
     network.train()
     return float(np.mean(parts))
@@ -151,7 +190,7 @@ def _evaluate(network: nn.Module, loss: object, held: list[Tensor]) -> float:
 
 def _report(job: Job, curve: list[list[float]], share: float) -> None:
     """One line of progress as JSON; the process that started this one shows it."""
-    print(json.dumps({"kind": job.kind, "share": share, "curve": curve[-1]}), flush=True)
+    print(json.dumps({"kind": job.kind, "share": share, "curve": curve}), flush=True)
 
 
 def _save(state: Path, network: nn.Module, optimiser: object, schedule: object, step: int,
@@ -170,7 +209,7 @@ def _resume(
     """Number of steps that a checkpoint has done, and its curve."""
     if not state.exists():
         return 0, []
-    content = torch.load(state, weights_only=True)
+    content = torch.load(state, weights_only=True, map_location="cpu")
     network.load_state_dict(content["network"])
     optimiser.load_state_dict(content["optimiser"])  # type: ignore[attr-defined]
     schedule.load_state_dict(content["schedule"])  # type: ignore[attr-defined]
@@ -185,7 +224,7 @@ def export(network: nn.Module, job: Job, path: Path) -> None:
         job: what was trained.
         path: of the file.
     """
-    network.eval()
+    network = network.cpu().eval()
     shape = (1, 3, job.size, job.size) if job.kind == "points" else (1, 3, 128, 160)
     names = {"input_names": ["picture"], "output_names": ["output"]}
     free = {"frames": {2: "h", 3: "w"}} if job.kind == "finder" else None

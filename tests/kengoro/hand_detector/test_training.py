@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import torch
 
 from kengoro.hand_detector.networks.finder import FinderNetwork, finder_loss
 from kengoro.hand_detector.networks.points import PointsNetwork, points_loss
+from kengoro.hand_detector.networks.start import start_from
 from kengoro.hand_detector.networks.training import Job, export, train
 
 pytestmark = pytest.mark.torch
@@ -97,6 +99,48 @@ def test_an_exported_network_has_the_same_outputs(job: Job, tmp_path: Path, kind
         with torch.no_grad():
             expected = network(torch.from_numpy(picture)).numpy()
         assert there.forward() == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["points", "finder"])
+def test_a_network_that_starts_from_an_exported_one_computes_the_same(
+    job: Job, tmp_path: Path, kind: str
+) -> None:
+    trained, path = train(replace(job, kind=kind)), tmp_path / "trained.onnx"
+    export(trained, job if kind == "points" else replace(job, kind=kind), path)
+    torch.manual_seed(5)
+    network = FinderNetwork() if kind == "finder" else PointsNetwork(COUNT, SIZE)
+    pictures = torch.rand(16, 3, SIZE, SIZE)
+    start_from(network, path, pictures)
+    others = torch.rand(7, 3, SIZE, SIZE)
+    with torch.no_grad():
+        assert network.eval()(others).numpy() == pytest.approx(trained(others).numpy(), abs=1e-3)
+
+
+def test_a_training_from_trained_weights_begins_where_that_one_ended(
+    job: Job, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, steps = tmp_path / "trained.onnx", 16
+
+    def first_loss(of: Job) -> float:
+        (tmp_path / "points.checkpoint").unlink(missing_ok=True)
+        train(of)
+        return float(json.loads(capsys.readouterr().out.splitlines()[0])["curve"][-1][2])
+
+    afresh = first_loss(replace(job, samples=64 * 5 * steps))
+    export(train(replace(job, samples=64 * 5 * steps)), job, path)
+    assert first_loss(replace(job, samples=64 * steps, start=str(path))) < afresh - 1.0
+
+
+def test_weights_of_another_count_of_points_fit_in_part_and_foreign_ones_not(
+    job: Job, tmp_path: Path
+) -> None:
+    pictures = torch.rand(4, 3, SIZE, SIZE)
+    for kind, network in (("points", PointsNetwork(COUNT + 3, SIZE)), ("finder", FinderNetwork())):
+        export(network, replace(job, kind=kind), tmp_path / f"{kind}.onnx")
+    here = PointsNetwork(COUNT, SIZE)
+    start_from(here, tmp_path / "points.onnx", pictures)
+    with pytest.raises(ValueError, match=r"no weights of finder\.onnx fit"):
+        start_from(here, tmp_path / "finder.onnx", pictures)
 
 
 def test_the_loss_is_least_at_the_points_and_rises_with_false_confidence() -> None:
