@@ -6,7 +6,8 @@ error of the expected pose, it moves from one frame to another much as the own h
 followed over frames, and each movement of a hand is compared with three explanations:
 
 - own: it moved in the camera as the expected pose did, but for a share of the movement;
-- still: it stayed where it was in the world, while the camera may have turned with the head;
+- still: it stayed where it was in the world, while the camera may have turned with the head, or
+  where it was in the camera;
 - otherwise: it moved by itself, by any amount.
 
 The evidence of a hand is the sum of log p(movement | own) - log p(movement | still or otherwise),
@@ -109,7 +110,7 @@ class Explained(NamedTuple):
 
     Attributes:
         own: if it moved as the joints did.
-        still: if it stayed where it was in the world.
+        still: if it stayed where it was, in the world or in the camera.
         otherwise: if it moved by itself.
         distinct: whether the movement could distinguish the own hand from a still one.
     """
@@ -227,21 +228,21 @@ def explain(before: Sample, now: Sample) -> Explained:
     """Log-likelihoods of the movement of a hand from one frame to another."""
     start, end = before.hand.pose_hand_in_camera, now.hand.pose_hand_in_camera
     camera = np.linalg.inv(now.expected.camera) @ before.expected.camera
-    still, own = camera @ start, moved(start, before.expected.hand, now.expected.hand)
+    stays = camera @ start, start  # in the world, and in the camera
+    own = moved(start, before.expected.hand, now.expected.hand)
+    went = [difference(own, stay) for stay in stays]
     measured = before.hand.covariance + now.hand.covariance
-    turned = _sizes(difference(still, start))  # with the camera
-    went = _sizes(difference(own, still))  # the own hand in the world
-    errors = np.square(LEAST_ERROR) + np.square(SHARE * turned)
+    errors = np.square(LEAST_ERROR) + np.square(SHARE * _sizes(difference(stays[0], start)))
     of_still = measured + _diagonal(errors)
-    errors = errors + np.square(SHARE * went) + np.square([LEVER * went[1], 0.0])
+    size = _sizes(went[0])
+    errors = errors + np.square(SHARE * size) + np.square([LEVER * size[1], 0.0])
     of_own = measured + _diagonal(errors)
     of_other = of_still + _diagonal(np.square(OTHERWISE))
-    between = difference(own, still)
     return Explained(
         _log_normal(difference(end, own), of_own),
-        _log_normal(difference(end, still), of_still),
-        _log_normal(difference(end, still), of_other),
-        bool(between @ np.linalg.solve(of_own, between) >= DISTINCT**2),
+        max(_log_normal(difference(end, stay), of_still) for stay in stays),
+        _log_normal(difference(end, stays[0]), of_other),
+        all(bool(each @ np.linalg.solve(of_own, each) >= DISTINCT**2) for each in went),
     )
 
 
