@@ -13,7 +13,10 @@ followed over frames, and each movement of a hand is compared with three explana
 The evidence of a hand is the sum of log p(movement | own) - log p(movement | still or otherwise),
 of which the likelier one is taken. A share `MISTAKES` of movements is measured wrong, so that no
 single movement decides. A movement counts only if the joints moved enough to distinguish the own
-hand from a still one; it is measured from the last one that counted.
+hand from a still one; it is measured from the last one that counted, or from a surer pose since.
+
+Before the own hand is known, a hand is believed if no other one may be the own hand, and if its
+movements do not speak against it.
 """
 
 from __future__ import annotations
@@ -37,9 +40,9 @@ its direction by as much."""
 LEVER = 0.06
 """By how much the expected hand may be displaced along each axis [m]; a turn of it by an angle adds
 the standard deviation `LEVER` times this angle."""
-OTHERWISE = (0.2, np.radians(45.0))
+OTHERWISE = (0.3, np.radians(60.0))
 """Standard deviations of the movement of a hand that moves by itself [m, rad]."""
-DISTINCT = 3.0
+DISTINCT = 2.0
 """Standard deviations by which the predictions for the own hand and for a still one must differ, if
 a movement is to count [1]."""
 MISTAKES = 0.05
@@ -51,8 +54,9 @@ MOST = 1.5 * KNOWN
 """Largest evidence for or against a hand: what is believed can be unlearned in some movements."""
 TRACKS = 6
 """Number of hands that are followed; the one that was not seen for the longest is forgotten."""
-NEVER = -1e9
-"""Log-likelihood of what cannot be."""
+NEW = -3.0
+"""Log-likelihood of a hand that was not seen before, in the units of `Explained` [1]: anywhere in
+the view, in one of twenty frames."""
 
 
 class ExpectedPoses(NamedTuple):
@@ -79,13 +83,19 @@ class Sample(NamedTuple):
     hand: HandDetection
     expected: ExpectedPoses
 
+    def is_surer_than(self, other: Sample) -> bool:
+        """Whether the pose is known better, in all."""
+        sizes = [np.linalg.slogdet(each.hand.covariance)[1] for each in (self, other)]
+        return bool(sizes[0] < sizes[1])
+
 
 @dataclass
 class Track:
     """A hand that is followed.
 
     Attributes:
-        last: where it was when a movement of it counted last; movements are measured from there.
+        last: where it was when a movement of it counted last, or a surer pose since; movements are
+            measured from there.
         evidence: that it is the own one, a log-likelihood ratio.
         frame: number of the frame in which it was seen last.
     """
@@ -120,15 +130,11 @@ class Explained(NamedTuple):
     otherwise: float
     distinct: bool
 
-    @property
-    def best(self) -> float:
-        """Of the likeliest explanation."""
-        return max(self[:3])
-
-    @property
-    def jumped(self) -> bool:
-        """Whether neither the own hand's movement nor rest explains it."""
-        return self.otherwise > max(self.own, self.still)
+    def likelihood(self, evidence: float) -> float:
+        """Log-likelihood of the movement of a hand, by the evidence that it is the own one: it is
+        another one that is still or jumps."""
+        own, other = -np.logaddexp(0.0, -evidence), -np.logaddexp(0.0, evidence)
+        return float(max(self.own + own, max(self.still, self.otherwise) + other))
 
     @property
     def evidence(self) -> float:
@@ -169,7 +175,7 @@ class OwnHand:
             expected: what the joints predict for the time of the frame.
 
         Returns:
-            The own hand; before it is known, the only one that may be it.
+            The own hand; before it is known, the only one that may be it (module docstring).
         """
         self._frame += 1
         seen = [Sample(hand, expected) for hand in hands]
@@ -183,7 +189,8 @@ class OwnHand:
             return HandSkip.ANOTHER
         if sum(track.may_be_own for track in self._tracks) > 1:
             return HandSkip.TWICE
-        return next(hand for hand, track in zip(hands, tracks, strict=True) if track.may_be_own)
+        [only] = [k for k, track in enumerate(tracks) if track.may_be_own]
+        return hands[only] if tracks[only].evidence >= 0.0 else HandSkip.ANOTHER
 
     def map_changed(self, before: ExpectedPoses, after: ExpectedPoses) -> None:
         """Take note of another map of the joints, with which all was expected elsewhere.
@@ -200,11 +207,10 @@ class OwnHand:
         """The track of each hand in a frame, which is continued or begun."""
         known = self._tracks
         table = [[explain(track.last, sample) for track in known] for sample in seen]
-        fits = np.full((len(seen), len(known) + len(seen)), NEVER / 2.0)  # at the right: new ones
+        fits = np.full((len(seen), len(known) + len(seen)), NEW)
         for row, explained in enumerate(table):
-            for column, (track, one) in enumerate(zip(known, explained, strict=True)):
-                # The own hand does not jump: what does is another one, or measured wrong.
-                fits[row, column] = NEVER if track.is_own and one.jumped else one.best
+            pairs = zip(explained, known, strict=True)
+            fits[row, : len(known)] = [one.likelihood(track.evidence) for one, track in pairs]
         found: list[Track] = []
         for row, column in zip(*linear_sum_assignment(fits, maximize=True), strict=True):
             if column < len(known):
@@ -221,6 +227,7 @@ class OwnHand:
         track.frame = self._frame
         if explained.distinct:
             track.evidence = float(np.clip(track.evidence + explained.evidence, -MOST, MOST))
+        if explained.distinct or sample.is_surer_than(track.last):
             track.last = sample
 
 
