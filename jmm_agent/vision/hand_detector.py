@@ -44,7 +44,7 @@ TURNS = 2
 SPREAD = (-2.0, 6.0)
 """Range of the logarithms of the diagonal of a point's whitening matrix."""
 SAME = 0.5
-"""Hands nearer to each other than this are one [radii]."""
+"""Hands nearer to each other than this across the line of sight are one [radii]."""
 SECOND_HAND = 0.3
 """A second hand with this share of the first one's score makes the frame ambiguous [1]."""
 
@@ -182,10 +182,13 @@ class TrainedHandDetector:
         return bool(pose[2, 3] > 0.0 and middle[2] > 0.0)
 
     def _apart(self, one: HandDetection, other: HandDetection) -> bool:
-        """Whether two detections are of two hands."""
+        """Whether two detections are of two hands: across the line of sight, because a single hand
+        may be found at two depths, and the nearer of two hands hides the other."""
         poses = [each.pose_hand_in_camera for each in (one, other)]
         middles = [pose[:3, :3] @ self._model.centre + pose[:3, 3] for pose in poses]
-        return float(np.linalg.norm(middles[0] - middles[1])) > SAME * self._model.radius
+        near = min(float(middle[2]) for middle in middles)
+        across = [near * middle[:2] / middle[2] for middle in middles]
+        return float(np.linalg.norm(across[0] - across[1])) > SAME * self._model.radius
 
     def _views(self, frame: np.ndarray) -> list[CropView]:
         """Views of the places at which the finder sees a hand, the surest first."""
