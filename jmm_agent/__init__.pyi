@@ -41,7 +41,7 @@ from .tension_distribution import TensionOptions
 from .updaters import VisionOptions
 from .vision.camera import Camera
 from .vision.camera_clock import CameraClock
-from .vision.hand_detection import HandDetection, HandDetector, HandSkip
+from .vision.hand_detection import HandDetection, HandDetector, HandsDetector, HandSkip
 from .vision.hand_detector import TrainedHandDetector
 from .vision.hand_finder import HandSeen
 from .vision.hold_out import HoldOutOptions
@@ -82,6 +82,7 @@ __all__ = [
     "HandLoad",
     "HandSeen",
     "HandSkip",
+    "HandsDetector",
     "HeatMonitor",
     "HeatOptions",
     "HoldOutOptions",

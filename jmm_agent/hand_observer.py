@@ -116,6 +116,8 @@ class HandObserver:
         """Forget all frames and poses, as before a new episode."""
         if self._frames is not None:
             self._frames.reset()
+        if self._finder is not None:
+            self._finder.reset()
         self._frame_time = self._marker_time = -np.inf
         self._exposure.reset()
         self._poses.reset()
@@ -123,6 +125,8 @@ class HandObserver:
 
     def map_changed(self) -> None:
         """Forget what was expected with another map."""
+        if self._finder is not None:
+            self._finder.map_changed()
         self._exposure.map_changed()
         self._poses.map_changed()
 
@@ -200,7 +204,7 @@ class HandObserver:
         self.due, self._asked = False, np.inf
 
     def follow(self, readings: SensorReadings, q: Floats) -> None:
-        """Follow the hand, where exposure or delay of the camera demand it.
+        """Follow the hand, in its frames where exposure or delay of the camera demand it.
 
         Args:
             readings: of this control step.
@@ -209,7 +213,10 @@ class HandObserver:
         Raises:
             AgentError: the frame has a wrong shape or type.
         """
-        if self._finder is None or not self._exposure.follows:
+        if self._finder is None:
+            return
+        self._finder.follow(q)
+        if not self._exposure.follows:
             return
         self._exposure.expect(readings.time, self._finder.pose(q)[:3, 3])
         if not self._exposure.estimating or readings.frame is None:

@@ -112,7 +112,7 @@ def second_hand_frame(studio: Studio, seed: int) -> tuple[Frame, Floats] | None:
         studio.update()
         if found is None:
             continue
-        if not _apart(studio, own, other):
+        if not hands_apart(studio, own, other):
             continue
         eye = studio.camera_pose()  # of the own robot: poses of hands are in the camera
         decorate = _second(studio, eye @ other @ np.linalg.inv(eye @ own))
@@ -123,7 +123,14 @@ def second_hand_frame(studio: Studio, seed: int) -> tuple[Frame, Floats] | None:
     return None
 
 
-def _apart(studio: Studio, own: Floats, other: Floats) -> bool:
+def hands_apart(studio: Studio, own: Floats, other: Floats) -> bool:
+    """Whether the middles of two hands at poses in the camera (4, 4) are far from each other.
+
+    Args:
+        studio: is set up with the own hand.
+        own: pose of the own hand.
+        other: pose of the other one.
+    """
     middle = np.append(studio.hand_middle(), 1.0)
     local = np.linalg.inv(studio.camera_pose() @ own) @ middle
     one, two = (studio.camera.project((pose @ local)[:3]) for pose in (own, other))

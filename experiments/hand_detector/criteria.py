@@ -8,8 +8,11 @@ import numpy as np
 
 from experiments.hand_detector.bad_input import BAD, BLURRED, FROZEN, SECOND
 from experiments.hand_detector.frames import HIDDEN
+from experiments.hand_detector.movements import MOVEMENTS, MOVES, STILL
 from experiments.hand_detector.scores import (
     EXPECTED,
+    MOVED,
+    OWN,
     WITHOUT,
     Record,
     claims,
@@ -45,6 +48,8 @@ MUST: dict[str, dict[str, float]] = {
     "time_ms": {"most": 60.0},
 }
 """Thresholds by the name of the metric."""
+OWN_CHOSEN = 95.0
+"""Least share of scenes with two hands in which the own one is chosen at the end [%]."""
 
 
 def high(values: Floats, axis: int = -1) -> Floats:
@@ -129,6 +134,27 @@ def pair_rows(records: Sequence[Record]) -> list[Row]:
         rows.append(share(f"{title}: the own one, or 'there are two'", right))
         rows.append(share(f"{title}: another is claimed", (other_chosen(r, key) for r in two)))
     return rows
+
+
+def movement_rows(records: Sequence[Record]) -> list[Row]:
+    """Shares of scenes and frames with two hands in which the own one is chosen by movements; the
+    first has the must."""
+    scenes = [r for r in records if r["of"] == MOVED]
+    frames = [frame for scene in scenes for frame in scene["frames"]]
+    ends = {kind: [r["frames"][-1] for r in scenes if r["kind"] == kind] for kind in (STILL, MOVES)}
+    last = [frame for own in ends.values() for frame in own]
+    shown, end = [frame for frame in last if frame["finds"]], f"after {MOVEMENTS} movements"
+    return [
+        share(f"{end}: the own one is chosen", (own_chosen(f, OWN) for f in last),
+              least=OWN_CHOSEN),
+        *(share(f"{end}: the same, the second hand {kind}", (own_chosen(f, OWN) for f in own))
+          for kind, own in ends.items()),
+        share(f"{end}: the same, where the detector finds it", (own_chosen(f, OWN) for f in shown)),
+        share(f"{end}: another is chosen", (other_chosen(f, OWN) for f in last)),
+        share("all frames: another is chosen", (other_chosen(f, OWN) for f in frames)),
+        share("all frames: the detector finds the own one", (f["finds"] for f in frames)),
+        share("all frames: it finds both", (f["finds"] and f["finds_other"] for f in frames)),
+    ]  # fmt: skip
 
 
 def metrics(rows: dict[str, Row]) -> dict[str, dict[str, object]]:

@@ -176,9 +176,9 @@ def sample_style(rng: Random, light: str) -> Style:
 def pose_robot(studio: Studio, rng: Random, kind: str, source: str) -> dict[str, str] | None:
     """Sample posture, can and what is before the hand; None if the kind is not possible."""
     clear_before(studio.model)
-    studio.set_robot(_posture(studio, rng, source), _fingers(rng))
+    studio.set_robot(sample_posture(studio, rng, source), sample_fingers(rng))
     cut = kind == HIDDEN and rng.uniform() < 0.5
-    if not _possible(studio, kind, cut):
+    if not hand_is_possible(studio, kind, cut):
         return None
     can = _put_can(studio, rng)
     cover = "nothing"
@@ -191,7 +191,7 @@ def pose_robot(studio: Studio, rng: Random, kind: str, source: str) -> dict[str,
     return {"posture": source, "can": can, "before the hand": cover}
 
 
-def _posture(studio: Studio, rng: Random, source: str) -> Floats:
+def sample_posture(studio: Studio, rng: Random, source: str) -> Floats:
     """A posture (14,) [rad], near one of the posture set or anywhere in the joint ranges."""
     low, high = studio.ranges.T
     if source == RANGES:
@@ -203,7 +203,7 @@ def _posture(studio: Studio, rng: Random, source: str) -> Floats:
     return np.clip(posture, low, high)
 
 
-def _fingers(rng: Random) -> Floats:
+def sample_fingers(rng: Random) -> Floats:
     """Angles of the fingers' joints (4,) [rad]: open, or closed in part."""
     if rng.uniform() < 0.75:
         return np.radians(rng.uniform(0.0, 4.0, 4))
@@ -211,7 +211,7 @@ def _fingers(rng: Random) -> Floats:
     return np.radians((75.0, 77.0, 65.0, 70.0)) * closed
 
 
-def _possible(studio: Studio, kind: str, cut: bool) -> bool:
+def hand_is_possible(studio: Studio, kind: str, cut: bool) -> bool:
     """Whether the hand is above the table, and where a kind of frame needs it; quickly."""
     geoms = studio.data.geom_xpos[studio.hand]
     table = studio.model.geom("table_top")

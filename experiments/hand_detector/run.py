@@ -143,14 +143,22 @@ def conclude(
     args: Args, path: Path, records: Sequence[Mapping[str, Any]], wall_s: float, core_s: float
 ) -> dict[str, Any]:
     """Compute criteria, tables and figures, print them and write the results."""
-    from experiments.hand_detector.criteria import bad_rows, further, judged, metrics, pair_rows
+    from experiments.hand_detector.criteria import (
+        bad_rows,
+        further,
+        judged,
+        metrics,
+        movement_rows,
+        pair_rows,
+    )
     from experiments.hand_detector.figures import pictures
     from experiments.hand_detector.scores import EXPECTED
     from experiments.hand_detector.tables import tables
 
     remove_parts(args.out)
     rows, shown, drawings = judged(records), tables(records), pictures(records)
-    others = [*further(records), *bad_rows(records), *pair_rows(records)]
+    moves = movement_rows(records)
+    others = [*further(records), *bad_rows(records), *pair_rows(records), *moves[1:]]
     summary = make_summary(
         NAME,
         {},
@@ -159,7 +167,7 @@ def conclude(
         title=TITLE,
         settings={**asdict(args), "out": args.out.name, "detector": path.name},
         detector_bytes=path.stat().st_size,
-        metrics=metrics(rows),
+        metrics=metrics(rows | {"own_hand": moves[0]}),
         metrics_with_expected_pose=metrics(judged(records, EXPECTED)),
         numbers={row.name: row.plain() for row in others},
         tables=[table.plain() for table in shown],
@@ -172,7 +180,7 @@ def conclude(
     write_json(args.out / "summary.json", summary)
     console = Console()
     console.width = max(console.width, LEAST_WIDTH)
-    for table in shown[:6]:
+    for table in shown[:7]:
         print_table(console, table)
     console.print(f"Results: {args.out}/summary.json, report.html, figures")
     return summary

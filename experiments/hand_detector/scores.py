@@ -21,6 +21,10 @@ GROSS = float(chi2.ppf(0.999, 6))
 """Square of the distance of an error that a sure claim denies [1]."""
 WITHOUT, EXPECTED = "without", "expected"
 """Answers without and with a pose that the joints expect."""
+MOVED = "second hand, own one moves"
+"""What records of scenes with two hands are of."""
+OWN = "own"
+"""Choice by the movements, in a frame of such a scene."""
 
 
 def frames_of(records: Sequence[Record], *kinds: str) -> list[Record]:

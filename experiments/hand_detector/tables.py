@@ -7,8 +7,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from experiments.hand_detector.criteria import bad_rows, further, high, judged, pair_rows
+from experiments.hand_detector.criteria import (
+    bad_rows,
+    further,
+    high,
+    judged,
+    movement_rows,
+    pair_rows,
+)
 from experiments.hand_detector.frames import HIDDEN, SEEN
+from experiments.hand_detector.movements import MOVEMENTS
 from experiments.hand_detector.scores import (
     EXPECTED,
     Record,
@@ -34,9 +42,17 @@ FEWEST = 10
 HEAD = ("", "frames", "found [%]", "position, median [mm]", "95th [mm]", "rotation, median [deg]",
         "95th [deg]", "within the region [%]")  # fmt: skip
 MOTION = (
-    "The must of two hands, the own one in 95 %, needs motion and is not judged here. The other "
-    "hand has the same shape and skin, with its forearm, at another pose. The expected pose is "
-    "that of the own hand, 100 mm and 10 deg off."
+    "One frame does not show which hand is the own one: the must is that of the next table. The "
+    "other hand has the same shape and skin, with its forearm, at another pose. The expected pose "
+    "is that of the own hand, 100 mm and 10 deg off."
+)
+MOVED_NOTE = (
+    f"Scenes of {MOVEMENTS + 1} frames, from each to the next of which the own hand moves, and the "
+    "head with the camera may. The second hand stays where it is in the world, or moves by itself. "
+    "The agent chooses by the movements that the joints expect, with an expected pose that is 100 "
+    "mm and 10 deg off, the same in all frames of a scene. The own one is chosen if a pose is "
+    "claimed within 100 mm of it, and nearer to it than to the other. The detector finds what it "
+    "is sure of."
 )
 EXPECTED_NOTE = (
     "The expected pose is 100 mm and 10 deg off, in random directions. The musts are for answers "
@@ -55,6 +71,7 @@ def tables(records: Sequence[Record]) -> list[Table]:
     more = criteria_table(further(records))
     expected = criteria_table(list(judged(records, EXPECTED).values()))
     bad, pairs = criteria_table(bad_rows(records)), criteria_table(pair_rows(records))
+    moved = criteria_table(movement_rows(records))
     return [
         criteria_table(list(judged(records).values())),
         weakest(records),
@@ -62,6 +79,7 @@ def tables(records: Sequence[Record]) -> list[Table]:
         expected._replace(title="With a pose that the joints expect", note=EXPECTED_NOTE),
         bad._replace(title="Bad input", note=BAD_NOTE),
         pairs._replace(title="A second hand", note=MOTION),
+        moved._replace(title="A second hand, and the own one moves", note=MOVED_NOTE),
         grouped("By distance", seen(records), by_edges("distance", DISTANCES, "m")),
         grouped(
             "By visible share of the hand",

@@ -1,6 +1,7 @@
 """Runs a detector on frames, and keeps its answers beside the truth.
 
-Records are dictionaries that fit in JSON: one for each frame, bad frame and frame with two hands.
+Records are dictionaries that fit in JSON: one for each frame, bad frame, frame with two hands and
+scene in which the own hand moves beside another one.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -23,10 +24,14 @@ from experiments.hand_detector.bad_input import (
     second_hand_frame,
 )
 from experiments.hand_detector.frames import Frame, make_frame
+from experiments.hand_detector.movements import PairFrame, PairScene, pair_scene
+from experiments.hand_detector.scores import ELSEWHERE_MM, MOVED
 from experiments.hand_detector.studio import Studio
 from jmm_agent.types import Floats
 from jmm_agent.vision.camera import Camera
+from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 from jmm_agent.vision.hand_detector import TrainedHandDetector
+from jmm_agent.vision.own_hand import ExpectedPoses, OwnHand
 from kengoro_env.vision.rendering import HEIGHT, WIDTH
 
 NOMINAL_FOVY = np.radians(45.0)
@@ -51,6 +56,16 @@ class Detector(Protocol):
 
     def detect(self, frame_rgb: np.ndarray, expected: np.ndarray | None = None) -> Answer | Enum:
         """The hand in a frame, or the reason why there is none."""
+
+
+@runtime_checkable
+class HandsDetector(Detector, Protocol):
+    """A detector that also finds the other hands in a frame."""
+
+    def hands(
+        self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
+    ) -> Sequence[Answer] | Enum:
+        """All hands in the frame, or the reason why there is none."""
 
 
 class Job(NamedTuple):
@@ -83,7 +98,7 @@ def judge(
     Args:
         studio: takes the frames.
         seeds: of the frames. The tenth part of each kind also has bad input, the next a
-            photograph, the next a second hand.
+            photograph, the next a second hand, in one frame and in a scene.
         make_detector: detector for a camera.
     """
     records: list[Record] = []
@@ -140,7 +155,54 @@ def others(studio: Studio, frame: Frame, detector: Detector) -> list[Record]:
             record[key] = answer(own, both.truth)
             record[f"{key}_other"] = answer(own, other)
         found.append(record)
+    if frame.seed % 10 == 2 and (scene := pair_scene(studio, frame.seed)) is not None:
+        found.append(chosen(scene, detector))
     return found
+
+
+def chosen(scene: PairScene, detector: Detector) -> Record:
+    """Record of a scene with two hands, of which the own one is to be chosen by its movements.
+
+    Returns:
+        ``frames``, each with ``own`` and ``own_other``, the choice beside the poses of the own and
+        the second hand, and with ``finds`` and ``finds_other``, whether the detector found them.
+    """
+    agent, frames = OwnHand(), []
+    for frame in scene.frames:
+        hands = hands_in(detector, frame)
+        outcome: Answer | Enum = HandSkip.NOT_SEEN
+        if hands:
+            outcome = agent.choose(hands, ExpectedPoses(frame.expected, frame.eye))
+        poses = [hand.pose_hand_in_camera for hand in hands]
+        near = [nearest(pose, frame.own, frame.other) for pose in poses]
+        frames.append(
+            {
+                "own": answer(outcome, frame.own),
+                "own_other": answer(outcome, frame.other),
+                "finds": 0 in near,
+                "finds_other": 1 in near,
+            }
+        )
+    return {"seed": scene.seed, "of": MOVED, "kind": scene.kind, "frames": frames}
+
+
+def hands_in(detector: Detector, frame: PairFrame) -> list[HandDetection]:
+    """All hands that a detector finds in a frame, or the only one that it returns."""
+    found: Sequence[Answer] | Enum
+    if isinstance(detector, HandsDetector):
+        found = detector.hands(frame.image, frame.expected)
+    else:
+        only = detector.detect(frame.image, frame.expected)
+        found = only if isinstance(only, Enum) else [only]
+    if isinstance(found, Enum):
+        return []
+    return [HandDetection(hand.pose_hand_in_camera, hand.covariance) for hand in found]
+
+
+def nearest(pose: Floats, *truths: Floats) -> int | None:
+    """Number of the true pose (4, 4) that is nearest to a found one; None if all are elsewhere."""
+    away = [1e3 * float(np.linalg.norm(pose[:3, 3] - truth[:3, 3])) for truth in truths]
+    return int(np.argmin(away)) if min(away) <= ELSEWHERE_MM else None
 
 
 def _about(frame: Frame, kind: str) -> Record:

@@ -254,7 +254,8 @@ class Guard:
         """Compare a new frame with the one before and with what the estimate predicts."""
         frame, frame_time = readings.frame, readings.frame_time
         if self._camera.is_new(readings.time, frame_time) and frame is not None:
-            finder.submit(FrameJob(frame_time, frame, q, self._filtered.lengths))
+            exposed = self._estimate_at(frame_time)
+            finder.submit(FrameJob(frame_time, frame, q, self._filtered.lengths, exposed))
         for job, hand in finder.results():
             self._compare(job, hand, finder, trusted)
 

@@ -194,9 +194,10 @@ class FrameQueue:
     def _use(self, job: FrameJob, result: DetectionResult) -> None:
         if result.found is None:
             raise AgentError(result.failure)
-        self.newest = job, result.found
-        if result.found.hand is not None:
-            self._results.append((job, result.found.hand))
+        found = self._finder.chosen(result.found, job.q if job.exposed is None else job.exposed)
+        self.newest = job, found
+        if found.hand is not None:
+            self._results.append((job, found.hand))
 
     def _too_many(self) -> None:
         self.skipped += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -17,6 +17,7 @@ class HandSkip(Enum):
     DARK = "the frame is black"
     NOT_SEEN = "the hand is not in the frame"
     TWICE = "another hand in the frame could be the own one"
+    ANOTHER = "the hand in the frame does not move as the own one"
     MIRRORED = "the hand is a mirror image, or the other hand of a pair"
     UNCLEAR = "too little of the hand is seen sharply for a pose"
     UNCERTAIN = "the hand's pose is too uncertain"
@@ -67,4 +68,25 @@ class HandDetector(Protocol):
 
         Args:
             pose: pose_hand_in_camera (4, 4).
+        """
+
+
+@runtime_checkable
+class HandsDetector(HandDetector, Protocol):
+    """A detector that finds other hands in a frame beside the own one, too.
+
+    It does not know which one is the own one; `jmm_agent.vision.own_hand` does by their movements.
+    """
+
+    def hands(
+        self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
+    ) -> tuple[HandDetection, ...] | HandSkip:
+        """All hands in a frame, the surest one first, or why there is none.
+
+        Args:
+            frame_rgb: (H, W, 3) uint8.
+            expected: as for `HandDetector.detect`.
+
+        Raises:
+            AgentError: the frame has a wrong shape or type.
         """

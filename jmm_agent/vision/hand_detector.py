@@ -44,7 +44,7 @@ TURNS = 2
 SPREAD = (-2.0, 6.0)
 """Range of the logarithms of the diagonal of a point's whitening matrix."""
 SAME = 0.5
-"""Hands nearer to each other than this are one [radii]."""
+"""Hands nearer to each other than this across the line of sight are one [radii]."""
 SECOND_HAND = 0.3
 """A second hand with this share of the first one's score makes the frame ambiguous [1]."""
 
@@ -134,19 +134,29 @@ class TrainedHandDetector:
         Raises:
             AgentError: the frame has a wrong shape or type.
         """
+        found = self.hands(frame_rgb, expected)
+        if isinstance(found, HandSkip):
+            return found
+        return found[0] if len(found) == 1 else HandSkip.TWICE
+
+    def hands(
+        self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
+    ) -> tuple[HandDetection, ...] | HandSkip:
+        """All hands in a frame, the surest one first, or why there is none; see `detect`."""
         check_frame(frame_rgb, self._camera)
         if frame_rgb.max() <= DARK:
             return HandSkip.DARK
-        found = self.candidates(frame_rgb, expected)
-        best = max(found, key=lambda each: each.score, default=None)
-        if best is None or best.score < UNCLEAR * self._model.threshold:
+        found = sorted(self.candidates(frame_rgb, expected), key=lambda each: -each.score)
+        if not found or found[0].score < UNCLEAR * self._model.threshold:
             return HandSkip.NOT_SEEN
-        if best.score < self._model.threshold:
+        if found[0].score < self._model.threshold:
             return HandSkip.UNCLEAR
-        sure = [each for each in found if each.score >= self._model.threshold]
-        if any(self._is_second_hand(each, best) for each in sure):
-            return HandSkip.TWICE
-        return best.detection
+        least = max(self._model.threshold, SECOND_HAND * found[0].score)
+        hands: list[HandDetection] = []
+        for each in found:
+            if each.score >= least and all(self._apart(each.detection, one) for one in hands):
+                hands.append(each.detection)
+        return tuple(hands)
 
     def candidates(
         self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
@@ -171,12 +181,14 @@ class TrainedHandDetector:
         middle = pose[:3, :3] @ self._model.centre + pose[:3, 3]
         return bool(pose[2, 3] > 0.0 and middle[2] > 0.0)
 
-    def _is_second_hand(self, other: Candidate, best: Candidate) -> bool:
-        """Whether another detection is a second hand."""
-        poses = [each.detection.pose_hand_in_camera for each in (other, best)]
+    def _apart(self, one: HandDetection, other: HandDetection) -> bool:
+        """Whether two detections are of two hands: across the line of sight, because a single hand
+        may be found at two depths, and the nearer of two hands hides the other."""
+        poses = [each.pose_hand_in_camera for each in (one, other)]
         middles = [pose[:3, :3] @ self._model.centre + pose[:3, 3] for pose in poses]
-        apart = float(np.linalg.norm(middles[0] - middles[1]))
-        return apart > SAME * self._model.radius and other.score >= SECOND_HAND * best.score
+        near = min(float(middle[2]) for middle in middles)
+        across = [near * middle[:2] / middle[2] for middle in middles]
+        return float(np.linalg.norm(across[0] - across[1])) > SAME * self._model.radius
 
     def _views(self, frame: np.ndarray) -> list[CropView]:
         """Views of the places at which the finder sees a hand, the surest first."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from jmm_agent.kinematics.arm_kinematics import ArmKinematics
 from jmm_agent.types import Floats
+from jmm_agent.vision.hand_detection import HandDetection
 from jmm_agent.vision.marker_detector import MarkerPose
 from jmm_agent.vision.marker_observation import Frames
 
@@ -25,12 +26,14 @@ class FrameJob(NamedTuple):
         frame: (H, W, 3) uint8.
         q: estimated joint angles (n,) [rad]; they predict the pose of the hand.
         lengths: measured muscle lengths (m,) [m].
+        exposed: estimated joint angles (n,) [rad] at its time; None: ``q``.
     """
 
     time: float
     frame: np.ndarray
     q: Floats
     lengths: Floats
+    exposed: Floats | None = None
 
     @property
     def kind(self) -> str:
@@ -78,10 +81,12 @@ class Findings(NamedTuple):
     Attributes:
         hand: the hand; None if it was not searched.
         markers: by id; None if they were not searched.
+        hands: that are seen without a marker, one of which may be the own one.
     """
 
     hand: Hand | None
     markers: dict[int, MarkerPose] | None
+    hands: tuple[HandDetection, ...] = ()
 
 
 FoundBy = Literal["marker", "hand"]
@@ -142,6 +147,7 @@ class HandFinder(ABC):
         self.position_noise = position_noise
         self._newest: tuple[np.ndarray, Floats, Findings] | None = None
         self._results: list[tuple[FrameJob, Hand]] = []
+        self._q: Floats | None = None
 
     @property
     @abstractmethod
@@ -155,7 +161,7 @@ class HandFinder(ABC):
 
     @abstractmethod
     def find_at(self, frame: np.ndarray, pose: Floats) -> Findings:
-        """The hand in a frame.
+        """The hand in a frame, whatever was seen before; another thread may call this.
 
         Args:
             frame: (H, W, 3) uint8.
@@ -169,12 +175,34 @@ class HandFinder(ABC):
         """Expected pose (4, 4) of the hand in the camera at joint angles (n,) [rad]."""
         return self._kinematics.pose(self.frames[0], q, relative_to=self.frames[1])
 
-    def find(self, frame: np.ndarray, q: Floats) -> Findings:
+    def chosen(self, found: Findings, q: Floats) -> Findings:
+        """What was found in a frame, by what was seen before; once for each frame, in order.
+
+        Args:
+            found: as `find_at` returned it.
+            q: estimated joint angles (n,) [rad] at the time of the frame.
+        """
+        return found
+
+    def follow(self, q: Floats) -> None:
+        """Take note of the estimated joint angles (n,) [rad] of a control step."""
+        self._q = q
+
+    def map_changed(self) -> None:
+        """Take note that the next joint angles are estimated with another map."""
+        self._newest = None
+
+    def reset(self) -> None:
+        """Forget all frames, as before a new episode."""
+        self._newest, self._results, self._q = None, [], None
+
+    def find(self, frame: np.ndarray, q: Floats, exposed: Floats | None = None) -> Findings:
         """The hand in a frame, once for the same one.
 
         Args:
             frame: (H, W, 3) uint8.
             q: estimated joint angles (n,) [rad]; they predict the pose of the hand.
+            exposed: those at the time of the frame; None: ``q``.
 
         Raises:
             AgentError: the frame has a wrong shape or type.
@@ -183,7 +211,7 @@ class HandFinder(ABC):
             newest, at, found = self._newest
             if frame is newest and np.array_equal(q, at):
                 return found
-        found = self.find_at(frame, self.pose(q))
+        found = self.chosen(self.find_at(frame, self.pose(q)), q if exposed is None else exposed)
         self._newest = frame, q, found
         return found
 
@@ -193,7 +221,7 @@ class HandFinder(ABC):
 
     def submit(self, job: FrameJob) -> None:
         """Find the hand in a frame at once; see `FrameFinder`."""
-        hand = self.find(job.frame, job.q).hand
+        hand = self.find(job.frame, job.q, job.exposed).hand
         assert hand is not None
         self._results.append((job, hand))
 

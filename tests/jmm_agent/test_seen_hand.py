@@ -22,7 +22,7 @@ from jmm_agent.updaters import VisionOptions
 from jmm_agent.updaters.unexpected_poses import CONTRADICTED, UNEXPECTED
 from jmm_agent.vision.camera import Camera
 from jmm_agent.vision.camera_clock import CameraClock
-from jmm_agent.vision.hand_detection import HandSkip
+from jmm_agent.vision.hand_detection import HandDetection, HandSkip
 from jmm_agent.vision.marker_observation import usual_noise
 from jmm_agent.vision.pose_covariance import UNKNOWN
 from tests.jmm_agent.moving_arm import MovingArm, MovingHand
@@ -64,6 +64,36 @@ def test_an_observation_has_the_frames_and_the_covariance_of_the_detection(
     assert hand is not None
     np.testing.assert_array_equal(hand.pose, found.pose)
     assert trial.agent.markers == {}
+
+
+class TwoHands(MovingHand):
+    """Detector that sees the hand of a `MovingArm` and another robot's, which is still."""
+
+    def hands(
+        self, frame_rgb: np.ndarray, expected: np.ndarray | None = None
+    ) -> tuple[HandDetection, ...] | HandSkip:
+        there = self.arm.kinematics.pose("hand", LEARNED[3], relative_to="thorax")
+        there[:3, 3] += (0.05, 0.1, 0.05)
+        other = self.arm.pose_in("thorax", frame_rgb) @ there  # which does not move in the world
+        own = self.detect(frame_rgb, expected)
+        assert isinstance(own, HandDetection)
+        return HandDetection(other, self.COVARIANCE), own
+
+
+@pytest.mark.parametrize("where", ["step", "process"])
+def test_beside_another_hand_it_learns_from_its_own_one_that_it_knows_by_its_movements(
+    nominal_map: JointMuscleMap, arm: ArmKinematics, where: Any
+) -> None:
+    trial = MovingArm(nominal_map, arm, hand=TwoHands(), learning=LearningOptions(where, 3))
+    before = trial.error
+    trial.visit(*posture_set()[1:13])
+    trial.agent.finish_learning()
+    why = f"the hand was not seen: {HandSkip.TWICE.value}"
+    assert set(trial.agent.vision.dropped) == {why}
+    assert trial.agent.vision.dropped[why] <= 5
+    assert trial.agent.vision.fired >= 7
+    assert trial.error < 0.5 * before
+    trial.agent.close()
 
 
 def test_observations_are_predicted_and_counted(trial: MovingArm) -> None:

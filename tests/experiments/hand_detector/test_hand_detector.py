@@ -28,7 +28,13 @@ from experiments.hand_detector.bad_input import (
     photograph_frame,
     second_hand_frame,
 )
-from experiments.hand_detector.criteria import bad_rows, judged, metrics, pair_rows
+from experiments.hand_detector.criteria import (
+    bad_rows,
+    judged,
+    metrics,
+    movement_rows,
+    pair_rows,
+)
 from experiments.hand_detector.frames import (
     HIDDEN,
     NONE,
@@ -41,6 +47,15 @@ from experiments.hand_detector.frames import (
     set_up,
     shifted,
 )
+from experiments.hand_detector.movements import (
+    MOVEMENTS,
+    MOVES,
+    STILL,
+    PairFrame,
+    PairScene,
+    kind_of_pair,
+    pair_scene,
+)
 from experiments.hand_detector.run import Args, blocks, conclude, detector_path, frame_seeds
 from experiments.hand_detector.scene import make_model
 from experiments.hand_detector.scores import EXPECTED
@@ -49,6 +64,7 @@ from experiments.hand_detector.tables import weakest
 from experiments.hand_detector.trial import (
     answer,
     believed_camera,
+    chosen,
     judge,
     pose_error,
 )
@@ -454,6 +470,109 @@ def test_a_photograph_shows_no_hand_and_a_second_hand_two(studio: Studio) -> Non
     assert np.linalg.norm(pixels[0] - pixels[1]) > 60.0
 
 
+@pytest.mark.parametrize("seed", [9002, 9012])
+def test_in_a_scene_the_own_hand_moves_and_the_other_one_is_still_or_moves_too(
+    studio: Studio, seed: int
+) -> None:
+    scene = pair_scene(studio, seed)
+    assert scene is not None
+    assert scene.kind == kind_of_pair(seed) == {9002: STILL, 9012: MOVES}[seed]
+    assert len(scene.frames) == MOVEMENTS + 1
+    where = []
+    for frame in scene.frames:
+        off = pose_error(frame.expected, frame.own)
+        assert off == pytest.approx(pose_error(scene.frames[0].expected, scene.frames[0].own))
+        assert np.linalg.norm(off[:3]) == pytest.approx(OFF_POSITION)
+        assert np.linalg.norm(off[3:]) == pytest.approx(OFF_ROTATION)
+        pixels = [scene.camera.project(pose[:3, 3]) for pose in (frame.own, frame.other)]
+        assert np.linalg.norm(pixels[0] - pixels[1]) > 60.0
+        turned = frame.eye[:3, :3].T @ scene.frames[0].eye[:3, :3]  # the camera, by the joints
+        where.append(turned.T @ frame.other[:3, :3])
+    same = [np.allclose(each, where[0], atol=1e-9) for each in where[1:]]
+    assert all(same) if scene.kind == STILL else not any(same)
+    again = pair_scene(studio, seed)
+    assert again is not None
+    assert np.array_equal(again.frames[-1].image, scene.frames[-1].image)
+
+
+def made_scene(seed: int, kind: str) -> PairScene:
+    """A scene without pictures."""
+    rng, frames = np.random.default_rng(seed), []
+    still = some_pose(rng)
+    for _ in range(MOVEMENTS + 1):
+        own, other = some_pose(rng), still if kind == STILL else some_pose(rng)
+        expected = shifted(own, np.random.default_rng([seed, 1]))
+        image = np.zeros((4, 4, 3), dtype=np.uint8)
+        frames.append(PairFrame(image, own, other, expected, np.eye(4)))
+    return PairScene(seed, kind, ActualCamera(579.0, 0.0), frames)
+
+
+class Pair:
+    """A detector that knows the hands in the frames of a scene, the other one first.
+
+    Args:
+        scene: with two hands.
+        finds: which of the hands it finds, the own one last.
+    """
+
+    def __init__(self, scene: PairScene, finds: slice = slice(None)) -> None:
+        self._poses = {id(frame.image): [frame.other, frame.own][finds] for frame in scene.frames}
+
+    def hands(self, frame_rgb: np.ndarray, expected: np.ndarray | None = None) -> list[Pose] | Enum:
+        covariance = np.diag([1e-6] * 3 + [1e-4] * 3)
+        return [Pose(pose, covariance) for pose in self._poses[id(frame_rgb)]]
+
+    def detect(self, frame_rgb: np.ndarray, expected: np.ndarray | None = None) -> Pose | Enum:
+        found = self.hands(frame_rgb)
+        assert isinstance(found, list)
+        return found[0] if len(found) == 1 else Reason.TWICE
+
+
+class One:
+    """A detector that returns one hand only, and knows nothing of others."""
+
+    def __init__(self, pair: Pair) -> None:
+        self._pair = pair
+
+    def detect(self, frame_rgb: np.ndarray, expected: np.ndarray | None = None) -> Pose | Enum:
+        return self._pair.detect(frame_rgb)
+
+
+def chosen_share(*records: dict[str, Any]) -> dict[str, Any]:
+    records = json.loads(json.dumps(records, allow_nan=False))
+    return {row.name.removeprefix("after 6 movements: "): row for row in movement_rows(records)}
+
+
+SCENES = [made_scene(seed, kind) for seed in range(10) for kind in (STILL, MOVES)]
+
+
+def test_the_must_of_two_hands_is_reached_by_a_detector_that_finds_both() -> None:
+    found = chosen_share(*(chosen(scene, Pair(scene)) for scene in SCENES))
+    assert found["the own one is chosen"].value == 100.0
+    assert found["the own one is chosen"].reached is True
+    assert found["another is chosen"].value == 0.0
+    assert found["all frames: it finds both"].value == 100.0
+
+
+def test_a_detector_that_finds_the_other_hand_alone_is_red() -> None:
+    for make in (Pair, lambda scene, finds: One(Pair(scene, finds))):
+        found = chosen_share(*(chosen(scene, make(scene, slice(0, 1))) for scene in SCENES))
+        assert found["the own one is chosen"].value == 0.0
+        assert found["the own one is chosen"].reached is False
+        assert found["another is chosen"].value == 0.0
+        assert found["all frames: the detector finds the own one"].value == 0.0
+
+
+def test_a_detector_that_only_reports_that_there_are_two_is_red() -> None:
+    found = chosen_share(*(chosen(scene, One(Pair(scene))) for scene in SCENES))
+    assert found["the own one is chosen"].reached is False
+    assert found["all frames: another is chosen"].value == 0.0
+
+
+def test_without_a_scene_the_must_is_open() -> None:
+    assert chosen_share()["the own one is chosen"].reached is None
+
+
 class Known:
     """A detector that knows the frames that a studio takes."""
 
@@ -478,7 +597,15 @@ def test_the_report_is_written_whole(studio: Studio, tmp_path: Path) -> None:
     assert summary["metrics"]["false_claims"]["reached"] is True
     assert (tmp_path / "figure_4.png").exists()
     page = (tmp_path / "report.html").read_text()
-    for title in ("Criteria", "Weakest families", "Bad input", "By skin", "The worst frames"):
+    moves = "A second hand, and the own one moves"
+    for title in (
+        "Criteria",
+        "Weakest families",
+        "Bad input",
+        moves,
+        "By skin",
+        "The worst frames",
+    ):
         assert title in page
 
 

@@ -112,7 +112,9 @@ def test_what_a_library_prints_is_no_result(make: Make, nominal_map: JointMuscle
 
 def test_a_frame_may_be_overwritten_after_the_step(arm: ArmKinematics) -> None:
     finder: Any = SimpleNamespace(
-        pose=lambda q: np.eye(4), find_at=lambda frame, pose: Findings(None, {})
+        pose=lambda q: np.eye(4),
+        find_at=lambda frame, pose: Findings(None, {}),
+        chosen=lambda found, q: found,
     )
     frames = FrameQueue(finder, LearningOptions("step", 1))
     frame = np.zeros((2, 2, 3), np.uint8)

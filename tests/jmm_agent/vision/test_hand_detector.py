@@ -198,7 +198,24 @@ def test_two_hands_apart_from_each_other_are_ambiguous(
     monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
     both = np.maximum(finder_output(5.0, 4.0), finder_output(5.0, 15.0))
     both[1:] = finder_output(5.0, 4.0)[1:]
-    assert detector(tmp_path, both, points_output(4.0)).detect(GREY) is HandSkip.TWICE
+    finder = detector(tmp_path, both, points_output(4.0))
+    assert finder.detect(GREY) is HandSkip.TWICE
+    found = finder.hands(GREY)
+    assert not isinstance(found, HandSkip)
+    one, other = (hand.pose_hand_in_camera[:3, 3] for hand in found)
+    assert np.linalg.norm(one - other) > 0.1
+
+
+def test_one_hand_in_two_views_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jmm_agent.vision.hand_detector.TURNS", 1)
+    finder = detector(tmp_path, finder_output(5.0), points_output(4.0))
+    assert len(finder.candidates(GREY, straight_hand())) == 2
+    found = finder.hands(GREY, straight_hand())
+    assert not isinstance(found, HandSkip)
+    assert len(found) == 1
+    nothing = detector(tmp_path, finder_output(-10.0), points_output(4.0))
+    assert nothing.hands(GREY) is HandSkip.NOT_SEEN
+    assert nothing.hands(np.zeros_like(GREY)) is HandSkip.DARK
 
 
 def test_a_black_frame_is_named_and_a_frame_of_another_shape_refused(tmp_path: Path) -> None:
