@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from kengoro_env.arguments import checked_mapping, seed_or_none
 from kengoro_env.assets import asset_path
 from kengoro_env.departures.choice import chosen_departures
 from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, UnknownNameError
@@ -110,10 +111,12 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         gains: Gains = DEFAULT_GAINS,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        if task not in TASKS:
+        if not isinstance(task, str) or task not in TASKS:
             raise UnknownNameError("task", task, TASKS)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UnknownNameError("render_mode", render_mode, self.metadata["render_modes"])
+        if not isinstance(gains, Gains):
+            raise ArgumentError(f"gains must be kengoro_env.Gains, got {gains!r}")
         self.task = TASKS[task]()
         scene = asset_path(self.task.scene)
         self.robot = robot = Robot(
@@ -214,8 +217,9 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         Raises:
             KengoroError: an option is unknown or has a value that is not valid.
         """
-        super().reset(seed=seed)
-        checked = checked_options(options or {}, {"posture": None, **self.task.options}, self.robot)
+        super().reset(seed=seed_or_none(seed))
+        known = {"posture": None, **self.task.options}
+        checked = checked_options(checked_mapping(options), known, self.robot)
         rng, noise = self.np_random.spawn(2)
         self.task.start(self.robot, checked, rng, noise)
         self._ended = None

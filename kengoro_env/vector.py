@@ -11,13 +11,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from kengoro_env.arguments import checked_mapping, checked_mask, seeds_of_many, whole
 from kengoro_env.env import METADATA, KengoroEnv
 from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, InvalidActionError
 from kengoro_env.robot.control_period import CONTROL_PERIOD
 from kengoro_env.robot.draft import Departure
 from kengoro_env.robot.muscle_law import DEFAULT_GAINS, Gains
 from kengoro_env.spaces import check_actions
-from kengoro_env.stepping.choice import steps_of_many
+from kengoro_env.stepping.choice import MOST_THREADS, Steps, steps_of_many
 from kengoro_env.stepping.report import Report
 from kengoro_env.tasks.reach import Reach, judged
 from kengoro_env.types import Bools, Floats
@@ -46,6 +47,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         robot_seed: seed of the actual robot, the same in all environments; None: the nominal model.
         departures: departures from the nominal model; only without ``robot_seed``.
         camera: must be False; use ``vectorization_mode="async"`` for environments with a camera.
+        render_mode: must be None; use ``vectorization_mode="sync"`` for environments that render.
         gains: gains of muscle stiffness control.
         max_episode_steps: number of steps after which an episode is truncated; None: never.
         threads: number of threads; 0: as many as pay, at most one per core.
@@ -70,18 +72,17 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         robot_seed: int | None = None,
         departures: Sequence[Departure] | None = None,
         camera: bool = False,
+        render_mode: str | None = None,
         gains: Gains = DEFAULT_GAINS,
         max_episode_steps: int | None = None,
         threads: int = 0,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        if camera:
-            raise ArgumentError(
-                "a vector environment has no camera: leave camera out, or ask for "
-                'vectorization_mode="async"'
-            )
-        if num_envs < 1:
-            raise ArgumentError(f"num_envs must be 1 or more, got {num_envs}")
+        _refuse_pictures(camera, render_mode)
+        num_envs = whole("num_envs", num_envs, 1)
+        if max_episode_steps is not None:
+            max_episode_steps = whole("max_episode_steps", max_episode_steps, 1)
+        self._threads = whole("threads", threads, 0, MOST_THREADS)
         self._env = KengoroEnv(
             task,
             robot_seed,
@@ -105,13 +106,29 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.muscles, self.joints = self._env.muscles, self._env.joints
-        self.fleet = steps_of_many(self._env.robot, self._env.bounds, num_envs, threads)
+        self.fleet = self._new_fleet()
         self._most = np.inf if max_episode_steps is None else max_episode_steps
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._tasks: list[Reach] = []
         self._until = np.full(num_envs, np.inf)  # time of the next target [s]
         self._steps = np.zeros(num_envs, dtype=int)
         self._ended = np.ones(num_envs, dtype=bool)
+
+    def _new_fleet(self) -> Steps:
+        env = self._env
+        return steps_of_many(env.robot, env.bounds, self.num_envs, self._threads)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """State of a copy, which continues from here; `fleet` is made again from its robots."""
+        states = [self.fleet.state(i) for i in range(self.num_envs)] if self._tasks else []
+        return {**self.__dict__, "fleet": states}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        states = state["fleet"]
+        self.__dict__.update(state)
+        self.fleet = self._new_fleet()
+        for i, robot in enumerate(states):
+            self.fleet.restore(i, robot)
 
     def reset(
         self,
@@ -125,21 +142,15 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             seed: seed of the first environment, to which each other adds its index; or a seed per
                 environment.
             options: options of `KengoroEnv.reset` for all environments; ``reset_mask``
-                (num_envs,) bool: which environments to reset.
+                (num_envs,) bool: which environments to reset, one at least.
 
         Raises:
             KengoroError: an argument has the wrong length or value.
         """
-        options = dict(options or {})
-        which = options.pop("reset_mask", np.ones(self.num_envs, dtype=bool))
-        if seed is None or isinstance(seed, int):
-            seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
-        else:
-            seeds = list(seed)
-        if len(seeds) != self.num_envs or np.shape(which) != (self.num_envs,):
-            raise ArgumentError(
-                f"seed and reset_mask must have an entry for each of {self.num_envs} environments"
-            )
+        options, which = checked_mapping(options), np.ones(self.num_envs, dtype=bool)
+        if "reset_mask" in options:
+            which = checked_mask(options.pop("reset_mask"), self.num_envs)
+        seeds = seeds_of_many(seed, self.num_envs)
         if not self._tasks and not np.all(which):
             raise EpisodeError("the first reset must be one of all environments")
         for i in np.flatnonzero(which):
@@ -163,7 +174,7 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
             self._tasks = [self._task] * self.num_envs
         self._tasks[i] = copy(self._task)
         self._until[i] = self._task.until
-        self.fleet.take(i)
+        self.fleet.restore(i, env.robot.state())
         self._steps[i], self._ended[i] = 0, False
         _write(self._observed, i, observation)
         _write(self._known, i, info)
@@ -242,6 +253,19 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environment that resets happen in."""
         self._env.close()
+
+
+def _refuse_pictures(camera: bool, render_mode: str | None) -> None:
+    if camera:
+        raise ArgumentError(
+            "a vector environment has no camera: leave camera out, or ask for "
+            'vectorization_mode="async"'
+        )
+    if render_mode is not None:
+        raise ArgumentError(
+            "a vector environment does not render: leave render_mode out, or ask for "
+            'vectorization_mode="sync"'
+        )
 
 
 def _write(arrays: Mapping[str, NDArray[Any]], rows: Any, values: Mapping[str, Any]) -> None:
