@@ -1,4 +1,4 @@
-"""Checks of whole numbers, switches and choices that users give."""
+"""Checks of numbers, seeds, masks and options that users give."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kengoro_env.errors import ArgumentError
-from kengoro_env.types import Bools
+from kengoro_env.types import Bools, Floats
 
 
 def whole(name: str, value: object, least: int, most: int | None = None) -> int:
@@ -30,6 +30,25 @@ def whole(name: str, value: object, least: int, most: int | None = None) -> int:
     if number < least or (most is not None and number > most):
         raise ArgumentError(f"{name} must be {above}, got {number}")
     return number
+
+
+def real_numbers(value: object) -> Floats | None:
+    """A value as a new array of float64; None: its entries are not real numbers, or are masked."""
+    parts = value if isinstance(value, list | tuple) else (value,)
+    if any(isinstance(part, np.ma.MaskedArray) for part in parts):
+        return None
+    try:
+        array: np.ndarray[Any, Any] = np.asarray(value)
+        return None if array.dtype.kind in "cMm" else array.astype(float)
+    except (TypeError, ValueError):
+        return None
+
+
+def described(value: object) -> str:
+    """A value in an error message: itself, or kind and dtype of an array."""
+    if isinstance(value, np.ndarray):
+        return f"a {type(value).__name__} of {value.dtype}"
+    return repr(value)
 
 
 def seed_or_none(seed: object) -> int | None:

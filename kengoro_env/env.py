@@ -76,8 +76,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     the path; ``slack_target`` (m,) [m], target length beyond the true length; ``success``;
     ``time`` [s]; in CanGrasp ``can_pose`` (4, 4), ``grasped`` and ``rise`` [m]; ``reason`` in the
     last step of an episode that ended; with `HeatingMotors` ``core_temperatures`` and
-    ``housing_temperatures`` (m,) [degC]. A simulation that diverges ends the episode with the last
-    finite observation and the reward 0.
+    ``housing_temperatures`` (m,) [degC]. Numbers are NumPy's, truth values arrays of shape ().
+    A simulation that diverges ends the episode with the last finite observation and the reward 0.
 
     Args:
         task: a key of `TASKS`.
@@ -233,6 +233,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._add_temperatures(observation, info)
         info["success"] = False
         self.task.write_info(info, start.object_state)
+        _fix_types(info)
         self._last = observation, info
         if self.render_mode == "human":
             self.render()
@@ -263,7 +264,8 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
         except DivergedError as diverged:
             self._ended = reason = str(diverged)
             observation, info = deepcopy(self._last)
-            return observation, 0.0, True, False, {**info, "success": False, "reason": reason}
+            info |= {"success": np.array(False), "reason": reason}
+            return observation, 0.0, True, False, info
         observation, info, error, tension, state, _ = report
         reward, ended = task.judge(info, error, tension, state)
         if self._camera is not None:
@@ -273,6 +275,7 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
             self.robot.heat.advance(self.robot.tensions, self.robot.control_period)
         self._add_frame_and_target(observation)
         self._add_temperatures(observation, info)
+        _fix_types(info)
         self._last = observation, info
         if ended is not None:
             info["reason"] = ended
@@ -330,3 +333,15 @@ class KengoroEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._steps = steps_of_one(self.robot, self.bounds, self._entries, self._tracked)
+
+
+def _fix_types(info: dict[str, Any]) -> None:
+    """Replace numbers of Python by those of NumPy, whose types learning libraries read.
+
+    Truth values become arrays of shape (), for Gymnasium's vector environments batch those.
+    """
+    for name, value in info.items():
+        if isinstance(value, bool):
+            info[name] = np.array(value)
+        elif type(value) is float:
+            info[name] = np.float64(value)

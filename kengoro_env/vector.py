@@ -11,7 +11,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from kengoro_env.arguments import checked_mapping, checked_mask, seeds_of_many, whole
+from kengoro_env.arguments import (
+    checked_mapping,
+    checked_mask,
+    described,
+    real_numbers,
+    seeds_of_many,
+    whole,
+)
 from kengoro_env.env import METADATA, KengoroEnv
 from kengoro_env.errors import ArgumentError, DivergedError, EpisodeError, InvalidActionError
 from kengoro_env.robot.control_period import CONTROL_PERIOD
@@ -216,11 +223,12 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         return observed, reward, diverged, truncated, infos
 
     def _checked(self, actions: object) -> Floats:
-        array = np.asarray(actions, dtype=float)
-        if array.shape != self.action_space.shape:
+        array = real_numbers(actions)
+        if array is None or array.shape != self.action_space.shape:
             raise InvalidActionError(
-                f"actions must have the shape {self.action_space.shape}, one row an environment "
-                f"and one column a muscle, got {array.shape}"
+                f"actions must be real numbers of the shape {self.action_space.shape}, one row an "
+                "environment and one column a muscle, got "
+                f"{described(actions) if array is None else array.shape}"
             )
         check_actions(array, self.muscles)
         return array

@@ -47,9 +47,10 @@ class NumpySteps:
         """Carry out actions for one control period; see `CompiledSteps.step`."""
         check_actions(actions, self._entries)
         robots, count = self._robots, len(self._robots.muscles)
-        target = self._bounds.to_lengths(actions[..., :count].astype(float))
+        clipped: Floats = np.clip(actions.astype(float), -1.0, 1.0)
+        target = self._bounds.to_lengths(clipped[..., :count])
         if isinstance(robots, Robot):
-            robots.close_fingers(float(actions[-1]) if len(actions) > count else -1.0)
+            robots.close_fingers(float(clipped[-1]) if len(clipped) > count else -1.0)
             robots.step(target)
             return measured_report(robots, self._bounds, goals, self._tracked)
         assert moving is not None

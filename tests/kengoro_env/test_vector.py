@@ -204,6 +204,11 @@ def test_bad_input_is_refused_before_anything_moves() -> None:
     many.reset(seed=0)
     with pytest.raises(KengoroError, match=r"shape \(2, 3\).*got \(3,\)"):
         many.step(rest[0])
+    for unreal in (rest.astype(complex), np.ma.masked_array(rest, rest == 0)):
+        with pytest.raises(KengoroError, match=r"actions must be real numbers.*got a \w+ of \S+$"):
+            many.step(unreal)
+    with pytest.raises(KengoroError, match=r"actions must be real numbers.*got 'pull'"):
+        many.step("pull")  # type: ignore[arg-type]
     wrong = rest.copy()
     wrong[1, 2] = np.nan
     with pytest.raises(KengoroError, match=r"environment 1: entry 2 of the action \(triceps\)"):
@@ -307,3 +312,13 @@ def test_a_mask_that_is_all_false_is_refused_as_by_gymnasium() -> None:
         env.reset(seed=0)
         with pytest.raises(ValueError, match=r"reset_mask.*True"):
             env.reset(options={"reset_mask": np.zeros(2, dtype=bool)})
+
+
+def test_what_rounding_takes_beyond_one_commands_what_one_does() -> None:
+    found = []
+    for largest in (1.0, 1.0000001):
+        many = KengoroVectorEnv(2, "elbow")
+        many.reset(seed=0)
+        found.append(many.step(np.full((2, 3), largest, dtype=np.float32)))
+    for mine, theirs in zip(*found, strict=True):
+        assert same(mine, theirs)

@@ -250,7 +250,7 @@ def test_a_painter_may_be_deleted_in_another_thread() -> None:
     assert ended.stderr == ""
 
 
-DRAWN_IN_THREADS = """
+IMAGES_IN_THREADS = """
 import threading
 import gymnasium, kengoro_env, numpy as np
 env = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
@@ -271,7 +271,7 @@ compare()
 
 
 def test_any_thread_may_render() -> None:
-    ended = python(DRAWN_IN_THREADS)
+    ended = python(IMAGES_IN_THREADS)
     assert ended.stdout.split() == ["True"] * 10, ended.stderr
     assert ended.stderr == ""
 
@@ -281,7 +281,7 @@ import gc, os, sys
 import gymnasium, kengoro_env
 before = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
 before.reset(seed=0)
-if sys.argv[1] == "drawn": before.render()
+if sys.argv[1] == "image": before.render()
 child = os.fork()
 if child == 0:
     after = gymnasium.make("Kengoro/Elbow-v0", render_mode="rgb_array")
@@ -301,20 +301,20 @@ print(os.waitstatus_to_exitcode(status), before.render().shape)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
-@pytest.mark.parametrize("drawn", [True, False])
-def test_a_fork_after_an_image_says_that_it_cannot_render(drawn: bool) -> None:
-    before = f"import sys; sys.argv = ['', '{'drawn' if drawn else ''}']\n"
+@pytest.mark.parametrize("rendered", [True, False])
+def test_a_fork_after_an_image_reports_that_it_cannot_render(rendered: bool) -> None:
+    before = f"import sys; sys.argv = ['', '{'image' if rendered else ''}']\n"
     ended = python(before + FORKED)
     assert ended.stderr == ""
-    *child, parent = ended.stdout.splitlines()
+    *forked, parent = ended.stdout.splitlines()
     assert parent == "0 (480, 640, 3)"
-    if drawn:
-        assert len(child) == 2
-        for line in child:
+    if rendered:
+        assert len(forked) == 2
+        for line in forked:
             assert line.startswith("this process was forked from one that had rendered an image")
             assert 'AsyncVectorEnv(..., context="spawn")' in line
     else:
-        assert child == ["(480, 640, 3)"] * 2
+        assert forked == ["(480, 640, 3)"] * 2
 
 
 ASYNC = """
@@ -338,5 +338,5 @@ if __name__ == "__main__":
     ("context", "result"),
     [("fork", "this process was forked from one that had"), ("spawn", "(2, 480, 640, 3)")],
 )
-def test_processes_of_gymnasium_render_or_say_why_not(context: str, result: str) -> None:
+def test_processes_of_gymnasium_render_or_name_the_reason(context: str, result: str) -> None:
     assert python(ASYNC.format(context=context)).stdout.startswith(result)
