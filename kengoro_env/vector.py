@@ -259,8 +259,9 @@ class KengoroVectorEnv(VectorEnv[Observations, NDArray[np.float32], NDArray[Any]
         return {name: values.copy() for name, values in self._observed.items()}, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Close the environment that resets happen in."""
-        self._env.close()
+        """Close the environment that resets happen in, if the arguments were valid."""
+        if hasattr(self, "_env"):
+            self._env.close()
 
 
 def _refuse_pictures(camera: bool, render_mode: str | None) -> None:
